@@ -1,0 +1,1 @@
+"""Shipped plans, benches, message files and schemas, read as package data."""

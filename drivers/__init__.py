@@ -1,0 +1,1 @@
+"""Roles a procedure asks for, transports, and one file per instrument model."""

@@ -1,0 +1,139 @@
+"""The laser-gyro pulse board on CAN, decoded by its message file `config/dbc/pulse_board.dbc`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import lru_cache
+from importlib.resources import files
+from typing import Any, ClassVar
+
+import cantools
+import numpy as np
+
+from drivers.roles import Block, Identity, Place
+from drivers.transport.can_line import CanLine, Frame
+from station.errors import InstrumentError, InstrumentTimeout
+
+ANSWER_WITHIN_S = 0.5
+ENCODED_INTERVAL_PER_S = 1000.0
+ACCEPTED = ("ok",)
+
+
+@lru_cache
+def message_file() -> Any:
+    """Return the parsed DBC of the board."""
+    text = (files("config") / "dbc" / "pulse_board.dbc").read_text(encoding="utf-8")
+    return cantools.database.load_string(text, database_format="dbc")
+
+
+class CanPulseBoard:
+    """A board that counts the pulses of up to three laser gyros against its own clock."""
+
+    source = "gyro_acquisition"
+    columns: ClassVar[Mapping[str, str]] = {
+        "sequence": "1, the board's 16-bit number of the sample interval that ended",
+        "counts": "1, pulses since the start, signed, cumulative",
+        "temperature_degC": "degC, the gyro's temperature",
+    }
+
+    def __init__(self, place: Place) -> None:
+        self.place = place
+        self._messages = message_file()
+        self._counts = self._messages.get_message_by_name("GYRO_COUNTS_1")
+        self._requests = 0
+        self._line = CanLine(place)
+
+    def identify(self) -> Identity:
+        """Ask for the board's identity frame."""
+        self._command("identify")
+        frame = self._answer("BOARD_IDENTITY", "asked who it is")
+        told = self._decode(frame)
+        firmware = f"{told['firmware_major']}.{told['firmware_minor']}"
+        return Identity("house-made", "CAN pulse board", str(told["serial_number"]), firmware)
+
+    def start(self, sample_interval_s: float, channel: int) -> None:
+        """Begin to sample one channel; raises InstrumentError when the board sees no lit gyro."""
+        self._command("stop")
+        status = self._status()
+        bit = 1 << (channel - 1)
+        if not int(status["gyro_present"]) & bit or not int(status["laser_on"]) & bit:
+            raise InstrumentError(
+                self.place.name,
+                f"start channel {channel}",
+                "the board sees no lit gyro there",
+                "check the gyro's cable and power, and the plan's channel",
+            )
+        self._command("start", channel_mask=bit, sample_interval_s=sample_interval_s)
+        self._counts = self._messages.get_message_by_name(f"GYRO_COUNTS_{channel}")
+        self.drain()
+
+    def drain(self) -> Block:
+        """Return the count frames that came since the last call."""
+        frames = self._line.take(self._counts.frame_id)
+        self._line.take(self._id("BOARD_STATUS"))
+        decoded = [self._decode(frame) for frame in frames]
+        return Block(
+            {
+                "sequence": np.array([one["sequence"] for one in decoded], dtype=np.uint16),
+                "counts": np.array([one["counts"] for one in decoded], dtype=np.int32),
+                "temperature_degC": np.array([one["temperature"] for one in decoded], dtype=float),
+            },
+            np.array([frame.arrival_s for frame in frames], dtype=float),
+        )
+
+    def stop(self) -> None:
+        """End the sampling."""
+        self._command("stop")
+
+    def close(self) -> None:
+        """Close the line."""
+        self._line.close()
+
+    def _status(self) -> dict[str, Any]:
+        self._line.take(self._id("BOARD_STATUS"))
+        self._command("status")
+        return self._decode(self._answer("BOARD_STATUS", "asked for its status"))
+
+    def _command(
+        self, command: str, *, channel_mask: int = 0, sample_interval_s: float = 0.001
+    ) -> None:
+        """Send a command and take its acknowledgement; a refusal is InstrumentError."""
+        self._requests = (self._requests + 1) % 65536
+        message = self._messages.get_message_by_name("BOARD_COMMAND")
+        data = message.encode(
+            {
+                "command": command,
+                "channel_mask": channel_mask,
+                "sample_interval": sample_interval_s * ENCODED_INTERVAL_PER_S,
+                "request_id": self._requests,
+            }
+        )
+        attempted = f"sent the command {command}"
+        self._line.send(message.frame_id, data)
+        told = self._decode(self._answer("BOARD_ACK", attempted))
+        if str(told["result"]) not in ACCEPTED or told["request_id"] != self._requests:
+            raise InstrumentError(
+                self.place.name,
+                attempted,
+                f"it answered {told['result']} to request {told['request_id']}",
+                "compare the plan's sample interval and channel with the board's ranges",
+            )
+
+    def _answer(self, name: str, attempted: str) -> Frame:
+        deadline_s = self.place.clock.now() + ANSWER_WITHIN_S
+        frames = self._line.wait_for(self._id(name), deadline_s)
+        if not frames:
+            raise InstrumentTimeout(
+                self.place.name,
+                attempted,
+                f"no {name} frame came within {ANSWER_WITHIN_S:g} s",
+                "check the board's power, the bus termination and the bit rate",
+            )
+        return frames[-1]
+
+    def _id(self, name: str) -> int:
+        return int(self._messages.get_message_by_name(name).frame_id)
+
+    def _decode(self, frame: Frame) -> dict[str, Any]:
+        decoded: dict[str, Any] = self._messages.decode_message(frame.identifier, frame.data)
+        return decoded

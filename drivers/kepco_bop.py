@@ -1,0 +1,208 @@
+"""Kepco BOP 36-12 with interface card BIT 802E (LAN) or BIT 4886: a sine as an uploaded list.
+
+Sources: BIT 4886 manual P/N 243-1303 for the list system, the 253-character limit, error codes
+and rounding by calibration constants; `FUNC:MODE` and the status bits from public client code.
+Not confirmed in a primary source: the header `CURR:LIM` of the card's own current limit. A card
+that does not know it (-113) keeps its rating as limit, and the bench limit must not be above it.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from drivers.roles import Identity, Place, SafetyReading
+from drivers.transport.visa_line import ScpiLine
+from station.errors import InstrumentError
+from station.units import parse_as
+
+LONGEST_MESSAGE = 253
+ERROR_QUERY = ":SYST:ERR?"
+LIST_POINTS = 1000
+DWELL_RANGE_S = (0.0005, 10.0)
+LIST_RUNNING = 1 << 14
+RAMP_STEP_S = 0.05
+SETTLE_S = 0.1
+LOOK_S = 0.01
+LONGEST_HALF_PERIOD_S = 10.5
+"""Half a period of the slowest published drive, 0.05 Hz, and a little."""
+
+
+class KepcoBop:
+    """A coil supply whose sine is a list of fixed currents, repeated by the card until stopped.
+
+    Settings: `coil_constant` (mT/A). Limits: `current` A, `voltage` V, `slew` A/s, and
+    `zero_current` A, the largest measured current that counts as zero.
+    """
+
+    def __init__(self, place: Place) -> None:
+        self.place = place
+        self.coil_constant_mT_per_A = parse_as(str(place.settings["coil_constant"]), "mT/A")
+        self._current_limit_A = place.limits["current"]
+        self._voltage_limit_V = place.limits["voltage"]
+        self._ramp_step_A = place.limits["slew"] * RAMP_STEP_S
+        self._zero_A = place.limits["zero_current"]
+        self._line = ScpiLine(
+            place, error_query=ERROR_QUERY, no_error=lambda answer: answer.startswith("0,")
+        )
+
+    def identify(self) -> Identity:
+        """Ask `*IDN?`; the answer is maker, model and ratings, serial number, firmware."""
+        answer = self._line.query("*IDN?")
+        parts = [part.strip() for part in answer.split(",")]
+        if len(parts) < 4:
+            raise InstrumentError(
+                self.place.name,
+                "asked *IDN?",
+                f"{answer!r} came back",
+                "check that the address in the bench file is this supply's",
+            )
+        return Identity(parts[0], parts[1], parts[2], parts[3])
+
+    def programme_limits(self) -> None:
+        """Set current mode, zero, and the card's own current and voltage limits.
+
+        Raises InstrumentError when the bench's limit is above the instrument's rating.
+        """
+        self._line.query(f"*CLS;{ERROR_QUERY}")
+        self._line.command("FUNC:MODE CURR")
+        self._line.command("CURR:MODE FIX;:CURR 0")
+        rating_A = self._line.number("CURR? MAX")
+        if self._current_limit_A > rating_A:
+            raise InstrumentError(
+                self.place.name,
+                f"limit the current to {self._current_limit_A:g} A",
+                f"the instrument ends at {rating_A:g} A",
+                "lower limits.current in the bench file",
+            )
+        self._line.command(f"VOLT {self._voltage_limit_V:.4f}")
+        answer = self._line.query(f"CURR:LIM {self._current_limit_A:.4f};{ERROR_QUERY}")
+        if not answer.startswith(("0,", "-113")):
+            raise self._line.refused("CURR:LIM", answer)
+
+    def load_sine(self, frequency_Hz: float, amplitude_A: float) -> float:
+        """Upload one period as a list and switch the output on at a fixed current of zero.
+
+        Returns the frequency in Hz that the dwell time gives by the instrument's own time base.
+        Raises InstrumentError when the amplitude is above the bench's limit.
+        """
+        if amplitude_A > self._current_limit_A:
+            raise InstrumentError(
+                self.place.name,
+                f"prepare a sine of {amplitude_A:g} A",
+                f"the bench allows {self._current_limit_A:g} A",
+                "lower the plan's amplitude",
+            )
+        dwell_s = 1.0 / (frequency_Hz * LIST_POINTS)
+        if not DWELL_RANGE_S[0] <= dwell_s <= DWELL_RANGE_S[1]:
+            raise InstrumentError(
+                self.place.name,
+                f"prepare a sine of {frequency_Hz:g} Hz",
+                f"its list would dwell {dwell_s:g} s a point",
+                "choose a frequency between 0.0001 Hz and 2 Hz",
+            )
+        dwell_s = round(dwell_s, 7)
+        self._line.command("CURR:MODE FIX;:CURR 0")
+        self._line.command("CURR:RANG 1")
+        self._line.command("LIST:CLE")
+        phases = 2 * np.pi * np.arange(LIST_POINTS) / LIST_POINTS
+        for message in list_messages(amplitude_A * np.sin(phases)):
+            self._line.command(message)
+        self._line.command(f"LIST:DWEL {dwell_s:.7f}")
+        self._line.command("LIST:COUN 0")
+        uploaded = self._line.number("LIST:CURR:POIN?")
+        if uploaded != LIST_POINTS:
+            raise InstrumentError(
+                self.place.name,
+                f"upload a list of {LIST_POINTS} points",
+                f"{uploaded:g} arrived",
+                "run again; if it happens again, slow the line down or change its cable",
+            )
+        self._line.command("OUTP ON")
+        return 1.0 / (LIST_POINTS * dwell_s)
+
+    def start_sine(self) -> None:
+        """Run the uploaded list and prove from the status register that it runs."""
+        self._line.command("CURR:MODE LIST")
+        if not self._list_runs():
+            raise InstrumentError(
+                self.place.name,
+                "started the list",
+                "the status register says that no list runs",
+                "look at the supply's display for a fault, clear it and run again",
+            )
+
+    def stop(self) -> None:
+        """Bring the current to zero within the slew limit and switch the output off."""
+        self.make_safe(self.place.clock.now() + 60.0)
+
+    def current_A(self) -> float:
+        """Return the measured output current in A."""
+        return self._line.number("MEAS:CURR?")
+
+    def make_safe(self, deadline_s: float) -> None:
+        """Leave the list near a zero of its sine, ramp what remains, switch the output off."""
+        clock = self.place.clock
+        if self._list_runs():
+            self._leave_list(deadline_s)
+        present_A = self.current_A()
+        steps = math.ceil(abs(present_A) / self._ramp_step_A)
+        for step in range(steps - 1, -1, -1):
+            self._line.command(f"CURR {present_A * step / steps:.4f}")
+            clock.sleep(RAMP_STEP_S)
+        self._line.command("CURR:MODE FIX;:CURR 0")
+        while abs(self.current_A()) > self._zero_A and clock.now() < deadline_s:
+            clock.sleep(SETTLE_S)
+        self._line.command("OUTP OFF")
+
+    def read_safety(self) -> SafetyReading:
+        """Read back output state, list state and current."""
+        output_on = self._line.number("OUTP?") != 0
+        runs = self._list_runs()
+        current_A = self.current_A()
+        safe = not output_on and not runs and abs(current_A) <= self._zero_A
+        return SafetyReading(
+            safe,
+            f"output {'on' if output_on else 'off'}, {'list running, ' if runs else ''}"
+            f"{current_A:.3f} A",
+        )
+
+    def close(self) -> None:
+        """Close the line."""
+        self._line.close()
+
+    def _leave_list(self, deadline_s: float) -> None:
+        """End the list where it carries no more current than one step of a ramp.
+
+        FIX goes at once to the fixed set-point, which was set to zero before the list ran and
+        cannot be set while it runs: at full current this would cut the coil off. A list that does
+        not come to zero in the longest half period is left all the same.
+        """
+        clock = self.place.clock
+        until_s = min(clock.now() + LONGEST_HALF_PERIOD_S, deadline_s - SETTLE_S)
+        while abs(self.current_A()) > self._ramp_step_A and clock.now() < until_s:
+            clock.sleep(LOOK_S)
+        self._line.command("CURR:MODE FIX")
+
+    def _list_runs(self) -> bool:
+        return bool(int(self._line.number("STAT:OPER:COND?")) & LIST_RUNNING)
+
+
+def list_messages(currents_A: np.ndarray) -> list[str]:
+    """Return the messages that append `currents_A` (shape (points,), A) to the card's list.
+
+    Each is at most 253 characters long together with the error query that follows it.
+    """
+    messages: list[str] = []
+    room = LONGEST_MESSAGE - len(ERROR_QUERY) - len(";\n")
+    message = ""
+    for value in currents_A:
+        text = f"{value:.4f}"
+        if message and len(message) + 1 + len(text) <= room:
+            message += f",{text}"
+        else:
+            if message:
+                messages.append(message)
+            message = f"LIST:CURR {text}"
+    return [*messages, message]

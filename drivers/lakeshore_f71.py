@@ -1,0 +1,110 @@
+"""Lake Shore F71 teslameter over TCP (SCPI, requests end with LF, answers with CR LF).
+
+Sources: F71 manual and the maker's Python client for the buffer format and the error query. Not
+confirmed in a primary source: which instant of the averaging the time stamp means; the bench
+file's `timestamp` says it and the laboratory must have established it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from datetime import datetime
+from typing import ClassVar
+
+import numpy as np
+
+from drivers.roles import Block, Identity, Place
+from drivers.transport.visa_line import ScpiLine
+from station.errors import InstrumentError
+from station.units import parse_as
+
+READING_PERIOD_S = 0.01
+TIMESTAMPS = ("interval-start", "interval-middle", "interval-end")
+
+
+class LakeshoreF71:
+    """A gaussmeter that buffers averaged readings with its own time stamps.
+
+    Settings: `averaging` (s, a multiple of 10 ms) and `timestamp`.
+    """
+
+    source = "gaussmeter"
+    columns: ClassVar[Mapping[str, str]] = {
+        "instrument_time_s": "s by the instrument's clock, from its first stamp of the run",
+        "x_T": "T along the probe's x",
+        "y_T": "T along the probe's y",
+        "z_T": "T along the probe's z",
+        "state": "1 the instrument's input state says overload, 0 it does not",
+    }
+
+    def __init__(self, place: Place) -> None:
+        self.place = place
+        self.timestamp = str(place.settings["timestamp"])
+        if self.timestamp not in TIMESTAMPS:
+            raise InstrumentError(
+                place.name,
+                "read the bench file",
+                f"timestamp is {self.timestamp!r}",
+                f"write one of {', '.join(TIMESTAMPS)}",
+            )
+        count = round(parse_as(str(place.settings["averaging"]), "s") / READING_PERIOD_S)
+        self._averaging_count = max(count, 1)
+        self.averaging_s = self._averaging_count * READING_PERIOD_S
+        self._first_stamp: datetime | None = None
+        self._line = ScpiLine(
+            place,
+            error_query=":SYST:ERR:ALL?",
+            no_error=lambda answer: "no error" in answer.lower(),
+            answer_end="\r\n",
+        )
+
+    def identify(self) -> Identity:
+        """Ask `*IDN?`: maker, model, serial number, options and firmware."""
+        answer = self._line.query("*IDN?")
+        parts = [part.strip() for part in answer.split(",")]
+        if len(parts) < 4:
+            raise InstrumentError(
+                self.place.name,
+                "asked *IDN?",
+                f"{answer!r} came back",
+                "check that the address in the bench file is this gaussmeter's",
+            )
+        return Identity(parts[0], parts[1], parts[2].split("/")[0], parts[-1])
+
+    def start(self, largest_field_mT: float) -> None:
+        """Select DC mode, tesla, averaging and the range, and empty the buffer."""
+        self._line.command("SENS:MODE DC")
+        self._line.command("UNIT:FIELD TESLA")
+        self._line.command(f"SENS:AVER:COUN {self._averaging_count}")
+        self._line.command(f"SENS:RANG {largest_field_mT * 1e-3:.6g}")
+        self._line.query("FETC:BUFF:DC?")
+        self._first_stamp = None
+
+    def drain(self) -> Block:
+        """Return the buffered readings; reading them empties the instrument's buffer."""
+        answer = self._line.query("FETC:BUFF:DC?")
+        arrival_s = self.place.clock.now()
+        records = [record for record in answer.strip().strip('"').split(";") if record]
+        rows = np.array([self._row(record) for record in records]).reshape(-1, 5)
+        return Block(dict(zip(self.columns, rows.T, strict=True)), np.full(len(rows), arrival_s))
+
+    def close(self) -> None:
+        """Close the line."""
+        self._line.close()
+
+    def _row(self, record: str) -> tuple[float, float, float, float, float]:
+        fields = record.split(",")
+        try:
+            stamp = datetime.fromisoformat(fields[0])
+            x_T, y_T, z_T = (float(text) for text in fields[2:5])
+        except (ValueError, IndexError) as error:
+            raise InstrumentError(
+                self.place.name,
+                "read its buffer",
+                f"{record!r} is no reading",
+                "check the cable and that nobody else talks to the instrument",
+            ) from error
+        self._first_stamp = self._first_stamp or stamp
+        instrument_time_s = (stamp - self._first_stamp).total_seconds()
+        overload = float(fields[-1].strip() not in ("0", ""))
+        return instrument_time_s, x_T, y_T, z_T, overload

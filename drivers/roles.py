@@ -1,0 +1,188 @@
+"""What a procedure may ask of an instrument: Protocols of a few verbs, whatever the model."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Protocol, runtime_checkable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from station.clock import Clock
+
+
+class Place(Protocol):
+    """Where an instrument is attached, and what the bench file says of it."""
+
+    @property
+    def name(self) -> str:
+        """The instance name of the bench file, `coil_supply.x`."""
+        ...
+
+    @property
+    def address(self) -> str:
+        """A VISA resource name, `socketcand://host:port/channel`, or empty without a line."""
+        ...
+
+    @property
+    def clock(self) -> Clock:
+        """The run's clock; whatever waits or stamps uses it."""
+        ...
+
+    @property
+    def settings(self) -> Mapping[str, Any]:
+        """The driver's own settings, quantities as text: `2 A/s`."""
+        ...
+
+    @property
+    def limits(self) -> Mapping[str, float]:
+        """The bench's limits in A, V, A/s, mT, deg/s, degC."""
+        ...
+
+    def ask(self, prompt_id: str, text: str) -> str:
+        """Put a request to the operator and return the answer."""
+        ...
+
+
+@dataclass(frozen=True)
+class Identity:
+    """Who answered: maker, model, serial number and firmware, as the instrument says them."""
+
+    maker: str
+    model: str
+    serial: str
+    firmware: str
+
+
+@dataclass(frozen=True)
+class Block:
+    """Rows of a stream in the instrument's own units and time base.
+
+    `columns` maps names that carry their unit to arrays of shape (rows,); `arrival_time_s` is the
+    run time, shape (rows,), at which each row reached the computer.
+    """
+
+    columns: Mapping[str, NDArray[Any]]
+    arrival_time_s: NDArray[np.float64]
+
+    def __len__(self) -> int:
+        """Return the number of rows."""
+        return len(self.arrival_time_s)
+
+
+@dataclass(frozen=True)
+class SafetyReading:
+    """What an instrument reads back of its safe state."""
+
+    safe: bool
+    read_back: str
+
+
+@runtime_checkable
+class Instrument(Protocol):
+    """Anything with a line, or an operator, at its other end."""
+
+    place: Place
+
+    def identify(self) -> Identity:
+        """Ask who is there."""
+        ...
+
+    def close(self) -> None:
+        """Give the line back; never raises for a line that is already gone."""
+        ...
+
+
+@runtime_checkable
+class MadeSafe(Protocol):
+    """An instrument that can harm, and how it is brought to rest."""
+
+    def make_safe(self, deadline_s: float) -> None:
+        """Bring the instrument to rest before run time `deadline_s`."""
+        ...
+
+    def read_safety(self) -> SafetyReading:
+        """Read back whether it is at rest; nothing is assumed from what was commanded."""
+        ...
+
+
+@runtime_checkable
+class CoilSupply(Instrument, MadeSafe, Protocol):
+    """A bipolar current source with a coil at its output."""
+
+    coil_constant_mT_per_A: float
+
+    def programme_limits(self) -> None:
+        """Write the bench file's current and voltage limits into the instrument itself."""
+        ...
+
+    def load_sine(self, frequency_Hz: float, amplitude_A: float) -> float:
+        """Prepare a sine at zero output; return the frequency in Hz that its timing will give."""
+        ...
+
+    def start_sine(self) -> None:
+        """Let the prepared sine run until it is stopped."""
+        ...
+
+    def stop(self) -> None:
+        """Bring the current to zero within the slew limit, output off."""
+        ...
+
+    def current_A(self) -> float:
+        """Return the measured output current in A."""
+        ...
+
+
+@runtime_checkable
+class SampledSource(Instrument, Protocol):
+    """A source of samples that number or stamp themselves."""
+
+    source: str
+    """The name of its raw files."""
+
+    columns: Mapping[str, str]
+    """Column name to unit and meaning, for whoever opens the raw file."""
+
+    def drain(self) -> Block:
+        """Return all rows that came since the last call, possibly none."""
+        ...
+
+
+@runtime_checkable
+class Gaussmeter(SampledSource, Protocol):
+    """A three-axis field meter; columns `instrument_time_s`, `x_T`, `y_T`, `z_T`."""
+
+    averaging_s: float
+    timestamp: str
+    """Which instant of the averaging its time stamp means: interval-start, -middle, -end."""
+
+    def start(self, largest_field_mT: float) -> None:
+        """Choose the range, begin to buffer readings, and forget older ones."""
+        ...
+
+
+@runtime_checkable
+class GyroAcquisition(SampledSource, Protocol):
+    """A pulse counter of laser gyros; columns `sequence`, `counts`, `temperature_degC`."""
+
+    def start(self, sample_interval_s: float, channel: int) -> None:
+        """Begin to sample `channel` every `sample_interval_s`."""
+        ...
+
+    def stop(self) -> None:
+        """End the sampling."""
+        ...
+
+
+@runtime_checkable
+class DutPower(Instrument, Protocol):
+    """The supply of the device under test."""
+
+    def switch_on(self) -> None:
+        """Switch the device on."""
+        ...
+
+    def switch_off(self) -> None:
+        """Switch the device off."""
+        ...

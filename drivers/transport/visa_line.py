@@ -1,0 +1,179 @@
+"""Text messages over VISA: a request and its answer as one exchange."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import suppress
+from functools import lru_cache
+from typing import Any
+
+import pyvisa
+from pyvisa import constants
+
+from drivers.roles import Place
+from station.errors import InstrumentError, InstrumentTimeout
+
+EXCHANGE_DEADLINE_S = 0.5
+CONNECT_DEADLINE_S = 2.0
+LARGEST_ANSWER_BYTES = 1 << 20
+
+
+@lru_cache
+def resource_manager(library: str) -> pyvisa.ResourceManager:
+    """Return the resource manager of a VISA library, `@py` or the path of the vendor's."""
+    return pyvisa.ResourceManager(library)
+
+
+def wire_address(resource_name: str) -> str:
+    """Return `host:port` of a socket resource, else the resource name itself."""
+    parts = resource_name.split("::")
+    is_socket = len(parts) == 4 and parts[-1].upper() == "SOCKET"
+    return f"{parts[1]}:{parts[2]}" if is_socket else resource_name
+
+
+class VisaLine:
+    """One instrument's line; ends of lines are stripped from answers and added to requests."""
+
+    def __init__(self, place: Place, *, request_end: str = "\n", answer_end: str = "\n") -> None:
+        self._place = place
+        self._clock = place.clock
+        self._request_end = request_end
+        self._answer_end = answer_end
+        self._lock = place.clock.lock(place.name)
+        self._wire = place.clock.wire(wire_address(place.address))
+        self._resource: Any = None
+        self._connect()
+
+    def query(self, message: str, deadline_s: float = EXCHANGE_DEADLINE_S) -> str:
+        """Send `message` and return the answer without its end.
+
+        Raises InstrumentTimeout when no complete answer comes within `deadline_s` of run time.
+        """
+        with self._lock:
+            self._write(message)
+            if not self._wire.wait(self._clock.now() + deadline_s):
+                raise self._silent(message, "no answer came", deadline_s)
+            self._resource.timeout = 1000 * self._clock.real_timeout_s(deadline_s)
+            try:
+                answer: str = self._resource.read()
+            except pyvisa.errors.VisaIOError as error:
+                if error.error_code == constants.StatusCode.error_timeout:
+                    raise self._silent(message, "no complete answer came", deadline_s) from error
+                raise self._broken(message, error) from error
+            except (OSError, UnicodeDecodeError) as error:
+                raise self._broken(message, error) from error
+            finally:
+                self._wire.received()
+            return answer
+
+    def write(self, message: str) -> None:
+        """Send `message`, for commands whose protocol has no answer to ask for with them."""
+        with self._lock:
+            self._write(message)
+
+    def close(self) -> None:
+        """Close the line; a line that is already gone is no error."""
+        self._wire.close()
+        if self._resource is not None:
+            with suppress(pyvisa.errors.Error, OSError):
+                self._resource.close()
+            self._resource = None
+
+    def _connect(self) -> None:
+        library = str(self._place.settings.get("visa_library", "@py"))
+        try:
+            self._resource = resource_manager(library).open_resource(
+                self._place.address,
+                open_timeout=int(1000 * CONNECT_DEADLINE_S),
+                read_termination=self._answer_end,
+                write_termination=self._request_end,
+            )
+        except Exception as error:  # pyvisa-py raises bare Exception for a refused connection
+            raise InstrumentError(
+                self._place.name,
+                f"open {self._place.address}",
+                f"nobody answers there ({error})",
+                "switch the instrument on, check its cable and the address in the bench file",
+            ) from error
+        self._resource.chunk_size = LARGEST_ANSWER_BYTES
+        self._wire.open()
+
+    def _write(self, message: str) -> None:
+        if self._resource is None:
+            # After a timeout a late answer would be taken for the next one: a fresh line has none.
+            self._connect()
+        try:
+            self._wire.sent(len(message) + len(self._request_end))
+            self._resource.write(message)
+        except (pyvisa.errors.Error, OSError) as error:
+            raise self._broken(message, error) from error
+
+    def _silent(self, message: str, what: str, deadline_s: float) -> InstrumentTimeout:
+        self.close()
+        return InstrumentTimeout(
+            self._place.name,
+            f"sent {shortened(message)!r}",
+            f"{what} within {deadline_s:g} s",
+            "check that the instrument is on, in remote mode, and its cable is seated",
+        )
+
+    def _broken(self, message: str, error: BaseException) -> InstrumentError:
+        self.close()
+        return InstrumentError(
+            self._place.name,
+            f"sent {shortened(message)!r}",
+            f"the line broke ({error})",
+            "check the cable and the instrument's power, then start again",
+        )
+
+
+class ScpiLine(VisaLine):
+    """A VISA line whose instrument keeps an error queue that is asked in the same message.
+
+    `error_query` is appended to each command; `no_error(answer)` tells an empty queue.
+    """
+
+    def __init__(
+        self,
+        place: Place,
+        *,
+        error_query: str,
+        no_error: Callable[[str], bool],
+        answer_end: str = "\n",
+    ) -> None:
+        super().__init__(place, answer_end=answer_end)
+        self._error_query = error_query
+        self._no_error = no_error
+
+    def command(self, message: str) -> None:
+        """Send a command and read the error queue in one exchange; a refusal is InstrumentError."""
+        answer = self.query(f"{message};{self._error_query}")
+        if not self._no_error(answer):
+            raise self.refused(message, answer)
+
+    def refused(self, message: str, answer: str) -> InstrumentError:
+        """Return the error of a command that the instrument refused with `answer`."""
+        return InstrumentError(
+            self._place.name,
+            f"sent {shortened(message)!r}",
+            f"it refused with {answer}",
+            "compare the plan's and the bench file's values with the instrument's ranges",
+        )
+
+    def number(self, message: str) -> float:
+        """Return the answer to `message` as a number; anything else is InstrumentError."""
+        answer = self.query(message)
+        try:
+            return float(answer)
+        except ValueError as error:
+            raise InstrumentError(
+                self._place.name,
+                f"sent {message!r}",
+                f"{shortened(answer)!r} came back where a number belongs",
+                "check the cable and that nobody else talks to the instrument",
+            ) from error
+
+
+def shortened(text: str, longest: int = 60) -> str:
+    """Return `text`, its middle left out when it is long."""
+    return text if len(text) <= longest else f"{text[: longest // 2]}…{text[-longest // 2 :]}"

@@ -1,0 +1,1 @@
+"""Published calibration procedures: parameters, steps, datasets, analysis."""

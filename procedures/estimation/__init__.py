@@ -1,0 +1,1 @@
+"""Estimators that several procedures share: pure functions of NumPy arrays."""

@@ -1,0 +1,57 @@
+"""Laser-gyro bias magnetic-field sensitivity by a sinusoidal field, S1 to S9."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+from procedures.rlg_magnetic_sensitivity.check import check
+from procedures.rlg_magnetic_sensitivity.parameters import RlgParameters
+from procedures.rlg_magnetic_sensitivity.steps import STEPS, instruments, prompts
+from station.procedure import Procedure, ResultKind
+
+if TYPE_CHECKING:
+    from station.bench import Bench
+    from station.dataset_reading import RawDataset
+
+    from station.record.folder import RunFolder
+    from station.report.parts import Part
+    from station.results import Findings
+
+
+def evaluate_run(folder: RunFolder, parameters: RlgParameters, bench: Bench) -> Findings:
+    """Return what a run's recorded data say."""
+    from procedures.rlg_magnetic_sensitivity.evaluate import findings_of_run
+
+    return findings_of_run(folder, parameters, bench)
+
+
+def evaluate_dataset(raw: RawDataset) -> Findings:
+    """Return what an imported dataset says."""
+    from procedures.rlg_magnetic_sensitivity.evaluate import findings_of_dataset
+
+    return findings_of_dataset(raw)
+
+
+def report(findings: Findings, **context: Any) -> Sequence[Part]:
+    """Return the plots and tables of this procedure."""
+    from procedures.rlg_magnetic_sensitivity.figures import draw_parts
+
+    return draw_parts(findings.detail, **context)
+
+
+PROCEDURE = Procedure(
+    name="rlg-magnetic-sensitivity",
+    title="Laser gyro: magnetic-field sensitivity of the bias",
+    source="A method to accurately measure the magnetic-field sensitivity of the bias of a laser "
+    "gyro (Chinese patent text 23757495, 2020-04-11), steps S1 to S9",
+    parameters=RlgParameters,
+    results={"magnetic_sensitivity": ResultKind(("IA", "NA", "LA"), "deg/h/mT")},
+    steps=STEPS,
+    instruments=instruments,
+    prompts=prompts,
+    check=check,
+    evaluate_run=evaluate_run,
+    evaluate_dataset=evaluate_dataset,
+    report=report,
+)

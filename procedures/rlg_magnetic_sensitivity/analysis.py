@@ -1,0 +1,270 @@
+"""The analysis of a laser gyro's magnetic sensitivity: a pure function of the dataset."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import stdtrit
+
+from procedures.estimation.noise import grid_index
+
+from .dataset import AXES, RlgDataset, Segment
+from .field import FieldFit, fit_field
+from .findings import (
+    AnalysisSettings,
+    Estimate,
+    Flag,
+    LineDetail,
+    Published,
+    RlgAnalysis,
+    SegmentDetail,
+)
+from .flags import drive_flags, record_flags, result_flags
+from .gyro import GyroFit, fit_gyro
+from .published import plotted_spectrum, published_value
+from .response import Observed, Response, solve
+
+Array = NDArray[np.float64]
+
+__all__ = ["AnalysisSettings", "RlgAnalysis", "analyse", "published_value"]
+
+
+def analyse(dataset: RlgDataset, settings: AnalysisSettings | None = None) -> RlgAnalysis:
+    """Estimate the magnetic sensitivity of every axis that the dataset drives.
+
+    The frequency of each line is fitted to the measured field and held for the gyro; the gyro's
+    lines are regressed beside drift and second harmonics, corrected for interval averaging, and
+    divided by the measured field with all axes solved together. Deterministic; raises nothing for
+    poor data: what they do not determine is None and flagged `not-identifiable`. Beside it stands
+    what steps S5 to S7 of the source document give on the same samples.
+    """
+    settings = settings or AnalysisSettings()
+    fields: list[FieldFit] = []
+    observed: list[Observed | None] = []
+    reasons: dict[str, str] = {}
+    for segment in dataset.segments:
+        field = fit_field(segment, _middle_s(segment))
+        fields.append(field)
+        observed.append(_observe(segment, field, settings, reasons))
+    response = solve(observed)
+    driven = tuple(a for a in AXES if any(a in s.drive for s in dataset.segments))
+    for axis, known in zip(response.axes, response.determined, strict=True):
+        if not known:
+            reasons[axis] = "its field cannot be told from that of another driven axis"
+    determined = tuple(
+        a for a, known in zip(response.axes, response.determined, strict=True) if known
+    )
+    places = [response.axes.index(a) for a in determined]
+    estimates = tuple(_estimate(axis, response, determined) for axis in driven)
+    lines: list[LineDetail] = []
+    segments: list[SegmentDetail] = []
+    flags: list[Flag] = []
+    for number, segment in enumerate(dataset.segments):
+        own = _lines(number, fields[number], observed[number], response, determined, settings)
+        detail = _segment_detail(segment, fields[number], observed[number])
+        flags += record_flags(segment, detail, settings) + drive_flags(segment, own, settings)
+        lines += own
+        segments.append(detail)
+    flags += result_flags(estimates, lines, reasons, settings)
+    return RlgAnalysis(
+        estimates=estimates,
+        determined=determined,
+        covariance=response.covariance[np.ix_(places, places)],
+        published=_published(dataset, driven),
+        flags=tuple(flags),
+        lines=tuple(lines),
+        segments=tuple(segments),
+    )
+
+
+def _middle_s(segment: Segment) -> float:
+    time_s = segment.time_s[np.isfinite(segment.time_s) & np.isfinite(segment.rate_deg_per_h)]
+    return 0.5 * float(time_s[0] + time_s[-1]) if len(time_s) else 0.0
+
+
+def _observe(
+    segment: Segment, field: FieldFit, settings: AnalysisSettings, reasons: dict[str, str]
+) -> Observed | None:
+    """Fit the gyro at the lines that it can resolve; note why the others cannot be used."""
+    problems = [line.problem or _unresolved(segment, k, field, settings) for k, line in
+                enumerate(field.lines)]
+    chosen = [k for k in range(len(field.lines)) if _worth_fitting(segment, field, k)]
+    usable = [problems[k] is None for k in chosen]
+    gyro: GyroFit | None = None
+    if any(usable):
+        gyro = fit_gyro(segment, [field.lines[k].frequency_Hz for k in chosen], settings)
+        if gyro is None:
+            short = f"{len(segment.time_s)} gyro samples are too few for the model"
+            problems = [problem or short for problem in problems]
+    for line, problem in zip(field.lines, problems, strict=True):
+        if problem is not None:
+            reasons.update(dict.fromkeys(line.axes, problem))
+    if gyro is None:
+        return None
+    return Observed(field=field, gyro=gyro, lines=tuple(chosen), usable=tuple(usable))
+
+
+def _span_s(segment: Segment) -> float:
+    if not len(segment.time_s):
+        return 0.0
+    index = grid_index(segment.time_s, segment.sample_interval_s)
+    return (int(index[-1]) + 1) * segment.sample_interval_s
+
+
+def _unresolved(
+    segment: Segment, k: int, field: FieldFit, settings: AnalysisSettings
+) -> str | None:
+    frequency_Hz = field.lines[k].frequency_Hz
+    span_s = _span_s(segment)
+    if frequency_Hz * segment.sample_interval_s >= settings.highest_frequency:
+        return (
+            f"{frequency_Hz:.4g} Hz is too close to half the sampling rate of the gyro "
+            f"(limit {settings.highest_frequency:g} of the rate)"
+        )
+    if frequency_Hz * span_s < settings.fewest_cycles:
+        return (
+            f"the record holds only {frequency_Hz * span_s:.3g} cycles of the field, "
+            f"{settings.fewest_cycles:g} are needed"
+        )
+    start_s = max(float(segment.time_s[0]), float(segment.field_time_s[0]))
+    stop_s = min(float(segment.time_s[-1]), float(segment.field_time_s[-1]))
+    if stop_s - start_s < 0.5 * span_s:
+        return "the field was measured during less than half of the gyro record"
+    return None
+
+
+def _worth_fitting(segment: Segment, field: FieldFit, k: int) -> bool:
+    """Lines that are there but cannot be used are fitted too, to be out of the others' way."""
+    frequency_Hz = field.lines[k].frequency_Hz
+    resolved = 1.0 / max(_span_s(segment), 1e-9) < frequency_Hz
+    apart = all(
+        abs(frequency_Hz - field.lines[j].frequency_Hz) * _span_s(segment) >= 1.0
+        for j in range(k)
+    )
+    return resolved and apart and frequency_Hz * segment.sample_interval_s < 0.49
+
+
+def _estimate(axis: str, response: Response, determined: tuple[str, ...]) -> Estimate:
+    if axis not in determined:
+        return Estimate(axis, None, None, None, {})
+    a = response.axes.index(axis)
+    value = float(response.sensitivity[a])
+    freedom = float(response.degrees_of_freedom[a])
+    return Estimate(
+        axis=axis,
+        value=value,
+        standard_uncertainty=float(np.sqrt(response.covariance[a, a])),
+        degrees_of_freedom=freedom if np.isfinite(freedom) else None,
+        sensitivities={
+            "field_gain": -value,
+            "field_time_offset_s": float(response.time_slope[a]),
+            "gyro_scale": value,
+        },
+    )
+
+
+def _published(dataset: RlgDataset, driven: Sequence[str]) -> tuple[Published, ...]:
+    """One value per axis: from the first segment that drives it, as S3 to S8 do it once."""
+    first = {a: next(s for s in dataset.segments if a in s.drive) for a in driven}
+    return tuple(published_value(first[axis], axis) for axis in driven)
+
+
+def _segment_detail(
+    segment: Segment, field: FieldFit, observed: Observed | None
+) -> SegmentDetail:
+    axes = tuple(a for a in AXES if a in segment.drive)
+    frequency_Hz, amplitude = plotted_spectrum(segment)
+    blank = np.full(len(segment.time_s), np.nan)
+    gyro = observed.gyro if observed is not None else None
+    return SegmentDetail(
+        axes=axes,
+        time_s=segment.time_s,
+        rate_deg_per_h=segment.rate_deg_per_h,
+        model_deg_per_h=gyro.model_deg_per_h if gyro else blank,
+        residual_deg_per_h=gyro.residual_deg_per_h if gyro else blank,
+        kept=gyro.kept if gyro else np.isfinite(segment.rate_deg_per_h),
+        drift_order=gyro.drift_order if gyro else 0,
+        drift_evident=gyro.drift_evident if gyro else False,
+        autoregression_order=gyro.autoregression_order if gyro else 0,
+        lag_one_correlation=gyro.lag_one_correlation if gyro else 0.0,
+        residual_sigma_deg_per_h=gyro.residual_sigma_deg_per_h if gyro else float("nan"),
+        spectrum_frequency_Hz=frequency_Hz,
+        spectrum_deg_per_h=amplitude,
+        noise_floor_deg_per_h=float(gyro.noise_floor_deg_per_h[0]) if gyro else None,
+        field_rows_rejected=field.rows_rejected,
+    )
+
+
+def _lines(
+    number: int,
+    field: FieldFit,
+    observed: Observed | None,
+    response: Response,
+    determined: tuple[str, ...],
+    settings: AnalysisSettings,
+) -> list[LineDetail]:
+    result = []
+    for axis in AXES:
+        for k, line in enumerate(field.lines):
+            if axis in line.axes:
+                result.append(
+                    _line(number, k, axis, field, observed, response, determined, settings)
+                )
+    return result
+
+
+def _line(
+    number: int,
+    k: int,
+    axis: str,
+    field: FieldFit,
+    observed: Observed | None,
+    response: Response,
+    determined: tuple[str, ...],
+    settings: AnalysisSettings,
+) -> LineDetail:
+    line = field.lines[k]
+    own = complex(line.phasor_mT[AXES.index(axis)])
+    slot = observed.lines.index(k) if observed is not None and k in observed.lines else None
+    phasor: complex | None = None
+    floor: float | None = None
+    if observed is not None and slot is not None:
+        phasor = complex(observed.gyro.phasor_deg_per_h[slot])
+        floor = float(observed.gyro.noise_floor_deg_per_h[slot])
+    left = response.residuals.get((number, slot, axis)) if slot is not None else None
+    known = axis in determined
+    a = response.axes.index(axis) if known else -1
+    value = float(response.sensitivity[a]) if known else None
+    u = float(np.sqrt(response.covariance[a, a])) if known else None
+    bound: float | None = None
+    if value is not None and u is not None and abs(value) < settings.not_significant * u:
+        freedom = min(float(response.degrees_of_freedom[a]), 1e6)
+        bound = abs(value) + float(stdtrit(freedom, 0.95)) * u
+    has_quadratic = known and bool(np.isfinite(response.quadratic[a]))
+    tested = left is not None and left.quadrature_uncertainty is not None and known
+    return LineDetail(
+        segment=number,
+        axis=axis,
+        frequency_Hz=line.frequency_Hz,
+        frequency_uncertainty_Hz=line.frequency_uncertainty_Hz,
+        field_amplitude_mT=abs(own),
+        field_phase_deg=float(np.degrees(np.angle(own))),
+        field_phasors_mT=line.phasor_mT,
+        ambient_field_mT=field.ambient_mT,
+        gyro_phasor_deg_per_h=phasor,
+        gyro_phase_deg=float(np.degrees(np.angle(phasor))) if phasor is not None else None,
+        slope=value + left.slope if value is not None and left is not None else None,
+        slope_uncertainty=left.slope_uncertainty if known and left is not None else None,
+        quadrature=left.quadrature if tested and left is not None else None,
+        quadrature_uncertainty=left.quadrature_uncertainty if tested and left else None,
+        quadratic=float(response.quadratic[a]) if has_quadratic else None,
+        quadratic_uncertainty=(
+            float(response.quadratic_uncertainty[a]) if has_quadratic else None
+        ),
+        quadratic_corrected=bool(response.quadratic_corrected[a]) if known else False,
+        significance=abs(value) / u if value is not None and u else None,
+        upper_bound=bound,
+        noise_floor_deg_per_h=floor,
+    )

@@ -1,0 +1,49 @@
+"""What the analysis of the magnetic sensitivity needs, whoever recorded it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+AXES = ("IA", "NA", "LA")
+
+
+@dataclass(frozen=True)
+class Drive:
+    """The sine that one coil axis was commanded to make (amplitude is the peak)."""
+
+    frequency_Hz: float
+    amplitude_mT: float
+
+
+@dataclass(frozen=True)
+class Segment:
+    """One uninterrupted stretch of recording with one or several coil axes driven.
+
+    `time_s` (n,) is the middle of each gyro averaging interval, ascending, gaps possible;
+    `rate_deg_per_h` (n,) is the interval's mean; `quantum_deg_per_h` is one pulse expressed as a
+    rate, 0 when the output is not counts. `field_mT` (m, 3) is the field on the gyro's axes
+    IA, NA, LA, ambient field included, at `field_time_s` (m,), the middle of the gaussmeter's
+    averaging over `field_averaging_s` (0 = instantaneous).
+    """
+
+    drive: Mapping[str, Drive]
+    sample_interval_s: float
+    time_s: Array
+    rate_deg_per_h: Array
+    quantum_deg_per_h: float
+    field_time_s: Array
+    field_mT: Array
+    field_averaging_s: float
+
+
+@dataclass(frozen=True)
+class RlgDataset:
+    """All segments of one gyro: one per driven axis of a run, or one imported record."""
+
+    segments: tuple[Segment, ...]

@@ -1,0 +1,142 @@
+"""From data to findings: the analysis, with the type B inputs that the bench file states."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+from procedures.rlg_magnetic_sensitivity.analysis import analyse
+from procedures.rlg_magnetic_sensitivity.dataset import RlgDataset
+from procedures.rlg_magnetic_sensitivity.findings import AnalysisSettings, RlgAnalysis
+from procedures.rlg_magnetic_sensitivity.from_import import dataset_of_import
+from procedures.rlg_magnetic_sensitivity.from_record import (
+    GAUSSMETER,
+    GYRO,
+    dataset_of_run,
+    field_alignment,
+)
+from procedures.rlg_magnetic_sensitivity.parameters import RlgParameters, Thresholds
+from station.results import Estimate, Findings, Flag, Published
+from station.uncertainty import InputQuantity
+
+if TYPE_CHECKING:
+    from station.bench import Bench
+    from station.dataset_reading import RawDataset
+
+    from station.record.folder import RunFolder
+
+
+def findings_of_run(folder: RunFolder, parameters: RlgParameters, bench: Bench) -> Findings:
+    """Return what a run's finished units say, type B inputs from the bench's calibrations."""
+    dataset = dataset_of_run(folder, parameters, bench)
+    inputs = type_b_inputs(folder, dataset, parameters, bench)
+    findings = to_findings(analyse(dataset, settings(parameters.thresholds)), inputs)
+    measured = set(folder.finished_units())
+    missing = [axis for axis in parameters.axes if axis not in measured]
+    absent = [
+        Estimate("magnetic_sensitivity", axis, None, "deg/h/mT", None, None, "least-squares")
+        for axis in missing
+    ]
+    flags = [
+        Flag("not-identifiable", f"{axis} was not measured: the run ended before it.", axis)
+        for axis in missing
+    ]
+    return Findings(
+        [*findings.estimates, *absent],
+        findings.published,
+        [*findings.flags, *flags],
+        inputs,
+        findings.detail,
+    )
+
+
+def findings_of_dataset(raw: RawDataset) -> Findings:
+    """Return what an imported dataset says; it brings no calibration records, so type A only."""
+    return to_findings(analyse(dataset_of_import(raw), AnalysisSettings()), [])
+
+
+def settings(thresholds: Thresholds) -> AnalysisSettings:
+    """Return the analysis settings of a plan's thresholds."""
+    return AnalysisSettings(
+        not_significant=thresholds.not_significant,
+        quadrature=thresholds.quadrature_significant,
+        non_integer_cycles=thresholds.non_integer_cycles,
+        gap=thresholds.gap,
+        field_differs=thresholds.field_differs_from_commanded,
+        model_too_stiff=thresholds.model_too_stiff,
+    )
+
+
+def type_b_inputs(
+    folder: RunFolder, dataset: RlgDataset, parameters: RlgParameters, bench: Bench
+) -> list[InputQuantity]:
+    """Return what the data cannot tell: field scale, time alignment, and the gyro's scale."""
+    inputs = []
+    field_calibration = bench.instruments[GAUSSMETER].calibration
+    amplitude_mT = parameters.amplitude_mT
+    if field_calibration is not None:
+        u_mT = field_calibration.standard_uncertainty("field", amplitude_mT, "mT")
+        inputs.append(
+            InputQuantity(
+                "field_gain",
+                f"gaussmeter at {amplitude_mT:g} mT",
+                u_mT / amplitude_mT,
+                "1",
+                field_calibration.source,
+            )
+        )
+    axes = [next(iter(segment.drive)) for segment in dataset.segments]
+    worst_s = max(field_alignment(folder, axis).offset_u_s for axis in axes)
+    inputs.append(
+        InputQuantity(
+            "field_time_offset_s",
+            "alignment of the gaussmeter's and the gyro's clocks",
+            worst_s,
+            "s",
+            "earliest arrivals of this run",
+        )
+    )
+    gyro_calibration = bench.instruments[GYRO].calibration
+    if gyro_calibration is not None:
+        inputs.append(
+            InputQuantity(
+                "gyro_scale",
+                "gyro scale: pulse weight and the board's time base",
+                gyro_calibration.standard_uncertainty("scale", 1.0, "1"),
+                "1",
+                gyro_calibration.source,
+            )
+        )
+    return inputs
+
+
+def to_findings(analysis: RlgAnalysis, inputs: list[InputQuantity]) -> Findings:
+    """Return an analysis in the station's own terms."""
+    estimates = [
+        Estimate(
+            one.name,
+            one.axis,
+            one.value,
+            one.unit,
+            one.standard_uncertainty,
+            one.degrees_of_freedom,
+            one.method,
+            one.sensitivities,
+        )
+        for one in analysis.estimates
+    ]
+    published = [
+        Published(one.name, one.axis, one.value, one.unit, one.method) for one in analysis.published
+    ]
+    flags = [Flag(one.code, one.message, one.axis, details_of(one)) for one in analysis.flags]
+    return Findings(estimates, published, flags, inputs, analysis)
+
+
+def details_of(flag: Any) -> dict[str, Any]:
+    """Return a flag's count and details as plain data, finite numbers only."""
+    details = {} if flag.count is None else {"count": int(flag.count)}
+    for name, value in flag.details.items():
+        if isinstance(value, float) and not math.isfinite(value):
+            continue
+        details[name] = value
+    return details

@@ -1,0 +1,219 @@
+"""The driven field as it was measured: frequency, phasors on three axes, ambient field."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from procedures.estimation.drift import legendre_columns
+from procedures.estimation.linear import least_squares
+from procedures.estimation.robust import robust_sigma
+from procedures.estimation.sine import (
+    averaging_factor,
+    coarse_frequency,
+    line_columns,
+    phasors,
+    refine_frequency,
+)
+
+from .dataset import AXES, Segment
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+_DRIFT_ORDER = 2
+_OUTLIER = 8.0
+_FEWEST_SIGMAS = 8.0
+
+
+@dataclass(frozen=True)
+class FieldLine:
+    """One frequency of the field: who drives it, its phasors on IA, NA, LA and at twice f.
+
+    Phasors (mT) refer to the middle of the gyro record and are corrected for the gaussmeter's
+    averaging. `variance_mT2` (3,) is the noise variance of one part (real or imaginary) of each.
+    `second_mT` is the field's own line at 2f, zero where it could not be fitted. `problem` says why
+    the line cannot be used.
+    """
+
+    axes: tuple[str, ...]
+    frequency_Hz: float
+    frequency_uncertainty_Hz: float
+    phasor_mT: Complex
+    variance_mT2: Array
+    second_mT: Complex
+    problem: str | None
+
+
+@dataclass(frozen=True)
+class FieldFit:
+    """The lines of one segment's field, its mean (ambient) field, rows set aside as wild."""
+
+    lines: tuple[FieldLine, ...]
+    ambient_mT: Array
+    rows_rejected: int
+
+
+def fit_field(segment: Segment, middle_s: float) -> FieldFit:
+    """Fit every driven line in the field record of a segment.
+
+    The frequency of each line comes from the component along the axis that drives it (variable
+    projection, ambient field and slow drift beside it); the phasors of all three components then
+    come from one linear fit at those frequencies. Time zero is `middle_s`.
+    """
+    groups = _groups(segment)
+    finite = np.isfinite(segment.field_mT).all(axis=1) & np.isfinite(segment.field_time_s)
+    time_s = segment.field_time_s[finite] - middle_s
+    field_mT = segment.field_mT[finite]
+    columns = _DRIFT_ORDER + 1 + 4 * len(groups)
+    if len(time_s) < 2 * columns or time_s[-1] <= time_s[0]:
+        ambient = np.median(field_mT, axis=0) if len(field_mT) else np.zeros(3)
+        reason = f"the field record holds {len(time_s)} samples, too few for a fit"
+        lines = tuple(_empty(axes, f, reason) for axes, f in groups)
+        return FieldFit(lines, ambient, 0)
+    frequencies, uncertainties, kept = _frequencies(groups, time_s, field_mT)
+    time_s, rejected = time_s[kept], int((~kept).sum())
+    return _linear_fit(segment, groups, frequencies, uncertainties, time_s, field_mT[kept], rejected)
+
+
+def _groups(segment: Segment) -> list[tuple[tuple[str, ...], float]]:
+    """Axes driven at the same frequency (within a hundredth of 1/T) share one line."""
+    span_s = float(np.ptp(segment.field_time_s)) if len(segment.field_time_s) else 0.0
+    groups: list[tuple[tuple[str, ...], float]] = []
+    for axis in (a for a in AXES if a in segment.drive):
+        frequency = segment.drive[axis].frequency_Hz
+        for k, (axes, f) in enumerate(groups):
+            if abs(f - frequency) * span_s <= 0.01:
+                groups[k] = ((*axes, axis), f)
+                break
+        else:
+            groups.append(((axis,), frequency))
+    return groups
+
+
+def _frequencies(
+    groups: list[tuple[tuple[str, ...], float]], time_s: Array, field_mT: Array
+) -> tuple[list[float], list[float], NDArray[np.bool_]]:
+    span_s = float(time_s[-1] - time_s[0])
+    # A wild reading must not choose the starting point: clip far outside of any sine.
+    middle = np.median(field_mT, axis=0)
+    reach = 6.0 * np.array([robust_sigma(field_mT[:, a]) for a in range(3)])
+    reach = np.where(reach > 0.0, reach, np.inf)
+    clipped = np.clip(field_mT, middle - reach, middle + reach)
+    parts = [_strongest(axes, clipped) for axes, _ in groups]
+    frequencies = [f for _, f in groups]
+    for k, (_, commanded) in enumerate(groups):
+        spacing = [0.4 * abs(f - commanded) for j, (_, f) in enumerate(groups) if j != k]
+        reach_Hz = min([max(2.0 / span_s, 0.02 * commanded), 0.9 * commanded, *spacing])
+        frequencies[k] = coarse_frequency(time_s, clipped[:, parts[k]], commanded, reach_Hz)
+    uncertainties = [0.0] * len(groups)
+    for k, part in enumerate(parts):
+        frequencies[k], _ = refine_frequency(
+            time_s, clipped[:, part], frequencies, k, _DRIFT_ORDER
+        )
+    design = np.hstack((_drift(time_s), line_columns(time_s, frequencies)))
+    kept = np.ones(len(time_s), dtype=bool)
+    for a in range(3):
+        residuals = field_mT[:, a] - design @ least_squares(design, clipped[:, a]).coefficients
+        # The waveform of a programmed list is not a perfect sine; its steps are no outliers.
+        floor = 0.01 * float(np.ptp(clipped[:, a]))
+        kept &= np.abs(residuals) <= _OUTLIER * robust_sigma(residuals, floor) + 1e-12
+    for k, part in enumerate(parts):
+        frequencies[k], uncertainties[k] = refine_frequency(
+            time_s[kept], field_mT[kept, part], frequencies, k, _DRIFT_ORDER
+        )
+    return frequencies, uncertainties, kept
+
+
+def _strongest(axes: tuple[str, ...], field_mT: Array) -> int:
+    candidates = [AXES.index(axis) for axis in axes]
+    return max(candidates, key=lambda a: float(np.std(field_mT[:, a])))
+
+
+def _drift(time_s: Array) -> Array:
+    return legendre_columns(time_s, _DRIFT_ORDER, float(time_s[0]), float(time_s[-1]))
+
+
+def _linear_fit(
+    segment: Segment,
+    groups: list[tuple[tuple[str, ...], float]],
+    frequencies: list[float],
+    uncertainties: list[float],
+    time_s: Array,
+    field_mT: Array,
+    rejected: int,
+) -> FieldFit:
+    span_s = float(time_s[-1] - time_s[0])
+    step_s = float(np.median(np.diff(time_s)))
+    doubles = [
+        2.0 * f
+        for f in frequencies
+        if 2.0 * f * step_s < 0.45 and all(abs(2.0 * f - g) * span_s > 1.0 for g in frequencies)
+    ]
+    design = np.hstack((_drift(time_s), line_columns(time_s, frequencies + doubles)))
+    freedom = max(len(time_s) - design.shape[1], 1)
+    first = _DRIFT_ORDER + 1
+    ambient = np.zeros(3)
+    found = np.zeros((len(frequencies) + len(doubles), 3), dtype=np.complex128)
+    variance = np.zeros((len(frequencies), 3))
+    for a in range(3):
+        fit = least_squares(design, field_mT[:, a])
+        ambient[a] = fit.coefficients[0]
+        found[:, a] = phasors(fit.coefficients[first:])
+        spread = np.diag(fit.inverse_normal) * fit.sum_of_squares / freedom
+        pairs = spread[first : first + 2 * len(frequencies)]
+        variance[:, a] = 0.5 * (pairs[0::2] + pairs[1::2])
+    lines = []
+    for k, (axes, _) in enumerate(groups):
+        factor = averaging_factor(frequencies[k], segment.field_averaging_s)
+        problem = _problem(axes, segment, frequencies, k, found[k], variance[k], step_s, span_s)
+        if abs(factor) < 0.1 and problem is None:
+            problem = "the gaussmeter's averaging removes the driven frequency"
+        factor = factor if abs(factor) >= 0.1 else 1.0
+        double = np.zeros(3, dtype=np.complex128)
+        if 2.0 * frequencies[k] in doubles:
+            own = found[len(frequencies) + doubles.index(2.0 * frequencies[k])]
+            double_factor = averaging_factor(2.0 * frequencies[k], segment.field_averaging_s)
+            double = own / double_factor if abs(double_factor) >= 0.1 else double
+        lines.append(
+            FieldLine(
+                axes=axes,
+                frequency_Hz=frequencies[k],
+                frequency_uncertainty_Hz=uncertainties[k],
+                phasor_mT=found[k] / factor,
+                variance_mT2=variance[k] / factor**2,
+                second_mT=double,
+                problem=problem,
+            )
+        )
+    return FieldFit(tuple(lines), ambient, rejected)
+
+
+def _problem(
+    axes: tuple[str, ...],
+    segment: Segment,
+    frequencies: list[float],
+    k: int,
+    found: Complex,
+    variance: Array,
+    step_s: float,
+    span_s: float,
+) -> str | None:
+    if frequencies[k] * step_s >= 0.45:
+        return "the field was sampled too slowly for the driven frequency"
+    if any(abs(f - frequencies[k]) * span_s < 1.0 for j, f in enumerate(frequencies) if j != k):
+        return "another axis was driven at almost the same frequency"
+    for axis in axes:
+        a = AXES.index(axis)
+        size = abs(found[a])
+        wanted = 1e-3 * segment.drive[axis].amplitude_mT
+        if size <= max(_FEWEST_SIGMAS * float(np.sqrt(variance[a])), wanted, 1e-12):
+            return f"the field record shows no line at the driven frequency on {axis}"
+    return None
+
+
+def _empty(axes: tuple[str, ...], frequency_Hz: float, problem: str) -> FieldLine:
+    nothing = np.zeros(3, dtype=np.complex128)
+    return FieldLine(axes, frequency_Hz, 0.0, nothing, np.zeros(3), nothing, problem)

@@ -1,0 +1,156 @@
+"""What the analysis of the magnetic sensitivity returns, and the thresholds it is given."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+Mask = NDArray[np.bool_]
+
+QUANTITY = "magnetic_sensitivity"
+UNIT = "deg/h/mT"
+
+
+@dataclass(frozen=True)
+class AnalysisSettings:
+    """Thresholds of the flags and choices of the estimator, each with its default.
+
+    Ratios are multiples of the standard uncertainty unless the name says otherwise;
+    `non_integer_cycles` is in cycles, `gap` in nominal intervals, `field_differs` is relative.
+    """
+
+    not_significant: float = 2.0
+    quadrature: float = 3.0
+    non_integer_cycles: float = 0.001
+    gap: float = 1.5
+    field_differs: float = 0.01
+    model_too_stiff: float = 0.3
+    outlier: float = 5.0
+    max_drift_order: int = 4
+    max_autoregression_order: int = 16
+    fewest_cycles: float = 3.0
+    highest_frequency: float = 0.45
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """The best estimate of one axis; value and uncertainty (type A) are None if undetermined.
+
+    `sensitivities` are derivatives of the value by the inputs of type B: `field_gain` and
+    `gyro_scale` (relative errors), `field_time_offset_s` (s, of the field's time stamps).
+    `degrees_of_freedom` None means infinite. Full covariance is with the analysis.
+    """
+
+    axis: str
+    value: float | None
+    standard_uncertainty: float | None
+    degrees_of_freedom: float | None
+    sensitivities: Mapping[str, float]
+    name: str = QUANTITY
+    unit: str = UNIT
+    method: str = "least-squares"
+
+
+@dataclass(frozen=True)
+class Published:
+    """What the source document's own rule (S5 to S7) gives; never negative, None if it cannot run.
+
+    `reason` says why it could not.
+    """
+
+    axis: str
+    value: float | None
+    reason: str | None = None
+    name: str = QUANTITY
+    unit: str = UNIT
+    method: str = "dft-peak"
+
+
+@dataclass(frozen=True)
+class Flag:
+    """Something that the reader of the results must know; `message` is one sentence."""
+
+    code: str
+    axis: str | None
+    message: str
+    count: int | None = None
+    details: Mapping[str, object] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class LineDetail:
+    """One driven axis of one segment: its line in the field and in the gyro's output.
+
+    Phasors are Re(X exp(2 pi j f (t - segment middle))), both corrected for interval averaging:
+    the gyro's in deg/h, the field's amplitude in mT and phase in deg. `slope` and `quadrature`
+    (deg/h/mT) are the parts of the gyro phasor, other axes taken off, along and across the field;
+    `quadratic` (deg/h/mT^2) is the axis's second-order term from all lines at 2f.
+    `upper_bound` (95 %, one-sided, on |S|) is given where the axis is not significant.
+    """
+
+    segment: int
+    axis: str
+    frequency_Hz: float
+    frequency_uncertainty_Hz: float
+    field_amplitude_mT: float
+    field_phase_deg: float
+    field_phasors_mT: Complex
+    ambient_field_mT: Array
+    gyro_phasor_deg_per_h: complex | None
+    gyro_phase_deg: float | None
+    slope: float | None
+    slope_uncertainty: float | None
+    quadrature: float | None
+    quadrature_uncertainty: float | None
+    quadratic: float | None
+    quadratic_uncertainty: float | None
+    quadratic_corrected: bool
+    significance: float | None
+    upper_bound: float | None
+    noise_floor_deg_per_h: float | None
+
+
+@dataclass(frozen=True)
+class SegmentDetail:
+    """What the report plots of one segment.
+
+    `kept` marks the samples that the fit used. `spectrum_*` is the published amplitude spectrum for
+    k = 0..N/2 (about the mean, missing samples left out, where rows are missing);
+    `noise_floor_deg_per_h` is its expected root mean square ordinate next to the first driven line
+    if there were no line. `drift_order` is the order of the fit; `drift_evident` says whether the
+    data prove any drift. The drift and lines are in `model_deg_per_h`.
+    """
+
+    axes: tuple[str, ...]
+    time_s: Array
+    rate_deg_per_h: Array
+    model_deg_per_h: Array
+    residual_deg_per_h: Array
+    kept: Mask
+    drift_order: int
+    drift_evident: bool
+    autoregression_order: int
+    lag_one_correlation: float
+    residual_sigma_deg_per_h: float
+    spectrum_frequency_Hz: Array
+    spectrum_deg_per_h: Array
+    noise_floor_deg_per_h: float | None
+    field_rows_rejected: int
+
+
+@dataclass(frozen=True)
+class RlgAnalysis:
+    """The whole outcome; `covariance` (k, k, type A) is that of the estimates `determined`."""
+
+    estimates: tuple[Estimate, ...]
+    determined: tuple[str, ...]
+    covariance: Array
+    published: tuple[Published, ...]
+    flags: tuple[Flag, ...]
+    lines: tuple[LineDetail, ...]
+    segments: tuple[SegmentDetail, ...]

@@ -1,0 +1,165 @@
+"""What the reader must know about a dataset and its analysis, one flag a sentence."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from procedures.estimation.noise import grid_index
+
+from .dataset import Segment
+from .findings import AnalysisSettings, Estimate, Flag, LineDetail, SegmentDetail
+from .published import missing_rows
+
+
+def record_flags(
+    segment: Segment, detail: SegmentDetail, settings: AnalysisSettings
+) -> list[Flag]:
+    """Return the flags of one segment's record and of the model fitted to it."""
+    axis = detail.axes[0] if len(detail.axes) == 1 else None
+    named = " and ".join(detail.axes)
+    flags: list[Flag] = []
+    rejected = int(np.sum(~detail.kept)) if detail.drift_order >= 0 else 0
+    if rejected:
+        flags.append(
+            Flag(
+                "outliers-rejected",
+                axis,
+                f"{rejected} of {len(detail.kept)} gyro samples of the record with {named} driven "
+                f"lie more than {settings.outlier:g} sigma from the fit and were left out.",
+                count=rejected,
+            )
+        )
+    flags += _gap(segment, axis, named, settings)
+    if abs(detail.lag_one_correlation) > settings.model_too_stiff > 0.0 and (
+        detail.lag_one_correlation > 0.0
+    ):
+        flags.append(
+            Flag(
+                "model-too-stiff",
+                axis,
+                f"Neighbouring residuals of the record with {named} driven are correlated by "
+                f"{detail.lag_one_correlation:.2f}: the model does not follow the output.",
+                details={"lag_one_correlation": detail.lag_one_correlation},
+            )
+        )
+    if detail.drift_evident:
+        flags.append(
+            Flag(
+                "drift-removed",
+                axis,
+                f"The output drifted while {named} was driven; a polynomial of order "
+                f"{detail.drift_order} was fitted with the lines and removed.",
+                details={"order": detail.drift_order},
+            )
+        )
+    return flags
+
+
+def _gap(
+    segment: Segment, axis: str | None, named: str, settings: AnalysisSettings
+) -> list[Flag]:
+    steps = np.diff(segment.time_s)
+    long = steps > settings.gap * segment.sample_interval_s
+    gaps = int(np.sum(long))
+    if not gaps:
+        return []
+    missing = missing_rows(segment)
+    largest_s = float(steps.max())
+    message = (
+        f"The gyro record with {named} driven has {gaps} gap{'s' if gaps > 1 else ''}, the longest "
+        f"{largest_s:g} s for a nominal interval of {segment.sample_interval_s:g} s; the fit uses "
+        "the time stamps"
+    )
+    message += ", the published formula needs an unbroken row and was not evaluated." if missing else "."
+    details = {"missing_samples": missing, "longest_s": largest_s}
+    return [Flag("gap", axis, message, count=gaps, details=details)]
+
+
+def drive_flags(
+    segment: Segment, lines: Sequence[LineDetail], settings: AnalysisSettings
+) -> list[Flag]:
+    """Return the flags on the commanded drive: cycles in the record, field made of it."""
+    flags: list[Flag] = []
+    if len(segment.time_s):
+        index = grid_index(segment.time_s, segment.sample_interval_s)
+        span_s = (int(index[-1]) + 1) * segment.sample_interval_s
+        for axis, drive in segment.drive.items():
+            cycles = drive.frequency_Hz * span_s
+            if abs(cycles - round(cycles)) > settings.non_integer_cycles:
+                flags.append(
+                    Flag(
+                        "non-integer-cycles",
+                        axis,
+                        f"The record holds {cycles:.4g} cycles of {drive.frequency_Hz:g} Hz on "
+                        f"{axis}, not a whole number: the published formula reads low by up to "
+                        "36 %, the fit does not.",
+                        details={"cycles": cycles},
+                    )
+                )
+    for line in lines:
+        drive = segment.drive[line.axis]
+        if drive.amplitude_mT <= 0.0:
+            continue
+        off = line.field_amplitude_mT / drive.amplitude_mT - 1.0
+        if abs(off) > settings.field_differs:
+            flags.append(
+                Flag(
+                    "field-differs-from-commanded",
+                    line.axis,
+                    f"The measured field on {line.axis} has an amplitude of "
+                    f"{line.field_amplitude_mT:.5g} mT, {100.0 * off:+.2g} % from the commanded "
+                    f"{drive.amplitude_mT:g} mT; the result uses the measured field.",
+                    details={"relative_difference": off},
+                )
+            )
+    return flags
+
+
+def result_flags(
+    estimates: Sequence[Estimate],
+    lines: Sequence[LineDetail],
+    reasons: dict[str, str],
+    settings: AnalysisSettings,
+) -> list[Flag]:
+    """Return the flags on the estimates: significance, quadrature, what cannot be known."""
+    flags: list[Flag] = []
+    for estimate in estimates:
+        value, u = estimate.value, estimate.standard_uncertainty
+        if value is None or u is None:
+            reason = reasons.get(estimate.axis, "the record does not determine it")
+            flags.append(
+                Flag(
+                    "not-identifiable",
+                    estimate.axis,
+                    f"The magnetic sensitivity of {estimate.axis} is undetermined: {reason}.",
+                    details={"coefficients": [estimate.axis]},
+                )
+            )
+        elif abs(value) < settings.not_significant * u:
+            bound = max(x.upper_bound or 0.0 for x in lines if x.axis == estimate.axis)
+            flags.append(
+                Flag(
+                    "not-significant",
+                    estimate.axis,
+                    f"The magnetic sensitivity of {estimate.axis} is not distinguished from zero: "
+                    f"{value:.2g} with a standard uncertainty of {u:.2g} deg/h/mT; its magnitude "
+                    f"is below {bound:.2g} deg/h/mT with 95 % confidence.",
+                    details={"upper_bound": bound},
+                )
+            )
+    for line in lines:
+        q, u = line.quadrature, line.quadrature_uncertainty
+        if q is not None and u is not None and abs(q) > settings.quadrature * u > 0.0:
+            flags.append(
+                Flag(
+                    "quadrature-significant",
+                    line.axis,
+                    f"The output at {line.frequency_Hz:.4g} Hz has a part of {q:.3g} deg/h/mT in "
+                    f"quadrature to the field on {line.axis} ({abs(q) / u:.1f} u): a delay, eddy "
+                    "currents or pickup.",
+                    details={"quadrature": q, "standard_uncertainty": u},
+                )
+            )
+    return flags

@@ -1,0 +1,97 @@
+"""From an imported dataset folder to the dataset of the analysis."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import numpy as np
+from pydantic import Field, ValidationInfo, field_validator
+from station.dataset_reading import check_ascending, read_table
+from station.fields import StrictModel, Unit
+from station.yaml_reading import validate_model
+
+from procedures.rlg_magnetic_sensitivity.dataset import Drive, RlgDataset, Segment
+from procedures.rlg_magnetic_sensitivity.from_record import TO_MIDDLE
+from procedures.rlg_magnetic_sensitivity.parameters import Axis
+
+if TYPE_CHECKING:
+    from station.dataset_reading import RawDataset
+
+FIELD_COLUMNS = ("b_ia_mT", "b_na_mT", "b_la_mT")
+TIMESTAMP = Literal["interval-start", "interval-middle", "interval-end"]
+
+
+class ImportedDrive(StrictModel):
+    """The sine that a coil axis was commanded to make."""
+
+    frequency_Hz: Annotated[float, Unit("Hz"), Field(gt=0)]
+    amplitude_mT: Annotated[float, Unit("mT"), Field(gt=0)]
+
+
+class Conditions(StrictModel):
+    """The conditions of a laser-gyro dataset; what decides a sign or a phase has no default."""
+
+    drive: Annotated[dict[Axis, ImportedDrive], Field(min_length=1)]
+    sample_interval_s: Annotated[float, Unit("s"), Field(gt=0)]
+    timestamp: TIMESTAMP
+    field_timestamp: Literal["interval-start", "interval-middle", "interval-end", "instantaneous"]
+    field_averaging_s: Annotated[float, Unit("s"), Field(gt=0)] | None = Field(
+        default=None, validate_default=True
+    )
+    gyro_output: Literal["rate", "counts"]
+    pulse_weight_arcsec: Annotated[float, Unit("arcsec"), Field(gt=0)] | None = Field(
+        default=None, validate_default=True
+    )
+
+    @field_validator("field_averaging_s")
+    @classmethod
+    def averaging_where_averaged(cls, value: float | None, info: ValidationInfo) -> float | None:
+        """Require the averaging time of a field that is not instantaneous."""
+        stamp = info.data.get("field_timestamp")
+        if value is None and stamp not in (None, "instantaneous"):
+            raise ValueError("a field that is not instantaneous needs field_averaging, a time")
+        if value is not None and stamp == "instantaneous":
+            raise ValueError("an instantaneous field has no field_averaging")
+        return value
+
+    @field_validator("pulse_weight_arcsec")
+    @classmethod
+    def weight_of_counts(cls, value: float | None, info: ValidationInfo) -> float | None:
+        """Require the pulse weight where the output is counts."""
+        if value is None and info.data.get("gyro_output") == "counts":
+            raise ValueError("an output in counts needs pulse_weight, such as 0.4 arcsec")
+        return value
+
+
+def dataset_of_import(raw: RawDataset) -> RlgDataset:
+    """Return the one segment of an imported folder; FaultList names file, row and reason."""
+    conditions = validate_model(raw.document, Conditions, at=("conditions",))
+    output = "counts" if conditions.gyro_output == "counts" else "rate_deg_per_h"
+    path = raw.file("samples")
+    table = read_table(path, ("t_s", output, *FIELD_COLUMNS))
+    check_ascending(path, table, "t_s")
+    interval_s = conditions.sample_interval_s
+    quantum = 0.0
+    rate = table[output]
+    if conditions.pulse_weight_arcsec is not None and output == "counts":
+        quantum = conditions.pulse_weight_arcsec / interval_s
+        rate = rate * quantum
+    averaging_s = conditions.field_averaging_s or 0.0
+    shift_s = TO_MIDDLE.get(conditions.field_timestamp, 0.0) * averaging_s
+    return RlgDataset(
+        (
+            Segment(
+                drive={
+                    axis: Drive(drive.frequency_Hz, drive.amplitude_mT)
+                    for axis, drive in conditions.drive.items()
+                },
+                sample_interval_s=interval_s,
+                time_s=table["t_s"] + TO_MIDDLE[conditions.timestamp] * interval_s,
+                rate_deg_per_h=rate,
+                quantum_deg_per_h=quantum,
+                field_time_s=table["t_s"] + shift_s,
+                field_mT=np.column_stack([table[name] for name in FIELD_COLUMNS]),
+                field_averaging_s=averaging_s,
+            ),
+        )
+    )

@@ -1,0 +1,97 @@
+"""From a run's raw rows to the dataset: counts to rates, the instruments' clocks to run time."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from procedures.estimation.alignment import Alignment, align
+from procedures.rlg_magnetic_sensitivity.dataset import Drive, RlgDataset, Segment
+from procedures.rlg_magnetic_sensitivity.parameters import COIL_OF_AXIS, RlgParameters
+from station.errors import InputError
+
+if TYPE_CHECKING:
+    from station.bench import Bench
+
+    from station.record.folder import RunFolder
+
+GYRO = "gyro_acquisition"
+GAUSSMETER = "gaussmeter"
+MT_PER_T = 1e3
+TO_MIDDLE = {"interval-start": 0.5, "interval-middle": 0.0, "interval-end": -0.5}
+
+
+def gyro_rates(
+    folder: RunFolder, unit: str, parameters: RlgParameters
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the middle of each whole sample interval in run time (s) and its mean rate (deg/h).
+
+    Both have shape (samples,). An interval whose count or that before it was lost is left out.
+    1 arcsec/s is 1 deg/h.
+    """
+    rows = folder.rows(GYRO, unit)
+    number = unwrapped(rows["sequence"])
+    aligned = align(number, rows["arrival_time_s"], parameters.sample_interval_s)
+    counts = np.diff(rows["counts"].astype(np.int64))
+    counts = (counts + 2**31) % 2**32 - 2**31  # the board's counter is 32 bits wide
+    whole = np.diff(number) == 1
+    rate = counts * parameters.pulse_weight_arcsec / parameters.sample_interval_s
+    return aligned.run_time_s(number[1:] - 0.5)[whole], rate[whole].astype(np.float64)
+
+
+def unwrapped(sequence: NDArray[np.uint16]) -> NDArray[np.float64]:
+    """Return a 16-bit running number continued beyond its wraps, shape (rows,)."""
+    steps = np.diff(sequence.astype(np.int64)) % 65536
+    return np.concatenate([[0], np.cumsum(steps)]).astype(np.float64)
+
+
+def field_alignment(folder: RunFolder, unit: str) -> Alignment:
+    """Return the map from the gaussmeter's clock to run time during a unit."""
+    rows = folder.rows(GAUSSMETER, unit)
+    return align(rows["instrument_time_s"], rows["arrival_time_s"], 1.0)
+
+
+def segment_of_unit(
+    folder: RunFolder, axis: str, parameters: RlgParameters, bench: Bench
+) -> Segment:
+    """Return the recorded unit of one driven axis, in run time and on the gyro's axes.
+
+    The probe's x, y, z stand along the coils' normals, which S1 makes parallel to IA, NA, LA. The
+    gaussmeter's calibration corrections of the bench file are applied here.
+    """
+    unit = folder.finished_units()[axis]
+    rows = folder.rows(GAUSSMETER, axis)
+    averaging_s = float(unit["field_averaging_s"])
+    shift_s = TO_MIDDLE[unit["field_timestamp"]] * averaging_s
+    field_mT = np.column_stack([rows[f"{coil}_T"] for coil in COIL_OF_AXIS.values()]) * MT_PER_T
+    calibration = bench.instruments[GAUSSMETER].calibration
+    if calibration is not None:
+        field_mT = calibration.corrected("field", field_mT, "mT")
+    usable = rows["state"] == 0
+    time_s, rate_deg_per_h = gyro_rates(folder, axis, parameters)
+    quantum = parameters.pulse_weight_arcsec / parameters.sample_interval_s
+    field_time_s = field_alignment(folder, axis).run_time_s(rows["instrument_time_s"]) + shift_s
+    return Segment(
+        drive={axis: Drive(float(unit["frequency_Hz"]), float(unit["amplitude_mT"]))},
+        sample_interval_s=parameters.sample_interval_s,
+        time_s=time_s,
+        rate_deg_per_h=rate_deg_per_h,
+        quantum_deg_per_h=quantum,
+        field_time_s=field_time_s[usable],
+        field_mT=field_mT[usable],
+        field_averaging_s=averaging_s,
+    )
+
+
+def dataset_of_run(folder: RunFolder, parameters: RlgParameters, bench: Bench) -> RlgDataset:
+    """Return all finished units of a run as a dataset.
+
+    Raises InputError when no axis was finished.
+    """
+    finished = folder.finished_units()
+    axes = [axis for axis in parameters.axes if axis in finished]
+    if not axes:
+        raise InputError(f"{folder.path}: no axis was measured to its end, nothing can be analysed")
+    return RlgDataset(tuple(segment_of_unit(folder, axis, parameters, bench) for axis in axes))

@@ -1,0 +1,199 @@
+"""The grammar and the error queue that instruments speaking SCPI share (SCPI-99 volume 1, 6)."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable
+from itertools import product
+from typing import NamedTuple
+
+Handler = Callable[[list[str]], str | None]
+
+TEXTS = {
+    -100: "Command error",
+    -102: "Syntax error",
+    -108: "Parameter not allowed",
+    -109: "Missing parameter",
+    -113: "Undefined header",
+    -120: "Numeric data error",
+    -203: "Command protected",
+    -221: "Settings conflict",
+    -222: "Data out of range",
+    -223: "Too much data",
+    -224: "Illegal parameter value",
+    -226: "Lists not same length",
+    -350: "Queue overflow",
+    -363: "Input buffer overrun",
+    -400: "Query error",
+}
+
+
+class ScpiError(Exception):
+    """A refusal by the instrument, with its number in the error queue."""
+
+    def __init__(self, code: int) -> None:
+        super().__init__(f"{code},{TEXTS[code]}")
+        self.code = code
+
+
+class Unit(NamedTuple):
+    """One command of a message: the full header, whether it asks, and its parameters."""
+
+    path: tuple[str, ...]
+    query: bool
+    parameters: list[str]
+
+
+class CommandTree:
+    """Headers such as `LIST:CURRent[:LEVel]` with what they do; short and long forms, any case."""
+
+    def __init__(self) -> None:
+        self._handlers: dict[tuple[tuple[str, ...], bool], Handler] = {}
+        self._short: dict[str, str] = {}
+
+    def add(self, pattern: str, handler: Handler) -> None:
+        """Add a header; a final `?` makes it a query, `[:NODE]` may be left out."""
+        query = pattern.endswith("?")
+        text = pattern.removesuffix("?").replace("[:", "\0[").replace(":", "\0").replace("]", "")
+        choices: list[list[tuple[str, ...]]] = []
+        for node in text.split("\0"):
+            if not node:
+                continue
+            name = node.lstrip("[")
+            short = "".join(letter for letter in name if not letter.islower()).upper()
+            self._short[name.upper()] = short
+            self._short[short] = short
+            choices.append([(short,), ()] if node.startswith("[") else [(short,)])
+        for pick in product(*choices):
+            self._handlers[tuple(name for part in pick for name in part), query] = handler
+
+    def find(self, unit: Unit) -> Handler:
+        """Return what a command does; ScpiError -113 when nothing has this header."""
+        handler = self._handlers.get((unit.path, unit.query))
+        if handler is None:
+            raise ScpiError(-113)
+        return handler
+
+    def parse(self, message: str) -> list[Unit]:
+        """Split a message at `;`; each header continues where the one before it stood.
+
+        A leading colon goes back to the root, and common commands (`*IDN?`) leave the place alone.
+        """
+        units = []
+        place: tuple[str, ...] = ()
+        for text in split_outside_quotes(message, ";"):
+            header, _, rest = text.strip().partition(" ")
+            if not header:
+                continue
+            query = header.endswith("?")
+            name = header.removesuffix("?").upper()
+            parameters = [part.strip() for part in split_outside_quotes(rest, ",")]
+            if parameters == [""]:
+                parameters = []
+            if name.startswith("*"):
+                units.append(Unit((name,), query, parameters))
+                continue
+            start = () if name.startswith(":") else place
+            nodes = tuple(self._short.get(node, "?") for node in name.lstrip(":").split(":"))
+            units.append(Unit(start + nodes, query, parameters))
+            place = (start + nodes)[:-1]
+        return units
+
+
+def split_outside_quotes(text: str, separator: str) -> list[str]:
+    """Split a text at a separator, but not inside quotes."""
+    if '"' not in text and "'" not in text:
+        return text.split(separator)
+    parts, quote = [""], ""
+    for letter in text:
+        if quote:
+            quote = "" if letter == quote else quote
+        elif letter in "\"'":
+            quote = letter
+        elif letter == separator:
+            parts.append("")
+            continue
+        parts[-1] += letter
+    return parts
+
+
+class ErrorQueue:
+    """First in, first out; when full the last entry becomes -350."""
+
+    def __init__(self, depth: int) -> None:
+        self._entries: deque[int] = deque()
+        self._depth = depth
+
+    def __len__(self) -> int:
+        return len(self._entries)
+
+    def push(self, code: int) -> None:
+        """Append an error."""
+        if len(self._entries) < self._depth:
+            self._entries.append(code)
+        else:
+            self._entries[-1] = -350
+
+    def pop(self) -> str:
+        """Return and remove the oldest error as `number,"text"`, or `0,"No error"`."""
+        if not self._entries:
+            return '0,"No error"'
+        code = self._entries.popleft()
+        return f'{code},"{TEXTS[code]}"'
+
+    def pop_all(self) -> str:
+        """Return and remove all errors, comma-separated, or `0,"No error"`."""
+        if not self._entries:
+            return '0,"No error"'
+        return ",".join(self.pop() for _ in range(len(self._entries)))
+
+    def clear(self) -> None:
+        """Forget all errors."""
+        self._entries.clear()
+
+
+def number(text: str) -> float:
+    """Return a numeric parameter; ScpiError -120 when it is none."""
+    try:
+        value = float(text)
+    except ValueError:
+        raise ScpiError(-120) from None
+    if value != value or value in (float("inf"), float("-inf")):
+        raise ScpiError(-120)
+    return value
+
+
+def whole_number(text: str, minimum: int, maximum: int) -> int:
+    """Return a whole number within limits (NRf is rounded); ScpiError -120 or -222 otherwise."""
+    value = round(number(text))
+    if not minimum <= value <= maximum:
+        raise ScpiError(-222)
+    return value
+
+
+def choice(text: str, names: dict[str, str]) -> str:
+    """Return what a word stands for, `names` holding short and long forms; ScpiError -224."""
+    word = text.upper()
+    if word not in names:
+        raise ScpiError(-224)
+    return names[word]
+
+
+def boolean(text: str) -> bool:
+    """Return ON, OFF, 1 or 0 as a truth value; ScpiError -224 for anything else."""
+    return choice(text, {"ON": "1", "1": "1", "OFF": "0", "0": "0"}) == "1"
+
+
+def one(parameters: list[str]) -> str:
+    """Return the only parameter; ScpiError -109 without one, -108 with more."""
+    if not parameters:
+        raise ScpiError(-109)
+    if len(parameters) > 1:
+        raise ScpiError(-108)
+    return parameters[0]
+
+
+def none(parameters: list[str]) -> None:
+    """Check that there is no parameter; ScpiError -108 otherwise."""
+    if parameters:
+        raise ScpiError(-108)

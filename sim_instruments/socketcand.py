@@ -1,0 +1,118 @@
+"""A CAN bus on a TCP port, in the protocol of the public socketcand daemon (raw mode)."""
+
+from __future__ import annotations
+
+import socket
+from collections.abc import Callable
+from contextlib import AbstractContextManager, suppress
+from threading import Lock
+
+from sim_instruments.tcp import TcpServer
+from station.clock import Clock
+
+LONGEST_COMMAND = 4096
+
+
+class SocketcandServer(TcpServer):
+    """Carry CAN frames between any number of clients and one device on the bus `channel`.
+
+    `received` is called with the identifier and the data of each frame that a client sends, as
+    the running participant and with `lock` held; `joined` before a client gets its first frame.
+    One unit on the clock's wire is one frame.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        port: int,
+        channel: str,
+        clock: Clock,
+        lock: AbstractContextManager[object],
+        received: Callable[[int, bytes], None],
+        joined: Callable[[], None],
+    ) -> None:
+        super().__init__(name, port)
+        self.channel = channel
+        self._wire = clock.wire(self.address)
+        self._lock = lock
+        self._received = received
+        self._joined = joined
+        self._raw: list[socket.socket] = []
+        self._sending = Lock()
+
+    @property
+    def clients(self) -> int:
+        """How many clients get frames now."""
+        return len(self._raw)
+
+    def send_frames(self, text: str, count: int) -> None:
+        """Send `count` frames, already written as `< frame … >`, to every client in raw mode."""
+        with self._sending:
+            clients = list(self._raw)
+            if not clients:
+                return
+            self._wire.streamed(count * len(clients))
+            data = text.encode("ascii")
+            for client in clients:
+                with suppress(OSError):
+                    client.sendall(data)
+
+    def serve(self, client: socket.socket) -> None:
+        """Greet, open the bus, then carry frames until the client leaves."""
+        self._say(client, "< hi >")
+        opened, pending = False, ""
+        try:
+            while data := client.recv(65536):
+                *commands, pending = (pending + data.decode("ascii", "replace")).split(">")
+                pending = pending[-LONGEST_COMMAND:]
+                for command in commands:
+                    words = command.strip(" \r\n<").split()
+                    if not words:
+                        continue
+                    if words[0] == "open" and not opened:
+                        opened = words[1:] == [self.channel]
+                        self._say(client, "< ok >" if opened else "< error could not open bus >")
+                    elif words[0] == "echo":
+                        self._say(client, "< echo >")
+                    elif words[0] == "rawmode" and opened:
+                        self._enter_raw_mode(client)
+                    elif words[0] == "send" and client in self._raw:
+                        with self._wire.serving(1):
+                            self._take(client, words[1:])
+                    else:
+                        self._say(client, "< error unknown command >")
+        finally:
+            with self._sending:
+                if client in self._raw:
+                    self._raw.remove(client)
+
+    def _enter_raw_mode(self, client: socket.socket) -> None:
+        self._joined()
+        # The answer goes out before any frame: clients read it alone.
+        with self._sending:
+            client.sendall(b"< ok >")
+            if client not in self._raw:
+                self._raw.append(client)
+
+    def _take(self, client: socket.socket, words: list[str]) -> None:
+        try:
+            identifier, length = int(words[0], 16), int(words[1], 16)
+            data = bytes(int(word, 16) for word in words[2:])
+        except (IndexError, ValueError):
+            self._say(client, "< error malformed frame >")
+            return
+        if length != len(data) or length > 8:
+            self._say(client, "< error malformed frame >")
+            return
+        with self._lock:
+            self._received(identifier, data)
+
+    def _say(self, client: socket.socket, text: str) -> None:
+        with self._sending:
+            client.sendall(text.encode("ascii"))
+
+
+def frame_text(identifier: int, time_s: float, data_hex: str) -> str:
+    """Return one received frame as the daemon writes it; data in hexadecimal without blanks."""
+    name = f"{identifier:03X}" if identifier < 0x800 else f"{identifier:08X}"
+    return f"< frame {name} {time_s:.6f} {data_hex} >"

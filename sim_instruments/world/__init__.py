@@ -1,0 +1,1 @@
+"""The physical truth that the simulated instruments share."""

@@ -1,0 +1,174 @@
+"""The laser gyro: what its input axis feels, and the pulses that come of it.
+
+Rates are in deg/h and angles in arcsec: 1 deg/h is 1 arcsec/s.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from sim_instruments.truth import SimulationError, Truth
+from sim_instruments.world.currents import LONG_AGO_S
+
+Array = npt.NDArray[np.float64]
+
+EARTH_RATE_DEG_PER_H = 15.041067
+GYRO_AXES = ("IA", "NA", "LA")
+
+
+class Heat:
+    """How warm the switched-on gyro is: 0 cold, 1 in its final state; first order."""
+
+    def __init__(self, tau_s: float) -> None:
+        self.tau_s = tau_s
+        self._starts = [LONG_AGO_S]
+        self._on = [0.0]
+        self._warmth = [0.0]
+        self._on_time = [0.0]
+        self._warm_time = [0.0]
+
+    @property
+    def is_on(self) -> bool:
+        """Whether the gyro is switched on now."""
+        return self._on[-1] > 0.5
+
+    def switch(self, time_s: float, on: bool) -> None:
+        """Switch on or off at `time_s`; a repeated switch changes nothing."""
+        if on == self.is_on:
+            return
+        at = np.array([time_s])
+        on_time, warm_time = self.on_time(at), self.warm_time(at)
+        self._warmth.append(float(self.warmth(at)[0]))
+        self._on_time.append(float(on_time[0]))
+        self._warm_time.append(float(warm_time[0]))
+        self._on.append(1.0 if on else 0.0)
+        self._starts.append(time_s)
+
+    def warmth(self, time_s: Array) -> Array:
+        """Return the warmth at each time."""
+        k, elapsed = self._piece(time_s)
+        final, first = np.array(self._on)[k], np.array(self._warmth)[k]
+        return np.asarray(final + (first - final) * np.exp(-elapsed / self.tau_s))
+
+    def on_time(self, time_s: Array) -> Array:
+        """Return the time spent switched on up to each time, in s."""
+        k, elapsed = self._piece(time_s)
+        return np.asarray(np.array(self._on_time)[k] + np.array(self._on)[k] * elapsed)
+
+    def warm_time(self, time_s: Array) -> Array:
+        """Return the integral of the warmth over the time spent switched on, in s."""
+        k, elapsed = self._piece(time_s)
+        final, first = np.array(self._on)[k], np.array(self._warmth)[k]
+        gained = final * elapsed - (first - final) * self.tau_s * np.expm1(-elapsed / self.tau_s)
+        return np.asarray(np.array(self._warm_time)[k] + np.array(self._on)[k] * gained)
+
+    def _piece(self, time_s: Array) -> tuple[npt.NDArray[np.int64], Array]:
+        starts = np.array(self._starts)
+        k = np.clip(np.searchsorted(starts, time_s, side="right") - 1, 0, None)
+        return k, np.maximum(time_s - starts[k], 0.0)
+
+
+class LaserGyro:
+    """A single-axis laser gyro, true to its description; see the bench file for every number."""
+
+    def __init__(self, truth: Truth) -> None:
+        self.channel = truth.integer("channel", 1)
+        latitude = truth.quantity("latitude", "rad")
+        axis = truth.section("input_axis")
+        azimuth, elevation = axis.quantity("azimuth", "rad"), axis.quantity("elevation", "rad")
+        self.earth_rate_deg_per_h = EARTH_RATE_DEG_PER_H * float(
+            np.cos(latitude) * np.cos(azimuth) * np.cos(elevation)
+            + np.sin(latitude) * np.sin(elevation)
+        )
+        self.bias_deg_per_h = truth.quantity("bias", "deg/h")
+        # White noise of Q0 deg/sqrt(h) makes an angle of 60 Q0 sqrt(t) arcsec after t seconds.
+        self.white_arcsec = 60.0 * truth.quantity("angle_random_walk", "deg/sqrt(h)")
+        self.walk_deg_per_h = truth.quantity("rate_random_walk_in_one_hour", "deg/h")
+        self.dither_arcsec = truth.quantity("dither_residual", "arcsec")
+        self.pulse_arcsec = truth.quantity("pulse_weight", "arcsec")
+        if self.pulse_arcsec <= 0:
+            raise SimulationError(f"{truth.where}.pulse_weight: must be positive")
+        warm_up = truth.section("warm_up")
+        self.warm_up_deg_per_h = warm_up.quantity("amplitude", "deg/h")
+        self.heat = Heat(warm_up.quantity("time_constant", "s"))
+        self._ambient_degC = warm_up.quantity("ambient_temperature", "degC")
+        self._rise_K = warm_up.quantity("temperature_rise", "K")
+        self.sensitivity = np.array(truth.quantities("magnetic_sensitivity", GYRO_AXES, "deg/h/mT"))
+        # A unit of its own for deg/h/mT² is not in the unit table: per mT stands in the name.
+        self.quadratic = np.array(
+            truth.quantities("quadratic_sensitivity_per_mT", GYRO_AXES, "deg/h/mT")
+        )
+
+    def temperature_degC(self, time_s: Array) -> Array:
+        """Return the gyro's temperature at each time."""
+        return np.asarray(self._ambient_degC + self._rise_K * self.heat.warmth(time_s))
+
+    def steady_angle_arcsec(
+        self, edges_s: Array, field_mT: Array, field_squared_mT2: Array
+    ) -> Array:
+        """Return the angle, noise aside, turned between neighbouring times, shape (intervals,).
+
+        `field_mT` and `field_squared_mT2` are the interval means of the field on IA, NA, LA and
+        of its square, both of shape (intervals, 3). While switched off nothing is counted.
+        """
+        on = np.diff(self.heat.on_time(edges_s))
+        cold = on - np.diff(self.heat.warm_time(edges_s))
+        magnetic = field_mT @ self.sensitivity + field_squared_mT2 @ self.quadratic
+        steady = self.earth_rate_deg_per_h + self.bias_deg_per_h + magnetic
+        return np.asarray(steady * on + self.warm_up_deg_per_h * cold)
+
+
+class PulseNoise:
+    """The gyro's random part, sample by sample of one acquisition with equal intervals.
+
+    Drawn in whole blocks from the start of the acquisition, so that a sample's noise does not
+    depend on who looks when.
+    """
+
+    BLOCK = 1024
+
+    def __init__(
+        self, gyro: LaserGyro, rng: np.random.Generator, interval_s: float, rate_deg_per_h: float
+    ) -> None:
+        self._gyro = gyro
+        self._rng = rng
+        self._interval_s = interval_s
+        self._first = 0
+        self._walk = np.array([rate_deg_per_h])
+        self._angles = np.empty(0)
+        self._dither = np.empty(0)
+        self.phase = float(rng.random())
+
+    def angle_steps_arcsec(self, first: int, count: int) -> Array:
+        """Return the random angle turned in samples `first` to `first + count - 1` (from 0)."""
+        self._reach(first, count)
+        return self._angles[first - self._first : first - self._first + count]
+
+    def dither_arcsec(self, first: int, count: int) -> Array:
+        """Return what is left of the dither at the end of the same samples."""
+        self._reach(first, count)
+        return self._dither[first - self._first : first - self._first + count]
+
+    def rate_deg_per_h(self, samples: int) -> float:
+        """Return the random walk of the rate after `samples` samples."""
+        self._reach(max(samples - 1, 0), 1)
+        return float(self._walk[samples - self._first])
+
+    def _reach(self, first: int, count: int) -> None:
+        if first - self._first > 4 * self.BLOCK:
+            # What is long past is asked for no more.
+            drop = first - self._first - 2 * self.BLOCK
+            self._walk, self._angles = self._walk[drop:], self._angles[drop:]
+            self._dither = self._dither[drop:]
+            self._first += drop
+        while self._first + self._angles.size < first + count:
+            draws = self._rng.standard_normal((3, self.BLOCK))
+            step = self._gyro.walk_deg_per_h * np.sqrt(self._interval_s / 3600.0)
+            walk = self._walk[-1] + np.cumsum(step * draws[1])
+            before = np.concatenate((self._walk[-1:], walk[:-1]))
+            white = self._gyro.white_arcsec * np.sqrt(self._interval_s) * draws[0]
+            angles = white + (before + walk) / 2 * self._interval_s
+            self._angles = np.concatenate((self._angles, angles))
+            self._dither = np.concatenate((self._dither, self._gyro.dither_arcsec * draws[2]))
+            self._walk = np.concatenate((self._walk, walk))

@@ -1,0 +1,5 @@
+"""`python -m station`: the same command."""
+
+from station.cli import main
+
+main()

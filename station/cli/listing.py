@@ -1,0 +1,58 @@
+"""`station list`."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+from station import registry
+from station.lookup import BENCHES, PLANS, available
+
+
+def list_what_there_is(kind: str | None, *, as_json: bool) -> None:
+    """Print the names of one kind, or of all kinds, with a line about each."""
+    kinds = [kind] if kind else ["procedures", "plans", "benches", "drivers", "runs"]
+    found = {one: entries(one) for one in kinds}
+    if as_json:
+        print(json.dumps(found, indent=1, ensure_ascii=False))
+        return
+    for one, rows in found.items():
+        print(f"{one}:")
+        width = max((len(row["name"]) for row in rows), default=0)
+        for row in rows:
+            print(f"  {row['name']:<{width}}  {row['about']}".rstrip())
+        if not rows:
+            print("  none")
+
+
+def entries(kind: str) -> list[dict[str, Any]]:
+    """Return name and a line about each thing of a kind."""
+    if kind == "procedures":
+        names = registry.names(registry.PROCEDURES)
+        return [{"name": name, "about": registry.procedure(name).title} for name in names]
+    if kind == "plans":
+        return [{"name": name, "about": where} for name, where in available(PLANS)]
+    if kind == "benches":
+        return [{"name": name, "about": where} for name, where in available(BENCHES)]
+    if kind == "drivers":
+        simulated = set(registry.names(registry.SIMULATORS))
+        return [
+            {"name": name, "about": "with a simulator" if name in simulated else ""}
+            for name in registry.names(registry.DRIVERS)
+        ]
+    return [{"name": path.name, "about": outcome_of(path)} for path in runs(Path("runs"))]
+
+
+def runs(parent: Path) -> list[Path]:
+    """Return the run folders below `parent`, oldest first."""
+    return sorted(path.parent for path in parent.glob("*/events.jsonl"))
+
+
+def outcome_of(path: Path) -> str:
+    """Return a run's verdict, or that it did not end."""
+    results = path / "results.json"
+    if not results.is_file():
+        return "no results"
+    verdict: str = json.loads(results.read_text(encoding="utf-8"))["verdict"]
+    return f"verdict {verdict}"

@@ -1,0 +1,92 @@
+"""`station run`."""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+from pathlib import Path
+from typing import Any
+
+from station.cli.printing import print_document
+from station.cli.validating import read_bench_named, read_plan_for
+from station.errors import InputError
+from station.record.folder import REPORT
+from station.results import SCHEMA
+from station.runner import Outcome, Request, execute
+from station.yaml_reading import read_yaml
+
+
+def run_plan(
+    plan_name: str,
+    bench_name: str,
+    *,
+    non_interactive: bool,
+    answers: Path | None,
+    output: Path,
+    as_json: bool,
+) -> int:
+    """Run a plan, say how it ended, and return the exit code."""
+    bench = read_bench_named(bench_name)
+    plan = read_plan_for(plan_name, bench)
+    asked = not non_interactive and os.environ.get("CI", "").lower() != "true"
+    request = Request(
+        plan,
+        bench,
+        output,
+        answers=read_answers(answers) if answers else {},
+        interactive=asked and sys.stdin.isatty(),
+    )
+    outcome = execute(request)
+    say(outcome)
+    if as_json:
+        print(json.dumps(document_of(outcome, plan.procedure), indent=1, ensure_ascii=False))
+    elif outcome.document is not None:
+        print_document(outcome.document)
+        print(f"report: {outcome.folder / REPORT}")
+    return outcome.exit_code
+
+
+def read_answers(path: Path) -> dict[str, str]:
+    """Return the prompt ids and answers of a YAML file."""
+    data = read_yaml(path).data
+    if not isinstance(data, dict):
+        raise InputError(f"{path}: write prompt ids and answers, one `id: answer` a line")
+    return {str(key): str(value) for key, value in data.items()}
+
+
+def say(outcome: Outcome) -> None:
+    """Tell the technician on standard error how the run and the bench ended."""
+    if outcome.error is not None:
+        print(f"\nthe run did not finish: {outcome.error}", file=sys.stderr)
+    for one in outcome.unsafe:
+        print(
+            f"NOT VERIFIED: {one.instrument} could not be proven safe ({one.read_back}); "
+            "switch it off by hand",
+            file=sys.stderr,
+        )
+    if outcome.safe and not outcome.unsafe:
+        print("the bench is safe, read back from every instrument that can harm", file=sys.stderr)
+    print(f"run folder: {outcome.folder}", file=sys.stderr)
+
+
+def document_of(outcome: Outcome, procedure: str) -> dict[str, Any]:
+    """Return the result document with what `run` adds: folder, exit code, safety, error."""
+    if outcome.document is not None:
+        data = outcome.document.to_data()
+    else:
+        data = {
+            "schema": SCHEMA,
+            "procedure": procedure,
+            "verdict": "none",
+            "results": [],
+            "as_published": [],
+            "flags": [],
+        }
+    return {
+        **data,
+        "run": str(outcome.folder),
+        "exit_code": outcome.exit_code,
+        "error": outcome.error,
+        "safe_state": [one.to_data() for one in outcome.safe],
+    }

@@ -1,0 +1,40 @@
+"""`station sim`."""
+
+from __future__ import annotations
+
+import json
+import signal
+import sys
+from threading import Event
+
+from station import registry
+from station.cli.validating import read_bench_named
+from station.clock import RealClock
+from station.errors import InputError
+
+
+def serve(bench_name: str, procedure: str, speed: float) -> None:
+    """Serve a simulated bench until interrupted; the first line says where everything is."""
+    bench = read_bench_named(bench_name)
+    if bench.simulation is None:
+        raise InputError(f"{bench.name} is a real bench: its file has no `simulation`")
+    if procedure not in registry.names(registry.PROCEDURES):
+        registry.procedure(procedure)  # says which there are
+    clock = RealClock(speed)
+    simulator = registry.load(registry.SIMULATORS, registry.SIMULATED_BENCH)
+    simulation = simulator(bench.data, clock, procedure)
+    ended = Event()
+    for name in ("SIGINT", "SIGTERM", "SIGHUP"):
+        if hasattr(signal, name):
+            signal.signal(getattr(signal, name), lambda *_: ended.set())
+    head = {
+        "instruments": simulation.instruments,
+        "clock": {"speed": clock.speed, "epoch_unix": clock.epoch_unix},
+    }
+    try:
+        print(json.dumps(head), flush=True)
+        print(f"serving {bench.name}; Ctrl-C ends it", file=sys.stderr)
+        ended.wait()
+    finally:
+        simulation.close()
+        clock.stop()

@@ -1,0 +1,19 @@
+"""Time for everything that waits or stamps; the only package that asks the operating system."""
+
+from station.clock.base import Clock, ClockError, ClockStopped, ParticipantThread, Wire
+from station.clock.host import boot_seconds, utc_now, utc_today
+from station.clock.real import RealClock
+from station.clock.virtual import VirtualClock
+
+__all__ = [
+    "Clock",
+    "ClockError",
+    "ClockStopped",
+    "ParticipantThread",
+    "RealClock",
+    "VirtualClock",
+    "Wire",
+    "boot_seconds",
+    "utc_now",
+    "utc_today",
+]

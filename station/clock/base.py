@@ -1,0 +1,143 @@
+"""What a clock and a wire promise, whichever kind they are."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from contextlib import AbstractContextManager
+from threading import Thread
+
+
+class ClockError(Exception):
+    """Time was used in a way that cannot work, or every thread waits for another."""
+
+
+class ClockStopped(Exception):
+    """The clock ended while a thread slept on it; the thread should return."""
+
+
+class ParticipantThread:
+    """A thread that takes part in time from before its start until its function returns."""
+
+    def __init__(self, name: str, body: Callable[[], None]) -> None:
+        self.name = name
+        self._body = body
+        self._thread = Thread(target=self._run, name=name, daemon=True)
+        self.failure: BaseException | None = None
+
+    def _run(self) -> None:
+        try:
+            self._body()
+        except ClockStopped:
+            pass
+        except BaseException as error:  # a thread has nobody to raise to: kept for who joins
+            self.failure = error
+
+    def begin(self) -> None:
+        """Start the thread."""
+        self._thread.start()
+
+    def join(self, timeout_s: float | None = None) -> None:
+        """Wait in real time until the thread has ended; raise what ended it, if anything did."""
+        self._thread.join(timeout_s)
+        if self.failure is not None:
+            raise self.failure
+
+    @property
+    def alive(self) -> bool:
+        """Whether the thread still runs."""
+        return self._thread.is_alive()
+
+
+class Wire(ABC):
+    """Count what is in flight between one client and one server, in units both sides can count.
+
+    The unit is a byte on byte streams and a frame on CAN. On a real clock nothing is counted.
+    """
+
+    @abstractmethod
+    def open(self) -> None:
+        """Say that a client in this process listens on the wire."""
+
+    @abstractmethod
+    def close(self) -> None:
+        """Say that the client is gone; what was in flight is forgotten."""
+
+    @abstractmethod
+    def sent(self, units: int) -> None:
+        """Say, before writing them, that the client writes `units`."""
+
+    @abstractmethod
+    def wait(self, deadline_s: float) -> bool:
+        """Give up the turn until an answer lies ready (True) or run time is `deadline_s` (False).
+
+        On a real clock this returns True at once: there the blocking read itself is the wait.
+        """
+
+    @abstractmethod
+    def received(self) -> None:
+        """Say that the client has taken its answer and listens no more."""
+
+    @abstractmethod
+    def picked_up(self, units: int) -> None:
+        """Say that the client's reader thread has taken `units` of a stream."""
+
+    @abstractmethod
+    def serving(self, units: int) -> AbstractContextManager[None]:
+        """Take `units` off the wire as the server, and be the running participant until exit."""
+
+    @abstractmethod
+    def answered(self, units: int) -> None:
+        """Say, inside `serving` and after writing them, that an answer of `units` lies ready."""
+
+    @abstractmethod
+    def streamed(self, units: int) -> None:
+        """Say, before writing them, that the server writes `units` of a stream."""
+
+
+class Clock(ABC):
+    """Run time in seconds, the same for steps, drivers, transports, interlocks and simulators."""
+
+    @abstractmethod
+    def now(self) -> float:
+        """Return run time in s."""
+
+    @abstractmethod
+    def sleep_until(self, time_s: float) -> None:
+        """Sleep until run time `time_s`; raises ClockStopped when the clock is stopped."""
+
+    def sleep(self, seconds: float) -> None:
+        """Sleep for `seconds` of run time."""
+        self.sleep_until(self.now() + seconds)
+
+    @abstractmethod
+    def participant(self, name: str) -> AbstractContextManager[None]:
+        """Make this thread take part in time until exit."""
+
+    @abstractmethod
+    def start(self, name: str, body: Callable[[], None]) -> ParticipantThread:
+        """Start a thread that takes part in time, known to the clock before this returns."""
+
+    @abstractmethod
+    def lock(self, name: str) -> AbstractContextManager[object]:
+        """Return a lock whose waiting does not hold up time."""
+
+    @abstractmethod
+    def wire(self, address: str) -> Wire:
+        """Return the wire of a server's address; both of its ends get the same one."""
+
+    @abstractmethod
+    def waiting_for_person(self) -> AbstractContextManager[None]:
+        """Say that this thread waits for a human being, who may take any time."""
+
+    @abstractmethod
+    def real_timeout_s(self, run_seconds: float) -> float:
+        """Return how long a blocking read may take in real time for `run_seconds` of run time."""
+
+    @abstractmethod
+    def interrupt(self, error: BaseException | None) -> None:
+        """Raise `error` in the main participant at its next sleep; None takes that back."""
+
+    @abstractmethod
+    def stop(self) -> None:
+        """End every sleep of threads that were started by `start` with ClockStopped."""

@@ -1,0 +1,120 @@
+"""Who runs now: one participant at a time, in an order that no real thread can change."""
+
+from __future__ import annotations
+
+import math
+from itertools import count
+from threading import Lock
+
+from station.clock.base import ClockError, ClockStopped
+
+POLL_S = 0.05
+"""Real time between two looks of a waiting thread for an interruption or a failure."""
+
+
+class Participant:
+    """One thread's place in the order of turns.
+
+    `order` decides between participants whose time has come: those that serve a request, in the
+    order the requests were sent, then the named ones by name.
+    """
+
+    __slots__ = ("doing", "event_came", "name", "order", "stoppable", "stopped", "turn", "wake_at")
+
+    def __init__(self, name: str, order: tuple[int, int, str], *, stoppable: bool) -> None:
+        self.name = name
+        self.order = order
+        self.stoppable = stoppable
+        self.wake_at = math.inf
+        self.event_came = False
+        self.stopped = False
+        self.doing = "starting"
+        self.turn = Lock()
+        self.turn.acquire()
+
+
+class Turns:
+    """The scheduler of the virtual clock; every method but `take` needs `mutex` held."""
+
+    def __init__(self) -> None:
+        self.mutex = Lock()
+        self.now = 0.0
+        self.running: Participant | None = None
+        self.waiting: list[Participant] = []
+        self.in_flight = 0
+        self.passed = 0
+        self.stopping = False
+        self.failure: ClockError | None = None
+        self._sequence = count()
+
+    def next_sequence(self) -> int:
+        """Return the next number of an order that is the same in every run."""
+        return next(self._sequence)
+
+    def park(
+        self, participant: Participant, wake_at: float, doing: str, *, event_came: bool = False
+    ) -> None:
+        """Let `participant` wait until `wake_at` or until its event comes."""
+        participant.wake_at = wake_at
+        participant.event_came = event_came
+        participant.doing = doing
+        self.waiting.append(participant)
+        if self.running is participant:
+            self.running = None
+        self.pass_on()
+
+    def pass_on(self) -> None:
+        """Give the turn to whose time has come, or let time jump to the earliest sleeper."""
+        if self.running is not None or self.in_flight or not self.waiting:
+            return
+        ready = [participant for participant in self.waiting if participant.event_came]
+        if ready:
+            chosen = min(ready, key=lambda participant: participant.order)
+        else:
+            chosen = min(
+                self.waiting, key=lambda participant: (participant.wake_at, participant.order)
+            )
+            if chosen.wake_at == math.inf:
+                return
+            self.now = max(self.now, chosen.wake_at)
+        self.waiting.remove(chosen)
+        self.running = chosen
+        self.passed += 1
+        chosen.turn.release()
+
+    def take(self, participant: Participant) -> None:
+        """Block in real time until `participant` has the turn (mutex not held)."""
+        while not participant.turn.acquire(timeout=POLL_S):
+            if self.failure is not None:
+                raise self.failure
+        if participant.stopped:
+            raise ClockStopped
+        if self.failure is not None:
+            raise self.failure
+
+    def leave(self, participant: Participant) -> None:
+        """Let `participant` go for good."""
+        if participant in self.waiting:
+            self.waiting.remove(participant)
+        if self.running is participant:
+            self.running = None
+        self.pass_on()
+
+    def stop(self) -> None:
+        """Wake every waiting thread that may be stopped; each ends outside the order of turns."""
+        self.stopping = True
+        for participant in [one for one in self.waiting if one.stoppable]:
+            self.waiting.remove(participant)
+            participant.stopped = True
+            participant.turn.release()
+        self.pass_on()
+
+    def fail(self, message: str) -> None:
+        """Raise ClockError in every thread that waits, now or later."""
+        self.failure = ClockError(message)
+
+    def describe(self) -> str:
+        """Return who runs, who waits for what, and what is in flight."""
+        running = f"{self.running.name} runs" if self.running else "nobody runs"
+        waiting = "; ".join(f"{one.name} is {one.doing}" for one in self.waiting) or "nobody waits"
+        return f"{running}; {waiting}; {self.in_flight} in flight"

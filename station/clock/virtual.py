@@ -1,0 +1,129 @@
+"""Virtual time: it stands still while anybody works and jumps when everybody waits."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager
+from threading import current_thread, local
+
+from station.clock.base import Clock, ClockError, ClockStopped, ParticipantThread, Wire
+from station.clock.turns import Participant, Turns
+from station.clock.virtual_wire import TurnLock, VirtualWire
+from station.clock.watchdog import Watchdog
+
+READ_TIMEOUT_S = 0.05
+"""Real time for reading an answer that the wire has already counted as written."""
+
+
+class VirtualClock(Clock):
+    """Run time that costs no real time beyond the work done in it."""
+
+    def __init__(self) -> None:
+        self._turns = Turns()
+        self._watchdog = Watchdog(self._turns)
+        self._wires: dict[str, VirtualWire] = {}
+        self._mine = local()
+        self._interruption: BaseException | None = None
+
+    def now(self) -> float:
+        """Return run time in s."""
+        return self._turns.now
+
+    def sleep_until(self, time_s: float) -> None:
+        """Give up the turn until `time_s`, or raise what `interrupt` or `stop` asks for."""
+        participant = self.current("sleep")
+        if self._turns.stopping and participant.stoppable:
+            raise ClockStopped
+        self._raise_interruption(participant)
+        with self._turns.mutex:
+            wake_at = max(time_s, self._turns.now)
+            self._turns.park(participant, wake_at, f"sleeping until {wake_at:.6g} s")
+        self._turns.take(participant)
+        self._raise_interruption(participant)
+
+    @contextmanager
+    def participant(self, name: str) -> Iterator[None]:
+        """Make this thread take part in time until exit."""
+        with self.joined(Participant(name, (1, 0, name), stoppable=False)):
+            yield
+
+    def start(self, name: str, body: Callable[[], None]) -> ParticipantThread:
+        """Start a thread that takes part in time, known to the clock before this returns."""
+        participant = Participant(name, (1, 0, name), stoppable=True)
+        with self._turns.mutex:
+            self._turns.park(participant, self.now(), "about to start", event_came=True)
+
+        def takes_part() -> None:
+            with self.joined(participant, parked=True):
+                body()
+
+        thread = ParticipantThread(name, takes_part)
+        thread.begin()
+        return thread
+
+    def lock(self, name: str) -> AbstractContextManager[object]:
+        """Return a lock whose waiting gives up the turn."""
+        return TurnLock(self._turns, lambda: self.current(f"take the lock {name}"), name)
+
+    def wire(self, address: str) -> Wire:
+        """Return the wire of a server's address; both of its ends get the same one."""
+        with self._turns.mutex:
+            if address not in self._wires:
+                self._wires[address] = VirtualWire(self, self._turns, address)
+            return self._wires[address]
+
+    @contextmanager
+    def waiting_for_person(self) -> Iterator[None]:
+        """Keep the watchdog quiet: a person may take any time to answer."""
+        self._watchdog.persons_asked += 1
+        try:
+            yield
+        finally:
+            self._watchdog.persons_asked -= 1
+
+    def real_timeout_s(self, run_seconds: float) -> float:
+        """Return the time to read an answer that is already there."""
+        return READ_TIMEOUT_S
+
+    def interrupt(self, error: BaseException | None) -> None:
+        """End the main participant's sleep, now or next, with `error`."""
+        self._interruption = error
+
+    def stop(self) -> None:
+        """End every sleep of threads that were started by `start` with ClockStopped."""
+        with self._turns.mutex:
+            self._turns.stop()
+        self._watchdog.end()
+
+    def current(self, attempted: str) -> Participant:
+        """Return this thread's participant; ClockError when it takes no part in time."""
+        participant: Participant | None = getattr(self._mine, "participant", None)
+        if participant is None:
+            raise ClockError(
+                f"thread {current_thread().name} cannot {attempted}: it takes no part in time; "
+                "enter clock.participant(...) first"
+            )
+        return participant
+
+    @contextmanager
+    def joined(self, participant: Participant, *, parked: bool = False) -> Iterator[None]:
+        """Take the first turn as `participant`, and leave the order of turns at exit."""
+        if getattr(self._mine, "participant", None) is not None:
+            raise ClockError(f"thread {current_thread().name} already takes part in time")
+        self._watchdog.begin()
+        if not parked:
+            with self._turns.mutex:
+                self._turns.park(participant, self.now(), "about to start", event_came=True)
+        try:
+            self._turns.take(participant)
+            self._mine.participant = participant
+            yield
+        finally:
+            self._mine.participant = None
+            with self._turns.mutex:
+                self._turns.leave(participant)
+
+    def _raise_interruption(self, participant: Participant) -> None:
+        if self._interruption is not None and not participant.stoppable:
+            error, self._interruption = self._interruption, None
+            raise error

@@ -1,0 +1,141 @@
+"""What is in flight between a client and a server, and a lock, on virtual time."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from types import TracebackType
+from typing import TYPE_CHECKING
+
+from station.clock.base import Wire
+from station.clock.turns import Participant, Turns
+
+if TYPE_CHECKING:
+    from station.clock.virtual import VirtualClock
+
+
+class VirtualWire(Wire):
+    """Hold time still while requests, or blocks of a stream, are not yet picked up."""
+
+    def __init__(self, clock: VirtualClock, turns: Turns, address: str) -> None:
+        self._clock = clock
+        self._turns = turns
+        self._address = address
+        self._open = False
+        self._to_server = 0
+        self._in_stream = 0
+        self._answered = 0
+        self._sequences: deque[int] = deque()
+        self._waiter: Participant | None = None
+
+    def open(self) -> None:
+        """Say that a client in this process listens on the wire."""
+        with self._turns.mutex:
+            self._open = True
+
+    def close(self) -> None:
+        """Forget what was in flight: the client is gone."""
+        with self._turns.mutex:
+            self._open = False
+            self._turns.in_flight -= self._to_server + self._in_stream
+            self._to_server = self._in_stream = self._answered = 0
+            self._sequences.clear()
+            self._turns.pass_on()
+
+    def sent(self, units: int) -> None:
+        """Count `units` from the client to the server, before they are written."""
+        with self._turns.mutex:
+            if self._open:
+                self._to_server += units
+                self._turns.in_flight += units
+                self._sequences.append(self._turns.next_sequence())
+
+    def wait(self, deadline_s: float) -> bool:
+        """Give up the turn until an answer lies ready (True) or `deadline_s` is reached (False)."""
+        participant = self._clock.current(f"wait for {self._address}")
+        with self._turns.mutex:
+            if self._answered:
+                return True
+            self._waiter = participant
+            self._turns.park(participant, deadline_s, f"waiting for an answer of {self._address}")
+        self._turns.take(participant)
+        with self._turns.mutex:
+            self._waiter = None
+            return self._answered > 0
+
+    def received(self) -> None:
+        """Take the answer off the wire."""
+        with self._turns.mutex:
+            self._answered = 0
+
+    def picked_up(self, units: int) -> None:
+        """Take `units` of a stream off the wire."""
+        with self._turns.mutex:
+            taken = min(units, self._in_stream)
+            self._in_stream -= taken
+            self._turns.in_flight -= taken
+            self._turns.pass_on()
+
+    @contextmanager
+    def serving(self, units: int) -> Iterator[None]:
+        """Take `units` off the wire on the server's side and be the running participant."""
+        with self._turns.mutex:
+            sequence = self._sequences.popleft() if self._sequences else self._turns.next_sequence()
+            server = Participant(self._address, (0, sequence, ""), stoppable=True)
+            self._turns.park(server, self._turns.now, "about to serve a request", event_came=True)
+            taken = min(units, self._to_server)
+            self._to_server -= taken
+            self._turns.in_flight -= taken
+            self._turns.pass_on()
+        with self._clock.joined(server, parked=True):
+            yield
+
+    def answered(self, units: int) -> None:
+        """Count an answer of `units` that was written to the client."""
+        with self._turns.mutex:
+            if self._open and units:
+                self._answered += units
+                if self._waiter is not None:
+                    self._waiter.event_came = True
+
+    def streamed(self, units: int) -> None:
+        """Count `units` of a stream, before they are written to the client."""
+        with self._turns.mutex:
+            if self._open:
+                self._in_stream += units
+                self._turns.in_flight += units
+
+
+class TurnLock:
+    """A lock that gives up the turn while it waits; its waiters follow one another by name."""
+
+    def __init__(self, turns: Turns, current: Callable[[], Participant], name: str) -> None:
+        self._turns = turns
+        self._current = current
+        self._name = name
+        self._owner: Participant | None = None
+        self._queue: list[Participant] = []
+
+    def __enter__(self) -> None:
+        participant = self._current()
+        with self._turns.mutex:
+            if self._owner is None:
+                self._owner = participant
+                return
+            self._queue.append(participant)
+            self._turns.park(participant, math.inf, f"waiting for {self._name}")
+        self._turns.take(participant)
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        with self._turns.mutex:
+            self._owner = min(self._queue, key=lambda one: one.order) if self._queue else None
+            if self._owner is not None:
+                self._queue.remove(self._owner)
+                self._owner.event_came = True

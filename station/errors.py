@@ -1,0 +1,66 @@
+"""The errors an operator may see; each knows the exit code of the command line."""
+
+from __future__ import annotations
+
+EXIT_DONE = 0
+EXIT_OUTSIDE_LIMIT = 1
+EXIT_WRONG_INPUT = 2
+EXIT_FAULT = 3
+EXIT_ABORTED = 4
+EXIT_INTERLOCK = 5
+EXIT_UNDETERMINED = 6
+
+
+class StationError(Exception):
+    """Anything that ends a command with one sentence for the operator."""
+
+    exit_code = EXIT_FAULT
+
+
+class InputError(StationError):
+    """A wrong plan, bench file, dataset or command line."""
+
+    exit_code = EXIT_WRONG_INPUT
+
+
+class UnansweredPrompt(InputError):
+    """A prompt that needs a person while nobody can be asked."""
+
+
+class InstrumentError(StationError):
+    """An instrument that answered wrongly, refused, or did not answer.
+
+    The message names the instrument, what was attempted, what came back, and what to do now.
+    """
+
+    def __init__(self, instrument: str, attempted: str, came_back: str, do_now: str) -> None:
+        super().__init__(f"{instrument}: {attempted}: {came_back}; {do_now}")
+        self.instrument = instrument
+
+
+class InstrumentTimeout(InstrumentError):
+    """An instrument that stayed silent until its deadline."""
+
+
+class InstrumentsMissing(StationError):
+    """Every instrument that could not be opened or is not the one in the bench file."""
+
+    def __init__(self, problems: list[str]) -> None:
+        listed = "".join(f"\n  - {problem}" for problem in problems)
+        count = len(problems)
+        noun = "instrument is" if count == 1 else "instruments are"
+        super().__init__(f"{count} {noun} missing or wrong, nothing was energised:{listed}")
+
+
+class ConditionNotReached(StationError):
+    """A condition of the procedure that did not come true in the time the plan allows."""
+
+
+class RecordError(StationError):
+    """A run folder that cannot be written, read or trusted."""
+
+
+class Aborted(StationError):
+    """A person ended the run."""
+
+    exit_code = EXIT_ABORTED

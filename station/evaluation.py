@@ -1,0 +1,139 @@
+"""The last half of a run and the whole of `analyse`: data on disk to results and report."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import replace
+from datetime import date
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from station import registry
+from station.bench import Bench, read_bench
+from station.errors import EXIT_DONE, EXIT_OUTSIDE_LIMIT, EXIT_UNDETERMINED
+from station.plan import Plan, read_plan
+from station.record.folder import REPORT, RESULTS, RunFolder
+from station.record.manifest import write_manifest
+from station.results import Findings, Flag, ResultDocument, conclude
+
+if TYPE_CHECKING:
+    from station.dataset_reading import RawDataset
+
+
+def read_plan_and_bench(folder: RunFolder) -> tuple[Plan, Bench]:
+    """Return the plan and the bench that a run folder holds, as they were given."""
+    plan = read_plan(folder.path / "plan.yaml", registry.Procedures())
+    bench = read_bench(folder.path / "bench.yaml", registry.names(registry.DRIVERS))
+    return plan, bench
+
+
+def evaluate_run(folder: RunFolder) -> tuple[ResultDocument, Findings]:
+    """Return the results of a run and what lies behind them, from its folder alone."""
+    plan, bench = read_plan_and_bench(folder)
+    procedure = registry.procedure(plan.procedure)
+    findings = procedure.evaluate_run(folder, plan.parameters, bench)
+    flags = [*findings.flags, *flags_of_run(folder, bench)]
+    findings = replace(findings, flags=flags)
+    document = conclude(
+        plan.procedure,
+        findings,
+        plan.limits_by_axis(),
+        plan.decision_rule,
+        bench_safe=not unverified(folder),
+    )
+    return document, findings
+
+
+def unverified(folder: RunFolder) -> list[str]:
+    """Return the instruments whose safe state the run could not verify."""
+    return [
+        outcome["instrument"]
+        for event in folder.events_of("safe-state")
+        for outcome in event.details["outcomes"]
+        if not outcome["verified"]
+    ]
+
+
+def flags_of_run(folder: RunFolder, bench: Bench) -> list[Flag]:
+    """Return what the run itself, not its data, makes the reader know."""
+    flags = []
+    if bench.simulation is not None:
+        flags.append(
+            Flag("simulated", "The bench is simulated: these numbers say nothing of a real device.")
+        )
+    run_on = date.fromisoformat(folder.run_facts()["started_utc"][:10])
+    used = {event.details["instrument"] for event in folder.events_of("identified")}
+    for name, entry in bench.instruments.items():
+        if name in used and entry.calibration is not None and entry.calibration.overdue(run_on):
+            flags.append(
+                Flag(
+                    "calibration-overdue",
+                    f"The calibration of {name} was due on {entry.calibration.due}.",
+                    details={"instrument": name},
+                )
+            )
+    flags.extend(
+        Flag(
+            "safe-state-unverified",
+            f"The safe state of {name} could not be verified at the end of the run.",
+            details={"instrument": name},
+        )
+        for name in unverified(folder)
+    )
+    return flags
+
+
+def conclude_run(path: Path) -> ResultDocument:
+    """Evaluate a run for the first time: results and report, and revision 000 of them."""
+    folder = RunFolder(path)
+    document = write_revision(folder, folder.new_revision())
+    for name in (RESULTS, REPORT):
+        first = path / "revisions" / "000" / name
+        (path / name).write_bytes(first.read_bytes())
+    return document
+
+
+def write_revision(folder: RunFolder, place: Path) -> ResultDocument:
+    """Evaluate a run into `place`: results, report and a manifest of both."""
+    from station.report.run_report import report_of_run
+
+    document, findings = evaluate_run(folder)
+    write_results(place, document)
+    (place / REPORT).write_text(report_of_run(folder, document, findings), encoding="utf-8")
+    write_manifest(place)
+    return document
+
+
+def write_results(place: Path, document: ResultDocument) -> None:
+    """Write `results.json` into `place`."""
+    text = json.dumps(document.to_data(), indent=1, ensure_ascii=False, allow_nan=False)
+    (place / RESULTS).write_text(text + "\n", encoding="utf-8")
+
+
+def evaluate_dataset(raw: RawDataset) -> tuple[ResultDocument, Findings]:
+    """Return the results of an imported dataset; without a plan there are no limits."""
+    procedure = registry.procedure(raw.procedure)
+    findings = procedure.evaluate_dataset(raw)
+    return conclude(raw.procedure, findings, {}, "simple"), findings
+
+
+def exit_code_of(document: ResultDocument) -> int:
+    """Return the exit code that a verdict stands for."""
+    codes: Mapping[str, int] = {"fail": EXIT_OUTSIDE_LIMIT, "inconclusive": EXIT_UNDETERMINED}
+    return codes.get(document.verdict, EXIT_DONE)
+
+
+def largest_difference(old: Mapping[str, Any], new: Mapping[str, Any]) -> float:
+    """Return the largest change of a value between two result documents, in its uncertainty."""
+    before = {(entry["name"], entry["axis"]): entry for entry in old["results"]}
+    largest = 0.0
+    for entry in new["results"]:
+        earlier = before.get((entry["name"], entry["axis"]))
+        values = (entry["value"], earlier and earlier["value"])
+        if values[0] is None or values[1] is None:
+            if values[0] is not values[1]:
+                return float("inf")
+            continue
+        largest = max(largest, abs(values[0] - values[1]) / entry["standard_uncertainty"])
+    return largest

@@ -1,0 +1,70 @@
+"""A fault in a file that a person wrote: where it stands, what is wrong, what to write instead."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from difflib import get_close_matches
+
+from station.errors import InputError
+
+
+@dataclass(frozen=True)
+class Fault:
+    """One thing that is wrong in a file; line and column count from 1."""
+
+    file: str
+    line: int
+    column: int
+    where: str
+    what: str
+    hint: str | None = None
+
+    def __str__(self) -> str:
+        tail = f"; did you mean {self.hint}" if self.hint else ""
+        return f"{self.file}:{self.line}:{self.column}: {self.where}: {self.what}{tail}"
+
+
+class FaultList(InputError):
+    """Every fault of one or several files, in the order in which they stand there."""
+
+    def __init__(self, faults: Iterable[Fault]) -> None:
+        self.faults: tuple[Fault, ...] = tuple(sorted(faults, key=_place))
+        super().__init__("\n".join(str(fault) for fault in self.faults))
+
+
+def _place(fault: Fault) -> tuple[str, int, int]:
+    return fault.file, fault.line, fault.column
+
+
+def nearest(word: str, known: Iterable[str]) -> str | None:
+    """Return the known word that was probably meant, or None.
+
+    Case and the kind of dash are forgiven first, then a few wrong letters.
+    """
+    words = list(known)
+    folded = {_fold(one): one for one in words}
+    if _fold(word) in folded:
+        return folded[_fold(word)]
+    close = get_close_matches(_fold(word), list(folded), n=1, cutoff=0.6)
+    return folded[close[0]] if close else None
+
+
+def _fold(word: str) -> str:
+    return word.casefold().replace("_", "-").replace(" ", "-")
+
+
+def listed(words: Iterable[str]) -> str:
+    """Return words as a person lists them: `a, b, c`, or `none`."""
+    return ", ".join(words) or "none"
+
+
+def dotted(path: Sequence[str | int]) -> str:
+    """Return a path into a file as text: `instruments.coil_supply.x.limits`, `safe_state[2]`.
+
+    Entries of a list count from 1, as a person counts them.
+    """
+    text = ""
+    for part in path:
+        text += f"[{part + 1}]" if isinstance(part, int) else f".{part}"
+    return text.removeprefix(".")

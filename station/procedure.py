@@ -1,0 +1,95 @@
+"""What a procedure is: parameters, roles, and the published method's steps in order."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from station.errors import InputError
+
+if TYPE_CHECKING:
+    from station.bench import Bench
+    from station.dataset_reading import RawDataset
+    from station.fields import StrictModel
+    from station.record.folder import RunFolder
+    from station.report.parts import Part
+    from station.results import Findings
+    from station.run import Run
+
+
+@dataclass(frozen=True)
+class ResultKind:
+    """A result's axes and unit, as the contract of the procedure states them."""
+
+    axes: tuple[str, ...]
+    unit: str
+
+
+@dataclass(frozen=True)
+class Step:
+    """One step with the source document's own number.
+
+    `body` does it; `duration_s(parameters)` is the bench time it is expected to take.
+    """
+
+    number: str
+    title: str
+    body: Callable[[Run], None]
+    duration_s: Callable[[Any], float]
+
+
+@dataclass(frozen=True)
+class Prompt:
+    """A request to the operator: a stable id, the sentence, and whether it is a physical act.
+
+    A simulated bench does physical acts itself.
+    """
+
+    id: str
+    text: str
+    physical: bool = True
+
+
+@dataclass(frozen=True)
+class Problem:
+    """A fault of a plan, or of a plan on a bench: where in the plan, what, and what would do."""
+
+    where: tuple[str, ...]
+    what: str
+
+
+@dataclass(frozen=True)
+class Procedure:
+    """A published method, ready to be run, imported and analysed.
+
+    parameters: model of the plan's `parameters`; results: name to axes and unit;
+    instruments(parameters): the bench instances it needs; prompts(parameters): what it may ask;
+    check(parameters, bench): every reason why this plan cannot run on this bench;
+    evaluate_run / evaluate_dataset: recorded or imported data to findings;
+    report(findings, limits): plots and tables of its own.
+    """
+
+    name: str
+    title: str
+    source: str
+    parameters: type[StrictModel]
+    results: Mapping[str, ResultKind]
+    steps: Sequence[Step]
+    instruments: Callable[[Any], tuple[str, ...]]
+    prompts: Callable[[Any], tuple[Prompt, ...]]
+    check: Callable[[Any, Bench], Iterator[Problem]]
+    evaluate_run: Callable[[RunFolder, Any, Bench], Findings]
+    evaluate_dataset: Callable[[RawDataset], Findings]
+    report: Callable[..., Sequence[Part]]
+
+    def step(self, number: str) -> Step:
+        """Return the step with the source document's number."""
+        for step in self.steps:
+            if step.number == number:
+                return step
+        raise InputError(f"{self.name} has no step {number}")
+
+    def duration_s(self, parameters: Any) -> float:
+        """Return the bench time in s that a run is expected to take."""
+        return sum(step.duration_s(parameters) for step in self.steps)

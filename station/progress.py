@@ -1,0 +1,92 @@
+"""What the technician sees while a run goes on: the step, how far, and the bench time left."""
+
+from __future__ import annotations
+
+import sys
+from types import TracebackType
+
+from station.clock import boot_seconds
+
+REPEAT_S = 2.0
+"""Real time between two lines of progress where the output is no terminal."""
+
+
+def span(seconds: float) -> str:
+    """Return a span of time for a person: `45 s`, `12 min 30 s`, `5 h 10 min`."""
+    whole = round(max(seconds, 0.0))
+    if whole < 60:
+        return f"{whole} s"
+    if whole < 3600:
+        return f"{whole // 60} min {whole % 60:02d} s"
+    return f"{whole // 3600} h {whole % 3600 // 60:02d} min"
+
+
+class Progress:
+    """Write progress to standard error; a live bar on a terminal, a line now and then elsewhere."""
+
+    def __init__(self, total_s: float, *, quiet: bool = False) -> None:
+        self._total_s = max(total_s, 1e-9)
+        self._done_s = 0.0
+        self._step_s = 0.0
+        self._title = ""
+        self._quiet = quiet
+        self._said_at = 0.0
+        self._bar = None
+        self._task = None
+        if sys.stderr.isatty() and not quiet:
+            from rich.console import Console
+            from rich.progress import BarColumn, Progress, TextColumn
+
+            self._bar = Progress(
+                TextColumn("{task.description}"),
+                BarColumn(bar_width=30),
+                TextColumn("{task.percentage:>3.0f} %  bench time left {task.fields[left]}"),
+                console=Console(stderr=True),
+                transient=True,
+            )
+            self._task = self._bar.add_task("", total=self._total_s, left=span(total_s))
+
+    def __enter__(self) -> Progress:
+        if self._bar is not None:
+            self._bar.start()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        if self._bar is not None:
+            self._bar.stop()
+
+    def step(self, number: str, title: str, expected_s: float) -> None:
+        """Say that a step begins that is expected to take `expected_s` of bench time."""
+        self._done_s += self._step_s
+        self._step_s = expected_s
+        self._title = f"{number}  {title}"
+        self.say(self._title)
+        self.at(0.0)
+
+    def at(self, elapsed_s: float, detail: str = "") -> None:
+        """Say how much of the step's bench time is over, and how it stands."""
+        if self._quiet:
+            return
+        done_s = self._done_s + min(elapsed_s, self._step_s)
+        left = span(self._total_s - done_s)
+        if self._bar is not None and self._task is not None:
+            text = f"{self._title}  {detail}".strip()
+            self._bar.update(self._task, completed=done_s, description=text, left=left)
+        elif boot_seconds() - self._said_at >= REPEAT_S:
+            percent = 100 * done_s / self._total_s
+            self.say(f"    {percent:3.0f} %  bench time left {left}  {detail}".rstrip())
+
+    def say(self, text: str) -> None:
+        """Write a line that stays."""
+        if self._quiet:
+            return
+        self._said_at = boot_seconds()
+        if self._bar is not None:
+            self._bar.console.print(text, highlight=False)
+        else:
+            print(text, file=sys.stderr, flush=True)

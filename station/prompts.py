@@ -1,0 +1,74 @@
+"""Requests to the operator, answered by a person, a file, or the simulated world."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+from station.clock import Clock
+from station.errors import Aborted, UnansweredPrompt
+from station.procedure import Prompt
+
+DONE = "done"
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What was answered and by whom: `operator`, `answers file`, `simulated world`."""
+
+    text: str
+    by: str
+
+
+class Operator:
+    """Whoever answers prompts in this run.
+
+    `act` does a physical act in the simulated world and says what was done; None on a real bench.
+    """
+
+    def __init__(
+        self,
+        clock: Clock,
+        answers: Mapping[str, str],
+        *,
+        interactive: bool,
+        act: Callable[[str], str] | None,
+    ) -> None:
+        self._clock = clock
+        self._answers = answers
+        self._interactive = interactive
+        self._act = act
+
+    def check(self, prompts: Sequence[Prompt]) -> None:
+        """Raise UnansweredPrompt, naming all of them, when a prompt would stay unanswered."""
+        if self._interactive:
+            return
+        missing = [
+            prompt
+            for prompt in prompts
+            if prompt.id not in self._answers and not (prompt.physical and self._act)
+        ]
+        if missing:
+            listed = "".join(f"\n  {prompt.id}: {DONE}    # {prompt.text}" for prompt in missing)
+            raise UnansweredPrompt(
+                "nobody can be asked here, nothing was energised; give these entries in a YAML "
+                f"file with --answers FILE:{listed}"
+            )
+
+    def ask(self, prompt: Prompt) -> Answer:
+        """Put a prompt and return its answer; raises Aborted when the operator says abort."""
+        if prompt.id in self._answers:
+            return Answer(self._answers[prompt.id], "answers file")
+        if prompt.physical and self._act is not None:
+            return Answer(self._act(prompt.id), "simulated world")
+        if not self._interactive:
+            self.check([prompt])
+        with self._clock.waiting_for_person():
+            print(f"\n>> {prompt.text}", file=sys.stderr)
+            print(f"   [{prompt.id}] Enter when done, or type abort: ", file=sys.stderr, end="")
+            sys.stderr.flush()
+            text = sys.stdin.readline()
+        if not text or text.strip().lower() == "abort":
+            raise Aborted(f"the operator ended the run at the prompt {prompt.id}")
+        return Answer(text.strip() or DONE, "operator")

@@ -1,0 +1,148 @@
+"""The run folder: one execution of a plan and everything it left behind."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from station.clock import Clock, utc_now
+from station.errors import RecordError
+from station.record.events import Event, EventLog, read_events
+from station.record.manifest import write_manifest
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from station.record.raw import RawFile
+
+EVENTS = "events.jsonl"
+RUN = "run.json"
+RESULTS = "results.json"
+REPORT = "report.html"
+
+
+class RunRecord:
+    """The folder of a run while it is written."""
+
+    def __init__(self, parent: Path, procedure: str, serial: str, clock: Clock) -> None:
+        stamp = utc_now().strftime("%Y%m%dT%H%M%SZ")
+        safe_serial = re.sub(r"[^A-Za-z0-9._-]+", "_", serial)
+        self.path = new_folder(parent, f"{stamp}-{procedure}-{safe_serial}")
+        (self.path / "raw").mkdir()
+        self._clock = clock
+        self._events = EventLog(self.path / EVENTS)
+        self._raw: dict[str, RawFile] = {}
+
+    def event(self, kind: str, *, durable: bool = True, **details: Any) -> None:
+        """Append an event at the present run time."""
+        self._events.append(self._clock.now(), kind, details, durable=durable)
+
+    def write_text(self, name: str, text: str) -> None:
+        """Write a text file of the folder."""
+        (self.path / name).write_text(text, encoding="utf-8")
+
+    def write_json(self, name: str, data: Mapping[str, Any]) -> None:
+        """Write a JSON file of the folder; numbers must be finite."""
+        self.write_text(
+            name, json.dumps(data, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+        )
+
+    def block(self, source: str, unit: str, columns: Mapping[str, str], rows: NDArray[Any]) -> None:
+        """Append a block of raw rows of `source` that belongs to `unit`."""
+        if source not in self._raw:
+            from station.record.raw import RawFile
+
+            path = self.path / "raw" / f"{source}-000.mcap"
+            self._raw[source] = RawFile(path, source, columns)
+        self._raw[source].write(unit, rows)
+
+    def finish_unit(self, unit: str, **details: Any) -> None:
+        """Bring a unit's raw data to disk, then say that it is finished."""
+        for file in self._raw.values():
+            file.sync()
+        self.event("unit-finished", unit=unit, **details)
+
+    def close(self) -> None:
+        """Close the raw files and the log."""
+        for file in self._raw.values():
+            file.close()
+        self._raw.clear()
+        self._events.close()
+
+    def seal(self) -> None:
+        """Write the manifest; nothing of the folder changes after it."""
+        write_manifest(self.path)
+
+
+class RunFolder:
+    """The folder of a run as it is read back, by analysis, report and status."""
+
+    def __init__(self, path: Path) -> None:
+        if not (path / EVENTS).is_file():
+            raise RecordError(f"{path} is no run folder: it holds no {EVENTS}")
+        self.path = path
+        self.events: tuple[Event, ...] = tuple(read_events(path / EVENTS))
+
+    def finished_units(self) -> dict[str, dict[str, Any]]:
+        """Return the details of each finished unit of work, in the order they were finished."""
+        return {
+            event.details["unit"]: event.details
+            for event in self.events
+            if event.kind == "unit-finished"
+        }
+
+    def run_facts(self) -> dict[str, Any]:
+        """Return run.json: what differs from one execution to the next."""
+        facts: dict[str, Any] = json.loads((self.path / RUN).read_text(encoding="utf-8"))
+        return facts
+
+    def events_of(self, kind: str) -> Iterator[Event]:
+        """Yield the events of one kind."""
+        return (event for event in self.events if event.kind == kind)
+
+    def rows(self, source: str, unit: str) -> NDArray[Any]:
+        """Return a unit's raw rows of one source as a structured array, shape (rows,).
+
+        Raises RecordError when there are none.
+        """
+        import numpy as np
+
+        from station.record.raw import read_raw
+
+        files = sorted((self.path / "raw").glob(f"{source}-*.mcap"))
+        blocks = [block for file in files for block in read_raw(file, unit)]
+        if not blocks:
+            raise RecordError(f"{self.path}: no raw data of {source} for {unit}")
+        return np.concatenate(blocks)
+
+    def new_revision(self) -> Path:
+        """Return a fresh folder for a re-analysis; earlier ones stay as they are."""
+        parent = self.path / "revisions"
+        parent.mkdir(exist_ok=True)
+        number = len([path for path in parent.iterdir() if path.is_dir()])
+        revision = parent / f"{number:03d}"
+        revision.mkdir()
+        return revision
+
+
+def new_folder(parent: Path, name: str) -> Path:
+    """Create and return `parent/name`, or `name-2`, `name-3` where that exists already.
+
+    Raises RecordError when the parent cannot be written.
+    """
+    for number in range(1, 1000):
+        path = parent / (name if number == 1 else f"{name}-{number}")
+        try:
+            path.mkdir(parents=True)
+        except FileExistsError:
+            continue
+        except OSError as error:
+            raise RecordError(
+                f"cannot create the run folder {path}: {error.strerror}; "
+                "choose another place with --output"
+            ) from error
+        return path
+    raise RecordError(f"{parent} holds a thousand runs of this second; choose another --output")

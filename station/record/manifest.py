@@ -1,0 +1,30 @@
+"""manifest.json: the SHA-256 of every file of a run folder but itself."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from pathlib import Path
+
+MANIFEST = "manifest.json"
+NOT_COVERED = ("exports", "revisions")
+"""Remade reports are no evidence; each revision has a manifest of its own."""
+
+
+def file_hash(path: Path) -> str:
+    """Return the SHA-256 of a file in hexadecimal."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def write_manifest(folder: Path) -> None:
+    """Write the manifest of `folder`: relative paths with `/`, in order."""
+    files = {
+        path.relative_to(folder).as_posix(): file_hash(path)
+        for path in sorted(folder.rglob("*"))
+        if path.is_file()
+        and path.name != MANIFEST
+        and path.relative_to(folder).parts[0] not in NOT_COVERED
+    }
+    text = json.dumps({"algorithm": "sha256", "files": files}, indent=1)
+    (folder / MANIFEST).write_text(text + "\n", encoding="utf-8")

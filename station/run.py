@@ -1,0 +1,91 @@
+"""What a step may do: use the roles, wait, ask, record, and say how far it is."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from station.clock import Clock
+from station.errors import InputError
+from station.procedure import Prompt, Step
+from station.progress import Progress
+from station.prompts import Operator
+from station.record.folder import RunFolder, RunRecord
+
+if TYPE_CHECKING:
+    from station.bench import Bench
+    from station.plan import Plan
+
+Role = TypeVar("Role")
+WAIT_SLICE_S = 1.0
+
+
+class Run:
+    """One execution of a plan, as its steps see it."""
+
+    def __init__(
+        self,
+        plan: Plan,
+        bench: Bench,
+        clock: Clock,
+        record: RunRecord,
+        progress: Progress,
+        operator: Operator,
+    ) -> None:
+        self.plan = plan
+        self.bench = bench
+        self.clock = clock
+        self.record = record
+        self.progress = progress
+        self.instruments: Mapping[str, object] = {}
+        self.handed_on: dict[str, Any] = {}
+        """What one step leaves for the next; nothing that results are computed from."""
+        self._operator = operator
+
+    @property
+    def parameters(self) -> Any:
+        """The plan's parameters, an instance of the procedure's own model."""
+        return self.plan.parameters
+
+    def role(self, name: str, kind: type[Role]) -> Role:
+        """Return the opened instrument `name`, proven to have the verbs of role `kind`."""
+        instrument = self.instruments[name]
+        if not isinstance(instrument, kind):
+            raise InputError(
+                f"{name}: the driver {type(instrument).__name__} cannot do what this procedure "
+                f"asks of a {kind.__name__}; choose another driver in the bench file"
+            )
+        return instrument
+
+    def do(self, step: Step) -> None:
+        """Do one step, with its beginning and end in the log."""
+        self.progress.step(step.number, step.title, step.duration_s(self.parameters))
+        self.record.event("step-started", step=step.number, title=step.title)
+        step.body(self)
+        self.record.event("step-finished", step=step.number)
+
+    @contextmanager
+    def unit(self, name: str, **details: Any) -> Iterator[None]:
+        """Measure one unit of work; it is finished once its event is on disk."""
+        self.record.event("unit-started", unit=name)
+        yield
+        self.record.finish_unit(name, **details)
+
+    def wait(self, seconds: float, detail: str = "") -> None:
+        """Let run time pass, with progress."""
+        until_s = self.clock.now() + seconds
+        began_s = self.clock.now()
+        while self.clock.now() < until_s:
+            self.clock.sleep_until(min(self.clock.now() + WAIT_SLICE_S, until_s))
+            self.progress.at(self.clock.now() - began_s, detail)
+
+    def ask(self, prompt_id: str, text: str) -> str:
+        """Ask the operator for an act or an answer; both are recorded."""
+        answer = self._operator.ask(Prompt(prompt_id, text))
+        self.record.event("prompt", id=prompt_id, text=text, answer=answer.text, by=answer.by)
+        return answer.text
+
+    def read_back(self) -> RunFolder:
+        """Return the folder as it is on disk now: nothing is analysed from memory."""
+        return RunFolder(self.record.path)

@@ -1,0 +1,194 @@
+"""Execute a plan on a bench: open, check, walk the steps, make safe, evaluate, seal."""
+
+from __future__ import annotations
+
+import traceback
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import TracebackType
+from typing import TYPE_CHECKING
+
+from station import registry
+from station.bench import Bench
+from station.clock import Clock, RealClock, VirtualClock, utc_now
+from station.errors import EXIT_FAULT, InputError, StationError
+from station.evaluation import conclude_run, exit_code_of
+from station.opening import Found, open_instruments
+from station.plan import Plan
+from station.procedure import Procedure, Prompt
+from station.progress import Progress, span
+from station.prompts import Operator
+from station.record.folder import RUN, RunRecord
+from station.run import Run
+from station.safety import SafeOutcome, make_bench_safe
+from station.signals import AbortSignals
+from station.versions import versions
+
+if TYPE_CHECKING:
+    from station.results import ResultDocument
+
+
+@dataclass(frozen=True)
+class Request:
+    """What the command line asks for."""
+
+    plan: Plan
+    bench: Bench
+    output: Path
+    answers: Mapping[str, str] = field(default_factory=dict)
+    interactive: bool = False
+    quiet: bool = False
+    clock: Clock | None = None
+
+
+@dataclass
+class Outcome:
+    """How a run ended."""
+
+    folder: Path
+    exit_code: int = EXIT_FAULT
+    document: ResultDocument | None = None
+    error: str | None = None
+    safe: list[SafeOutcome] = field(default_factory=list)
+
+    @property
+    def unsafe(self) -> list[SafeOutcome]:
+        """Instruments whose safe state could not be verified."""
+        return [outcome for outcome in self.safe if not outcome.verified]
+
+
+class BenchSession:
+    """A bench that can be opened: the simulated one is built and served, a real one stands there.
+
+    `addresses` are those of simulated instruments; `act` does a physical act in their world.
+    """
+
+    def __init__(self, bench: Bench, procedure: str | None, clock: Clock | None = None) -> None:
+        simulated = bench.simulation is not None
+        self.clock = clock or (VirtualClock() if simulated else RealClock())
+        self._simulation = None
+        self.addresses: dict[str, str] = {}
+        self.act: Callable[[str], str] | None = None
+        if simulated:
+            simulator = registry.load(registry.SIMULATORS, registry.SIMULATED_BENCH)
+            world = procedure or registry.names(registry.PROCEDURES)[0]
+            self._simulation = simulator(bench.data, self.clock, world)
+            instruments = self._simulation.instruments
+            self.addresses = {name: str(one["address"]) for name, one in instruments.items()}
+            self.act = self._simulation.act
+
+    def __enter__(self) -> BenchSession:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        if self._simulation is not None:
+            self._simulation.close()
+        self.clock.stop()
+
+
+def execute(request: Request) -> Outcome:
+    """Run a plan to its end, whatever that is; the bench is made safe in every case.
+
+    Raises InputError before anything is energised when plan, bench or prompts do not fit.
+    """
+    plan, bench = request.plan, request.bench
+    procedure = registry.procedure(plan.procedure)
+    with BenchSession(bench, plan.procedure, request.clock) as session:
+        clock = session.clock
+        operator = Operator(
+            clock, request.answers, interactive=request.interactive, act=session.act
+        )
+        operator.check(all_prompts(procedure, plan, bench))
+        record = RunRecord(request.output, plan.procedure, plan.dut.serial, clock)
+        outcome = Outcome(record.path)
+        expected_s = procedure.duration_s(plan.parameters)
+        with Progress(expected_s, quiet=request.quiet) as progress:
+            progress.say(f"{procedure.title}: {plan.dut.model} {plan.dut.serial}")
+            progress.say(f"bench {bench.name}, about {span(expected_s)}; recorded in {record.path}")
+            write_head(record, plan, bench, clock)
+            run = Run(plan, bench, clock, record, progress, operator)
+            _walk(run, procedure, session.addresses, outcome)
+    _evaluate(record, outcome)
+    record.seal()
+    return outcome
+
+
+def all_prompts(procedure: Procedure, plan: Plan, bench: Bench) -> list[Prompt]:
+    """Return every prompt a run may show: the procedure's own and those of its drivers."""
+    prompts = list(procedure.prompts(plan.parameters))
+    for name in procedure.instruments(plan.parameters):
+        if name in bench.instruments:
+            driver = registry.load(registry.DRIVERS, bench.instruments[name].driver)
+            asked: Mapping[str, str] = getattr(driver, "prompts", {})
+            prompts.extend(Prompt(prompt_id, text) for prompt_id, text in asked.items())
+    return prompts
+
+
+def write_head(record: RunRecord, plan: Plan, bench: Bench, clock: Clock) -> None:
+    """Write what the run was asked to do, before it does anything."""
+    record.write_text("plan.yaml", plan.text)
+    record.write_text("bench.yaml", bench.text)
+    record.write_json(
+        RUN,
+        {
+            "started_utc": utc_now().isoformat(timespec="seconds"),
+            "clock": type(clock).__name__,
+            **versions(),
+        },
+    )
+
+
+def _walk(run: Run, procedure: Procedure, addresses: Mapping[str, str], outcome: Outcome) -> None:
+    """Open the bench, do every step, and bring the bench to rest; the outcome says how it went."""
+    found: dict[str, Found] = {}
+    with run.clock.participant("run"), AbortSignals(run.clock) as signals:
+        try:
+            needed = procedure.instruments(run.parameters)
+            found = open_instruments(run.bench, needed, addresses, run.clock, run.ask)
+            run.instruments = {name: one.instrument for name, one in found.items()}
+            for name, one in found.items():
+                run.record.event("identified", instrument=name, **vars(one.identity))
+            for step in procedure.steps:
+                run.do(step)
+            outcome.exit_code = 0
+        except StationError as error:
+            _failed(run, outcome, error, error.exit_code)
+        except Exception as error:  # a bug in a step must still leave a safe bench
+            _failed(run, outcome, error, EXIT_FAULT)
+        finally:
+            signals.hold()
+            outcome.safe = make_bench_safe(run.instruments, run.bench.safe_order(), run.clock)
+            run.record.event("safe-state", outcomes=[one.to_data() for one in outcome.safe])
+            for one in found.values():
+                one.instrument.close()
+            run.record.event("run-ended", complete=outcome.error is None)
+            run.record.close()
+    if outcome.unsafe:
+        outcome.exit_code = EXIT_FAULT
+
+
+def _failed(run: Run, outcome: Outcome, error: Exception, exit_code: int) -> None:
+    known = isinstance(error, StationError)
+    outcome.error = str(error) if known else f"a fault of the program: {error!r}"
+    outcome.exit_code = exit_code
+    trace = "".join(traceback.format_exception(error))
+    run.record.event("failed", message=outcome.error, exit_code=exit_code, traceback=trace)
+
+
+def _evaluate(record: RunRecord, outcome: Outcome) -> None:
+    """Analyse a run that went through its steps, from what is on disk."""
+    if outcome.error is not None:
+        return
+    try:
+        outcome.document = conclude_run(record.path)
+    except InputError as error:
+        outcome.error, outcome.exit_code = str(error), error.exit_code
+        return
+    if outcome.exit_code == 0:
+        outcome.exit_code = exit_code_of(outcome.document)

@@ -1,0 +1,50 @@
+"""A person's wish to end the run: Ctrl-C, a terminal that closes, a polite kill."""
+
+from __future__ import annotations
+
+import signal
+import sys
+from types import FrameType, TracebackType
+from typing import Any
+
+from station.clock import Clock
+from station.errors import Aborted
+
+WISHES = ("SIGINT", "SIGTERM", "SIGHUP")
+
+
+class AbortSignals:
+    """End the run at its next wait; once the bench is being made safe, say so and go on."""
+
+    def __init__(self, clock: Clock) -> None:
+        self._clock = clock
+        self._making_safe = False
+        self._before: dict[int, Any] = {}
+
+    def __enter__(self) -> AbortSignals:
+        for name in WISHES:
+            if hasattr(signal, name):  # SIGHUP is unknown on Windows
+                number = getattr(signal, name)
+                self._before[number] = signal.signal(number, self._heard)
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        for number, handler in self._before.items():
+            signal.signal(number, handler)
+
+    def hold(self) -> None:
+        """From now on the bench is made safe: no wish interrupts that."""
+        self._making_safe = True
+        self._clock.interrupt(None)
+
+    def _heard(self, number: int, frame: FrameType | None) -> None:
+        name = signal.Signals(number).name
+        if self._making_safe:
+            sys.stderr.write(f"\n{name}: the bench is being made safe; that is never skipped\n")
+            return
+        self._clock.interrupt(Aborted(f"the run was ended by {name}"))

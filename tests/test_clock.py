@@ -1,0 +1,219 @@
+"""The virtual clock keeps one order, loses no time, and names who hangs."""
+
+from __future__ import annotations
+
+import socket
+import threading
+
+import pytest
+
+from station.clock import ClockError, ClockStopped, RealClock, VirtualClock
+from station.clock import watchdog as watchdog_module
+
+
+def test_time_jumps_to_the_earliest_sleeper_in_a_fixed_order() -> None:
+    orders = set()
+    for _ in range(50):
+        clock = VirtualClock()
+        seen: list[tuple[str, float]] = []
+
+        def sleeper(name: str, clock: VirtualClock = clock, seen: list = seen) -> None:
+            for _ in range(5):
+                clock.sleep(0.5)
+                seen.append((name, clock.now()))
+
+        with clock.participant("run"):
+            threads = [clock.start(name, lambda n=name: sleeper(n)) for name in "dbca"]
+            clock.sleep(10.0)
+        for thread in threads:
+            thread.join(5.0)
+        clock.stop()
+        orders.add(tuple(seen))
+    assert len(orders) == 1
+    assert [name for name, _ in seen[:4]] == ["a", "b", "c", "d"]
+    assert clock.now() == 10.0
+
+
+def test_a_thread_outside_time_may_not_sleep() -> None:
+    clock = VirtualClock()
+    with pytest.raises(ClockError, match=r"takes no part in time"):
+        clock.sleep(1.0)
+
+
+def test_stop_ends_started_threads_quietly() -> None:
+    clock = VirtualClock()
+    ended: list[str] = []
+
+    def body() -> None:
+        try:
+            while True:
+                clock.sleep(1.0)
+        except ClockStopped:
+            ended.append("stopped")
+            raise
+
+    with clock.participant("run"):
+        thread = clock.start("device", body)
+        clock.sleep(3.5)
+        clock.stop()
+        thread.join(5.0)
+    assert ended == ["stopped"]
+    assert not thread.alive
+
+
+def echo_server(clock: VirtualClock, latency_s: float) -> tuple[int, threading.Thread]:
+    """Serve one client on loopback: answers each line after `latency_s`; `silent` gets nothing."""
+    listener = socket.create_server(("127.0.0.1", 0))
+    port = listener.getsockname()[1]
+    wire = clock.wire(f"127.0.0.1:{port}")
+
+    def serve() -> None:
+        connection, _ = listener.accept()
+        with connection, listener:
+            while data := connection.recv(4096):
+                with wire.serving(len(data)):
+                    if data != b"silent\n":
+                        clock.sleep(latency_s)
+                        connection.sendall(data)
+                        wire.answered(len(data))
+
+    thread = threading.Thread(target=serve, daemon=True)
+    thread.start()
+    return port, thread
+
+
+def ask(client: socket.socket, wire, clock, text: bytes, deadline_s: float) -> bytes | None:
+    wire.sent(len(text))
+    client.sendall(text)
+    if not wire.wait(clock.now() + deadline_s):
+        return None
+    data = client.recv(4096)
+    wire.received()
+    return data
+
+
+def test_an_exchange_takes_the_servers_latency_and_no_more() -> None:
+    clock = VirtualClock()
+    port, thread = echo_server(clock, latency_s=0.02)
+    wire = clock.wire(f"127.0.0.1:{port}")
+    with socket.create_connection(("127.0.0.1", port)) as client, clock.participant("run"):
+        wire.open()
+        ticks = []
+
+        def ticker() -> None:
+            while True:
+                clock.sleep(0.013)
+                ticks.append(clock.now())
+
+        clock.start("ticker", ticker)
+        for _ in range(100):
+            assert ask(client, wire, clock, b"hello\n", 0.5) == b"hello\n"
+        assert clock.now() == pytest.approx(2.0)
+        assert len(ticks) == int(2.0 / 0.013)
+        wire.close()
+        clock.stop()
+    thread.join(5.0)
+
+
+def test_a_silent_instrument_costs_its_deadline_on_the_runs_clock() -> None:
+    clock = VirtualClock()
+    port, thread = echo_server(clock, latency_s=0.0)
+    wire = clock.wire(f"127.0.0.1:{port}")
+    with socket.create_connection(("127.0.0.1", port)) as client, clock.participant("run"):
+        wire.open()
+        assert ask(client, wire, clock, b"silent\n", 0.5) is None
+        assert clock.now() == 0.5
+        assert ask(client, wire, clock, b"again\n", 0.5) == b"again\n"
+        wire.close()
+    clock.stop()
+    thread.join(5.0)
+
+
+def test_a_write_without_answer_is_served_before_time_moves() -> None:
+    clock = VirtualClock()
+    listener = socket.create_server(("127.0.0.1", 0))
+    port = listener.getsockname()[1]
+    wire = clock.wire(f"127.0.0.1:{port}")
+    times: list[float] = []
+
+    def serve() -> None:
+        connection, _ = listener.accept()
+        with connection, listener:
+            while data := connection.recv(1):
+                with wire.serving(len(data)):
+                    times.append(clock.now())
+
+    thread = threading.Thread(target=serve, daemon=True)
+    thread.start()
+    with socket.create_connection(("127.0.0.1", port)) as client, clock.participant("run"):
+        wire.open()
+        for _ in range(20):
+            wire.sent(1)
+            client.sendall(b"x")
+            clock.sleep(1.0)
+        wire.close()
+    clock.stop()
+    thread.join(5.0)
+    assert times == [float(second) for second in range(20)]
+
+
+def test_a_lock_is_waited_for_without_holding_time() -> None:
+    clock = VirtualClock()
+    lock = clock.lock("supply")
+    seen: list[tuple[str, float]] = []
+
+    def second() -> None:
+        clock.sleep(1.0)
+        with lock:
+            seen.append(("second", clock.now()))
+
+    with clock.participant("run"):
+        thread = clock.start("second", second)
+        with lock:
+            clock.sleep(5.0)
+            seen.append(("first", clock.now()))
+        clock.sleep(1.0)
+    thread.join(5.0)
+    clock.stop()
+    assert seen == [("first", 5.0), ("second", 5.0)]
+
+
+def test_a_deadlock_is_an_error_that_names_the_waiting_threads(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(watchdog_module, "HANGS_AFTER_S", 0.6)
+    monkeypatch.setattr(watchdog_module, "LOOKS_EVERY_S", 0.1)
+    clock = VirtualClock()
+    first, second = clock.lock("the gaussmeter"), clock.lock("the supply")
+
+    def crosswise() -> None:
+        with second:
+            clock.sleep(1.0)
+            with first:
+                pass
+
+    with clock.participant("run"), pytest.raises(ClockError) as caught:
+        thread = clock.start("interlocks", crosswise)
+        with first:
+            clock.sleep(2.0)
+            with second:
+                pass
+    assert "interlocks" in str(caught.value)
+    assert "the gaussmeter" in str(caught.value)
+    assert "the supply" in str(caught.value)
+    with pytest.raises(ClockError, match="time stands still"):
+        thread.join(5.0)
+
+
+def test_an_interruption_ends_the_main_sleep() -> None:
+    for clock in (VirtualClock(), RealClock()):
+        clock.interrupt(KeyboardInterrupt())
+        with clock.participant("run"), pytest.raises(KeyboardInterrupt):
+            clock.sleep(3600.0)
+        clock.stop()
+
+
+def test_a_faster_clock_runs_faster_than_the_real_one() -> None:
+    real, fast = RealClock(), RealClock(speed=50.0)
+    real.sleep(0.1)
+    assert fast.now() > 10 * real.now()
