@@ -54,10 +54,12 @@ class Case:
 
     @property
     def samples(self) -> int:
+        """Number of samples of the record."""
         return round(self.cycles / self.frequency_Hz / self.interval_s)
 
     @property
     def bound(self) -> float:
+        """Cramer-Rao bound of the sensitivity in deg/h/mT."""
         tau, f = self.interval_s, self.frequency_Hz
         walk = self.rate_walk_deg_per_h_per_sqrt_h / 60.0
         density = (60.0 * self.random_walk_deg_per_sqrt_h) ** 2 / tau
@@ -96,14 +98,11 @@ CASES = (
 )
 
 
-def noise(case: Case, generator: np.random.Generator, field_mT: Array) -> tuple[Array, Array]:
-    """Return interval middles and the output with everything but first-order sensitivity to a sine.
-
-    `field_mT` is the interval mean of the first-order response times 1, second order included.
-    """
+def output(case: Case, generator: np.random.Generator, response_deg_per_h: Array) -> Array:
+    """Return the gyro's output: interval means of earth rate, response, noise, drift; counted."""
     count, tau = case.samples, case.interval_s
     time_s = (np.arange(count) + 0.5) * tau
-    rate = EARTH_DEG_PER_H + field_mT
+    rate = EARTH_DEG_PER_H + response_deg_per_h
     white = 60.0 * case.random_walk_deg_per_sqrt_h / np.sqrt(tau)
     rate = rate + white * generator.standard_normal(count)
     walk = case.rate_walk_deg_per_h_per_sqrt_h / 60.0 * np.sqrt(tau)
@@ -114,7 +113,7 @@ def noise(case: Case, generator: np.random.Generator, field_mT: Array) -> tuple[
         # 1 deg/h is 1 arcsec/s: the angle in arcsec is the sum of rate times interval.
         angle = np.concatenate(([0.0], np.cumsum(rate) * tau)) / case.pulse_arcsec
         rate = np.diff(np.floor(angle + generator.random())) * case.pulse_arcsec / tau
-    return time_s, rate
+    return rate
 
 
 def recorded(case: Case, seed: int) -> Segment:
@@ -129,13 +128,13 @@ def recorded(case: Case, seed: int) -> Segment:
     response = case.sensitivity * (ambient + wave * np.sinc(f * tau))
     second = ambient**2 + size**2 / 2 + 2.0 * ambient * wave * np.sinc(f * tau)
     second = second - size**2 / 2 * np.cos(2.0 * angle) * np.sinc(2.0 * f * tau)
-    time_s, rate = noise(case, generator, response + case.quadratic * second)
+    rate = output(case, generator, response + case.quadratic * second)
     field = AMBIENT_MT + np.outer(wave, [1.0, 0.003, -0.004])
     field = field + FIELD_NOISE_MT * generator.standard_normal((count, 3))
     return Segment(
         drive={"IA": Drive(f, size)},
         sample_interval_s=tau,
-        time_s=time_s,
+        time_s=middle_s,
         rate_deg_per_h=rate,
         quantum_deg_per_h=case.pulse_arcsec / tau,
         field_time_s=middle_s,
@@ -150,7 +149,7 @@ def on_off(case: Case, seed: int) -> float:
     on = np.arange(case.samples) >= case.samples // 2
     field = case.amplitude_mT * on
     second = (AMBIENT_MT[0] + field) ** 2
-    _, rate = noise(case, generator, case.sensitivity * field + case.quadratic * second)
+    rate = output(case, generator, case.sensitivity * field + case.quadratic * second)
     return float((rate[on].mean() - rate[~on].mean()) / case.amplitude_mT)
 
 

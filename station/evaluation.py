@@ -84,23 +84,25 @@ def flags_of_run(folder: RunFolder, bench: Bench) -> list[Flag]:
     return flags
 
 
-def conclude_run(path: Path) -> ResultDocument:
-    """Evaluate a run for the first time: results and report, and revision 000 of them."""
+def conclude_run(path: Path, *, report: bool = True) -> ResultDocument:
+    """Evaluate a run for the first time: revision 000, and its copies at the top of the folder."""
     folder = RunFolder(path)
-    document = write_revision(folder, folder.new_revision())
+    revision = folder.new_revision()
+    document = write_revision(folder, revision, report=report)
     for name in (RESULTS, REPORT):
-        first = path / "revisions" / "000" / name
-        (path / name).write_bytes(first.read_bytes())
+        if (revision / name).is_file():
+            (path / name).write_bytes((revision / name).read_bytes())
     return document
 
 
-def write_revision(folder: RunFolder, place: Path) -> ResultDocument:
-    """Evaluate a run into `place`: results, report and a manifest of both."""
-    from station.report.run_report import report_of_run
-
+def write_revision(folder: RunFolder, place: Path, *, report: bool = True) -> ResultDocument:
+    """Evaluate a run into `place`: results, a report where it is wanted, a manifest of both."""
     document, findings = evaluate_run(folder)
     write_results(place, document)
-    (place / REPORT).write_text(report_of_run(folder, document, findings), encoding="utf-8")
+    if report:
+        from station.report.run_report import report_of_run
+
+        (place / REPORT).write_text(report_of_run(folder, document, findings), encoding="utf-8")
     write_manifest(place)
     return document
 

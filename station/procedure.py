@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from station.fields import StrictModel
     from station.record.folder import RunFolder
     from station.report.parts import Part
-    from station.results import Findings
+    from station.results import Findings, ResultDocument
     from station.run import Run
 
 
@@ -67,7 +67,7 @@ class Procedure:
     instruments(parameters): the bench instances it needs; prompts(parameters): what it may ask;
     check(parameters, bench): every reason why this plan cannot run on this bench;
     evaluate_run / evaluate_dataset: recorded or imported data to findings;
-    report(findings, limits): plots and tables of its own.
+    report(findings, document): plots and tables of its own; assumptions: what its numbers do not say.
     """
 
     name: str
@@ -81,7 +81,8 @@ class Procedure:
     check: Callable[[Any, Bench], Iterator[Problem]]
     evaluate_run: Callable[[RunFolder, Any, Bench], Findings]
     evaluate_dataset: Callable[[RawDataset], Findings]
-    report: Callable[..., Sequence[Part]]
+    report: Callable[[Findings, ResultDocument], Sequence[Part]]
+    assumptions: tuple[str, ...] = ()
 
     def step(self, number: str) -> Step:
         """Return the step with the source document's number."""

@@ -39,7 +39,7 @@ class Request:
     answers: Mapping[str, str] = field(default_factory=dict)
     interactive: bool = False
     quiet: bool = False
-    clock: Clock | None = None
+    report: bool = True
 
 
 @dataclass
@@ -64,9 +64,9 @@ class BenchSession:
     `addresses` are those of simulated instruments; `act` does a physical act in their world.
     """
 
-    def __init__(self, bench: Bench, procedure: str | None, clock: Clock | None = None) -> None:
+    def __init__(self, bench: Bench, procedure: str | None) -> None:
         simulated = bench.simulation is not None
-        self.clock = clock or (VirtualClock() if simulated else RealClock())
+        self.clock: Clock = VirtualClock() if simulated else RealClock()
         self._simulation = None
         self.addresses: dict[str, str] = {}
         self.act: Callable[[str], str] | None = None
@@ -99,7 +99,7 @@ def execute(request: Request) -> Outcome:
     """
     plan, bench = request.plan, request.bench
     procedure = registry.procedure(plan.procedure)
-    with BenchSession(bench, plan.procedure, request.clock) as session:
+    with BenchSession(bench, plan.procedure) as session:
         clock = session.clock
         operator = Operator(
             clock, request.answers, interactive=request.interactive, act=session.act
@@ -114,7 +114,7 @@ def execute(request: Request) -> Outcome:
             write_head(record, plan, bench, clock)
             run = Run(plan, bench, clock, record, progress, operator)
             _walk(run, procedure, session.addresses, outcome)
-    _evaluate(record, outcome)
+    _evaluate(record, outcome, report=request.report)
     record.seal()
     return outcome
 
@@ -181,12 +181,12 @@ def _failed(run: Run, outcome: Outcome, error: Exception, exit_code: int) -> Non
     run.record.event("failed", message=outcome.error, exit_code=exit_code, traceback=trace)
 
 
-def _evaluate(record: RunRecord, outcome: Outcome) -> None:
+def _evaluate(record: RunRecord, outcome: Outcome, *, report: bool) -> None:
     """Analyse a run that went through its steps, from what is on disk."""
     if outcome.error is not None:
         return
     try:
-        outcome.document = conclude_run(record.path)
+        outcome.document = conclude_run(record.path, report=report)
     except InputError as error:
         outcome.error, outcome.exit_code = str(error), error.exit_code
         return

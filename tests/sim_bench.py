@@ -11,6 +11,9 @@ from threading import Thread
 from types import TracebackType
 from typing import Any
 
+import cantools
+import numpy as np
+
 from sim_instruments.bench import SimulatedBench
 from sim_instruments.can_pulse_board import CanPulseBoard
 from sim_instruments.kepco_bop import KepcoBop
@@ -224,9 +227,14 @@ class Frames:
     ) -> int:
         """Send a command and return the result in its acknowledgement."""
         data = struct.pack("<BBIH", command, mask, round(interval_ms * 10), ticket)
+        before = len(self.of(0x101))
         self.send(0x100, data)
-        self._clock.sleep(1e-3)
-        return self.of(0x101)[-1][1]
+        for _ in range(3000):
+            self._clock.sleep(1e-3)
+            acknowledgements = self.of(0x101)
+            if len(acknowledgements) > before:
+                return acknowledgements[-1][1]
+        raise AssertionError(f"no acknowledgement of command {command}")
 
     def send(self, identifier: int, data: bytes) -> None:
         """Send one frame."""
@@ -266,3 +274,15 @@ class Frames:
         trace: TracebackType | None,
     ) -> None:
         self.close()
+
+
+def decoder(bench: SimulatedBench) -> Any:
+    """Return the message file of the pulse board, read by cantools."""
+    return cantools.database.load_file(bench.instruments["gyro_acquisition"]["dbc"])
+
+
+def counts(board: Frames, bench: SimulatedBench) -> np.ndarray:
+    """Return sequence, counts and temperature of every frame of channel 1, one row each."""
+    database = decoder(bench)
+    decoded = [database.decode_message(0x121, data) for data in board.of(0x121)]
+    return np.array([[one["sequence"], one["counts"], one["temperature"]] for one in decoded])

@@ -157,6 +157,25 @@ def test_a_write_without_answer_is_served_before_time_moves() -> None:
     assert times == [float(second) for second in range(20)]
 
 
+def test_two_requests_on_one_wire_are_served_one_after_the_other() -> None:
+    for _ in range(20):
+        clock = VirtualClock()
+        port, thread = echo_server(clock, latency_s=0.01)
+        wire = clock.wire(f"127.0.0.1:{port}")
+        with socket.create_connection(("127.0.0.1", port)) as client, clock.participant("run"):
+            wire.open()
+            for text in (b"first\n", b"second\n"):
+                wire.sent(len(text))
+                client.sendall(text)
+            clock.sleep(1.0)
+            assert client.recv(4096).startswith(b"first\n")
+            wire.received()
+            assert ask(client, wire, clock, b"third\n", 0.5) is not None
+            wire.close()
+        clock.stop()
+        thread.join(5.0)
+
+
 def test_a_lock_is_waited_for_without_holding_time() -> None:
     clock = VirtualClock()
     lock = clock.lock("supply")

@@ -108,7 +108,7 @@ class Periodogram:
 
 
 def periodogram(residuals: Array, index: Index, interval_s: float) -> Periodogram:
-    """Return the periodogram at about twice the natural resolution, for residuals (n,) on a grid."""
+    """Return the periodogram of residuals (n,) on a grid, at twice the natural resolution."""
     places = int(index[-1]) + 1
     length = int(next_fast_len(2 * places, real=True))
     series = np.zeros(length)

@@ -24,7 +24,7 @@ def line_columns(time_s: Array, frequency_Hz: Sequence[float]) -> Array:
 
 
 def phasors(coefficients: Array) -> Complex:
-    """Turn coefficients of a cos, sin pairs into phasors: x = Re(X exp(2 pi j f t)), X = a - j c."""
+    """Turn cos, sin coefficients a, c into phasors X = a - j c: x = Re(X exp(2 pi j f t))."""
     return np.asarray(coefficients[0::2] - 1j * coefficients[1::2], dtype=np.complex128)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from procedures.rlg_magnetic_sensitivity.check import check
 from procedures.rlg_magnetic_sensitivity.parameters import RlgParameters
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     from station.record.folder import RunFolder
     from station.report.parts import Part
-    from station.results import Findings
+    from station.results import Findings, ResultDocument
 
 
 def evaluate_run(folder: RunFolder, parameters: RlgParameters, bench: Bench) -> Findings:
@@ -33,11 +33,11 @@ def evaluate_dataset(raw: RawDataset) -> Findings:
     return findings_of_dataset(raw)
 
 
-def report(findings: Findings, **context: Any) -> Sequence[Part]:
+def report(findings: Findings, document: ResultDocument) -> Sequence[Part]:
     """Return the plots and tables of this procedure."""
     from procedures.rlg_magnetic_sensitivity.figures import draw_parts
 
-    return draw_parts(findings.detail, **context)
+    return draw_parts(findings.detail, document.results)
 
 
 PROCEDURE = Procedure(
@@ -54,4 +54,14 @@ PROCEDURE = Procedure(
     evaluate_run=evaluate_run,
     evaluate_dataset=evaluate_dataset,
     report=report,
+    assumptions=(
+        "The probe's axes stand along the coils' normals and the gyro's axes along both; what they "
+        "differ is in the results as far as the measured cross components tell it.",
+        "The field is measured beside the gyro, not in it; the coil's homogeneity over that "
+        "distance is covered only as far as the gaussmeter's record in the bench file covers it.",
+        "A magnetic shield of the gyro is part of the gyro: the sensitivity is that to the outer "
+        "field at the drive frequency.",
+        "The sensitivity is signed, positive when the output rises with the field along the "
+        "positive axis. The published rule gives its magnitude only.",
+    ),
 )

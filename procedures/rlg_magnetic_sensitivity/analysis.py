@@ -88,8 +88,10 @@ def _observe(
     segment: Segment, field: FieldFit, settings: AnalysisSettings, reasons: dict[str, str]
 ) -> Observed | None:
     """Fit the gyro at the lines that it can resolve; note why the others cannot be used."""
-    problems = [line.problem or _unresolved(segment, k, field, settings) for k, line in
-                enumerate(field.lines)]
+    problems = [
+        line.problem or _unresolved(segment, k, field, settings)
+        for k, line in enumerate(field.lines)
+    ]
     chosen = [k for k in range(len(field.lines)) if _worth_fitting(segment, field, k)]
     usable = [problems[k] is None for k in chosen]
     gyro: GyroFit | None = None
@@ -140,8 +142,7 @@ def _worth_fitting(segment: Segment, field: FieldFit, k: int) -> bool:
     frequency_Hz = field.lines[k].frequency_Hz
     resolved = 1.0 / max(_span_s(segment), 1e-9) < frequency_Hz
     apart = all(
-        abs(frequency_Hz - field.lines[j].frequency_Hz) * _span_s(segment) >= 1.0
-        for j in range(k)
+        abs(frequency_Hz - field.lines[j].frequency_Hz) * _span_s(segment) >= 1.0 for j in range(k)
     )
     return resolved and apart and frequency_Hz * segment.sample_interval_s < 0.49
 
@@ -171,9 +172,7 @@ def _published(dataset: RlgDataset, driven: Sequence[str]) -> tuple[Published, .
     return tuple(published_value(first[axis], axis) for axis in driven)
 
 
-def _segment_detail(
-    segment: Segment, field: FieldFit, observed: Observed | None
-) -> SegmentDetail:
+def _segment_detail(segment: Segment, field: FieldFit, observed: Observed | None) -> SegmentDetail:
     axes = tuple(a for a in AXES if a in segment.drive)
     frequency_Hz, amplitude = plotted_spectrum(segment)
     blank = np.full(len(segment.time_s), np.nan)
@@ -260,9 +259,7 @@ def _line(
         quadrature=left.quadrature if tested and left is not None else None,
         quadrature_uncertainty=left.quadrature_uncertainty if tested and left else None,
         quadratic=float(response.quadratic[a]) if has_quadratic else None,
-        quadratic_uncertainty=(
-            float(response.quadratic_uncertainty[a]) if has_quadratic else None
-        ),
+        quadratic_uncertainty=(float(response.quadratic_uncertainty[a]) if has_quadratic else None),
         quadratic_corrected=bool(response.quadratic_corrected[a]) if known else False,
         significance=abs(value) / u if value is not None and u else None,
         upper_bound=bound,

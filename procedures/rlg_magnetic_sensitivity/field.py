@@ -74,8 +74,9 @@ def fit_field(segment: Segment, middle_s: float) -> FieldFit:
         lines = tuple(_empty(axes, f, reason) for axes, f in groups)
         return FieldFit(lines, ambient, 0)
     frequencies, uncertainties, kept = _frequencies(groups, time_s, field_mT)
-    time_s, rejected = time_s[kept], int((~kept).sum())
-    return _linear_fit(segment, groups, frequencies, uncertainties, time_s, field_mT[kept], rejected)
+    rejected = int((~kept).sum())
+    found = frequencies, uncertainties
+    return _linear_fit(segment, groups, *found, time_s[kept], field_mT[kept], rejected)
 
 
 def _groups(segment: Segment) -> list[tuple[tuple[str, ...], float]]:
@@ -110,9 +111,7 @@ def _frequencies(
         frequencies[k] = coarse_frequency(time_s, clipped[:, parts[k]], commanded, reach_Hz)
     uncertainties = [0.0] * len(groups)
     for k, part in enumerate(parts):
-        frequencies[k], _ = refine_frequency(
-            time_s, clipped[:, part], frequencies, k, _DRIFT_ORDER
-        )
+        frequencies[k], _ = refine_frequency(time_s, clipped[:, part], frequencies, k, _DRIFT_ORDER)
     design = np.hstack((_drift(time_s), line_columns(time_s, frequencies)))
     kept = np.ones(len(time_s), dtype=bool)
     for a in range(3):

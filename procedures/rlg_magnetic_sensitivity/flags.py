@@ -13,14 +13,12 @@ from .findings import AnalysisSettings, Estimate, Flag, LineDetail, SegmentDetai
 from .published import missing_rows
 
 
-def record_flags(
-    segment: Segment, detail: SegmentDetail, settings: AnalysisSettings
-) -> list[Flag]:
+def record_flags(segment: Segment, detail: SegmentDetail, settings: AnalysisSettings) -> list[Flag]:
     """Return the flags of one segment's record and of the model fitted to it."""
     axis = detail.axes[0] if len(detail.axes) == 1 else None
     named = " and ".join(detail.axes)
     flags: list[Flag] = []
-    rejected = int(np.sum(~detail.kept)) if detail.drift_order >= 0 else 0
+    rejected = int(np.sum(~detail.kept))
     if rejected:
         flags.append(
             Flag(
@@ -32,9 +30,7 @@ def record_flags(
             )
         )
     flags += _gap(segment, axis, named, settings)
-    if abs(detail.lag_one_correlation) > settings.model_too_stiff > 0.0 and (
-        detail.lag_one_correlation > 0.0
-    ):
+    if detail.lag_one_correlation > settings.model_too_stiff:
         flags.append(
             Flag(
                 "model-too-stiff",
@@ -57,9 +53,7 @@ def record_flags(
     return flags
 
 
-def _gap(
-    segment: Segment, axis: str | None, named: str, settings: AnalysisSettings
-) -> list[Flag]:
+def _gap(segment: Segment, axis: str | None, named: str, settings: AnalysisSettings) -> list[Flag]:
     steps = np.diff(segment.time_s)
     long = steps > settings.gap * segment.sample_interval_s
     gaps = int(np.sum(long))
@@ -72,7 +66,9 @@ def _gap(
         f"{largest_s:g} s for a nominal interval of {segment.sample_interval_s:g} s; the fit uses "
         "the time stamps"
     )
-    message += ", the published formula needs an unbroken row and was not evaluated." if missing else "."
+    if missing:
+        message += ", the published formula needs an unbroken row and was not evaluated"
+    message += "."
     details = {"missing_samples": missing, "longest_s": largest_s}
     return [Flag("gap", axis, message, count=gaps, details=details)]
 

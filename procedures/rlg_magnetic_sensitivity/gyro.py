@@ -186,6 +186,6 @@ def fit_gyro(
 
 def _line_slots(frequencies: Sequence[float], extra: list[float]) -> list[int | None]:
     slots: list[int | None] = list(range(len(frequencies)))
-    for f in frequencies:
-        slots.append(len(frequencies) + extra.index(2.0 * f) if 2.0 * f in extra else None)
-    return slots
+    first = len(frequencies)
+    doubles = [2.0 * f for f in frequencies]
+    return slots + [first + extra.index(f) if f in extra else None for f in doubles]

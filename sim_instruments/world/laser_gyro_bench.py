@@ -92,6 +92,8 @@ class LaserGyroBench:
             if prompt_id == "mount":
                 self.mounted = True
                 return "The simulated gyro stands in the middle of the coils, IA NA LA along x y z."
+            if prompt_id == "connect-cables":
+                return "The simulated cables were in place."
             if prompt_id == "dut-power-on":
                 self.power_gyro(time_s, True)
                 return "The simulated gyro was switched on and warms up."
@@ -100,7 +102,7 @@ class LaserGyroBench:
                 return "The simulated gyro was switched off."
         raise SimulationError(
             f"the simulated world does not know the act '{prompt_id}' "
-            "(it knows: mount, dut-power-on, dut-power-off)"
+            "(it knows: mount, connect-cables, dut-power-on, dut-power-off)"
         )
 
     def _mean_currents(self, edges_s: Array) -> Array:

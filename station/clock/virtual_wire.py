@@ -24,6 +24,7 @@ class VirtualWire(Wire):
         self._turns = turns
         self._address = address
         self._open = False
+        self._busy = False
         self._to_server = 0
         self._in_stream = 0
         self._answered = 0
@@ -39,7 +40,7 @@ class VirtualWire(Wire):
         """Forget what was in flight: the client is gone."""
         with self._turns.mutex:
             self._open = False
-            self._turns.in_flight -= self._to_server + self._in_stream
+            self._turns.in_flight -= self._unread() + self._in_stream
             self._to_server = self._in_stream = self._answered = 0
             self._sequences.clear()
             self._turns.pass_on()
@@ -49,7 +50,7 @@ class VirtualWire(Wire):
         with self._turns.mutex:
             if self._open:
                 self._to_server += units
-                self._turns.in_flight += units
+                self._turns.in_flight += 0 if self._busy else units
                 self._sequences.append(self._turns.next_sequence())
 
     def wait(self, deadline_s: float) -> bool:
@@ -85,12 +86,25 @@ class VirtualWire(Wire):
             sequence = self._sequences.popleft() if self._sequences else self._turns.next_sequence()
             server = Participant(self._address, (0, sequence, ""), stoppable=True)
             self._turns.park(server, self._turns.now, "about to serve a request", event_came=True)
-            taken = min(units, self._to_server)
-            self._to_server -= taken
-            self._turns.in_flight -= taken
+            # What else lies on the wire can only be read when this request is done, so it must
+            # not keep the turn from being passed on until then.
+            self._turns.in_flight -= self._unread()
+            self._busy = True
+            self._to_server -= min(units, self._to_server)
+            if not self._to_server:
+                self._sequences.clear()
             self._turns.pass_on()
         with self._clock.joined(server, parked=True):
-            yield
+            try:
+                yield
+            finally:
+                with self._turns.mutex:
+                    self._busy = False
+                    self._turns.in_flight += self._unread()
+
+    def _unread(self) -> int:
+        """Return what the server could read now; nothing while it is busy with a request."""
+        return 0 if self._busy else self._to_server
 
     def answered(self, units: int) -> None:
         """Count an answer of `units` that was written to the client."""

@@ -1,0 +1,50 @@
+"""How much faster than the bench a run on the simulated bench is; one JSON line a run.
+
+    python benchmarks/run_time.py --plan rlg-magnetic-sensitivity --runs 3
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import tempfile
+import time
+from pathlib import Path
+
+from station import registry
+from station.bench import read_bench
+from station.lookup import BENCHES, PLANS, find
+from station.plan import read_plan
+from station.record.folder import RunFolder
+from station.runner import Request, execute
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--plan", default="rlg-magnetic-sensitivity")
+    parser.add_argument("--bench", default="sim")
+    parser.add_argument("--runs", type=int, default=3)
+    arguments = parser.parse_args()
+    for number in range(arguments.runs):
+        with tempfile.TemporaryDirectory() as parent:
+            plan = read_plan(find(PLANS, arguments.plan), registry.Procedures())
+            bench = read_bench(find(BENCHES, arguments.bench), registry.names(registry.DRIVERS))
+            began, worked = time.perf_counter(), time.process_time()
+            outcome = execute(Request(plan, bench, Path(parent), quiet=True))
+            wall_s, cpu_s = time.perf_counter() - began, time.process_time() - worked
+            bench_s = RunFolder(outcome.folder).events[-1].time_s
+        line = {
+            "benchmark": "run_time",
+            "plan": arguments.plan,
+            "run": number,
+            "exit_code": outcome.exit_code,
+            "bench_s": round(bench_s, 3),
+            "wall_s": round(wall_s, 3),
+            "processor_s": round(cpu_s, 3),
+            "bench_time_over_wall_time": round(bench_s / wall_s, 1),
+        }
+        print(json.dumps(line), flush=True)
+
+
+if __name__ == "__main__":
+    main()

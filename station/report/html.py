@@ -1,0 +1,263 @@
+"""The report as one HTML page that needs nothing beside it: no script, no link, plots inside."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Mapping, Sequence
+from importlib import resources
+from typing import Any
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup
+
+from station.decision import Decision, Limit
+from station.report.context import ReportContext
+from station.report.numbers import (
+    NOTHING,
+    UNDETERMINED,
+    align_decimals,
+    format_degrees_of_freedom,
+    format_duration,
+    format_like,
+    format_number,
+    format_with_uncertainty,
+    is_numeric_column,
+)
+from station.report.parts import Part, Plot, Table
+from station.results import Published, Result, ResultDocument
+
+BADGES = {
+    "pass": ("✓", "Within limits"),
+    "fail": ("✗", "Outside a limit"),
+    "inconclusive": ("?", "Not decided"),
+    "none": ("–", "No limit asked for"),
+}
+VERDICTS = {
+    "pass": "within",
+    "fail": "outside",
+    "inconclusive": "not decided",
+    "none": "no limit",
+}
+DETAILS = {
+    "conditional-pass": "within, but by less than U",
+    "conditional-fail": "outside, but by less than U",
+    "undetermined": "undetermined",
+}
+RULES = {
+    "simple": "Simple acceptance: the value alone is held against its limit; the uncertainty is "
+    "stated, not taken off (JCGM 106:2012).",
+    "guarded": "Guarded acceptance: the expanded uncertainty U is the guard band, so a pass and a "
+    "fail are each right with a probability of at least 95 % (JCGM 106:2012).",
+}
+
+
+def render_html(document: ResultDocument, context: ReportContext, parts: Sequence[Part]) -> str:
+    """Return the report as one self-contained HTML page; same inputs give the same text."""
+    environment = Environment(
+        loader=PackageLoader("station", "report"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters["minus"] = _minus
+    environment.filters["duration"] = format_duration
+    template = environment.get_template("report.html.j2")
+    css = resources.files("station.report").joinpath("report.css").read_text(encoding="utf-8")
+    return template.render(
+        context=context,
+        document=document,
+        css=Markup(css),  # noqa: S704 - our own file, not anybody's input
+        badge=_badge(document, context),
+        rule=RULES[context.decision_rule] if context.decision_rule else None,
+        results=_result_rows(document.results),
+        published=_published_rows(document),
+        flags=document.flags,
+        parts=[_part(part) for part in parts],
+        budgets=_budgets(document.results),
+        has_guard=any(r.decision.detail in ("conditional-pass", "conditional-fail") for r in document.results),
+    )
+
+
+def _badge(document: ResultDocument, context: ReportContext) -> dict[str, str]:
+    """Return the verdict as a person would say it: mark, words and one sentence why."""
+    mark, words = BADGES[document.verdict]
+    asked = [result for result in document.results if result.limit is not None]
+    inside = sum(result.decision.verdict == "pass" for result in asked)
+    outside = sum(result.decision.verdict == "fail" for result in asked)
+    if not asked:
+        why = "The plan sets no limit; the values stand for themselves."
+    else:
+        undecided = len(asked) - inside - outside
+        counts = [(inside, "within"), (outside, "outside"), (undecided, "undecided")]
+        told = ", ".join(f"{count} {word}" for count, word in counts if count)
+        noun = "result has a limit" if len(asked) == 1 else "results have a limit"
+        why = f"{len(asked)} {noun}: {told}."
+    if not context.bench_safe:
+        why += " The bench's safe state was not verified, so this run cannot pass."
+    return {"verdict": document.verdict, "mark": mark, "words": words, "why": why}
+
+
+def _result_rows(results: Sequence[Result]) -> list[dict[str, str]]:
+    """Return the texts of the results table, decimal points in line within each column."""
+    rows = []
+    for result in results:
+        estimate, combined = result.estimate, result.combined
+        uncertainty = combined.standard_uncertainty if combined else None
+        value, standard = format_with_uncertainty(estimate.value, uncertainty)
+        expanded = combined.expanded_uncertainty if combined else None
+        rows.append({
+            "name": _plain(estimate.name),
+            "axis": estimate.axis or "",
+            "value": value,
+            "u": standard,
+            "k": f"{combined.coverage_factor:.2f}" if combined else NOTHING,
+            "U": format_with_uncertainty(expanded, expanded)[1] if combined else NOTHING,
+            "dof": format_degrees_of_freedom(combined.degrees_of_freedom) if combined else NOTHING,
+            "unit": estimate.unit,
+            "limit": _limit(result.limit),
+            "verdict": result.decision.verdict,
+            "words": _verdict_words(result.decision),
+            "method": estimate.method,
+        })
+    return _aligned(rows, ("value", "u", "k", "U", "dof"))
+
+
+def _published_rows(document: ResultDocument) -> list[dict[str, str]]:
+    """Return the source document's values beside the best ones, with their difference."""
+    best = {(result.estimate.name, result.estimate.axis): result for result in document.results}
+    rows = []
+    for published in document.published:
+        result = best.get((published.name, published.axis))
+        value, difference, in_u, text = None, NOTHING, NOTHING, NOTHING
+        published_text = _published_text(published, result)
+        if result is not None:
+            value = result.estimate.value
+            u = result.combined.standard_uncertainty if result.combined else None
+            text = format_with_uncertainty(value, u)[0]
+            if value is not None and published.value is not None:
+                difference = format_like(published.value - value, text)
+                if u:
+                    in_u = f"{(published.value - value) / u:+.1f}"
+        rows.append({
+            "name": _plain(published.name),
+            "axis": published.axis or "",
+            "published": published_text,
+            "value": text,
+            "difference": difference,
+            "in_u": in_u,
+            "unit": published.unit,
+            "method": published.method,
+        })
+    return _aligned(rows, ("published", "value", "difference", "in_u"))
+
+
+def _published_text(published: Published, result: Result | None) -> str:
+    if published.value is None:
+        return UNDETERMINED
+    if result is None or result.combined is None:
+        return format_number(published.value)
+    return format_with_uncertainty(published.value, result.combined.standard_uncertainty)[0]
+
+
+def _budgets(results: Sequence[Result]) -> list[dict[str, Any]]:
+    """Return for each result its contributions with their share of the variance."""
+    budgets = []
+    for result in results:
+        if result.combined is None:
+            continue
+        variance = result.combined.standard_uncertainty**2
+        rows = [
+            {
+                "description": line.description,
+                "kind": line.kind,
+                "contribution": format_with_uncertainty(line.contribution, line.contribution)[1],
+                "percent": 100.0 * line.contribution**2 / variance if variance else 0.0,
+                "source": line.source,
+            }
+            for line in result.combined.budget
+        ]
+        for row in rows:
+            row["share"] = _share(float(str(row["percent"])))
+        total = format_with_uncertainty(
+            result.estimate.value, result.combined.standard_uncertainty
+        )[1]
+        budgets.append({
+            "name": _plain(result.estimate.name),
+            "axis": result.estimate.axis or "",
+            "unit": result.estimate.unit,
+            "total": total,
+            "rows": _aligned(rows, ("contribution",)),
+        })
+    return budgets
+
+
+def _part(part: Part) -> dict[str, Any]:
+    """Return a part of the procedure as the template draws it."""
+    if isinstance(part, Plot):
+        from station.report.drawing import png_bytes
+
+        image = base64.b64encode(png_bytes(part.figure)).decode("ascii")
+        return {
+            "kind": "plot",
+            "title": part.title,
+            "caption": part.caption,
+            "image": f"data:image/png;base64,{image}",
+        }
+    return {"kind": "table", "title": part.title, "caption": part.caption, **_table(part)}
+
+
+def _table(table: Table) -> dict[str, Any]:
+    columns = [[row[index] for row in table.rows] for index in range(len(table.columns))]
+    numeric = [is_numeric_column(column) for column in columns]
+    aligned = [
+        align_decimals(column) if is_number else column
+        for column, is_number in zip(columns, numeric, strict=True)
+    ]
+    rows = [list(zip(cells, numeric, strict=True)) for cells in zip(*aligned, strict=True)]
+    return {"columns": list(zip(table.columns, numeric, strict=True)), "rows": rows}
+
+
+def _aligned(rows: list[dict[str, Any]], names: Sequence[str]) -> list[dict[str, Any]]:
+    """Return the rows with the named columns padded to one decimal point."""
+    columns: Mapping[str, list[str]] = {
+        name: align_decimals([str(row[name]) for row in rows]) for name in names
+    }
+    return [
+        {**row, **{name: columns[name][index] for name in names}} for index, row in enumerate(rows)
+    ]
+
+
+def _limit(limit: Limit | None) -> str:
+    """Return the limit as a short formula."""
+    if limit is None:
+        return NOTHING
+    texts = []
+    if limit.max_abs is not None:
+        texts.append(f"|value| ≤ {limit.max_abs:g}")
+    if limit.min is not None and limit.max is not None:
+        texts.append(f"{limit.min:g} … {limit.max:g}")
+    elif limit.min is not None:
+        texts.append(f"≥ {limit.min:g}")
+    elif limit.max is not None:
+        texts.append(f"≤ {limit.max:g}")
+    return ", ".join(texts) or NOTHING
+
+
+def _verdict_words(decision: Decision) -> str:
+    if decision.detail is not None:
+        return DETAILS.get(decision.detail, decision.detail)
+    return VERDICTS[decision.verdict]
+
+
+def _share(percent: float) -> str:
+    return f"{percent:.1f}" if percent >= 0.05 or percent == 0 else "< 0.1"
+
+
+def _plain(name: str) -> str:
+    return name.replace("_", " ")
+
+
+def _minus(text: str) -> str:
+    """Return a number's text with a minus sign in place of a hyphen."""
+    return text.replace("-", "−") if text[:1] == "-" else text

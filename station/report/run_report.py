@@ -1,0 +1,136 @@
+"""The report of a run, from its folder alone."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from station import registry
+from station.bench import Bench
+from station.evaluation import read_plan_and_bench, unverified
+from station.fields import to_yaml_data
+from station.record.folder import RunFolder
+from station.report.context import (
+    InstrumentRow,
+    PromptRow,
+    ReportContext,
+    Row,
+    SafeStateRow,
+    StepRow,
+)
+from station.report.html import render_html
+from station.results import Findings, ResultDocument
+
+
+def report_of_run(folder: RunFolder, document: ResultDocument, findings: Findings) -> str:
+    """Return the report of a run as one HTML page."""
+    plan, bench = read_plan_and_bench(folder)
+    procedure = registry.procedure(plan.procedure)
+    facts = folder.run_facts()
+    simulated = bench.simulation is not None
+    context = ReportContext(
+        title=procedure.title,
+        source=procedure.source,
+        started_utc=facts["started_utc"],
+        operator=plan.operator,
+        dut=dut_rows(to_yaml_data(plan.dut)),
+        decision_rule=plan.decision_rule,
+        bench_safe=not unverified(folder),
+        plan_name=plan.title or plan.procedure,
+        parameters=tuple(flat_rows(to_yaml_data(plan.parameters))),
+        bench_name=bench.title or bench.name,
+        simulated=simulated,
+        simulation=simulation_sentences(bench) if simulated else (),
+        instruments=tuple(instrument_rows(folder, bench)),
+        steps=tuple(step_rows(folder)),
+        prompts=tuple(
+            PromptRow(e.details["id"], e.details["text"], e.details["answer"], e.details["by"])
+            for e in folder.events_of("prompt")
+        ),
+        safe_state=tuple(
+            SafeStateRow(one["instrument"], one["verified"], one["read_back"], one["took_s"])
+            for event in folder.events_of("safe-state")
+            for one in event.details["outcomes"]
+        ),
+        assumptions=procedure.assumptions,
+        versions=tuple(version_rows(facts)),
+        reproduce=f"station analyse {folder.path.name} --compare",
+    )
+    parts = procedure.report(findings, document)
+    return render_html(document, context, parts)
+
+
+def dut_rows(dut: Mapping[str, Any]) -> dict[str, str]:
+    """Return what the plan says of the device under test."""
+    return {str(name): str(value) for name, value in dut.items() if value is not None}
+
+
+def flat_rows(data: Mapping[str, Any], before: str = "") -> Iterator[Row]:
+    """Yield nested parameters as rows of dotted name and text."""
+    for name, value in data.items():
+        if isinstance(value, Mapping):
+            yield from flat_rows(value, f"{before}{name}.")
+        elif isinstance(value, list | tuple):
+            yield f"{before}{name}", ", ".join(str(one) for one in value)
+        elif value is not None:
+            yield f"{before}{name}", str(value)
+
+
+def simulation_sentences(bench: Bench) -> tuple[str, ...]:
+    """Return what was simulated, in sentences."""
+    instruments = ", ".join(f"{name} ({entry.driver})" for name, entry in bench.instruments.items())
+    return (
+        f"Every instrument was simulated: {instruments}. Each answered the same driver that a real "
+        "one would, on its own wire protocol.",
+        "The device under test, the coils and their field were computed from the truth that stands "
+        "under `simulation` in the bench file; the analysis does not read it.",
+        "Time was virtual: waiting was skipped, nothing else.",
+        "Physical acts were answered by the simulated world. Certificates and due dates are invented.",
+    )
+
+
+def instrument_rows(folder: RunFolder, bench: Bench) -> Iterator[InstrumentRow]:
+    """Yield each instrument that took part, as it identified itself."""
+    from datetime import date
+
+    run_on = date.fromisoformat(folder.run_facts()["started_utc"][:10])
+    for event in folder.events_of("identified"):
+        name = event.details["instrument"]
+        calibration = bench.instruments[name].calibration
+        yield InstrumentRow(
+            name=name,
+            role=name.split(".")[0].replace("_", " "),
+            model=f"{event.details['maker']} {event.details['model']}".strip(),
+            serial=event.details["serial"],
+            firmware=event.details["firmware"],
+            certificate=(calibration.certificate or "") if calibration else "",
+            due_date=str(calibration.due) if calibration else "",
+            overdue=calibration.overdue(run_on) if calibration else False,
+        )
+
+
+def step_rows(folder: RunFolder) -> Iterator[StepRow]:
+    """Yield each step with its times, finished or not."""
+    finished = {
+        event.details["step"]: event.time_s for event in folder.events_of("step-finished")
+    }
+    for event in folder.events_of("step-started"):
+        number = event.details["step"]
+        ended_s = finished.get(number)
+        yield StepRow(
+            number,
+            event.details["title"],
+            event.time_s,
+            None if ended_s is None else ended_s - event.time_s,
+            "done" if ended_s is not None else "not finished",
+        )
+
+
+def version_rows(facts: Mapping[str, Any]) -> Iterator[Row]:
+    """Yield the software and the computer of a run."""
+    yield "station", str(facts["station"])
+    if facts.get("git_commit"):
+        yield "git commit", str(facts["git_commit"])
+    yield "Python", str(facts["python"])
+    yield from ((name, str(number)) for name, number in facts["packages"].items() if number)
+    yield "computer", f"{facts['host']}, {facts['system']}"

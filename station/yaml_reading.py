@@ -1,0 +1,264 @@
+"""Read YAML strictly, and keep the line and column of everything.
+
+PyYAML splits the text; what a plain word means is decided here by YAML 1.2: `1e-3` is a number,
+`NO`, `yes` and `on` are words, `010` is ten, `12:30` and dates are words. A key that stands twice,
+an anchor, an alias, a merge key and a tag are faults: a plan says what it means in one place.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import yaml
+from yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
+
+from station.faults import Fault, FaultList, dotted
+from station.validation import validate_model
+from station.yaml_text import lookalikes
+
+__all__ = [
+    "Document",
+    "Fault",
+    "FaultList",
+    "Mark",
+    "read_yaml",
+    "read_yaml_text",
+    "validate_model",
+]
+
+Where = tuple[str | int, ...]
+TOP = "top level"
+
+
+@dataclass(frozen=True)
+class Mark:
+    """A place in a file; line and column count from 1."""
+
+    line: int
+    column: int
+
+
+@dataclass(frozen=True)
+class Document:
+    """The data of a YAML file and where each piece stands.
+
+    `positions` maps the path of each value to its place, `key_positions` to that of its key;
+    `scalars` maps the path of each scalar to its characters as written.
+    """
+
+    data: dict[str, Any]
+    path: Path
+    text: str
+    positions: dict[Where, Mark] = field(default_factory=dict)
+    key_positions: dict[Where, Mark] = field(default_factory=dict)
+    scalars: dict[Where, str] = field(default_factory=dict)
+
+    def fault(
+        self, where: Where, what: str, hint: str | None = None, *, at_key: bool = False
+    ) -> Fault:
+        """Return a fault at a path; a path that is not there is placed at what would hold it."""
+        mark = self.key_positions.get(where) if at_key else None
+        present = where
+        while mark is None:
+            mark = self.positions.get(present)
+            if mark is None and not present:
+                mark = Mark(1, 1)
+            present = present[:-1]
+        said = dotted(where) or TOP
+        return Fault(str(self.path), mark.line, mark.column, said, what, hint)
+
+
+# The core schema of YAML 1.2, section 10.3.2, in the order in which it is tried.
+_NULL = re.compile(r"(?:~|null|Null|NULL|)")
+_BOOLEANS = dict.fromkeys(("true", "True", "TRUE"), True) | dict.fromkeys(
+    ("false", "False", "FALSE"), False
+)
+_INTEGER = re.compile(r"[-+]?[0-9]+")
+_OCTAL = re.compile(r"0o[0-7]+")
+_HEXADECIMAL = re.compile(r"0x[0-9a-fA-F]+")
+_FLOAT = re.compile(r"[-+]?(?:\.[0-9]+|[0-9]+(?:\.[0-9]*)?)(?:[eE][-+]?[0-9]+)?")
+_INFINITY = re.compile(r"([-+]?)\.(?:inf|Inf|INF)")
+_NOT_A_NUMBER = re.compile(r"\.(?:nan|NaN|NAN)")
+
+
+def plain_scalar(text: str) -> str | int | float | bool | None:
+    """Return what an unquoted word means in YAML 1.2."""
+    if _NULL.fullmatch(text):
+        return None
+    if text in _BOOLEANS:
+        return _BOOLEANS[text]
+    for pattern, base in ((_INTEGER, 10), (_OCTAL, 8), (_HEXADECIMAL, 16)):
+        if pattern.fullmatch(text) and len(text) < 100:
+            return int(text.replace("0o", "").replace("0x", ""), base)
+    if _FLOAT.fullmatch(text):
+        return float(text)
+    infinite = _INFINITY.fullmatch(text)
+    if infinite:
+        return float(f"{infinite.group(1)}inf")
+    return float("nan") if _NOT_A_NUMBER.fullmatch(text) else text
+
+
+class _Loader(yaml.SafeLoader):
+    """PyYAML up to the tree of nodes, with no opinion on what a word means."""
+
+    yaml_implicit_resolvers: dict[str, Any] = {}  # noqa: RUF012  (PyYAML's own name and kind)
+
+    def __init__(self, text: str, file: str) -> None:
+        super().__init__(text)
+        self.file = file
+        self.refused: list[Fault] = []
+
+    def compose_node(self, parent: Node | None, index: int) -> Node | None:
+        """Compose a node; note what we refuse and go on as if it were not there."""
+        event: Any = self.peek_event()  # type: ignore[no-untyped-call]
+        if isinstance(event, yaml.AliasEvent):
+            self.get_event()  # type: ignore[no-untyped-call]
+            self._refuse(event, f"'*{event.anchor}' is an alias; write the value out")
+            mark: Any = event.start_mark
+            return ScalarNode("", "", mark, mark, style="'")
+        if event.anchor is not None:
+            self._refuse(event, f"'&{event.anchor}' is an anchor; leave it out")
+            event.anchor = None
+        # "!" alone says "text" and is what PyYAML reports for no tag in some releases.
+        if getattr(event, "tag", None) not in (None, "!"):
+            self._refuse(event, f"'{event.tag}' is a tag; leave it out, quotes make text of a word")
+            event.tag = None
+        node: Node | None = super().compose_node(parent, index)
+        return node
+
+    def _refuse(self, event: Any, what: str) -> None:
+        mark = event.start_mark
+        self.refused.append(Fault(self.file, mark.line + 1, mark.column + 1, "YAML", what))
+
+
+class _Builder:
+    """Turns the tree of nodes into data, places and faults."""
+
+    def __init__(self, document: Document) -> None:
+        self.document = document
+        self.faults: list[Fault] = []
+
+    def value(self, node: Node, path: Where) -> Any:
+        self.document.positions[path] = _mark(node)
+        if isinstance(node, MappingNode):
+            return self.mapping(node, path)
+        if isinstance(node, SequenceNode):
+            return [self.value(item, (*path, n)) for n, item in enumerate(node.value)]
+        assert isinstance(node, ScalarNode)
+        self.document.scalars[path] = node.value
+        return plain_scalar(node.value) if node.style is None else node.value
+
+    def mapping(self, node: MappingNode, path: Where) -> dict[str, Any]:
+        data: dict[str, Any] = {}
+        for key_node, value_node in node.value:
+            mark = _mark(key_node)
+            if not isinstance(key_node, ScalarNode) or not key_node.value:
+                self.fault(mark, path, "a key must be a word")
+                continue
+            key = key_node.value
+            if key == "<<" and key_node.style is None:
+                self.fault(mark, path, "'<<' merges mappings; write the keys out")
+                continue
+            here = (*path, key)
+            if key in data:
+                first = self.document.key_positions[here].line
+                self.fault(mark, here, f"the key stands twice, first in line {first}; keep one")
+                continue
+            self.document.key_positions[here] = mark
+            data[key] = self.value(value_node, here)
+        return data
+
+    def fault(self, mark: Mark, path: Where, what: str) -> None:
+        where = dotted(path) or TOP
+        self.faults.append(Fault(str(self.document.path), mark.line, mark.column, where, what))
+
+
+def _mark(node: Node) -> Mark:
+    return Mark(node.start_mark.line + 1, node.start_mark.column + 1)
+
+
+def read_yaml(path: Path) -> Document:
+    """Read a YAML file whose top level is a mapping; UTF-8, with or without byte order mark.
+
+    Raises FaultList with everything that is wrong with the file as YAML.
+    """
+    try:
+        raw = path.read_bytes()
+    except OSError as error:
+        what = f"the file cannot be read: {error.strerror or error}"
+        raise FaultList([Fault(str(path), 1, 1, "file", what)]) from None
+    try:
+        text = raw.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        before = raw[: error.start]
+        column = len(before[before.rfind(b"\n") + 1 :].decode("utf-8", "replace")) + 1
+        what = f"byte 0x{raw[error.start]:02x} is not UTF-8; save the file as UTF-8"
+        line = before.count(b"\n") + 1
+        raise FaultList([Fault(str(path), line, column, "file", what)]) from None
+    return read_yaml_text(text, path)
+
+
+def read_yaml_text(text: str, path: Path) -> Document:
+    """Read YAML from text as `read_yaml` does; `path` names it in faults."""
+    file = str(path)
+    found = [Fault(file, line, column, "YAML", what) for line, column, what in lookalikes(text)]
+    if found:
+        raise FaultList(found)
+    try:
+        loader = _Loader(text, file)
+        node = loader.get_single_node()
+    except yaml.MarkedYAMLError as error:
+        raise FaultList([_syntax_fault(error, file)]) from None
+    except yaml.reader.ReaderError as error:
+        before = text[: error.position]
+        line, column = before.count("\n") + 1, len(before) - before.rfind("\n")
+        what = f"the character {error.character:#06x} may not stand in a text file; delete it"
+        raise FaultList([Fault(file, line, column, "YAML", what)]) from None
+    except RecursionError:
+        raise FaultList([Fault(file, 1, 1, "YAML", "the brackets are nested too deeply")]) from None
+    if node is None:
+        what = "the file is empty, or all of it is comment"
+        raise FaultList([Fault(file, 1, 1, "file", what)])
+    document = Document({}, path, text)
+    builder = _Builder(document)
+    data = builder.value(node, ())
+    faults = [*loader.refused, *builder.faults]
+    if not isinstance(data, dict):
+        mark = _mark(node)
+        what = "the file must consist of 'key: value' lines"
+        faults.append(Fault(file, mark.line, mark.column, TOP, what))
+    if faults:
+        raise FaultList(faults)
+    document.data.update(data)
+    return document
+
+
+_PLAINER = (
+    ("mapping values are not allowed", "there is a second ': ' in the line, or the line is "
+     "indented differently from its neighbours; put text that holds ': ' in quotes"),
+    ("could not find expected ':'", "the line has no ': ' after its key"),
+    ("expected a single document", "'---' begins a second document; keep one"),
+    ("expected ',' or ']'", "a list in brackets is not closed, or a ',' is missing"),
+    ("expected ',' or '}'", "a mapping in braces is not closed, or a ',' is missing"),
+    ("expected <block end>", "the line is indented differently from its neighbours, or a quoted "
+     "text is followed by more text"),
+    ("unexpected end of stream", "a quoted text is not closed"),
+    ("found unexpected ':'", "there is a ':' within a word; put the text in quotes"),
+    ("cannot start any token", "text may not begin with this character; put it in quotes"),
+    ("unknown escape character", "'\\' has a meaning in double quotes; use single quotes"),
+    ("sequence entries are not allowed", "a list begins behind its key; begin it on the next line"),
+)  # fmt: skip
+
+
+def _syntax_fault(error: yaml.MarkedYAMLError, file: str) -> Fault:
+    problem = error.problem or str(error.context)
+    mark = error.problem_mark or error.context_mark
+    what = next((plain for said, plain in _PLAINER if said in problem), problem)
+    # An unclosed quote or bracket is noticed far behind the place where it was opened.
+    if error.context_mark is not None and ("not closed" in what or "no ': '" in what):
+        mark = error.context_mark
+    line, column = (mark.line + 1, mark.column + 1) if mark else (1, 1)
+    return Fault(file, line, column, "YAML", what)
