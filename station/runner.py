@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from station import registry
 from station.bench import Bench
 from station.clock import Clock, RealClock, VirtualClock, utc_now
-from station.errors import EXIT_FAULT, InputError, StationError
+from station.errors import EXIT_FAULT, StationError
 from station.evaluation import conclude_run, exit_code_of
 from station.opening import Found, open_instruments
 from station.plan import Plan
@@ -187,8 +187,12 @@ def _evaluate(record: RunRecord, outcome: Outcome, *, report: bool) -> None:
         return
     try:
         outcome.document = conclude_run(record.path, report=report)
-    except InputError as error:
-        outcome.error, outcome.exit_code = str(error), error.exit_code
+    except Exception as error:  # what was measured is on disk, whatever the evaluation does
+        outcome.error = (
+            f"the data are complete, their evaluation failed: {error!r}; "
+            f"run `station analyse {record.path}` to see where"
+        )
+        outcome.exit_code = EXIT_FAULT
         return
     if outcome.exit_code == 0:
         outcome.exit_code = exit_code_of(outcome.document)

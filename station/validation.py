@@ -100,8 +100,9 @@ def _fault(document: Document, model: type[BaseModel], at: Loc, detail: dict[str
     if loc and loc[-1] == "[key]":
         what, hint = _sentence(kind, detail, str(path[-1]))
         return document.fault(path, what, hint, at_key=True)
-    if path[len(at) :] != loc and loc and isinstance(loc[-1], str) and kind == "value_error":
-        path = (*path, loc[-1])  # a validator that looks at a default: the key is not in the file
+    key = _key_of_default(model, loc)
+    if key is not None:
+        path = (*path, key)
     what, hint = _sentence(kind, detail, document.scalars.get(path, ""))
     return document.fault(path, what, hint)
 
@@ -157,6 +158,18 @@ def _shown(value: object) -> str:
 def _quoted(expected: str) -> list[str]:
     """Return the words of pydantic's `'IA', 'NA' or 'LA'`."""
     return expected.split("'")[1::2]
+
+
+def _key_of_default(model: type[BaseModel], loc: Loc) -> str | None:
+    """Return the key of a default that a validator refused: it is not in the file.
+
+    For a default pydantic's loc ends with the attribute instead of the key.
+    """
+    for found in _models_at(model, loc[:-1]):
+        if loc[-1] in found.model_fields:
+            key = key_of(found, str(loc[-1]))
+            return key if key != loc[-1] else None
+    return None
 
 
 def _keys_at(model: type[BaseModel], loc: Loc) -> list[str]:

@@ -124,7 +124,8 @@ class _Loader(yaml.SafeLoader):
             event.anchor = None
         # "!" alone says "text" and is what PyYAML reports for no tag in some releases.
         if getattr(event, "tag", None) not in (None, "!"):
-            self._refuse(event, f"'{event.tag}' is a tag; leave it out, quotes make text of a word")
+            tag = event.tag.replace("tag:yaml.org,2002:", "!!")
+            self._refuse(event, f"'{tag}' is a tag; leave it out, quotes make text of a word")
             event.tag = None
         node: Node | None = super().compose_node(parent, index)
         return node
@@ -237,10 +238,10 @@ def read_yaml_text(text: str, path: Path) -> Document:
 
 
 _PLAINER = (
-    ("mapping values are not allowed", "there is a second ': ' in the line, or the line is "
-     "indented differently from its neighbours; put text that holds ': ' in quotes"),
+    ("mapping values are not allowed", "': ' is unexpected here: the line above lacks its ': ', "
+     "this line has two, or its indentation differs; text that holds ': ' needs quotes"),
     ("could not find expected ':'", "the line has no ': ' after its key"),
-    ("expected a single document", "'---' begins a second document; keep one"),
+    ("found another document", "'---' begins a second document; keep one"),
     ("expected ',' or ']'", "a list in brackets is not closed, or a ',' is missing"),
     ("expected ',' or '}'", "a mapping in braces is not closed, or a ',' is missing"),
     ("expected <block end>", "the line is indented differently from its neighbours, or a quoted "

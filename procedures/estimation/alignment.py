@@ -6,9 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import linprog
-
-LARGEST_RATE_ERROR = 1e-3
 
 
 @dataclass(frozen=True)
@@ -30,29 +27,43 @@ def align(
     """Fit the line below all arrivals that comes closest to them.
 
     A row can only arrive late, so the true line lies below every arrival and touches the
-    earliest; the mean lateness is minimised under that condition (a linear programme). `counter`
-    and `arrival_s` have shape (rows,), ascending; `nominal_rate` is seconds a count.
+    earliest. Of all such lines the one with the least mean lateness is an edge of the lower hull
+    of the points: the edge above the mean counter. `counter` and `arrival_s` have shape (rows,),
+    ascending; `nominal_rate` is seconds a count.
 
     The offset's uncertainty is that of the earliest of n arrivals whose lateness spreads evenly
     over its observed range: range / n for the number of separate arrivals, at two touching points.
     """
-    centre, first = float(counter.mean()), float(arrival_s[0])
-    x, y = counter - centre, arrival_s - first - nominal_rate * (counter - counter[0])
-    # Unknowns: height at the centre and deviation of the rate, scaled to about one each.
-    span = max(float(np.ptp(x)), 1.0)
-    design = np.column_stack([np.ones_like(x), x / span])
-    widest = LARGEST_RATE_ERROR * nominal_rate * span
-    solved = linprog(
-        c=-design.mean(axis=0),
-        A_ub=design,
-        b_ub=y,
-        bounds=[(None, None), (-widest, widest)],
-        method="highs",
-    )
-    height, tilt = solved.x
-    rate = nominal_rate + tilt / span
-    offset_s = first + height - nominal_rate * float(counter[0] - centre) - rate * centre
-    lateness = y - design @ solved.x
+    centre = float(counter.mean())
+    x, y = counter - centre, arrival_s - nominal_rate * (counter - centre)
+    hull = lower_hull(x, y)
+    after = int(np.searchsorted(x[hull], 0.0).clip(1, max(len(hull) - 1, 1)))
+    if len(hull) < 2:
+        tilt, height = 0.0, float(y.min())
+    else:
+        left, right = hull[after - 1], hull[after]
+        tilt = float((y[right] - y[left]) / (x[right] - x[left]))
+        height = float(y[left] - tilt * x[left])
+    lateness = y - height - tilt * x
+    rate = nominal_rate + tilt
     arrivals = len(np.unique(arrival_s))
     spread = float(np.quantile(lateness, 0.95))
-    return Alignment(float(offset_s), float(rate), 2 * spread / arrivals)
+    return Alignment(height - rate * centre, rate, 2 * spread / arrivals)
+
+
+def lower_hull(x: NDArray[np.float64], y: NDArray[np.float64]) -> list[int]:
+    """Return the indices of the lower convex hull of points ascending in x (monotone chain)."""
+    hull: list[int] = []
+    for index in range(len(x)):
+        while len(hull) >= 2:
+            first, last = hull[-2], hull[-1]
+            turn = (x[last] - x[first]) * (y[index] - y[first]) - (y[last] - y[first]) * (
+                x[index] - x[first]
+            )
+            if turn > 0:
+                break
+            hull.pop()
+        if hull and x[index] == x[hull[-1]]:
+            continue
+        hull.append(index)
+    return hull

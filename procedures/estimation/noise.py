@@ -163,13 +163,15 @@ def noise_near_line(
     lowest_Hz: float,
     highest_Hz: float,
     overall: LocalNoise,
+    coloured: bool = False,
 ) -> LocalNoise:
     """Return the noise at a line from the widest band that agrees with what is near the line.
 
     Few ordinates next to the line are true to its place but scatter by a third; the whole record is
     precise but may have another colour. The whole record (`overall`) is believed when a band of
-    96 ordinates agrees with it (F test, 5 % on each side); failing that, that band when the nearest
-    16 agree with it (1 % on each side); failing that, the nearest 16.
+    96 ordinates agrees with it (F test, 5 % on each side) and the record was not `coloured` before
+    it was whitened: an autoregression of low order is a poor likeness of counted pulses. Failing
+    that, that band when the nearest 16 agree with it (1 % on each side); else the nearest 16.
     """
     near = local_noise(spectrum, frequency_Hz, occupied_Hz, lowest_Hz, highest_Hz, NEAR)
     wide = local_noise(spectrum, frequency_Hz, occupied_Hz, lowest_Hz, highest_Hz, WIDE)
@@ -179,7 +181,7 @@ def noise_near_line(
         return overall if _agree(near, overall, 0.01) else near
     if not _agree(near, wide, 0.01):
         return near
-    return overall if _agree(wide, overall, 0.05) else wide
+    return overall if not coloured and _agree(wide, overall, 0.05) else wide
 
 
 def _agree(one: LocalNoise, other: LocalNoise, chance: float) -> bool:

@@ -37,7 +37,9 @@ def report(findings: Findings, document: ResultDocument) -> Sequence[Part]:
     """Return the plots and tables of this procedure."""
     from procedures.rlg_magnetic_sensitivity.figures import draw_parts
 
-    return draw_parts(findings.detail, document.results)
+    return draw_parts(
+        findings.detail.analysis, document=document, dataset=findings.detail.dataset
+    )
 
 
 PROCEDURE = Procedure(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from procedures.rlg_magnetic_sensitivity.analysis import analyse
@@ -26,11 +27,20 @@ if TYPE_CHECKING:
     from station.record.folder import RunFolder
 
 
+@dataclass(frozen=True)
+class Detail:
+    """What this procedure's report draws."""
+
+    analysis: RlgAnalysis
+    dataset: RlgDataset
+
+
 def findings_of_run(folder: RunFolder, parameters: RlgParameters, bench: Bench) -> Findings:
     """Return what a run's finished units say, type B inputs from the bench's calibrations."""
     dataset = dataset_of_run(folder, parameters, bench)
     inputs = type_b_inputs(folder, dataset, parameters, bench)
-    findings = to_findings(analyse(dataset, settings(parameters.thresholds)), inputs)
+    analysis = analyse(dataset, settings(parameters.thresholds))
+    findings = to_findings(analysis, dataset, inputs)
     measured = set(folder.finished_units())
     missing = [axis for axis in parameters.axes if axis not in measured]
     absent = [
@@ -52,7 +62,8 @@ def findings_of_run(folder: RunFolder, parameters: RlgParameters, bench: Bench) 
 
 def findings_of_dataset(raw: RawDataset) -> Findings:
     """Return what an imported dataset says; it brings no calibration records, so type A only."""
-    return to_findings(analyse(dataset_of_import(raw), AnalysisSettings()), [])
+    dataset = dataset_of_import(raw)
+    return to_findings(analyse(dataset, AnalysisSettings()), dataset, [])
 
 
 def settings(thresholds: Thresholds) -> AnalysisSettings:
@@ -110,7 +121,9 @@ def type_b_inputs(
     return inputs
 
 
-def to_findings(analysis: RlgAnalysis, inputs: list[InputQuantity]) -> Findings:
+def to_findings(
+    analysis: RlgAnalysis, dataset: RlgDataset, inputs: list[InputQuantity]
+) -> Findings:
     """Return an analysis in the station's own terms."""
     estimates = [
         Estimate(
@@ -129,7 +142,7 @@ def to_findings(analysis: RlgAnalysis, inputs: list[InputQuantity]) -> Findings:
         Published(one.name, one.axis, one.value, one.unit, one.method) for one in analysis.published
     ]
     flags = [Flag(one.code, one.message, one.axis, details_of(one)) for one in analysis.flags]
-    return Findings(estimates, published, flags, inputs, analysis)
+    return Findings(estimates, published, flags, inputs, Detail(analysis, dataset))
 
 
 def details_of(flag: Any) -> dict[str, Any]:

@@ -24,26 +24,28 @@ TO_MIDDLE = {"interval-start": 0.5, "interval-middle": 0.0, "interval-end": -0.5
 
 
 def gyro_rates(
-    folder: RunFolder, unit: str, parameters: RlgParameters
+    folder: RunFolder, unit: str, parameters: RlgParameters, *, samples: int | None = None
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return the middle of each whole sample interval in run time (s) and its mean rate (deg/h).
 
-    Both have shape (samples,). An interval whose count or that before it was lost is left out.
-    1 arcsec/s is 1 deg/h.
+    Both have shape (samples,). An interval whose count or that before it was lost is left out, and
+    so is what follows the first `samples` intervals. 1 arcsec/s is 1 deg/h.
     """
     rows = folder.rows(GYRO, unit)
     number = unwrapped(rows["sequence"])
     aligned = align(number, rows["arrival_time_s"], parameters.sample_interval_s)
     counts = np.diff(rows["counts"].astype(np.int64))
-    counts = (counts + 2**31) % 2**32 - 2**31  # the board's counter is 32 bits wide
+    counts = np.mod(counts + 2**31, 2**32) - 2**31  # the board's counter is 32 bits wide
     whole = np.diff(number) == 1
+    if samples is not None:
+        whole &= number[1:] <= samples
     rate = counts * parameters.pulse_weight_arcsec / parameters.sample_interval_s
     return aligned.run_time_s(number[1:] - 0.5)[whole], rate[whole].astype(np.float64)
 
 
 def unwrapped(sequence: NDArray[np.uint16]) -> NDArray[np.float64]:
     """Return a 16-bit running number continued beyond its wraps, shape (rows,)."""
-    steps = np.diff(sequence.astype(np.int64)) % 65536
+    steps = np.mod(np.diff(sequence.astype(np.int64)), 65536)
     return np.concatenate([[0], np.cumsum(steps)]).astype(np.float64)
 
 
@@ -70,7 +72,7 @@ def segment_of_unit(
     if calibration is not None:
         field_mT = calibration.corrected("field", field_mT, "mT")
     usable = rows["state"] == 0
-    time_s, rate_deg_per_h = gyro_rates(folder, axis, parameters)
+    time_s, rate_deg_per_h = gyro_rates(folder, axis, parameters, samples=unit["samples"])
     quantum = parameters.pulse_weight_arcsec / parameters.sample_interval_s
     field_time_s = field_alignment(folder, axis).run_time_s(rows["instrument_time_s"]) + shift_s
     return Segment(

@@ -152,7 +152,8 @@ def fit_gyro(
         f = lines[place]
         factor = averaging_factor(f, interval_s)
         others = lines[:place] + lines[place + 1 :]
-        near = noise_near_line(spectrum, f, others, lowest_Hz, highest_Hz, overall)
+        band = (lowest_Hz, highest_Hz)
+        near = noise_near_line(spectrum, f, others, *band, overall, colour.order > 0)
         freedoms[slot] = near.degrees_of_freedom
         phasor[slot] = all_phasors[place] / factor
         picks[2 * slot : 2 * slot + 2] = (2 * place, 2 * place + 1)

@@ -6,6 +6,7 @@ gyro", steps S1-S9. S3 is split: the source asks for a warm gyro before its fiel
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 from procedures.rlg_magnetic_sensitivity.parameters import COIL_OF_AXIS, RlgParameters
@@ -61,7 +62,7 @@ class SampleCounter:
         self.counted = 0
         self._last: int | None = None
 
-    def enough(self, newest: dict[str, NDArray[Any]]) -> bool:
+    def enough(self, newest: Mapping[str, NDArray[Any]]) -> bool:
         """Take the newest row of the board; True once `wanted` intervals have passed."""
         sequence = int(newest[GYRO]["sequence"][0])
         if self._last is not None:
@@ -181,25 +182,25 @@ def record(run: Run, axis: str) -> None:
 def transform(run: Run, axis: str) -> None:
     """S5: the discrete Fourier transform of the N samples, read back from the record."""
     from procedures.rlg_magnetic_sensitivity.from_record import segment_of_unit
-    from procedures.rlg_magnetic_sensitivity.published import amplitude_spectrum
+    from procedures.rlg_magnetic_sensitivity.published import plotted_spectrum
 
     segment = segment_of_unit(run.read_back(), axis, run.parameters, run.bench)
-    run.handed_on[axis] = amplitude_spectrum(segment)
+    run.handed_on[axis] = segment, plotted_spectrum(segment)
 
 
 def draw(run: Run, axis: str) -> None:
     """S6: the curve y = 2|X[k]|/N against x = k/T, as a table in the run folder."""
-    rows = zip(*run.handed_on.pop(axis), strict=True)
+    _, curve = run.handed_on[axis]
+    rows = zip(*curve, strict=True)
     lines = ["frequency_Hz,amplitude_deg_per_h", *(f"{x:.9g},{y:.9g}" for x, y in rows)]
     run.record.write_text(f"spectrum-{axis}.csv", "\n".join(lines) + "\n")
 
 
 def read_peak(run: Run, axis: str) -> None:
     """S7: the peak near f divided by M, as published; the best estimate follows at the end."""
-    from procedures.rlg_magnetic_sensitivity.from_record import segment_of_unit
     from procedures.rlg_magnetic_sensitivity.published import published_value
 
-    segment = segment_of_unit(run.read_back(), axis, run.parameters, run.bench)
+    segment, _ = run.handed_on.pop(axis)
     published = published_value(segment, axis)
     run.record.event("published-value", axis=axis, value=published.value, unit=published.unit)
     if published.value is not None:

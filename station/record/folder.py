@@ -85,6 +85,7 @@ class RunFolder:
             raise RecordError(f"{path} is no run folder: it holds no {EVENTS}")
         self.path = path
         self.events: tuple[Event, ...] = tuple(read_events(path / EVENTS))
+        self._rows: dict[tuple[str, str], NDArray[Any]] = {}
 
     def finished_units(self) -> dict[str, dict[str, Any]]:
         """Return the details of each finished unit of work, in the order they were finished."""
@@ -112,11 +113,13 @@ class RunFolder:
 
         from station.record.raw import read_raw
 
-        files = sorted((self.path / "raw").glob(f"{source}-*.mcap"))
-        blocks = [block for file in files for block in read_raw(file, unit)]
-        if not blocks:
-            raise RecordError(f"{self.path}: no raw data of {source} for {unit}")
-        return np.concatenate(blocks)
+        if (source, unit) not in self._rows:
+            files = sorted((self.path / "raw").glob(f"{source}-*.mcap"))
+            blocks = [block for file in files for block in read_raw(file, unit)]
+            if not blocks:
+                raise RecordError(f"{self.path}: no raw data of {source} for {unit}")
+            self._rows[source, unit] = np.concatenate(blocks)
+        return self._rows[source, unit]
 
     def new_revision(self) -> Path:
         """Return a fresh folder for a re-analysis; earlier ones stay as they are."""

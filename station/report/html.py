@@ -67,7 +67,7 @@ def render_html(document: ResultDocument, context: ReportContext, parts: Sequenc
     return template.render(
         context=context,
         document=document,
-        css=Markup(css),  # noqa: S704 - our own file, not anybody's input
+        css=Markup(css),
         badge=_badge(document, context),
         rule=RULES[context.decision_rule] if context.decision_rule else None,
         results=_result_rows(document.results),
@@ -75,7 +75,6 @@ def render_html(document: ResultDocument, context: ReportContext, parts: Sequenc
         flags=document.flags,
         parts=[_part(part) for part in parts],
         budgets=_budgets(document.results),
-        has_guard=any(r.decision.detail in ("conditional-pass", "conditional-fail") for r in document.results),
     )
 
 
@@ -106,20 +105,24 @@ def _result_rows(results: Sequence[Result]) -> list[dict[str, str]]:
         uncertainty = combined.standard_uncertainty if combined else None
         value, standard = format_with_uncertainty(estimate.value, uncertainty)
         expanded = combined.expanded_uncertainty if combined else None
-        rows.append({
-            "name": _plain(estimate.name),
-            "axis": estimate.axis or "",
-            "value": value,
-            "u": standard,
-            "k": f"{combined.coverage_factor:.2f}" if combined else NOTHING,
-            "U": format_with_uncertainty(expanded, expanded)[1] if combined else NOTHING,
-            "dof": format_degrees_of_freedom(combined.degrees_of_freedom) if combined else NOTHING,
-            "unit": estimate.unit,
-            "limit": _limit(result.limit),
-            "verdict": result.decision.verdict,
-            "words": _verdict_words(result.decision),
-            "method": estimate.method,
-        })
+        rows.append(
+            {
+                "name": _plain(estimate.name),
+                "axis": estimate.axis or "",
+                "value": value,
+                "u": standard,
+                "k": f"{combined.coverage_factor:.2f}" if combined else NOTHING,
+                "U": format_with_uncertainty(expanded, expanded)[1] if combined else NOTHING,
+                "dof": format_degrees_of_freedom(combined.degrees_of_freedom)
+                if combined
+                else NOTHING,
+                "unit": estimate.unit,
+                "limit": _limit(result.limit),
+                "verdict": result.decision.verdict,
+                "words": _verdict_words(result.decision),
+                "method": estimate.method,
+            }
+        )
     return _aligned(rows, ("value", "u", "k", "U", "dof"))
 
 
@@ -139,16 +142,18 @@ def _published_rows(document: ResultDocument) -> list[dict[str, str]]:
                 difference = format_like(published.value - value, text)
                 if u:
                     in_u = f"{(published.value - value) / u:+.1f}"
-        rows.append({
-            "name": _plain(published.name),
-            "axis": published.axis or "",
-            "published": published_text,
-            "value": text,
-            "difference": difference,
-            "in_u": in_u,
-            "unit": published.unit,
-            "method": published.method,
-        })
+        rows.append(
+            {
+                "name": _plain(published.name),
+                "axis": published.axis or "",
+                "published": published_text,
+                "value": text,
+                "difference": difference,
+                "in_u": in_u,
+                "unit": published.unit,
+                "method": published.method,
+            }
+        )
     return _aligned(rows, ("published", "value", "difference", "in_u"))
 
 
@@ -182,13 +187,15 @@ def _budgets(results: Sequence[Result]) -> list[dict[str, Any]]:
         total = format_with_uncertainty(
             result.estimate.value, result.combined.standard_uncertainty
         )[1]
-        budgets.append({
-            "name": _plain(result.estimate.name),
-            "axis": result.estimate.axis or "",
-            "unit": result.estimate.unit,
-            "total": total,
-            "rows": _aligned(rows, ("contribution",)),
-        })
+        budgets.append(
+            {
+                "name": _plain(result.estimate.name),
+                "axis": result.estimate.axis or "",
+                "unit": result.estimate.unit,
+                "total": total,
+                "rows": _aligned(rows, ("contribution",)),
+            }
+        )
     return budgets
 
 

@@ -111,9 +111,7 @@ def instrument_rows(folder: RunFolder, bench: Bench) -> Iterator[InstrumentRow]:
 
 def step_rows(folder: RunFolder) -> Iterator[StepRow]:
     """Yield each step with its times, finished or not."""
-    finished = {
-        event.details["step"]: event.time_s for event in folder.events_of("step-finished")
-    }
+    finished = {event.details["step"]: event.time_s for event in folder.events_of("step-finished")}
     for event in folder.events_of("step-started"):
         number = event.details["step"]
         ended_s = finished.get(number)

@@ -1,0 +1,167 @@
+"""Plot of a record at the field's frequency: amplitude spectrum and average over the phase."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from procedures.rlg_magnetic_sensitivity.dataset import Segment
+from procedures.rlg_magnetic_sensitivity.findings import LineDetail, SegmentDetail
+from procedures.rlg_magnetic_sensitivity.plots import COLOUR, DASHES, legend_inside, middle_of
+from station.report.drawing import BLACK, GREY, INK, label_above, new_figure
+
+Array = NDArray[np.float64]
+
+# The noise at a line is judged over so many cycles per record on each side of it.
+FLOOR_REACH_CYCLES = 8.0
+SPECTRUM_REACH = 5.0
+PHASE_BINS = 24
+
+
+def spectrum(detail: SegmentDetail, lines: Sequence[LineDetail], segment: Segment | None) -> Figure:
+    """Draw the published amplitude spectrum (S6) and the average over the field's phase."""
+    figure = new_figure(8.8, 3.7)
+    grid = figure.add_gridspec(1, 2, width_ratios=(2.1, 1), wspace=0.27)
+    axes = figure.add_subplot(grid[0, 0])
+    frequency_Hz, amplitude = detail.spectrum_frequency_Hz, detail.spectrum_deg_per_h
+    if len(frequency_Hz) > 2:
+        _spectrum_panel(axes, frequency_Hz, amplitude, lines, segment)
+    else:
+        axes.text(0.5, 0.5, "too few samples", ha="center", transform=axes.transAxes)
+    axes.set_xlabel("frequency k/T, Hz")
+    axes.set_ylabel("y = 2|X[k]|/N, deg/h")
+    label_above(axes, "Amplitude spectrum")
+    folded = figure.add_subplot(grid[0, 1])
+    _folded_panel(folded, detail, lines)
+    return figure
+
+
+def _spectrum_panel(
+    axes: Axes,
+    frequency_Hz: Array,
+    amplitude: Array,
+    lines: Sequence[LineDetail],
+    segment: Segment | None,
+) -> None:
+    step_Hz = float(frequency_Hz[1])
+    highest_Hz = min(float(frequency_Hz[-1]), SPECTRUM_REACH * max(x.frequency_Hz for x in lines))
+    # The mean (k = 0) stands far above everything else and is not part of the picture.
+    shown = slice(1, round(highest_Hz / step_Hz) + 1)
+    positive = np.maximum(amplitude, 1e-12)
+    axes.semilogy(frequency_Hz[shown], positive[shown], color=GREY, linewidth=0.9)
+    several = len(lines) > 1
+    for line in lines:
+        colour = COLOUR[line.axis]
+        commanded_Hz = line.frequency_Hz
+        if segment is not None and line.axis in segment.drive:
+            commanded_Hz = segment.drive[line.axis].frequency_Hz
+        who = f" ({line.axis})" if several else ""
+        axes.axvline(
+            commanded_Hz,
+            color=colour,
+            linewidth=0.9,
+            linestyle="--",
+            label=None if several else f"f = {commanded_Hz:.6g} Hz, commanded",
+        )
+        if 2.0 * commanded_Hz < highest_Hz:
+            axes.axvline(
+                2.0 * commanded_Hz,
+                color=colour,
+                linewidth=1.0,
+                linestyle=":",
+                label=None if several else "2 f",
+            )
+        if line.noise_floor_deg_per_h is not None:
+            reach = FLOOR_REACH_CYCLES * step_Hz
+            axes.hlines(
+                line.noise_floor_deg_per_h,
+                commanded_Hz - reach,
+                commanded_Hz + reach,
+                color=BLACK,
+                linewidth=2.2,
+                zorder=4,
+                label="noise near f" if line is lines[0] else "_",
+            )
+        nearest = int(np.floor(commanded_Hz / step_Hz + 0.5))
+        if 1 <= nearest < len(amplitude):
+            first = max(nearest - 1, 1)
+            peak = first + int(np.argmax(amplitude[first : nearest + 2]))
+            axes.plot(
+                frequency_Hz[peak],
+                positive[peak],
+                "o",
+                markersize=8,
+                markerfacecolor="none",
+                markeredgecolor=colour,
+                markeredgewidth=1.8,
+                zorder=5,
+                label=f"peak{who}: y = {amplitude[peak]:.3g} deg/h at {frequency_Hz[peak]:.4g} Hz",
+            )
+    typical = np.sort(positive[shown])
+    low = float(typical[int(0.02 * (len(typical) - 1))])
+    high = float(typical[-1])
+    floors = [x.noise_floor_deg_per_h for x in lines if x.noise_floor_deg_per_h]
+    low, high = min([low, *floors]) / 2.0, max([high, *floors])
+    # Room above the highest line for the legend.
+    room = 0.12 + 0.075 * (len(lines) + (1 if several else 3))
+    axes.set_ylim(low, high * (high / low) ** (room / (1.0 - room)) * 1.1)
+    axes.set_xlim(0.0, highest_Hz)
+    axes.legend(loc="upper right", borderaxespad=0.2, handlelength=1.6)
+
+
+def _folded_panel(axes: Axes, detail: SegmentDetail, lines: Sequence[LineDetail]) -> None:
+    """Draw the output about its drift and all other lines, averaged over the phase of one field."""
+    label_above(axes, "Averaged over the field’s phase")
+    axes.set_xlabel("phase of the field, deg")
+    axes.set_ylabel("output at f, deg/h")
+    middle_s = middle_of(detail)
+    drawn = False
+    for number, line in enumerate(lines):
+        phasor = line.gyro_phasor_deg_per_h
+        if phasor is None:
+            continue
+        drawn = True
+        turn = 2.0 * np.pi * line.frequency_Hz * (detail.time_s - middle_s)
+        own = np.real(phasor * np.exp(1j * turn))
+        left = (detail.residual_deg_per_h + own)[detail.kept]
+        field_phase = np.radians(line.field_phase_deg)
+        phase = np.mod(turn[detail.kept] + field_phase, 2.0 * np.pi)
+        bins = np.minimum((phase / (2.0 * np.pi) * PHASE_BINS).astype(np.int64), PHASE_BINS - 1)
+        count = np.bincount(bins, minlength=PHASE_BINS).astype(np.float64)
+        mean = np.bincount(bins, left, PHASE_BINS) / np.maximum(count, 1.0)
+        error = detail.residual_sigma_deg_per_h / np.sqrt(np.maximum(count, 1.0))
+        filled = count > 0
+        centre = (np.arange(PHASE_BINS) + 0.5) * 360.0 / PHASE_BINS
+        offset = 4.0 * (number - 0.5 * (len(lines) - 1))
+        axes.errorbar(
+            centre[filled] + offset,
+            mean[filled],
+            error[filled],
+            fmt="os^"[number % 3],
+            color=COLOUR[line.axis],
+            markersize=3.2,
+            elinewidth=0.8,
+            label=line.axis if len(lines) > 1 else "mean ± 1 σ",
+        )
+        angle = np.linspace(0.0, 2.0 * np.pi, 181)
+        response = np.real(phasor * np.exp(1j * (angle - field_phase)))
+        axes.plot(
+            np.degrees(angle),
+            response,
+            color=COLOUR[line.axis],
+            linestyle=DASHES[line.axis],
+            label=None if len(lines) > 1 else "fit",
+        )
+    if not drawn:
+        axes.text(0.5, 0.5, "not determined", ha="center", transform=axes.transAxes)
+        return
+    axes.axhline(0.0, color=INK, linewidth=0.6)
+    axes.set_xlim(0.0, 360.0)
+    axes.set_xticks([0, 90, 180, 270, 360])
+    low, high = axes.get_ylim()
+    axes.set_ylim(low, high + 0.22 * (high - low))
+    legend_inside(axes, ncols=3)

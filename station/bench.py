@@ -1,0 +1,254 @@
+"""A bench: the instruments with their addresses, limits, calibrations, and the safe state."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, ValidationInfo, field_validator
+
+from station.calibration import Calibration
+from station.faults import Fault, FaultList, listed, nearest
+from station.fields import Celsius, Degree, Second, StrictModel, Unit, key_of, to_yaml_data
+from station.units import UnitError, parse_as
+from station.validation import check_model
+from station.yaml_reading import Document, read_yaml
+
+INSTANCES = (
+    "coil_supply.x",
+    "coil_supply.y",
+    "coil_supply.z",
+    "coil_supply.dc",
+    "gaussmeter",
+    "multimeter",
+    "thermometer",
+    "rotary_stage",
+    "turntable",
+    "thermal_chamber",
+    "gyro_acquisition",
+    "navigator",
+    "imu",
+    "signal_generator.xy",
+    "signal_generator.z_gradient",
+    "digitizer",
+    "pump_laser",
+    "dut_power",
+    "interlock_chain",
+)
+"""The places of a bench: a role, and which one of it where there are several."""
+
+# What must be said of a role before it may be energised.
+NEEDED_LIMITS = {"coil_supply": ("current", "voltage", "slew", "zero_current")}
+NEEDED_SETTINGS = {"coil_supply": {"coil_constant": "mT/A"}}
+
+Words = Annotated[str, Field(min_length=1)]
+Where = tuple[str | int, ...]
+
+
+def role_of(instance: str) -> str:
+    """Return the role of an instance: `coil_supply` of `coil_supply.x`."""
+    return instance.split(".")[0]
+
+
+class InstrumentLimits(StrictModel):
+    """What an instrument may never exceed on this bench; each is left out where it means nothing.
+
+    `zero_current` is the largest measured current that counts as zero.
+    """
+
+    current_A: Annotated[float, Unit("A"), Field(gt=0)] | None = None
+    voltage_V: Annotated[float, Unit("V"), Field(gt=0)] | None = None
+    slew_A_per_s: Annotated[float, Unit("A/s"), Field(gt=0)] | None = None
+    zero_current_A: Annotated[float, Unit("A"), Field(gt=0)] | None = None
+    field_mT: Annotated[float, Unit("mT"), Field(gt=0)] | None = None
+    rate_deg_per_s: Annotated[float, Unit("deg/s"), Field(gt=0)] | None = None
+    acceleration_deg_per_s2: Annotated[float, Unit("deg/s^2"), Field(gt=0)] | None = None
+    angle_low_deg: Degree | None = None
+    angle_high_deg: Degree | None = None
+    temperature_low_degC: Celsius | None = None
+    temperature_high_degC: Celsius | None = None
+
+    @field_validator("angle_high_deg", "temperature_high_degC")
+    @classmethod
+    def high_above_low(cls, high: float | None, info: ValidationInfo) -> float | None:
+        """Refuse a range that ends before it begins."""
+        low = info.data.get((info.field_name or "").replace("high", "low"))
+        if low is not None and high is not None and high <= low:
+            raise ValueError(f"must be above the low limit, {low:g}")
+        return high
+
+
+class Instrument(StrictModel):
+    """One instrument of a bench; its driver reads `settings`, its simulator `simulator`."""
+
+    driver: Words
+    address: Words | None = None
+    serial: Words | None = None
+    settings: dict[str, Any] = Field(default_factory=dict)
+    given_limits: InstrumentLimits = Field(default=InstrumentLimits(), alias="limits")
+    calibration: Calibration | None = None
+    simulator: dict[str, Any] | None = None
+
+    @cached_property
+    def limits(self) -> Mapping[str, float]:
+        """The limits that are given, by key: A, V, A/s, mT, deg/s, deg/s^2, deg, degC."""
+        named = {
+            key_of(InstrumentLimits, name): getattr(self.given_limits, name)
+            for name in InstrumentLimits.model_fields
+        }
+        return {name: value for name, value in named.items() if value is not None}
+
+
+class SafeStep(StrictModel):
+    """One step of the safe state: an instrument, or all of a role, brought to rest in time."""
+
+    instrument: Words | None = None
+    role: Words | None = None
+    within_s: Annotated[Second, Field(gt=0)]
+
+
+class BenchFile(StrictModel):
+    """The keys of a bench file."""
+
+    bench: Literal[1]
+    name: Words
+    title: str | None = None
+    simulation: dict[str, Any] | None = None
+    instruments: Annotated[dict[str, Instrument], Field(min_length=1)]
+    safe_state: tuple[SafeStep, ...]
+
+
+@dataclass(frozen=True)
+class Bench:
+    """A bench whose file has no fault."""
+
+    file: BenchFile
+    document: Document
+
+    @property
+    def name(self) -> str:
+        """The name of the bench."""
+        return self.file.name
+
+    @property
+    def title(self) -> str | None:
+        """What the bench calls itself."""
+        return self.file.title
+
+    @property
+    def simulation(self) -> Mapping[str, Any] | None:
+        """The simulated world, handed to the simulator as it is; None on a real bench."""
+        return self.file.simulation
+
+    @property
+    def instruments(self) -> Mapping[str, Instrument]:
+        """The instruments by instance, in the file's order."""
+        return self.file.instruments
+
+    @property
+    def path(self) -> Path:
+        """The file."""
+        return self.document.path
+
+    @property
+    def text(self) -> str:
+        """The file as it was given."""
+        return self.document.text
+
+    @property
+    def data(self) -> Mapping[str, Any]:
+        """The file's data as given, quantities as text."""
+        return self.document.data
+
+    def safe_order(self) -> list[tuple[str, float]]:
+        """Return the steps of the safe state: an instance or a role, and the seconds it has."""
+        return [
+            (step.instrument or step.role or "", step.within_s) for step in self.file.safe_state
+        ]
+
+    def fault(self, where: Where, what: str, hint: str | None = None) -> Fault:
+        """Return a fault at a place of this file."""
+        return self.document.fault(where, what, hint)
+
+    def to_yaml_data(self) -> dict[str, Any]:
+        """Return the bench with every default written out, as data for YAML."""
+        return to_yaml_data(self.file)
+
+
+def read_bench(path: Path, drivers: Collection[str]) -> Bench:
+    """Read a bench file; `drivers` are the known names. Raise FaultList with every fault."""
+    return bench_of(read_yaml(path), drivers)
+
+
+def bench_of(document: Document, drivers: Collection[str]) -> Bench:
+    """Return the bench that a document holds; raise FaultList with every fault."""
+    file, faults = check_model(document, BenchFile)
+    instruments = document.data.get("instruments")
+    if isinstance(instruments, dict):
+        for name, entry in instruments.items():
+            faults += _instrument_faults(document, name, entry, drivers)
+        faults += _safe_state_faults(document, list(instruments))
+    if file is None or faults:
+        raise FaultList(faults)
+    return Bench(file, document)
+
+
+def _instrument_faults(
+    document: Document, name: str, entry: Any, drivers: Collection[str]
+) -> Iterator[Fault]:
+    where: Where = ("instruments", name)
+    if name not in INSTANCES:
+        hint = nearest(name, INSTANCES)
+        what = "is no instrument that a procedure asks for"
+        what += "" if hint else f"; known are {listed(INSTANCES)}"
+        yield document.fault(where, what, hint and f"'{hint}'", at_key=True)
+    if not isinstance(entry, dict):
+        return
+    driver = entry.get("driver")
+    if isinstance(driver, str) and driver and driver not in drivers:
+        hint = nearest(driver, drivers)
+        what = f"there is no driver '{driver}'" + ("" if hint else f"; there are {listed(drivers)}")
+        yield document.fault((*where, "driver"), what, hint and f"'{hint}'")
+    limits, settings = entry.get("limits", {}), entry.get("settings", {})
+    for limit in NEEDED_LIMITS.get(role_of(name), ()):
+        if isinstance(limits, dict) and limits.get(limit) is None:
+            yield document.fault(
+                (*where, "limits", limit), f"is missing; a {role_of(name)} needs it"
+            )
+    for setting, unit in NEEDED_SETTINGS.get(role_of(name), {}).items():
+        if not isinstance(settings, dict):
+            continue
+        here = (*where, "settings", setting)
+        if setting not in settings:
+            yield document.fault(here, f"is missing; a {role_of(name)} needs it")
+            continue
+        try:
+            parse_as(settings[setting], unit)
+        except UnitError as error:
+            yield document.fault(here, error.what, error.hint)
+
+
+def _safe_state_faults(document: Document, instances: list[str]) -> Iterator[Fault]:
+    steps = document.data.get("safe_state")
+    roles = list(dict.fromkeys(role_of(name) for name in instances))
+    named: set[str] = set()
+    for number, step in enumerate(steps if isinstance(steps, list) else ()):
+        if not isinstance(step, dict):
+            continue
+        where: Where = ("safe_state", number)
+        given = [key for key in ("instrument", "role") if isinstance(step.get(key), str)]
+        if len(given) != 1:
+            yield document.fault(where, "must name one instrument, or one role")
+            continue
+        name, known = step[given[0]], instances if given == ["instrument"] else roles
+        if name not in known:
+            hint = nearest(name, known)
+            what = f"this bench has no {given[0]} '{name}'"
+            what += "" if hint else f"; it has {listed(known)}"
+            yield document.fault((*where, given[0]), what, hint and f"'{hint}'")
+        elif name in named:
+            yield document.fault((*where, given[0]), f"'{name}' was named before; keep one step")
+        named.add(name)

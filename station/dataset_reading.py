@@ -1,0 +1,246 @@
+"""Read an imported dataset: a folder with `dataset.yaml` and the CSV files that it names."""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path, PurePosixPath, PureWindowsPath
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+from station.faults import Fault, FaultList, listed, nearest
+from station.fields import StrictModel
+from station.validation import check_model
+from station.yaml_reading import Document, read_yaml
+
+DATASET_FILE = "dataset.yaml"
+MOST_FAULTS = 20
+
+Words = Annotated[str, Field(min_length=1)]
+
+
+class DatasetHeader(StrictModel):
+    """The keys of a dataset; the procedure's own model reads `conditions`."""
+
+    dataset: Literal[1]
+    procedure: Words
+    title: str | None = None
+    files: Annotated[dict[str, Words], Field(min_length=1)]
+    conditions: dict[str, Any]
+
+
+@dataclass(frozen=True)
+class RawDataset:
+    """A dataset folder whose files are all there; nothing of their content is read yet."""
+
+    document: Document
+    procedure: str
+    folder: Path
+    files: dict[str, Path]
+
+    def file(self, name: str) -> Path:
+        """Return the file that the dataset calls `name`; raise FaultList when there is none."""
+        if name in self.files:
+            return self.files[name]
+        hint = nearest(name, self.files)
+        what = "is missing" + (f"; '{hint}' is not known here" if hint else "")
+        raise FaultList([self.document.fault(("files", name), what)])
+
+    def require_files(self, needed: Iterable[str], optional: Iterable[str] = ()) -> None:
+        """Raise FaultList unless the dataset names the needed files and no unknown one."""
+        needed = list(needed)
+        known = [*needed, *optional]
+        faults = [
+            self.document.fault(("files", name), "is missing")
+            for name in needed
+            if name not in self.files
+        ]
+        for name in self.files:
+            if name not in known:
+                hint = nearest(name, known)
+                what = "is not known here" + ("" if hint else f"; known are {listed(known)}")
+                where = ("files", name)
+                fault = self.document.fault(where, what, hint and f"'{hint}'", at_key=True)
+                faults.append(fault)
+        if faults:
+            raise FaultList(faults)
+
+
+class Table(dict[str, NDArray[Any]]):
+    """The columns of a CSV file by name; `lines` holds the line number of each row."""
+
+    def __init__(self, path: Path, columns: dict[str, NDArray[Any]], lines: list[int]) -> None:
+        super().__init__(columns)
+        self.path = path
+        self.lines = lines
+
+
+def read_dataset(path: Path) -> RawDataset:
+    """Read `dataset.yaml`, given as the file or as its folder; raise FaultList with every fault."""
+    file = path / DATASET_FILE if path.is_dir() else path
+    document = read_yaml(file)
+    header, faults = check_model(document, DatasetHeader)
+    named = document.data.get("files")
+    files: dict[str, Path] = {}
+    for name, text in named.items() if isinstance(named, dict) else ():
+        if not isinstance(text, str) or not text:
+            continue
+        outside = PurePosixPath(text).is_absolute() or PureWindowsPath(text).drive
+        if outside or ".." in text.replace("\\", "/").split("/"):
+            what = f"'{text}' lies outside the dataset's folder; copy it into the folder"
+            faults.append(document.fault(("files", name), what))
+        elif not (file.parent / text).is_file():
+            there = [one.name for one in sorted(file.parent.glob("*.csv"))]
+            hint = nearest(text, there)
+            what = f"there is no file '{text}' in the dataset's folder"
+            faults.append(document.fault(("files", name), what, hint and f"'{hint}'"))
+        files[name] = file.parent / text
+    if header is None or faults:
+        raise FaultList(faults)
+    return RawDataset(document, header.procedure, file.parent, files)
+
+
+def read_table(
+    path: Path,
+    required: Sequence[str],
+    optional: Sequence[str] = (),
+    text: Sequence[str] = (),
+) -> Table:
+    """Read a CSV file with a header line: columns of finite numbers, and of words for `text`.
+
+    `required` columns must be there, `optional` ones may be, any other is a fault; `text` names
+    which of them hold words. Raises FaultList with file, line and column of each fault (the first
+    20), the line counted from 1 for the header.
+    """
+    lines = _lines(path)
+    if not lines:
+        raise FaultList([Fault(str(path), 1, 1, "file", "the file is empty")])
+    header_line, header = lines[0]
+    names = [cell.strip() for cell in _cells(header)]
+    faults = _header_faults(path, header_line, header, names, required, optional)
+    if faults:
+        raise FaultList(faults)
+    if len(lines) == 1:
+        what = "the file has a header but no rows"
+        raise FaultList([Fault(str(path), header_line, 1, "file", what)])
+    rows = [(number, _cells(line)) for number, line in lines[1:]]
+    faults = [
+        Fault(str(path), number, 1, "row", f"has {_cells_in_words(len(cells))}, not {len(names)}")
+        for number, cells in rows
+        if len(cells) != len(names)
+    ]
+    rows = [row for row in rows if len(row[1]) == len(names)]
+    columns: dict[str, NDArray[Any]] = {}
+    for index, name in enumerate(names):
+        cells = [row[index] for _, row in rows]
+        if name in text:
+            columns[name] = np.array([cell.strip() for cell in cells], dtype=np.str_)
+            bad = [n for n, cell in enumerate(cells) if not cell.strip()]
+        else:
+            columns[name], bad = _numbers(cells)
+        for n in bad:
+            number, row = rows[n]
+            column = 1 + sum(len(cell) + 1 for cell in row[:index])
+            what = f"'{cells[n].strip()}' is not a number" if cells[n].strip() else "is empty"
+            faults.append(Fault(str(path), number, column, name, what))
+    if faults:
+        raise FaultList(_first(faults, path))
+    return Table(path, columns, [number for number, _ in rows])
+
+
+def check_ascending(path: Path, table: Table, column: str, *, strictly: bool = True) -> None:
+    """Raise FaultList where times run backwards, or stand still unless `strictly` is false."""
+    values = table[column]
+    steps = np.diff(values)
+    wrong = np.flatnonzero(steps <= 0 if strictly else steps < 0) + 1
+    faults = []
+    for n in wrong:
+        verb = "repeats" if values[n] == values[n - 1] else "is before"
+        what = f"{values[n]:.10g} {verb} {values[n - 1]:.10g} of the row above; times must rise"
+        faults.append(Fault(str(path), table.lines[n], 1, column, what))
+    if faults:
+        raise FaultList(_first(faults, path))
+
+
+def _lines(path: Path) -> list[tuple[int, str]]:
+    """Return the lines that hold something, with their numbers."""
+    try:
+        raw = path.read_bytes()
+    except OSError as error:
+        what = f"the file cannot be read: {error.strerror or error}"
+        raise FaultList([Fault(str(path), 1, 1, "file", what)]) from None
+    try:
+        content = raw.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        line = raw[: error.start].count(b"\n") + 1
+        what = f"byte 0x{raw[error.start]:02x} is not UTF-8; save the file as UTF-8"
+        raise FaultList([Fault(str(path), line, 1, "file", what)]) from None
+    numbered = enumerate(content.splitlines(), start=1)
+    return [(number, line) for number, line in numbered if line.strip()]
+
+
+def _cells(line: str) -> list[str]:
+    return next(csv.reader([line])) if '"' in line else line.split(",")
+
+
+def _cells_in_words(count: int) -> str:
+    return "one cell" if count == 1 else f"{count} cells"
+
+
+def _header_faults(
+    path: Path,
+    line: int,
+    header: str,
+    names: list[str],
+    required: Sequence[str],
+    optional: Sequence[str],
+) -> list[Fault]:
+    known = [*required, *optional]
+    missing = [name for name in required if name not in names]
+    if missing and "," not in header and any(mark in header for mark in ";\t"):
+        what = "the columns are separated by ';' or tabs; separate them by ','"
+        return [Fault(str(path), line, 1, "header", what)]
+    faults = [Fault(str(path), line, 1, name, "the column is missing") for name in missing]
+    column = 1
+    for n, (name, cell) in enumerate(zip(names, _cells(header), strict=True)):
+        if name in names[:n]:
+            faults.append(Fault(str(path), line, column, name, "the column stands twice"))
+        elif name not in known:
+            hint = nearest(name, missing or known)
+            what = "the column is not known" + ("" if hint else f"; known are {listed(known)}")
+            shown = name or f"column {n + 1}"
+            faults.append(Fault(str(path), line, column, shown, what, hint and f"'{hint}'"))
+        column += len(cell) + 1
+    return faults
+
+
+def _numbers(cells: list[str]) -> tuple[NDArray[np.float64], list[int]]:
+    """Return the cells as numbers, and the places of those that are no finite number."""
+    try:
+        values = np.array(cells, dtype=np.str_).astype(np.float64)
+    except ValueError:
+        values = np.array([_number(cell) for cell in cells])
+    return values, np.flatnonzero(~np.isfinite(values)).tolist()
+
+
+def _number(cell: str) -> float:
+    try:
+        return float(cell)
+    except ValueError:
+        return math.nan
+
+
+def _first(faults: list[Fault], path: Path) -> list[Fault]:
+    """Return the first faults in the file's order, and one that counts the others."""
+    ordered = sorted(faults, key=lambda fault: (fault.line, fault.column))
+    if len(ordered) <= MOST_FAULTS:
+        return ordered
+    rest = len(ordered) - MOST_FAULTS
+    last = ordered[MOST_FAULTS]
+    what = f"and {rest} more faults from here on"
+    return [*ordered[:MOST_FAULTS], Fault(str(path), last.line, last.column, "file", what)]

@@ -1,0 +1,50 @@
+"""Find a plan or a bench: a path, then `./config`, then what the package brings along."""
+
+from __future__ import annotations
+
+from importlib.resources import files
+from pathlib import Path
+
+from station.faults import Fault, FaultList, listed, nearest
+
+PLANS = "plans"
+BENCHES = "benches"
+_ONE = {PLANS: "plan", BENCHES: "bench"}
+_SUFFIX = ".yaml"
+
+
+def find(kind: str, name: str) -> Path:
+    """Return the file of a plan or bench, given as a path or by name, with or without `.yaml`.
+
+    Raises FaultList that lists what there is.
+    """
+    as_path = Path(name)
+    if as_path.is_file():
+        return as_path
+    known = _known(kind)
+    wanted = name.removesuffix(_SUFFIX)
+    if wanted in known:
+        return known[wanted]
+    hint = nearest(as_path.name.removesuffix(_SUFFIX), known)
+    what = (
+        f"there is no such {_ONE[kind]}, neither as a file nor by name; there are {listed(known)}"
+    )
+    raise FaultList([Fault(name, 1, 1, "file", what, hint and f"'{hint}'")])
+
+
+def available(kind: str) -> list[tuple[str, str]]:
+    """Return the names of all plans or benches and the place of each."""
+    own = Path("config", kind)
+    return [
+        (name, str(path) if path.parent == own else "comes with the station")
+        for name, path in sorted(_known(kind).items())
+    ]
+
+
+def _known(kind: str) -> dict[str, Path]:
+    """Return the files by name; one in `./config` hides one of the package."""
+    packaged = Path(str(files("config"))) / kind
+    found: dict[str, Path] = {}
+    for folder in (packaged, Path("config", kind)):
+        found.update({path.stem: path for path in sorted(folder.glob(f"*{_SUFFIX}"))})
+    return found

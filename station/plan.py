@@ -1,0 +1,163 @@
+"""A test plan: a procedure with its parameters, the device under test, limits, decision rule."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any, Literal, Protocol
+
+from pydantic import BaseModel, Field, field_validator
+
+from station.decision import Rule
+from station.faults import Fault, FaultList, listed, nearest
+from station.fields import StrictModel, to_yaml_data
+from station.limits import LimitedResult, LimitsByAxis, read_limits
+from station.validation import check_model
+from station.yaml_reading import Document, read_yaml
+
+Words = Annotated[str, Field(min_length=1)]
+NOT_IN_FILE_NAMES = '/\\:*?"<>|'
+
+
+class Dut(StrictModel):
+    """The device under test."""
+
+    model: Words
+    serial: Words
+    manufacturer: Words | None = None
+    notes: str | None = None
+
+    @field_validator("serial")
+    @classmethod
+    def names_a_folder(cls, serial: str) -> str:
+        """Refuse what no folder name can hold: the run folder is named after the serial number."""
+        wrong = [char for char in serial if char in NOT_IN_FILE_NAMES or not char.isprintable()]
+        if wrong:
+            raise ValueError(f"names the run folder and may not hold {wrong[0]!r}")
+        return serial
+
+
+class PlanHeader(StrictModel):
+    """The keys of a plan; the procedure's own model reads `parameters`."""
+
+    plan: Literal[1]
+    procedure: Words
+    title: str | None = None
+    operator: str | None = None
+    dut: Dut
+    parameters: dict[str, Any] = Field(default_factory=dict)
+    limits: dict[str, Any] = Field(default_factory=dict)
+    decision_rule: Rule = "simple"
+    references: dict[str, str] = Field(default_factory=dict)
+
+
+class PlannedProcedure(Protocol):
+    """What a plan must know of a procedure."""
+
+    @property
+    def parameters(self) -> type[BaseModel]:
+        """The model of its parameters."""
+        ...
+
+    @property
+    def results(self) -> Mapping[str, LimitedResult]:
+        """Its results, with axes and unit."""
+        ...
+
+
+class KnownProcedures(Protocol):
+    """The procedures by name; one is loaded when it is asked for."""
+
+    def __contains__(self, name: object) -> bool: ...
+
+    def __iter__(self) -> Iterator[str]: ...
+
+    def __getitem__(self, name: str, /) -> PlannedProcedure: ...
+
+
+@dataclass(frozen=True)
+class Plan:
+    """A plan that has no fault; `parameters` is the procedure's own model."""
+
+    header: PlanHeader
+    parameters: Any
+    limits: LimitsByAxis
+    document: Document
+
+    @property
+    def procedure(self) -> str:
+        """The procedure's name."""
+        return self.header.procedure
+
+    @property
+    def title(self) -> str | None:
+        """What the plan calls itself."""
+        return self.header.title
+
+    @property
+    def operator(self) -> str | None:
+        """Who runs it, when the plan says so."""
+        return self.header.operator
+
+    @property
+    def dut(self) -> Dut:
+        """The device under test."""
+        return self.header.dut
+
+    @property
+    def decision_rule(self) -> Rule:
+        """The rule by which results are held against their limits."""
+        return self.header.decision_rule
+
+    @property
+    def path(self) -> Path:
+        """The file."""
+        return self.document.path
+
+    @property
+    def text(self) -> str:
+        """The file as it was given."""
+        return self.document.text
+
+    def limits_by_axis(self) -> LimitsByAxis:
+        """Return the limits by result name and axis, each in its result's unit."""
+        return dict(self.limits)
+
+    def fault(self, where: tuple[str | int, ...], what: str, hint: str | None = None) -> Fault:
+        """Return a fault at a place of this plan, such as `("parameters", "amplitude")`."""
+        return self.document.fault(where, what, hint)
+
+    def to_yaml_data(self) -> dict[str, Any]:
+        """Return the plan with every default written out, as data for YAML."""
+        return {**to_yaml_data(self.header), "parameters": to_yaml_data(self.parameters)}
+
+
+def read_plan(path: Path, procedures: KnownProcedures) -> Plan:
+    """Read a plan file; raise FaultList with the faults of all its parts at once."""
+    return plan_of(read_yaml(path), procedures)
+
+
+def plan_of(document: Document, procedures: KnownProcedures) -> Plan:
+    """Return the plan that a document holds; raise FaultList with every fault."""
+    header, faults = check_model(document, PlanHeader)
+    name = document.data.get("procedure")
+    parameters: BaseModel | None = None
+    limits: LimitsByAxis = {}
+    if isinstance(name, str) and name in procedures:
+        procedure = procedures[name]
+        if isinstance(document.data.get("parameters", {}), dict):
+            at = ("parameters",)
+            parameters, more = check_model(document, procedure.parameters, at)
+            faults += more
+        limits, more = read_limits(document, procedure.results)
+        faults += more
+    elif isinstance(name, str) and name:
+        hint = nearest(name, procedures)
+        what = f"there is no procedure '{name}'"
+        if not hint:
+            what += f"; there are {listed(procedures)}"
+        faults.append(document.fault(("procedure",), what, hint and f"'{hint}'"))
+    if header is None or parameters is None or faults:
+        raise FaultList(faults)
+    return Plan(header, parameters, limits, document)

@@ -1,0 +1,210 @@
+"""A bench file says what there is, what it may never exceed, and how well it measures."""
+
+from __future__ import annotations
+
+import datetime as dt
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from station.bench import Bench, bench_of
+from station.calibration import Calibration, NotCalibrated
+from station.yaml_reading import FaultList, read_yaml_text, validate_model
+from station.yaml_writing import yaml_text
+
+DRIVERS = ("bop", "f71", "pulse-board")
+
+GOOD = """\
+bench: 1
+name: lab-2
+instruments:
+  gaussmeter:
+    driver: f71
+    address: TCPIP::192.0.2.7::7777::SOCKET
+    serial: "0815"
+    settings: {averaging: 100 ms}
+    calibration:
+      certificate: K-114
+      date: 2026-01-31
+      due: 2027-01-31
+      uncertainty:
+        - {quantity: field, up_to: 350 uT, relative: 0.1 %, absolute: 200 nT, coverage_factor: 2}
+        - {quantity: field, from: 350 uT, up_to: 3.5 mT, relative: 0.5 %, coverage_factor: 2}
+        - {quantity: temperature, from: 10 degC, up_to: 300 K, absolute: 1 K, coverage_factor: 2}
+        - {quantity: scale, relative: 50 ppm, coverage_factor: 1}
+      corrections:
+        - {quantity: field, gain: 1.002, offset: 3 uT}
+  coil_supply.x:
+    driver: bop
+    settings: {coil_constant: 0.25 mT/A}
+    limits: {current: 8 A, voltage: 36 V, slew: 2 A/s, zero_current: 20 mA, field: 2000 uT}
+safe_state:
+  - {role: coil_supply, within: 30 s}
+  - {instrument: gaussmeter, within: 1 min}
+"""
+
+
+def bench_from(text: str) -> Bench:
+    return bench_of(read_yaml_text(text, Path("bench.yaml")), DRIVERS)
+
+
+def faults_of(text: str) -> list[str]:
+    with pytest.raises(FaultList) as caught:
+        bench_from(text)
+    return [str(fault).removeprefix("bench.yaml:") for fault in caught.value.faults]
+
+
+def gaussmeter_calibration() -> Calibration:
+    calibration = bench_from(GOOD).instruments["gaussmeter"].calibration
+    assert calibration is not None
+    return calibration
+
+
+def test_a_bench_gives_its_instruments_limits_and_safe_state_in_order() -> None:
+    bench = bench_from(GOOD)
+    assert list(bench.instruments) == ["gaussmeter", "coil_supply.x"]
+    assert bench.instruments["coil_supply.x"].limits == {
+        "current": 8.0,
+        "voltage": 36.0,
+        "slew": 2.0,
+        "zero_current": 0.02,
+        "field": 2.0,
+    }
+    assert bench.instruments["gaussmeter"].serial == "0815"
+    assert bench.safe_order() == [("coil_supply", 30.0), ("gaussmeter", 60.0)]
+    assert bench.simulation is None
+
+
+def test_a_simulated_world_is_handed_on_untouched() -> None:
+    world = "simulation: {seed: 7, gyro: {sensitivity: [0.05 deg/h/mT], on: NO}}\n"
+    bench = bench_from(GOOD + world)
+    assert bench.simulation == {"seed": 7, "gyro": {"sensitivity": ["0.05 deg/h/mT"], "on": "NO"}}
+    assert bench.data["simulation"] == bench.simulation
+
+
+def test_the_resolved_bench_reads_back_the_same() -> None:
+    bench = bench_from(GOOD)
+    assert bench_from(yaml_text(bench.to_yaml_data())).file == bench.file
+
+
+def test_every_fault_of_a_bench_is_reported_at_once() -> None:
+    faults = faults_of(
+        "bench: 1\n"
+        "name: x\n"
+        "instruments:\n"
+        "  coil_suply.x: {driver: bop}\n"
+        "  gaussmeter: {driver: f17, serial: 0815, limits: {fild: 1 mT, current: -1 A}}\n"
+        "  coil_supply.y:\n"
+        "    driver: bop\n"
+        "    limits: {current: 8 A, voltage: 36 mT, slew: 2 A/s}\n"
+        "    settings: {coil_constant: 0.25 mT}\n"
+        "    calibration:\n"
+        "      due: soon\n"
+        "      uncertainty: [{quantity: curent, relative: 1 %, coverage_factor: 2}]\n"
+        "safe_state:\n"
+        "  - {role: pump, within: 30 s}\n"
+        "  - {instrument: gaussmeter, within: 30}\n"
+        "  - {role: coil_supply, instrument: gaussmeter, within: 3 s}\n"
+        "  - {instrument: gaussmeter, within: 3 s}\n"
+    )
+    assert faults == [
+        "4:3: instruments.coil_suply.x: is no instrument that a procedure asks for; did you mean "
+        "'coil_supply.x'",
+        "5:24: instruments.gaussmeter.driver: there is no driver 'f17'; did you mean 'f71'",
+        '5:37: instruments.gaussmeter.serial: must be text, not 815; did you mean "0815"',
+        "5:52: instruments.gaussmeter.limits.fild: is not known here; did you mean 'field'",
+        "5:73: instruments.gaussmeter.limits.current: must be above 0, not '-1 A'",
+        "8:13: instruments.coil_supply.y.limits.zero_current: is missing; a coil_supply needs it",
+        "8:37: instruments.coil_supply.y.limits.voltage: '36 mT' is a magnetic field, expected a "
+        "voltage such as '5 V'",
+        "9:31: instruments.coil_supply.y.settings.coil_constant: '0.25 mT' is a magnetic field, "
+        "expected a coil constant such as '0.25 mT/A'",
+        "11:12: instruments.coil_supply.y.calibration.due: must be a date such as 2027-01-31, not "
+        "'soon'",
+        "12:32: instruments.coil_supply.y.calibration.uncertainty[1].quantity: 'curent' is not "
+        "known; did you mean 'current'",
+        "14:12: safe_state[1].role: this bench has no role 'pump'; it has coil_suply, gaussmeter, "
+        "coil_supply",
+        "15:38: safe_state[2].within: 30 has no unit, expected a time such as '30 s'; did you mean "
+        "'30 s'",
+        "16:5: safe_state[3]: must name one instrument, or one role",
+        "17:18: safe_state[4].instrument: 'gaussmeter' was named before; keep one step",
+    ]
+
+
+def test_a_bench_without_a_safe_state_is_refused() -> None:
+    assert faults_of(GOOD[: GOOD.index("safe_state")]) == ["1:1: safe_state: is missing"]
+
+
+def test_a_standard_uncertainty_is_the_stated_one_of_its_range_over_the_coverage_factor() -> None:
+    calibration = gaussmeter_calibration()
+    in_low_range = (0.1 * 0.001 + 0.0002) / 2
+    assert calibration.standard_uncertainty("field", 0.1, "mT") == pytest.approx(in_low_range)
+    assert calibration.standard_uncertainty("field", -2.0, "mT") == pytest.approx(0.005)
+    assert calibration.standard_uncertainty("field", 0.002, "T") == pytest.approx(5e-6)
+    assert calibration.standard_uncertainty("scale", 1.0, "1") == pytest.approx(50e-6)
+
+
+def test_the_uncertainty_of_a_temperature_is_a_difference() -> None:
+    calibration = gaussmeter_calibration()
+    assert calibration.standard_uncertainty("temperature", 20.0, "degC") == pytest.approx(0.5)
+    assert calibration.standard_uncertainty("temperature", 293.15, "K") == pytest.approx(0.5)
+    assert not calibration.covers("temperature", -20.0, "degC")
+
+
+@pytest.mark.parametrize(("quantity", "value", "unit"), [("field", 4.0, "mT"), ("current", 1, "A")])
+def test_no_uncertainty_is_invented_where_the_record_states_none(
+    quantity: str, value: float, unit: str
+) -> None:
+    calibration = gaussmeter_calibration()
+    assert not calibration.covers(quantity, value, unit)
+    with pytest.raises(NotCalibrated, match=f"K-114.*states no uncertainty of {quantity}"):
+        calibration.standard_uncertainty(quantity, value, unit)
+
+
+def test_a_correction_holds_for_numbers_and_arrays_in_any_unit_of_the_quantity() -> None:
+    calibration = gaussmeter_calibration()
+    assert calibration.corrected("field", 1.0, "mT") == pytest.approx(1.005)
+    assert calibration.corrected("field", 1000.0, "uT") == pytest.approx(1005.0)
+    assert calibration.corrected("voltage", 1.0, "V") == 1.0
+    array = calibration.corrected("field", np.array([[0.0, 1.0]]), "mT")
+    np.testing.assert_allclose(array, [[0.003, 1.005]])
+
+
+def test_a_calibration_holds_on_its_due_date_and_not_after() -> None:
+    calibration = gaussmeter_calibration()
+    assert not calibration.overdue(dt.date(2027, 1, 31))
+    assert calibration.overdue(dt.date(2027, 2, 1))
+    assert calibration.source == "certificate K-114 of 2026-01-31"
+
+
+@pytest.mark.parametrize(
+    ("record", "sentence"),
+    [
+        ("{due: 2026-01-01, date: 2026-01-01}", "is not after the date of the calibration"),
+        ("{due: 2026-01-01, uncertainty: [{quantity: field, relative: 1 %}]}", "is missing"),
+        (
+            "{due: 2026-01-01, uncertainty: [{quantity: field, coverage_factor: 2}]}",
+            "states no uncertainty",
+        ),
+        (
+            "{due: 2026-01-01, uncertainty: [{quantity: field, from: 2 mT, up_to: 1 mT, "
+            "relative: 1 %, coverage_factor: 2}]}",
+            "ends before it begins",
+        ),
+        (
+            "{due: 2026-01-01, uncertainty: [{quantity: field, absolute: 1 V, "
+            "coverage_factor: 2}]}",
+            "'1 V' is a voltage, expected a magnetic field",
+        ),
+        (
+            "{due: 2026-01-01, corrections: [{quantity: field}, {quantity: field}]}",
+            "two corrections of field",
+        ),
+    ],
+)
+def test_a_calibration_record_that_makes_no_sense_is_refused(record: str, sentence: str) -> None:
+    document = read_yaml_text(f"calibration: {record}\n", Path("bench.yaml"))
+    with pytest.raises(FaultList, match=sentence):
+        validate_model(document, Calibration, at=("calibration",))

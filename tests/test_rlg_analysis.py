@@ -1,0 +1,402 @@
+"""The analysis of the laser gyro's magnetic sensitivity: truth, pitfalls, honesty."""
+
+from __future__ import annotations
+
+import csv
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.special import stdtrit
+
+from procedures.rlg_magnetic_sensitivity.analysis import analyse
+from procedures.rlg_magnetic_sensitivity.dataset import AXES, Drive, RlgDataset, Segment
+from procedures.rlg_magnetic_sensitivity.findings import AnalysisSettings, RlgAnalysis
+from procedures.rlg_magnetic_sensitivity.published import published_value
+
+Array = NDArray[np.float64]
+DATA = Path(__file__).parent / "data"
+SIGMA = 0.19  # deg/h in 0.1 s: 0.001 deg/sqrt(h)
+EXAMPLES = {
+    "rlg-one-axis": ({"IA": Drive(0.08, 1.2)}, 0.1, 0.0),
+    "rlg-counts": ({"NA": Drive(0.16, 0.8)}, 1.0, 0.4),
+    "rlg-three-axes-at-once": (
+        {"IA": Drive(0.07, 1.0), "NA": Drive(0.11, 1.0), "LA": Drive(0.17, 1.0)},
+        0.1,
+        0.0,
+    ),
+}
+
+
+def example(name: str) -> RlgDataset:
+    drive, interval_s, pulse_arcsec = EXAMPLES[name]
+    with (DATA / name / "samples.csv").open(encoding="utf-8", newline="") as file:
+        table = np.array([[float(x) for x in row] for row in list(csv.reader(file))[1:]])
+    rate = table[:, 1] * (pulse_arcsec / interval_s if pulse_arcsec else 1.0)
+    quantum = pulse_arcsec / interval_s
+    end_s, field_mT = table[:, 0], table[:, 2:5]
+    middle_s = end_s - 0.5 * interval_s
+    return RlgDataset((Segment(drive, interval_s, middle_s, rate, quantum, end_s, field_mT, 0.0),))
+
+
+def record(
+    seed: int = 0,
+    sensitivity: dict[str, float] | None = None,
+    drive: dict[str, Drive] | None = None,
+    cycles: float = 20.0,
+    interval_s: float = 0.1,
+    sigma: float = SIGMA,
+    coils: Array | None = None,
+    ambient_mT: tuple[float, float, float] = (0.012, -0.031, 0.024),
+    quadratic: float = 0.0,
+    delay_s: float = 0.0,
+    averaging_s: float = 0.0,
+    drift: Array | float = 0.0,
+) -> Segment:
+    """Make one record; `coils[a, b]` is the field on axis b per unit of drive of coil a."""
+    generator = np.random.default_rng([seed, 11])
+    sensitivity = {"IA": 0.05} if sensitivity is None else sensitivity
+    drive = {"IA": Drive(0.1, 1.0)} if drive is None else drive
+    coils = np.eye(3) if coils is None else coils
+    count = round(cycles / next(iter(drive.values())).frequency_Hz / interval_s)
+    middle_s = 12.0 + (np.arange(count) + 0.5) * interval_s
+    fine = (np.arange(16) + 0.5) / 16.0 - 0.5
+
+    def field(time_s: Array) -> Array:
+        total = np.tile(np.array(ambient_mT), (*np.shape(time_s), 1))
+        for k, (axis, one) in enumerate(drive.items()):
+            angle = 2.0 * np.pi * one.frequency_Hz * time_s + seed + k
+            wave = one.amplitude_mT * np.sin(angle)
+            total = total + wave[..., None] * coils[AXES.index(axis)]
+        return np.asarray(total)
+
+    slopes = np.array([sensitivity.get(axis, 0.0) for axis in AXES])
+    seen = field(middle_s[:, None] + fine * interval_s - delay_s)
+    rate = 9.3 + (seen @ slopes + quadratic * seen[..., 0] ** 2).mean(axis=1)
+    rate = rate + drift + sigma * generator.standard_normal(count)
+    measured = field(middle_s[:, None] + fine * averaging_s).mean(axis=1)
+    measured = measured + 2e-4 * generator.standard_normal((count, 3))
+    return Segment(drive, interval_s, middle_s, rate, 0.0, middle_s, measured, averaging_s)
+
+
+def analysed(*segments: Segment) -> RlgAnalysis:
+    return analyse(RlgDataset(segments))
+
+
+def codes(analysis: RlgAnalysis) -> set[str]:
+    return {flag.code for flag in analysis.flags}
+
+
+def off_in_u(analysis: RlgAnalysis, axis: str, truth: float) -> float:
+    one = next(e for e in analysis.estimates if e.axis == axis)
+    assert one.value is not None and one.standard_uncertainty is not None
+    return abs(one.value - truth) / one.standard_uncertainty
+
+
+@pytest.mark.parametrize("name", list(EXAMPLES))
+def test_the_example_datasets_come_out_within_tolerance_and_unflagged(name: str) -> None:
+    analysis = analyse(example(name))
+    truth = json.loads((DATA / name / "truth.json").read_text(encoding="utf-8"))
+    found = {e.axis: e for e in analysis.estimates}
+    assert sorted(found) == sorted(e["axis"] for e in truth["expected"])
+    for expected in truth["expected"]:
+        one = found[expected["axis"]]
+        assert one.value is not None and one.standard_uncertainty is not None
+        assert abs(one.value - expected["value"]) < min(
+            expected["tolerance"], 2.5 * expected["crlb"]
+        )
+        assert one.standard_uncertainty == pytest.approx(expected["crlb"], rel=0.25)
+    assert not analysis.flags
+
+
+def test_the_sign_is_that_of_the_phase_against_the_measured_field() -> None:
+    for truth in (0.05, -0.05):
+        analysis = analysed(record(1, {"IA": truth}))
+        assert off_in_u(analysis, "IA", truth) < 3.5
+        assert (analysis.published[0].value or 0.0) == pytest.approx(0.05, abs=0.02)
+
+
+def test_half_a_cycle_too_many_spoils_the_published_value_only() -> None:
+    analysis = analysed(record(2, cycles=10.5, sigma=0.02))
+    assert off_in_u(analysis, "IA", 0.05) < 3.5
+    assert analysis.published[0].value == pytest.approx(0.05 * 2.0 / np.pi, abs=0.004)
+    assert codes(analysis) == {"non-integer-cycles"}
+
+
+def test_the_mean_of_the_output_does_not_leak_into_the_line() -> None:
+    segment = record(2, cycles=10.5)
+    moved = replace(segment, rate_deg_per_h=segment.rate_deg_per_h + 1000.0)
+    one, other = analysed(segment).estimates[0], analysed(moved).estimates[0]
+    assert one.value is not None
+    assert other.value == pytest.approx(one.value, abs=1e-6)
+
+
+def test_averaging_over_the_gyros_interval_is_corrected() -> None:
+    quiet = record(0, drive={"IA": Drive(0.2, 1.0)}, interval_s=1.0, sigma=1e-4)
+    analysis = analysed(quiet)
+    assert analysis.estimates[0].value == pytest.approx(0.05, rel=2e-3)
+    assert analysis.published[0].value == pytest.approx(0.05 * 0.9355, rel=5e-3)
+
+
+def test_the_gaussmeters_own_averaging_is_corrected() -> None:
+    drive = {"IA": Drive(0.2, 1.0)}
+    analysis = analysed(record(0, drive=drive, averaging_s=1.5, sigma=1e-4))
+    assert analysis.estimates[0].value == pytest.approx(0.05, rel=2e-3)
+    assert "field-differs-from-commanded" not in codes(analysis)
+
+
+def test_the_measured_field_counts_and_not_the_commanded_one() -> None:
+    analysis = analysed(record(0, coils=1.03 * np.eye(3), sigma=1e-3))
+    assert analysis.estimates[0].value == pytest.approx(0.05, rel=3e-3)
+    assert analysis.published[0].value == pytest.approx(0.05 * 1.03, rel=5e-3)
+    assert codes(analysis) == {"field-differs-from-commanded"}
+
+
+def test_a_field_source_with_its_own_clock_is_followed() -> None:
+    segment = record(0, drive={"IA": Drive(0.1 * (1 + 2e-3), 1.0)}, cycles=60.0, sigma=1e-3)
+    told = replace(segment, drive={"IA": Drive(0.1, 1.0)})
+    analysis = analysed(told)
+    assert analysis.lines[0].frequency_Hz == pytest.approx(0.1002, rel=1e-5)
+    assert off_in_u(analysis, "IA", 0.05) < 3.5
+
+
+def test_gaps_and_spikes_cost_little_and_are_reported() -> None:
+    segment = record(3)
+    wild = segment.rate_deg_per_h.copy()
+    wild[[50, 51, 900, 1400]] += [30.0, -80.0, 1e5, 9.0]
+    stays = np.ones(len(wild), dtype=bool)
+    stays[300:420] = False
+    damaged = replace(segment, rate_deg_per_h=wild[stays], time_s=segment.time_s[stays])
+    analysis = analysed(damaged)
+    assert off_in_u(analysis, "IA", 0.05) < 3.5
+    flags = {flag.code: flag for flag in analysis.flags}
+    assert set(flags) == {"outliers-rejected", "gap"}
+    assert flags["outliers-rejected"].count == 4
+    assert flags["gap"].details["missing_samples"] == 120
+    assert analysis.published[0].value is None
+    assert "120" in (analysis.published[0].reason or "")
+
+
+def test_drift_is_removed_and_said() -> None:
+    time_s = np.linspace(-1.0, 1.0, 2100)
+    for drift in (3.0 * time_s, np.exp(-2.0 * time_s), 2.0 * time_s**3 - time_s**2):
+        analysis = analysed(record(4, cycles=21.0, drift=drift))
+        assert off_in_u(analysis, "IA", 0.05) < 3.5
+        assert codes(analysis) == {"drift-removed"}
+
+
+def test_output_that_the_model_cannot_follow_is_called_out() -> None:
+    time_s = np.arange(2000) * 0.1
+    hum = 0.5 * np.sign(np.sin(2.0 * np.pi * 0.031 * time_s))
+    assert "model-too-stiff" in codes(analysed(record(0, drift=hum)))
+
+
+def test_a_delay_shows_in_quadrature() -> None:
+    analysis = analysed(record(0, delay_s=1.0, sigma=0.02))
+    assert codes(analysis) == {"quadrature-significant"}
+    line = analysis.lines[0]
+    assert line.quadrature == pytest.approx(-0.05 * np.sin(0.2 * np.pi), rel=0.1)
+    slope = analysis.estimates[0].sensitivities["field_time_offset_s"]
+    shifted = record(0, delay_s=1.0, sigma=0.02)
+    shifted = replace(shifted, field_time_s=shifted.field_time_s + 1e-3)
+    moved, base = analysed(shifted).estimates[0].value, analysis.estimates[0].value
+    assert moved is not None and base is not None
+    assert (moved - base) / 1e-3 == pytest.approx(slope, rel=0.02)
+
+
+def test_type_b_sensitivities_are_the_derivatives_of_the_value() -> None:
+    segment = record(5)
+    base = analysed(segment).estimates[0]
+    assert base.value is not None
+    gained = analysed(replace(segment, field_mT=segment.field_mT * 1.001)).estimates[0].value
+    scaled = analysed(replace(segment, rate_deg_per_h=segment.rate_deg_per_h * 1.001))
+    assert gained is not None and scaled.estimates[0].value is not None
+    gain, scale = base.sensitivities["field_gain"], base.sensitivities["gyro_scale"]
+    assert (gained - base.value) / 1e-3 == pytest.approx(gain, rel=3e-3)
+    assert (scaled.estimates[0].value - base.value) / 1e-3 == pytest.approx(scale, rel=3e-3)
+
+
+COILS = np.array([[1.0, 0.02, -0.0175], [0.015, 0.99, 0.01], [-0.0175, 0.02, 1.01]])
+TRUTH = {"IA": 0.05, "NA": -0.02, "LA": 0.001}
+
+
+def test_three_axes_in_turn_are_freed_of_the_coils_misalignment() -> None:
+    segments = [
+        record(k, TRUTH, {axis: Drive(0.1, 1.0)}, sigma=1e-3, coils=COILS)
+        for k, axis in enumerate(AXES)
+    ]
+    analysis = analysed(*segments)
+    assert analysis.determined == AXES
+    for one in analysis.estimates:
+        assert one.value == pytest.approx(TRUTH[one.axis], abs=1.5e-4)
+        assert off_in_u(analysis, one.axis, TRUTH[one.axis]) < 3.5
+    alone = analysed(segments[2]).estimates[0]
+    assert alone.value is not None and abs(alone.value - TRUTH["LA"]) > 5e-4
+    deviations = [e.standard_uncertainty for e in analysis.estimates]
+    assert np.sqrt(np.diag(analysis.covariance)) == pytest.approx(deviations)
+
+
+def test_three_axes_at_once_do_too() -> None:
+    drive = {"IA": Drive(0.07, 1.0), "NA": Drive(0.11, 1.0), "LA": Drive(0.17, 1.0)}
+    analysis = analysed(record(1, TRUTH, drive, cycles=14.0, sigma=1e-3, coils=COILS))
+    for one in analysis.estimates:
+        assert one.value == pytest.approx(TRUTH[one.axis], abs=2e-4)
+
+
+def test_axes_driven_alike_cannot_be_told_apart() -> None:
+    drive = {"IA": Drive(0.1, 1.0), "NA": Drive(0.1, 1.0), "LA": Drive(0.17, 1.0)}
+    segment = record(0, TRUTH, drive)
+    together = segment.field_mT.copy()
+    together[:, 1] = together[:, 0] * 1.0001
+    analysis = analysed(replace(segment, field_mT=together))
+    values = {e.axis: e.value for e in analysis.estimates}
+    assert values["IA"] is None and values["NA"] is None and values["LA"] is not None
+    assert {f.axis for f in analysis.flags if f.code == "not-identifiable"} == {"IA", "NA"}
+    assert analysis.covariance.shape == (1, 1)
+
+
+def test_axes_driven_alike_but_a_quarter_turn_apart_can_be() -> None:
+    drive = {"IA": Drive(0.1, 1.0), "NA": Drive(0.1, 1.0)}
+    segment = record(0, {}, drive, sigma=0.01)
+    angle = 2.0 * np.pi * 0.1 * segment.time_s
+    field = np.column_stack((np.cos(angle), np.sin(angle), 0.0 * angle))
+    rate = segment.rate_deg_per_h + 0.05 * field[:, 0] - 0.03 * field[:, 1]
+    analysis = analysed(replace(segment, field_mT=field, rate_deg_per_h=rate))
+    assert analysis.estimates[0].value == pytest.approx(0.05, abs=2e-3)
+    assert analysis.estimates[1].value == pytest.approx(-0.03, abs=2e-3)
+
+
+def test_a_second_order_term_is_found_and_the_ambient_field_does_not_pass_for_slope() -> None:
+    analysis = analysed(record(0, quadratic=0.1, ambient_mT=(0.05, 0.0, 0.0), sigma=0.01))
+    line = analysis.lines[0]
+    assert line.quadratic == pytest.approx(0.1, abs=4 * (line.quadratic_uncertainty or 0.0))
+    assert line.quadratic_corrected
+    assert off_in_u(analysis, "IA", 0.05) < 3.5
+    # Without the correction the slope would read 2 S2 B0 = 0.01 too high.
+    assert (analysis.published[0].value or 0.0) > 0.058
+
+
+def test_a_gyro_without_sensitivity_gets_a_bound_and_no_false_value() -> None:
+    values = []
+    for seed in range(40):
+        analysis = analysed(record(seed, {"IA": 0.0}))
+        values.append(analysis.estimates[0].value or 0.0)
+        flags = [f for f in analysis.flags if f.code == "not-significant"]
+        if flags:
+            bound = analysis.lines[0].upper_bound
+            u = analysis.estimates[0].standard_uncertainty
+            assert bound is not None and u is not None
+            assert 1.6 * u < bound < 3.8 * u
+    assert abs(np.mean(values)) < 3.5 * np.std(values) / np.sqrt(40)
+
+
+def not_identifiable(segment: Segment) -> str:
+    analysis = analysed(segment)
+    assert analysis.estimates[0].value is None
+    assert analysis.estimates[0].standard_uncertainty is None
+    flags = [f for f in analysis.flags if f.code == "not-identifiable"]
+    assert [f.axis for f in flags] == ["IA"]
+    return flags[0].message
+
+
+def cut(segment: Segment, count: int) -> Segment:
+    return replace(
+        segment,
+        time_s=segment.time_s[:count],
+        rate_deg_per_h=segment.rate_deg_per_h[:count],
+        field_time_s=segment.field_time_s[:count],
+        field_mT=segment.field_mT[:count],
+    )
+
+
+def test_what_the_data_cannot_tell_is_undetermined_and_never_guessed() -> None:
+    good = record(0)
+    silent = np.tile([0.01, -0.03, 0.02], (len(good.field_time_s), 1))
+    assert "shows no line" in not_identifiable(replace(good, field_mT=silent))
+    noisy = silent + 1e-3 * np.random.default_rng(0).standard_normal(silent.shape)
+    assert "shows no line" in not_identifiable(replace(good, field_mT=noisy))
+    fast = record(0, drive={"IA": Drive(0.46, 1.0)}, interval_s=1.0, cycles=92.0)
+    assert "half the sampling rate" in not_identifiable(
+        replace(fast, field_time_s=good.field_time_s, field_mT=_sine(good.field_time_s, 0.46))
+    )
+    assert "cycles" in not_identifiable(cut(good, 250))
+    assert "too few" in not_identifiable(cut(good, 6))
+    assert "too few" in not_identifiable(cut(good, 0))
+    assert "less than half" in not_identifiable(
+        replace(good, field_time_s=good.field_time_s + 150.0)
+    )
+
+
+def _sine(time_s: Array, frequency_Hz: float) -> Array:
+    wave = np.sin(2.0 * np.pi * frequency_Hz * time_s)
+    return np.column_stack((wave, 0.0 * wave, 0.0 * wave))
+
+
+def test_an_axis_that_cannot_be_had_does_not_take_the_others_with_it() -> None:
+    silent = record(1, TRUTH, {"NA": Drive(0.1, 1.0)})
+    silent = replace(silent, field_mT=0.0 * silent.field_mT)
+    analysis = analysed(record(0, TRUTH), silent, record(2, TRUTH, {"LA": Drive(0.1, 1.0)}))
+    assert [e.axis for e in analysis.estimates] == ["IA", "NA", "LA"]
+    assert [e.value is None for e in analysis.estimates] == [False, True, False]
+    assert analysis.determined == ("IA", "LA")
+
+
+def test_twice_the_frequency_beyond_half_the_rate_is_left_out() -> None:
+    analysis = analysed(record(0, drive={"IA": Drive(0.3, 1.0)}, interval_s=1.0, cycles=90.0))
+    assert analysis.lines[0].quadratic is None
+    assert off_in_u(analysis, "IA", 0.05) < 3.5
+
+
+def test_a_wild_field_reading_changes_nothing() -> None:
+    segment = record(0)
+    field = segment.field_mT.copy()
+    field[[10, 700]] = [[50.0, -3.0, 1.0], [0.0, 300.0, -9.0]]
+    clean, wild = analysed(segment), analysed(replace(segment, field_mT=field))
+    assert wild.segments[0].field_rows_rejected == 2
+    assert wild.estimates[0].value == pytest.approx(clean.estimates[0].value, rel=1e-3)
+
+
+def test_a_clean_record_raises_no_flag_and_its_intervals_hold_the_truth() -> None:
+    flagged, inside, square, runs = 0, 0, 0.0, 250
+    for seed in range(runs):
+        analysis = analysed(record(seed, cycles=10.0))
+        one = analysis.estimates[0]
+        assert one.value is not None and one.standard_uncertainty is not None
+        pull = (one.value - 0.05) / one.standard_uncertainty
+        inside += abs(pull) <= stdtrit(one.degrees_of_freedom or 1e9, 0.975)
+        square += pull**2 / runs
+        flagged += bool(analysis.flags)
+    assert flagged <= 0.05 * runs
+    # 250 runs: the standard error of the coverage is 1.4 %.
+    assert 0.91 <= inside / runs <= 0.99
+    assert 0.75 <= square <= 1.3
+
+
+def test_thresholds_are_the_callers() -> None:
+    segment = record(0, coils=1.008 * np.eye(3))
+    assert "field-differs-from-commanded" not in codes(analysed(segment))
+    strict = analyse(RlgDataset((segment,)), AnalysisSettings(field_differs=0.005))
+    assert "field-differs-from-commanded" in codes(strict)
+
+
+def test_the_report_finds_what_it_plots() -> None:
+    segment = record(6)
+    detail = analysed(segment).segments[0]
+    assert detail.model_deg_per_h + detail.residual_deg_per_h == pytest.approx(
+        segment.rate_deg_per_h
+    )
+    assert detail.kept.all()
+    peak = detail.spectrum_deg_per_h[20]
+    assert detail.spectrum_frequency_Hz[20] == pytest.approx(0.1)
+    assert published_value(segment, "IA").value == pytest.approx(peak, rel=1e-9)
+    quiet = np.r_[detail.spectrum_deg_per_h[50:900]]
+    floor = detail.noise_floor_deg_per_h
+    assert floor == pytest.approx(float(np.sqrt(np.mean(quiet**2))), rel=0.15)
+
+
+def test_the_same_data_give_the_same_numbers() -> None:
+    one, other = analyse(example("rlg-counts")), analyse(example("rlg-counts"))
+    assert one.estimates == other.estimates
