@@ -1,6 +1,6 @@
 """How fast sample rows go to a raw file and what they take there; one JSON line a block size.
 
-    python benchmarks/raw_record.py
+python benchmarks/raw_record.py
 """
 
 from __future__ import annotations

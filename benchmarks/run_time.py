@@ -1,6 +1,6 @@
 """How much faster than the bench a run on the simulated bench is; one JSON line a run.
 
-    python benchmarks/run_time.py --plan rlg-magnetic-sensitivity --runs 3
+python benchmarks/run_time.py --plan rlg-magnetic-sensitivity --runs 3
 """
 
 from __future__ import annotations

@@ -67,7 +67,8 @@ class Procedure:
     instruments(parameters): the bench instances it needs; prompts(parameters): what it may ask;
     check(parameters, bench): every reason why this plan cannot run on this bench;
     evaluate_run / evaluate_dataset: recorded or imported data to findings;
-    report(findings, document): plots and tables of its own; assumptions: what its numbers do not say.
+    report(findings, document): plots and tables of its own;
+    assumptions: what its numbers do not say.
     """
 
     name: str

@@ -24,6 +24,7 @@ from station.run import Run
 from station.safety import SafeOutcome, make_bench_safe
 from station.signals import AbortSignals
 from station.versions import versions
+from station.yaml_writing import yaml_text
 
 if TYPE_CHECKING:
     from station.results import ResultDocument
@@ -134,6 +135,8 @@ def write_head(record: RunRecord, plan: Plan, bench: Bench, clock: Clock) -> Non
     """Write what the run was asked to do, before it does anything."""
     record.write_text("plan.yaml", plan.text)
     record.write_text("bench.yaml", bench.text)
+    record.write_text("plan.resolved.yaml", yaml_text(plan.to_yaml_data()))
+    record.write_text("bench.resolved.yaml", yaml_text(bench.to_yaml_data()))
     record.write_json(
         RUN,
         {

@@ -101,7 +101,7 @@ def _fault(document: Document, model: type[BaseModel], at: Loc, detail: dict[str
         what, hint = _sentence(kind, detail, str(path[-1]))
         return document.fault(path, what, hint, at_key=True)
     key = _key_of_default(model, loc)
-    if key is not None:
+    if key is not None and path[-1:] != (key,):
         path = (*path, key)
     what, hint = _sentence(kind, detail, document.scalars.get(path, ""))
     return document.fault(path, what, hint)
@@ -167,8 +167,7 @@ def _key_of_default(model: type[BaseModel], loc: Loc) -> str | None:
     """
     for found in _models_at(model, loc[:-1]):
         if loc[-1] in found.model_fields:
-            key = key_of(found, str(loc[-1]))
-            return key if key != loc[-1] else None
+            return key_of(found, str(loc[-1]))
     return None
 
 

@@ -76,9 +76,7 @@ def hashes(folder: Path) -> dict[str, str]:
 @pytest.fixture(scope="module")
 def runs(tmp_path_factory: pytest.TempPathFactory) -> list[tuple[Outcome, dict[str, Any]]]:
     parent = tmp_path_factory.mktemp("seeds")
-    return [
-        short_run(parent / f"seed-{seed}", bench={"simulation/seed": seed}) for seed in SEEDS
-    ]
+    return [short_run(parent / f"seed-{seed}", bench={"simulation/seed": seed}) for seed in SEEDS]
 
 
 def test_the_run_recovers_the_worlds_sensitivities(
@@ -199,9 +197,7 @@ def test_a_wrong_serial_number_ends_before_anything_is_energised(tmp_path: Path)
 
 
 def test_a_gyro_that_does_not_settle_ends_with_a_safe_bench(tmp_path: Path) -> None:
-    outcome, _ = short_run(
-        tmp_path, plan={"parameters/warm_up/slope_limit": "0.0001 deg/h^2"}
-    )
+    outcome, _ = short_run(tmp_path, plan={"parameters/warm_up/slope_limit": "0.0001 deg/h^2"})
     assert outcome.exit_code == 3
     assert outcome.error is not None
     assert "did not become steady within 5 min" in outcome.error

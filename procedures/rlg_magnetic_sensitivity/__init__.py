@@ -13,7 +13,6 @@ from station.procedure import Procedure, ResultKind
 if TYPE_CHECKING:
     from station.bench import Bench
     from station.dataset_reading import RawDataset
-
     from station.record.folder import RunFolder
     from station.report.parts import Part
     from station.results import Findings, ResultDocument
@@ -37,9 +36,7 @@ def report(findings: Findings, document: ResultDocument) -> Sequence[Part]:
     """Return the plots and tables of this procedure."""
     from procedures.rlg_magnetic_sensitivity.figures import draw_parts
 
-    return draw_parts(
-        findings.detail.analysis, document=document, dataset=findings.detail.dataset
-    )
+    return draw_parts(findings.detail.analysis, document=document, dataset=findings.detail.dataset)
 
 
 PROCEDURE = Procedure(

@@ -23,7 +23,6 @@ from station.uncertainty import InputQuantity
 if TYPE_CHECKING:
     from station.bench import Bench
     from station.dataset_reading import RawDataset
-
     from station.record.folder import RunFolder
 
 

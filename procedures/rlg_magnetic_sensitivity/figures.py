@@ -60,6 +60,8 @@ def _record_plots(
     driven = _joined(detail.axes)
     several = len(lines) > 1
     peaks = "Circles: the peaks" if several else "Circle: the peak"
+    quantum = segment.quantum_deg_per_h if segment is not None else 0.0
+    counted = " (counting whole pulses makes it negative)" if quantum > 0.0 else ""
     left_out = int((~detail.kept).sum())
     outside = (
         " Samples left out of the fit are marked; arrows stand for those beyond the picture."
@@ -69,8 +71,8 @@ def _record_plots(
     return [
         Plot(
             f"{driven} driven: the record",
-            "Output of the gyro and the driving field. Grey: single samples; the line is their "
-            "mean over a quarter of a period, in which the response to the field shows.",
+            "Output of the gyro: single samples, then their mean over a quarter of a period, in "
+            "which the response to the field shows where it is strong enough; the driving field.",
             plots.time_series(detail, lines, segment),
         ),
         Plot(
@@ -83,9 +85,9 @@ def _record_plots(
         Plot(
             f"{driven} driven: what the fit leaves",
             "Residuals should be noise without a shape. Their lag-1 correlation is "
-            f"{detail.lag_one_correlation:.3f}; the curve is a normal distribution of the same "
-            f"spread.{outside}",
-            plots.residuals(detail),
+            f"{_signed(detail.lag_one_correlation)}{counted}; "
+            f"the curve is a normal distribution of the same spread.{outside}",
+            plots.residuals(detail, quantum),
         ),
     ]
 
@@ -223,3 +225,7 @@ def _plain(value: float | None, form: str) -> str:
 
 def _joined(axes: Sequence[str]) -> str:
     return axes[0] if len(axes) == 1 else ", ".join(axes[:-1]) + " and " + axes[-1]
+
+
+def _signed(value: float) -> str:
+    return f"{value:.3f}".replace("-", "−")

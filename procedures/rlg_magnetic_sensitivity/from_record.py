@@ -14,7 +14,6 @@ from station.errors import InputError
 
 if TYPE_CHECKING:
     from station.bench import Bench
-
     from station.record.folder import RunFolder
 
 GYRO = "gyro_acquisition"

@@ -6,6 +6,7 @@ import math
 from typing import Annotated, Literal
 
 from pydantic import Field, ValidationInfo, field_validator
+
 from station.fields import StrictModel, Unit
 
 Axis = Literal["IA", "NA", "LA"]
@@ -86,9 +87,7 @@ class RlgParameters(StrictModel):
         frequency_Hz = info.data.get("frequency_Hz")
         if frequency_Hz and sample_interval_s * frequency_Hz > LARGEST_CYCLES_PER_SAMPLE:
             longest_s = LARGEST_CYCLES_PER_SAMPLE / frequency_Hz
-            raise ValueError(
-                f"at {frequency_Hz:g} Hz it may be {longest_s:g} s at most"
-            )
+            raise ValueError(f"at {frequency_Hz:g} Hz it may be {longest_s:g} s at most")
         return sample_interval_s
 
     @field_validator("duration_s")

@@ -15,6 +15,7 @@ from station.report.drawing import (
     BLACK,
     BLUE,
     GREEN,
+    GREY,
     INK,
     PALE,
     VERMILION,
@@ -27,77 +28,90 @@ Array = NDArray[np.float64]
 COLOUR = {"IA": BLUE, "NA": VERMILION, "LA": GREEN}
 DASHES = {"IA": "-", "NA": "--", "LA": "-."}
 ZOOM_PERIODS = 4.0
+MEAN_PERIODS = 0.25
 EDGE_SIGMA = 6.5
 
 
 def time_series(
     detail: SegmentDetail, lines: Sequence[LineDetail], segment: Segment | None
 ) -> Figure:
-    """Draw output and driving field against time: the whole record, and a few periods of it."""
-    figure = new_figure(8.8, 4.5)
+    """Draw samples, their mean and the driving field: the whole record, and a few periods of it."""
+    figure = new_figure(5.4)
     grid = figure.add_gridspec(
-        2, 2, width_ratios=(2.5, 1), height_ratios=(1.5, 1), wspace=0.06, hspace=0.12
+        3, 2, width_ratios=(2.5, 1), height_ratios=(1, 1.25, 1), wspace=0.05, hspace=0.16
     )
-    rate_axes = figure.add_subplot(grid[0, 0])
-    rate_zoom = figure.add_subplot(grid[0, 1], sharey=rate_axes)
-    field_axes = figure.add_subplot(grid[1, 0], sharex=rate_axes)
-    field_zoom = figure.add_subplot(grid[1, 1], sharex=rate_zoom, sharey=field_axes)
-
-    start_s = float(detail.time_s[0])
-    time_s = detail.time_s - start_s
+    wide = [figure.add_subplot(grid[row, 0]) for row in range(3)]
+    close = [figure.add_subplot(grid[row, 1], sharey=wide[row]) for row in range(3)]
+    time_s = detail.time_s - float(detail.time_s[0])
+    end_s = float(time_s[-1])
     period_s = 1.0 / lines[0].frequency_Hz
-    window_s = period_s / 4.0
-    for axes in (rate_axes, rate_zoom):
-        axes.plot(time_s, detail.rate_deg_per_h, ".", color=PALE, markersize=1.6, label="samples")
-    shown = np.linspace(0.0, time_s[-1], 1200)
-    smooth = running_mean(time_s, detail.rate_deg_per_h, detail.kept, shown, window_s)
-    rate_axes.plot(shown, smooth, color=BLUE, linewidth=1.0)
-    _limit_to_kept(rate_axes, detail)
-
-    zoom_s = min(ZOOM_PERIODS * period_s, time_s[-1])
-    near = np.linspace(0.0, zoom_s, 400)
-    smooth = running_mean(time_s, detail.rate_deg_per_h, detail.kept, near, window_s)
-    rate_zoom.plot(near, smooth, color=BLUE, label=f"mean over {window_s:.3g} s")
+    zoom_s = min(ZOOM_PERIODS * period_s, end_s)
+    for column, until_s, size in ((wide, end_s, 1.3), (close, zoom_s, 2.6)):
+        inside = time_s <= until_s
+        column[0].plot(
+            time_s[inside], detail.rate_deg_per_h[inside], ".", color=GREY, markersize=size
+        )
+        shown = np.linspace(0.0, until_s, 1200)
+        window_s = MEAN_PERIODS * period_s
+        smooth = running_mean(time_s, detail.rate_deg_per_h, detail.kept, shown, window_s)
+        column[1].plot(
+            shown, smooth, color=BLUE, linewidth=1.0, label=f"mean over {window_s:.3g} s"
+        )
+        _field_panel(column[2], detail, lines, segment, until_s)
+        for axes in column:
+            axes.set_xlim(0.0, until_s)
+        for axes in column[:2]:
+            axes.tick_params(labelbottom=False)
+        column[2].set_xlabel("time in the record, s")
     inside = time_s <= zoom_s
-    rate_zoom.plot(time_s[inside], detail.model_deg_per_h[inside], "--", color=BLACK, label="fit")
-    rate_zoom.set_xlim(0.0, zoom_s)
-    rate_axes.set_xlim(0.0, time_s[-1])
-
-    measured = segment is not None and len(segment.field_time_s) > 0
-    for axis in detail.axes:
-        place = AXES.index(axis)
-        colour, dashes = COLOUR[axis], DASHES[axis]
-        if segment is not None and measured:
-            field_s, field_mT = segment.field_time_s - start_s, segment.field_mT[:, place]
-        else:
-            field_s = np.linspace(0.0, time_s[-1], 4000)
-            field_mT = fitted_field_mT(detail, lines, field_s + start_s)[:, place]
-        field_axes.plot(field_s, field_mT, dashes, color=colour, linewidth=0.8)
-        close = field_s <= zoom_s
-        field_zoom.plot(field_s[close], field_mT[close], dashes, color=colour, label=axis)
-
-    rate_axes.set_ylabel("gyro output, deg/h")
-    field_axes.set_ylabel(f"field, mT ({'measured' if measured else 'fitted'})")
-    label_above(rate_axes, "The whole record")
-    label_above(rate_zoom, f"Its first {zoom_s:.3g} s")
-    for axes in (rate_axes, rate_zoom):
-        axes.tick_params(labelbottom=False)
-    for axes in (rate_zoom, field_zoom):
+    close[1].plot(time_s[inside], detail.model_deg_per_h[inside], "--", color=BLACK, label="fit")
+    _limit_to_kept(wide[0], detail)
+    for axes in close:
         axes.tick_params(labelleft=False)
-    for axes in (field_axes, field_zoom):
-        axes.set_xlabel("time in the record, s")
-    legend_inside(rate_zoom, ncols=1)
+    _room_above(close[1], 0.25)
+    legend_inside(close[1], ncols=2)
     if len(detail.axes) > 1:
-        low, high = field_axes.get_ylim()
-        field_axes.set_ylim(low, high + 0.3 * (high - low))
-        legend_inside(field_zoom, ncols=3)
+        _room_above(close[2], 0.3)
+        legend_inside(close[2], ncols=3)
+    source = "fitted" if segment is None or not len(segment.field_time_s) else "measured"
+    for axes, text in zip(
+        wide, ("samples, deg/h", "their mean, deg/h", f"{source} field, mT"), strict=True
+    ):
+        axes.set_ylabel(text)
+    figure.align_ylabels(wide)
+    label_above(wide[0], "The whole record")
+    label_above(close[0], f"Its first {zoom_s:.3g} s")
     return figure
 
 
-def residuals(detail: SegmentDetail) -> Figure:
-    """Draw what the fit left against time, rejected samples marked, and its distribution."""
-    figure = new_figure(8.8, 2.9)
-    grid = figure.add_gridspec(1, 2, width_ratios=(3.2, 1), wspace=0.06)
+def _field_panel(
+    axes: Axes,
+    detail: SegmentDetail,
+    lines: Sequence[LineDetail],
+    segment: Segment | None,
+    until_s: float,
+) -> None:
+    """Draw the measured field of the driven axes, the fitted one where none was given."""
+    start_s = float(detail.time_s[0])
+    if segment is not None and len(segment.field_time_s):
+        field_s, field_mT = segment.field_time_s - start_s, segment.field_mT
+    else:
+        field_s = np.linspace(0.0, until_s, 4000)
+        field_mT = fitted_field_mT(detail, lines, field_s + start_s)
+    inside = field_s <= until_s
+    for axis in detail.axes:
+        dashes = DASHES[axis] if len(detail.axes) > 1 else "-"
+        values = field_mT[inside, AXES.index(axis)]
+        axes.plot(field_s[inside], values, dashes, color=COLOUR[axis], linewidth=0.9, label=axis)
+
+
+def residuals(detail: SegmentDetail, quantum: float = 0.0) -> Figure:
+    """Draw what the fit left against time, rejected samples marked, and its distribution.
+
+    `quantum` is one pulse in deg/h where the output is counts: the bins are then as wide as it.
+    """
+    figure = new_figure(2.9)
+    grid = figure.add_gridspec(1, 2, width_ratios=(3.2, 1), wspace=0.05)
     axes = figure.add_subplot(grid[0, 0])
     side = figure.add_subplot(grid[0, 1], sharey=axes)
     time_s = detail.time_s - float(detail.time_s[0])
@@ -117,6 +131,8 @@ def residuals(detail: SegmentDetail) -> Figure:
         (out[left[out] >= edge], "^"),
         (out[left[out] <= -edge], "v"),
     ):
+        if not len(places):
+            continue
         axes.plot(
             time_s[places],
             np.clip(left[places], -edge, edge),
@@ -132,7 +148,7 @@ def residuals(detail: SegmentDetail) -> Figure:
     axes.set_ylim(-edge, edge)
     label_above(axes, f"{int(kept.sum())} samples in the fit, {int((~kept).sum())} left out")
 
-    heights, edges = np.histogram(left[kept], bins=40, range=(-5.0 * sigma, 5.0 * sigma))
+    heights, edges = np.histogram(left[kept], bins=_bin_edges(left[kept], sigma, quantum))
     side.stairs(heights, edges, orientation="horizontal", fill=True, color=PALE)
     level = np.linspace(-5.0 * sigma, 5.0 * sigma, 200)
     normal = np.exp(-0.5 * (level / sigma) ** 2) / (np.sqrt(2.0 * np.pi) * sigma)
@@ -141,6 +157,16 @@ def residuals(detail: SegmentDetail) -> Figure:
     side.set_xlabel("samples")
     label_above(side, f"σ = {sigma:.3g} deg/h")
     return figure
+
+
+def _bin_edges(values: Array, sigma: float, quantum: float) -> Array:
+    """Return histogram edges over 5 sigma; counted pulses get a bin each, about their levels."""
+    if quantum < 0.25 * sigma:
+        return np.linspace(-5.0 * sigma, 5.0 * sigma, 41)
+    level = float(np.angle(np.mean(np.exp(2j * np.pi * values / quantum)))) / (2.0 * np.pi)
+    reach = int(np.ceil(5.0 * sigma / quantum))
+    edges: Array = (level + np.arange(-reach, reach + 2) - 0.5) * quantum
+    return edges
 
 
 def running_mean(
@@ -186,8 +212,13 @@ def _limit_to_kept(axes: Axes, detail: SegmentDetail) -> None:
     if len(good):
         low, high = float(good.min()), float(good.max())
         margin = 0.06 * (high - low) or 0.1
-        # Room for the legend above the samples.
-        axes.set_ylim(low - margin, high + 6.0 * margin)
+        axes.set_ylim(low - margin, high + margin)
+
+
+def _room_above(axes: Axes, part: float) -> None:
+    """Make room for a legend above what is drawn."""
+    low, high = axes.get_ylim()
+    axes.set_ylim(low, high + part * (high - low))
 
 
 def legend_inside(axes: Axes, ncols: int) -> None:

@@ -19,13 +19,13 @@ Array = NDArray[np.float64]
 # The noise at a line is judged over so many cycles per record on each side of it.
 FLOOR_REACH_CYCLES = 8.0
 SPECTRUM_REACH = 5.0
-PHASE_BINS = 24
+PHASE_BINS = 12
 
 
 def spectrum(detail: SegmentDetail, lines: Sequence[LineDetail], segment: Segment | None) -> Figure:
     """Draw the published amplitude spectrum (S6) and the average over the field's phase."""
-    figure = new_figure(8.8, 3.7)
-    grid = figure.add_gridspec(1, 2, width_ratios=(2.1, 1), wspace=0.27)
+    figure = new_figure(3.7)
+    grid = figure.add_gridspec(1, 2, width_ratios=(2.1, 1), wspace=0.24)
     axes = figure.add_subplot(grid[0, 0])
     frequency_Hz, amplitude = detail.spectrum_frequency_Hz, detail.spectrum_deg_per_h
     if len(frequency_Hz) > 2:
@@ -52,7 +52,7 @@ def _spectrum_panel(
     # The mean (k = 0) stands far above everything else and is not part of the picture.
     shown = slice(1, round(highest_Hz / step_Hz) + 1)
     positive = np.maximum(amplitude, 1e-12)
-    axes.semilogy(frequency_Hz[shown], positive[shown], color=GREY, linewidth=0.9)
+    axes.semilogy(frequency_Hz[shown], positive[shown], color=GREY, linewidth=0.9, zorder=3)
     several = len(lines) > 1
     for line in lines:
         colour = COLOUR[line.axis]
@@ -65,6 +65,7 @@ def _spectrum_panel(
             color=colour,
             linewidth=0.9,
             linestyle="--",
+            zorder=1,
             label=None if several else f"f = {commanded_Hz:.6g} Hz, commanded",
         )
         if 2.0 * commanded_Hz < highest_Hz:
@@ -129,12 +130,9 @@ def _folded_panel(axes: Axes, detail: SegmentDetail, lines: Sequence[LineDetail]
         own = np.real(phasor * np.exp(1j * turn))
         left = (detail.residual_deg_per_h + own)[detail.kept]
         field_phase = np.radians(line.field_phase_deg)
-        phase = np.mod(turn[detail.kept] + field_phase, 2.0 * np.pi)
-        bins = np.minimum((phase / (2.0 * np.pi) * PHASE_BINS).astype(np.int64), PHASE_BINS - 1)
-        count = np.bincount(bins, minlength=PHASE_BINS).astype(np.float64)
-        mean = np.bincount(bins, left, PHASE_BINS) / np.maximum(count, 1.0)
-        error = detail.residual_sigma_deg_per_h / np.sqrt(np.maximum(count, 1.0))
-        filled = count > 0
+        turns = (turn[detail.kept] + field_phase) / (2.0 * np.pi)
+        mean, error = phase_average(turns, left)
+        filled = np.isfinite(mean)
         centre = (np.arange(PHASE_BINS) + 0.5) * 360.0 / PHASE_BINS
         offset = 4.0 * (number - 0.5 * (len(lines) - 1))
         axes.errorbar(
@@ -145,7 +143,7 @@ def _folded_panel(axes: Axes, detail: SegmentDetail, lines: Sequence[LineDetail]
             color=COLOUR[line.axis],
             markersize=3.2,
             elinewidth=0.8,
-            label=line.axis if len(lines) > 1 else "mean ± 1 σ",
+            label=line.axis if len(lines) > 1 else "mean ± s.e.",
         )
         angle = np.linspace(0.0, 2.0 * np.pi, 181)
         response = np.real(phasor * np.exp(1j * (angle - field_phase)))
@@ -153,7 +151,7 @@ def _folded_panel(axes: Axes, detail: SegmentDetail, lines: Sequence[LineDetail]
             np.degrees(angle),
             response,
             color=COLOUR[line.axis],
-            linestyle=DASHES[line.axis],
+            linestyle=DASHES[line.axis] if len(lines) > 1 else "-",
             label=None if len(lines) > 1 else "fit",
         )
     if not drawn:
@@ -165,3 +163,24 @@ def _folded_panel(axes: Axes, detail: SegmentDetail, lines: Sequence[LineDetail]
     low, high = axes.get_ylim()
     axes.set_ylim(low, high + 0.22 * (high - low))
     legend_inside(axes, ncols=3)
+
+
+def phase_average(turns: Array, values: Array) -> tuple[Array, Array]:
+    """Return means over the bins of one turn and their standard errors; NaN in empty bins.
+
+    The errors come from the scatter of whole turns: neighbouring samples may be correlated.
+    """
+    cycle = np.floor(turns).astype(np.int64)
+    within = np.minimum(((turns - cycle) * PHASE_BINS).astype(np.int64), PHASE_BINS - 1)
+    cell = (cycle - cycle.min()) * PHASE_BINS + within
+    cells = int(cycle.max() - cycle.min() + 1) * PHASE_BINS
+    count = np.bincount(cell, minlength=cells).reshape(-1, PHASE_BINS)
+    total = np.bincount(cell, values, cells).reshape(-1, PHASE_BINS)
+    per_turn = np.where(count > 0, total / np.maximum(count, 1), np.nan)
+    turns_seen = np.sum(count > 0, axis=0)
+    mean = np.where(turns_seen > 0, np.nansum(per_turn, axis=0) / np.maximum(turns_seen, 1), np.nan)
+    squares = np.nansum((per_turn - mean) ** 2, axis=0)
+    enough = turns_seen > 1
+    freedom = np.maximum(turns_seen - 1, 1)
+    error = np.sqrt(squares / freedom / np.maximum(turns_seen, 1))
+    return mean, np.where(enough, error, 0.0)

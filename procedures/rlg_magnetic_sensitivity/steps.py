@@ -6,7 +6,8 @@ gyro", steps S1-S9. S3 is split: the source asks for a warm gyro before its fiel
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from procedures.rlg_magnetic_sensitivity.parameters import COIL_OF_AXIS, RlgParameters
@@ -31,7 +32,7 @@ FIELD_HEADROOM = 1.5
 MOUNT = Prompt(
     "mount",
     "Mount the gyro on its non-magnetic base in the centre of the three-axis Helmholtz coil, "
-    "IA, NA and LA parallel to the normals of coils X, Y and Z; set the gaussmeter probe beside it.",
+    "IA, NA and LA parallel to the normals of coils X, Y and Z; set the field probe beside it.",
 )
 CABLES = Prompt(
     "connect-cables",
@@ -71,6 +72,23 @@ class SampleCounter:
         return self.counted >= self.wanted
 
 
+@dataclass(frozen=True)
+class Look:
+    """When the next look at the warm-up is due, and what the last one said."""
+
+    due_s: float
+    now: Callable[[], float]
+    said: str
+
+    def due(self, newest: Mapping[str, NDArray[Any]]) -> bool:
+        """Whether it is time to look again."""
+        return self.now() >= self.due_s
+
+    def detail(self) -> str:
+        """What the technician reads meanwhile."""
+        return self.said
+
+
 def mount(run: Run) -> None:
     """S1: gyro in the centre of the coil, axes along the coils' normals."""
     run.ask(MOUNT.id, MOUNT.text)
@@ -103,15 +121,8 @@ def warm_up(run: Run) -> None:
     began_s = run.clock.now()
     said = "filling the window"
     while True:
-        until_s = run.clock.now() + WARM_UP_LOOKS_EVERY_S
-        acquire(
-            run,
-            WARM_UP,
-            {GYRO: board},
-            enough=lambda _, until_s=until_s: run.clock.now() >= until_s,
-            began_s=began_s,
-            detail=lambda said=said: said,
-        )
+        look = Look(run.clock.now() + WARM_UP_LOOKS_EVERY_S, run.clock.now, said)
+        acquire(run, WARM_UP, {GYRO: board}, enough=look.due, began_s=began_s, detail=look.detail)
         elapsed_s = run.clock.now() - began_s
         if elapsed_s < rule.window_s:
             continue

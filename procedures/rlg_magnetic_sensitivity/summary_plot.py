@@ -11,6 +11,12 @@ from matplotlib.patches import Rectangle
 
 from station.report.drawing import BLUE, INK, VERMILION, new_figure
 
+BEST = "best estimate with U (95 %)"
+PUBLISHED = "published formula (has no sign)"
+WITHIN = "within the limit"
+LIMIT = "limit"
+ORDER = (BEST, PUBLISHED, WITHIN, LIMIT)
+
 
 @dataclass(frozen=True)
 class SummaryRow:
@@ -25,7 +31,7 @@ class SummaryRow:
 
 def summary(rows: Sequence[SummaryRow]) -> Figure:
     """Draw all axes' values with U, the published values beside them, and the limits behind."""
-    figure = new_figure(8.8, 1.15 + 0.5 * len(rows))
+    figure = new_figure(1.15 + 0.5 * len(rows))
     axes = figure.add_subplot()
     spans = [abs(b) for row in rows if row.limit for b in row.limit if np.isfinite(b)]
     spans += [
@@ -51,7 +57,7 @@ def summary(rows: Sequence[SummaryRow]) -> Figure:
                     facecolor="#E6F1F7",
                     edgecolor="none",
                     zorder=1,
-                    label=once("within the limit"),
+                    label=once(WITHIN),
                 )
             )
             for bound in row.limit:
@@ -62,7 +68,7 @@ def summary(rows: Sequence[SummaryRow]) -> Figure:
                         color=INK,
                         linewidth=1.6,
                         zorder=2,
-                        label=once("limit"),
+                        label=once(LIMIT),
                     )
         if row.value is None:
             axes.text(
@@ -85,7 +91,7 @@ def summary(rows: Sequence[SummaryRow]) -> Figure:
                 capsize=4,
                 elinewidth=1.8,
                 zorder=4,
-                label=once("best estimate with U (95 %)"),
+                label=once(BEST),
             )
         if row.published is not None:
             axes.plot(
@@ -98,7 +104,7 @@ def summary(rows: Sequence[SummaryRow]) -> Figure:
                 markeredgewidth=1.5,
                 zorder=3,
                 linestyle="none",
-                label=once("published formula (has no sign)"),
+                label=once(PUBLISHED),
             )
     axes.axvline(0.0, color=INK, linewidth=0.8)
     axes.set_xlim(-reach, reach)
@@ -107,5 +113,14 @@ def summary(rows: Sequence[SummaryRow]) -> Figure:
     axes.tick_params(axis="y", length=0)
     axes.grid(False, axis="y")
     axes.set_xlabel("magnetic sensitivity, deg/h/mT")
-    axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=4, handlelength=1.6)
+    handles, names = axes.get_legend_handles_labels()
+    order = sorted(range(len(names)), key=lambda i: ORDER.index(names[i]))
+    axes.legend(
+        [handles[i] for i in order],
+        [names[i] for i in order],
+        loc="lower center",
+        bbox_to_anchor=(0.5, 1.0),
+        ncols=4,
+        handlelength=1.6,
+    )
     return figure

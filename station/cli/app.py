@@ -135,9 +135,7 @@ def identify(
 
 @app.command()
 def sim(
-    bench: Annotated[
-        str, typer.Argument(help="Simulated bench: path or name.")
-    ] = DEFAULT_BENCH,
+    bench: Annotated[str, typer.Argument(help="Simulated bench: path or name.")] = DEFAULT_BENCH,
     procedure: Annotated[
         str, typer.Option(help="The procedure whose device is mounted.")
     ] = "rlg-magnetic-sensitivity",

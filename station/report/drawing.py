@@ -24,6 +24,8 @@ PALE = "#C9CED6"
 INK = "#1F2933"
 
 DPI = 110
+CSS_DPI = 96
+WIDTH_IN = 9.4
 STYLE = {
     "font.family": "DejaVu Sans",
     "font.size": 9.0,
@@ -51,9 +53,11 @@ STYLE = {
 }
 
 
-def new_figure(width_in: float = 8.6, height_in: float = 3.4) -> Figure:
-    """Return an empty figure on white; draw on it inside `mpl.rc_context(STYLE)`."""
-    return Figure(figsize=(width_in, height_in), facecolor="white")
+def new_figure(height_in: float = 3.4) -> Figure:
+    """Return an empty figure on white, as wide as the page; draw inside `mpl.rc_context(STYLE)`."""
+    figure = Figure(figsize=(WIDTH_IN, height_in), facecolor="white")
+    figure.subplots_adjust(left=0.08, right=0.985)
+    return figure
 
 
 def png_bytes(figure: Figure) -> bytes:

@@ -62,6 +62,7 @@ def render_html(document: ResultDocument, context: ReportContext, parts: Sequenc
     )
     environment.filters["minus"] = _minus
     environment.filters["duration"] = format_duration
+    environment.filters["moment"] = _moment
     template = environment.get_template("report.html.j2")
     css = resources.files("station.report").joinpath("report.css").read_text(encoding="utf-8")
     return template.render(
@@ -202,14 +203,19 @@ def _budgets(results: Sequence[Result]) -> list[dict[str, Any]]:
 def _part(part: Part) -> dict[str, Any]:
     """Return a part of the procedure as the template draws it."""
     if isinstance(part, Plot):
-        from station.report.drawing import png_bytes
+        from station.report.drawing import CSS_DPI, DPI, png_bytes
 
-        image = base64.b64encode(png_bytes(part.figure)).decode("ascii")
+        png = png_bytes(part.figure)
+        # Width and height stand in the first chunk (PNG specification, 11.2.2).
+        width, height = (int.from_bytes(png[at : at + 4], "big") for at in (16, 20))
+        image = base64.b64encode(png).decode("ascii")
         return {
             "kind": "plot",
             "title": part.title,
             "caption": part.caption,
             "image": f"data:image/png;base64,{image}",
+            "width": str(round(width * CSS_DPI / DPI)),
+            "height": str(round(height * CSS_DPI / DPI)),
         }
     return {"kind": "table", "title": part.title, "caption": part.caption, **_table(part)}
 
@@ -263,6 +269,13 @@ def _share(percent: float) -> str:
 
 def _plain(name: str) -> str:
     return name.replace("_", " ")
+
+
+def _moment(text: str) -> str:
+    """Return an ISO 8601 time in UTC as people read it."""
+    for ending in ("+00:00", "Z"):
+        text = text.removesuffix(ending)
+    return text.replace("T", " ", 1)
 
 
 def _minus(text: str) -> str:

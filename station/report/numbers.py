@@ -10,7 +10,8 @@ UNDETERMINED = "undetermined"
 NOTHING = "–"
 FIGURE_SPACE = "\u2007"
 POINT_SPACE = "\u2008"
-PLAIN_EXPONENTS = range(-6, 7)
+PLAIN_EXPONENTS = range(-4, 7)
+LAST_PLAIN_PLACE = -12
 
 
 def format_with_uncertainty(value: float | None, uncertainty: float | None) -> tuple[str, str]:
@@ -29,7 +30,7 @@ def format_with_uncertainty(value: float | None, uncertainty: float | None) -> t
         return format_number(value, 6), "0"
     place = _last_place(uncertainty, 2)
     largest = max(_exponent(value) if value else place, _exponent(uncertainty))
-    if largest in PLAIN_EXPONENTS and place > min(PLAIN_EXPONENTS) - 2:
+    if largest in PLAIN_EXPONENTS and place >= LAST_PLAIN_PLACE:
         return _rounded(value, place), _rounded(uncertainty, place)
     shift = Decimal(10) ** -largest
     return tuple(  # type: ignore[return-value]

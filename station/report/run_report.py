@@ -31,7 +31,7 @@ def report_of_run(folder: RunFolder, document: ResultDocument, findings: Finding
     context = ReportContext(
         title=procedure.title,
         source=procedure.source,
-        started_utc=facts["started_utc"],
+        started_utc=facts["started_utc"][:19].replace("T", " "),
         operator=plan.operator,
         dut=dut_rows(to_yaml_data(plan.dut)),
         decision_rule=plan.decision_rule,
@@ -83,9 +83,9 @@ def simulation_sentences(bench: Bench) -> tuple[str, ...]:
         f"Every instrument was simulated: {instruments}. Each answered the same driver that a real "
         "one would, on its own wire protocol.",
         "The device under test, the coils and their field were computed from the truth that stands "
-        "under `simulation` in the bench file; the analysis does not read it.",
+        "under “simulation” in the bench file; the analysis does not read it.",
         "Time was virtual: waiting was skipped, nothing else.",
-        "Physical acts were answered by the simulated world. Certificates and due dates are invented.",
+        "Physical acts were done by the simulated world. Certificates and due dates are invented.",
     )
 
 
