@@ -120,7 +120,8 @@ class CanPulseBoard:
             )
 
     def _answer(self, name: str, attempted: str) -> Frame:
-        deadline_s = self.place.clock.now() + ANSWER_WITHIN_S
+        clock = self.place.clock
+        deadline_s = clock.now() + clock.patience_s(ANSWER_WITHIN_S)
         frames = self._line.wait_for(self._id(name), deadline_s)
         if not frames:
             raise InstrumentTimeout(

@@ -66,6 +66,11 @@ class SimulatedBench:
         """Do what a prompt asks a person to do; returns a sentence that says what was done."""
         return self._world.act(prompt_id, self._clock.now())
 
+    def make_ready(self) -> None:
+        """Do what a person would have done before others come: mount the device, switch it on."""
+        for prompt_id in self._world.preparations:
+            self.act(prompt_id)
+
     def close(self) -> None:
         """Stop serving; the world ends with its instruments."""
         for instrument in self._served.values():

@@ -64,16 +64,13 @@ def acquire(
     sources: Mapping[str, Source],
     *,
     enough: Callable[[Mapping[str, NDArray[Any]]], bool],
-    began_s: float | None = None,
     detail: Callable[[], str] = str,
 ) -> None:
     """Record `sources` (by instrument name) for `unit` until `enough` of the last rows is True.
 
-    `enough` gets, per instrument, the newest row as an array of shape (1,); `began_s` is the run
-    time from which progress counts. Raises InstrumentError when a source is silent for longer
-    than `SILENT_AFTER_S`.
+    `enough` gets, per instrument, the newest row as an array of shape (1,). Raises
+    InstrumentError when a source is silent for longer than `SILENT_AFTER_S`.
     """
-    began_s = run.clock.now() if began_s is None else began_s
     heard_s = dict.fromkeys(sources, run.clock.now())
     newest: dict[str, NDArray[Any]] = {}
     while True:
@@ -91,7 +88,7 @@ def acquire(
                     f"no sample came for {SILENT_AFTER_S:g} s",
                     "check its cable, its power and that the device under test is on",
                 )
-        run.progress.at(run.clock.now() - began_s, detail())
+        run.say_progress(detail())
         if len(newest) == len(sources) and enough(newest):
             return
         run.clock.sleep(POLL_S)

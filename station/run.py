@@ -42,6 +42,7 @@ class Run:
         self.handed_on: dict[str, Any] = {}
         """What one step leaves for the next; nothing that results are computed from."""
         self._operator = operator
+        self._step_began_s = clock.now()
 
     @property
     def parameters(self) -> Any:
@@ -61,6 +62,7 @@ class Run:
     def do(self, step: Step) -> None:
         """Do one step, with its beginning and end in the log."""
         self.progress.step(step.number, step.title, step.duration_s(self.parameters))
+        self._step_began_s = self.clock.now()
         self.record.event("step-started", step=step.number, title=step.title)
         step.body(self)
         self.record.event("step-finished", step=step.number)
@@ -75,10 +77,13 @@ class Run:
     def wait(self, seconds: float, detail: str = "") -> None:
         """Let run time pass, with progress."""
         until_s = self.clock.now() + seconds
-        began_s = self.clock.now()
         while self.clock.now() < until_s:
             self.clock.sleep_until(min(self.clock.now() + WAIT_SLICE_S, until_s))
-            self.progress.at(self.clock.now() - began_s, detail)
+            self.say_progress(detail)
+
+    def say_progress(self, detail: str = "") -> None:
+        """Say how much of the present step's bench time is over, and how it stands."""
+        self.progress.at(self.clock.now() - self._step_began_s, detail)
 
     def ask(self, prompt_id: str, text: str) -> str:
         """Ask the operator for an act or an answer; both are recorded."""

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import TracebackType
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from station import registry
 from station.bench import Bench
@@ -41,6 +41,7 @@ class Request:
     interactive: bool = False
     quiet: bool = False
     report: bool = True
+    served: Mapping[str, Any] | None = None
 
 
 @dataclass
@@ -60,18 +61,30 @@ class Outcome:
 
 
 class BenchSession:
-    """A bench that can be opened: the simulated one is built and served, a real one stands there.
+    """A bench that can be opened: a real one, one simulated here, or one that is served elsewhere.
 
     `addresses` are those of simulated instruments; `act` does a physical act in their world.
+    `served` is the first line of `station sim`.
     """
 
-    def __init__(self, bench: Bench, procedure: str | None) -> None:
-        simulated = bench.simulation is not None
-        self.clock: Clock = VirtualClock() if simulated else RealClock()
+    def __init__(
+        self, bench: Bench, procedure: str | None, served: Mapping[str, Any] | None = None
+    ) -> None:
+        self.clock: Clock
         self._simulation = None
         self.addresses: dict[str, str] = {}
         self.act: Callable[[str], str] | None = None
-        if simulated:
+        if served is not None:
+            time = served["clock"]
+            self.clock = RealClock(float(time["speed"]), float(time["epoch_unix"]))
+            self.addresses = {
+                name: str(one["address"]) for name, one in served["instruments"].items()
+            }
+            self.act = lambda prompt_id: f"{prompt_id}: done when the simulated bench was served"
+        elif bench.simulation is None:
+            self.clock = RealClock()
+        else:
+            self.clock = VirtualClock()
             simulator = registry.load(registry.SIMULATORS, registry.SIMULATED_BENCH)
             world = procedure or registry.names(registry.PROCEDURES)[0]
             self._simulation = simulator(bench.data, self.clock, world)
@@ -100,7 +113,7 @@ def execute(request: Request) -> Outcome:
     """
     plan, bench = request.plan, request.bench
     procedure = registry.procedure(plan.procedure)
-    with BenchSession(bench, plan.procedure) as session:
+    with BenchSession(bench, plan.procedure, request.served) as session:
         clock = session.clock
         operator = Operator(
             clock, request.answers, interactive=request.interactive, act=session.act

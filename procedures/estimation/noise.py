@@ -53,7 +53,10 @@ def fit_autoregression(residuals: Array, index: Index, max_order: int) -> Autore
     series = np.zeros(int(index[-1]) + 1)
     series[index] = residuals
     covariance = np.array(
-        [series[: len(series) - k] @ series[k:] for k in range(min(max_order, len(series) - 1) + 1)]
+        [
+            np.einsum("i,i->", series[: len(series) - k], series[k:])
+            for k in range(min(max_order, len(series) - 1) + 1)
+        ]
     )
     if covariance[0] <= 0.0:
         return Autoregression(np.zeros((1, 0)), np.ones(1))

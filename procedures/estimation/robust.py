@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from .linear import least_squares
+from .linear import combine, least_squares
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -38,7 +38,7 @@ def reject_outliers(
         samples = int(kept.sum())
         everything = samples == len(data)
         fit = least_squares(design, data) if everything else least_squares(design[kept], data[kept])
-        residuals = fit.residuals if everything else data - design @ fit.coefficients
+        residuals = fit.residuals if everything else data - combine(design, fit.coefficients)
         # The fit has taken some of the scatter away: give it back before judging.
         widen = np.sqrt(samples / max(samples - columns, 1))
         inner = fit.residuals * widen

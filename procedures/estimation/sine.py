@@ -41,7 +41,8 @@ def coarse_frequency(time_s: Array, data: Array, start_Hz: float, reach_Hz: floa
     grid = grid[grid > 0.25 / span_s]
     if len(grid) == 0:
         return start_Hz
-    power = np.abs(np.exp(-2j * np.pi * np.outer(grid, time_s)) @ (data - np.mean(data)))
+    turns = np.exp(-2j * np.pi * np.outer(grid, time_s))
+    power = np.abs(np.einsum("ij,j->i", turns, data - np.mean(data)))
     return float(grid[int(np.argmax(power))])
 
 

@@ -130,6 +130,8 @@ def _unresolved(
             f"the record holds only {frequency_Hz * span_s:.3g} cycles of the field, "
             f"{settings.fewest_cycles:g} are needed"
         )
+    if float(np.ptp(segment.rate_deg_per_h)) == 0.0:
+        return "the gyro's output never changes"
     start_s = max(float(segment.time_s[0]), float(segment.field_time_s[0]))
     stop_s = min(float(segment.time_s[-1]), float(segment.field_time_s[-1]))
     if stop_s - start_s < 0.5 * span_s:

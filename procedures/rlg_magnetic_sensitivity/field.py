@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from procedures.estimation.drift import legendre_columns
-from procedures.estimation.linear import least_squares
+from procedures.estimation.linear import combine, least_squares
 from procedures.estimation.robust import robust_sigma
 from procedures.estimation.sine import (
     averaging_factor,
@@ -115,7 +115,9 @@ def _frequencies(
     design = np.hstack((_drift(time_s), line_columns(time_s, frequencies)))
     kept = np.ones(len(time_s), dtype=bool)
     for a in range(3):
-        residuals = field_mT[:, a] - design @ least_squares(design, clipped[:, a]).coefficients
+        residuals = field_mT[:, a] - combine(
+            design, least_squares(design, clipped[:, a]).coefficients
+        )
         # The waveform of a programmed list is not a perfect sine; its steps are no outliers.
         floor = 0.01 * float(np.ptp(clipped[:, a]))
         kept &= np.abs(residuals) <= _OUTLIER * robust_sigma(residuals, floor) + 1e-12

@@ -71,12 +71,17 @@ def _record_plots(
     return [
         Plot(
             f"{driven} driven: the record",
-            "Output of the gyro: single samples, then their mean over a quarter of a period, in "
-            "which the response to the field shows where it is strong enough; the driving field.",
+            "Output of the gyro: single samples; their running mean, in which the response to "
+            "the field shows where it is strong enough. Below, the driving field.",
             plots.time_series(detail, lines, segment),
         ),
         Plot(
-            f"{driven} driven: the line at the field’s frequency",
+            f"{driven} driven: "
+            + (
+                "the lines at the fields’ frequencies"
+                if several
+                else "the line at the field’s frequency"
+            ),
             f"{peaks} that the published formula reads (S7). Black bar: the amplitude that noise "
             "alone gives near f. Right: the same samples averaged over the phase of the field, "
             "drift and other lines taken off; 0 deg is where the field is largest.",
@@ -138,13 +143,14 @@ def _line_table(lines: Sequence[LineDetail]) -> Table:
         ("Value over its uncertainty (type A)", lambda x: _plain(x.significance, "{:.1f}")),
         ("Magnitude below, with 95 %, deg/h/mT", lambda x: format_number(x.upper_bound, 2)),
     ]
+    texts = [[title, *(text(line) for line in lines)] for title, text in rows]
     return Table(
         "The driven lines",
         "A real sensitivity answers in phase with the field, or against it where it is negative; "
         "a part in quadrature would point to a delay, eddy currents or pickup. Uncertainties are "
         "standard, type A. The bound is given where the value is not told from zero.",
         ["", *(_line_name(line, lines) for line in lines)],
-        [[title, *(text(line) for line in lines)] for title, text in rows],
+        [row for row in texts if any(cell != NOTHING for cell in row[1:])],
     )
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from procedures.estimation.drift import drift_order, legendre_columns
-from procedures.estimation.linear import least_squares
+from procedures.estimation.linear import combine, least_squares
 from procedures.estimation.noise import (
     LocalNoise,
     fit_autoregression,
@@ -134,7 +134,7 @@ def fit_gyro(
     freedom = max(samples - unknowns, 1)
     sigma2 = fit.sum_of_squares / freedom
 
-    model = design[:, :unknowns] @ fit.coefficients
+    model = combine(design[:, :unknowns], fit.coefficients)
     residuals = data - model
     result_lines = _line_slots(frequencies, extra)
     phasor = np.zeros(2 * len(frequencies), dtype=np.complex128)

@@ -45,6 +45,9 @@ def time_series(
     time_s = detail.time_s - float(detail.time_s[0])
     end_s = float(time_s[-1])
     period_s = 1.0 / lines[0].frequency_Hz
+    # A whole number of samples: counted pulses would beat with anything else.
+    interval_s = float(np.median(np.diff(time_s)))
+    window_s = max(2, round(MEAN_PERIODS * period_s / interval_s)) * interval_s
     zoom_s = min(ZOOM_PERIODS * period_s, end_s)
     for column, until_s, size in ((wide, end_s, 1.3), (close, zoom_s, 2.6)):
         inside = time_s <= until_s
@@ -52,7 +55,6 @@ def time_series(
             time_s[inside], detail.rate_deg_per_h[inside], ".", color=GREY, markersize=size
         )
         shown = np.linspace(0.0, until_s, 1200)
-        window_s = MEAN_PERIODS * period_s
         smooth = running_mean(time_s, detail.rate_deg_per_h, detail.kept, shown, window_s)
         column[1].plot(
             shown, smooth, color=BLUE, linewidth=1.0, label=f"mean over {window_s:.3g} s"
@@ -78,7 +80,7 @@ def time_series(
         wide, ("samples, deg/h", "their mean, deg/h", f"{source} field, mT"), strict=True
     ):
         axes.set_ylabel(text)
-    figure.align_ylabels(wide)
+        axes.yaxis.set_label_coords(-0.085, 0.5)
     label_above(wide[0], "The whole record")
     label_above(close[0], f"Its first {zoom_s:.3g} s")
     return figure
@@ -165,8 +167,7 @@ def _bin_edges(values: Array, sigma: float, quantum: float) -> Array:
         return np.linspace(-5.0 * sigma, 5.0 * sigma, 41)
     level = float(np.angle(np.mean(np.exp(2j * np.pi * values / quantum)))) / (2.0 * np.pi)
     reach = int(np.ceil(5.0 * sigma / quantum))
-    edges: Array = (level + np.arange(-reach, reach + 2) - 0.5) * quantum
-    return edges
+    return np.asarray((level + np.arange(-reach, reach + 2) - 0.5) * quantum, dtype=np.float64)
 
 
 def running_mean(
@@ -174,7 +175,7 @@ def running_mean(
 ) -> Array:
     """Return the mean of the kept samples within a window about each time; NaN in gaps.
 
-    A window less than half filled gives NaN, so that no line is drawn across a gap.
+    A window that is not nearly full gives NaN: no line is drawn across a gap or beyond the ends.
     """
     good = kept & np.isfinite(values)
     time_s, values = time_s[good], values[good]
@@ -184,7 +185,7 @@ def running_mean(
     first = np.searchsorted(time_s, at_s - 0.5 * window_s, side="left")
     last = np.searchsorted(time_s, at_s + 0.5 * window_s, side="right")
     count = last - first
-    wanted = max(1.0, 0.4 * window_s / float(np.median(np.diff(time_s))))
+    wanted = max(1.0, np.floor(0.8 * window_s / float(np.median(np.diff(time_s)))))
     mean = values[0] + (sums[last] - sums[first]) / np.maximum(count, 1)
     return np.where(count >= wanted, mean, np.nan)
 

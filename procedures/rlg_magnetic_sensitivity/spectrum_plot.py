@@ -60,13 +60,14 @@ def _spectrum_panel(
         if segment is not None and line.axis in segment.drive:
             commanded_Hz = segment.drive[line.axis].frequency_Hz
         who = f" ({line.axis})" if several else ""
+        commanded = "f, commanded" if several else f"f = {commanded_Hz:.6g} Hz, commanded"
         axes.axvline(
             commanded_Hz,
             color=colour,
             linewidth=0.9,
             linestyle="--",
             zorder=1,
-            label=None if several else f"f = {commanded_Hz:.6g} Hz, commanded",
+            label=commanded if line is lines[0] else "_",
         )
         if 2.0 * commanded_Hz < highest_Hz:
             axes.axvline(
@@ -74,7 +75,7 @@ def _spectrum_panel(
                 color=colour,
                 linewidth=1.0,
                 linestyle=":",
-                label=None if several else "2 f",
+                label="2 f" if line is lines[0] else "_",
             )
         if line.noise_floor_deg_per_h is not None:
             reach = FLOOR_REACH_CYCLES * step_Hz
@@ -108,7 +109,7 @@ def _spectrum_panel(
     floors = [x.noise_floor_deg_per_h for x in lines if x.noise_floor_deg_per_h]
     low, high = min([low, *floors]) / 2.0, max([high, *floors])
     # Room above the highest line for the legend.
-    room = 0.12 + 0.075 * (len(lines) + (1 if several else 3))
+    room = 0.12 + 0.075 * (len(lines) + 3)
     axes.set_ylim(low, high * (high / low) ** (room / (1.0 - room)) * 1.1)
     axes.set_xlim(0.0, highest_Hz)
     axes.legend(loc="upper right", borderaxespad=0.2, handlelength=1.6)

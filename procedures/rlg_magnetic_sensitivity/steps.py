@@ -122,7 +122,7 @@ def warm_up(run: Run) -> None:
     said = "filling the window"
     while True:
         look = Look(run.clock.now() + WARM_UP_LOOKS_EVERY_S, run.clock.now, said)
-        acquire(run, WARM_UP, {GYRO: board}, enough=look.due, began_s=began_s, detail=look.detail)
+        acquire(run, WARM_UP, {GYRO: board}, enough=look.due, detail=look.detail)
         elapsed_s = run.clock.now() - began_s
         if elapsed_s < rule.window_s:
             continue
@@ -183,7 +183,6 @@ def record(run: Run, axis: str) -> None:
             axis,
             {GYRO: board, GAUSSMETER: gaussmeter},
             enough=counter.enough,
-            began_s=run.clock.now() - parameters.settle_s,
             detail=lambda: f"{axis}: {counter.counted} of {counter.wanted} samples",
         )
     run.role(coil_supply(axis), CoilSupply).stop()

@@ -27,6 +27,8 @@ class LaserGyroBench:
     again from there. `lock` is held by whoever reads or changes the world.
     """
 
+    preparations = ("mount", "connect-cables", "dut-power-on")
+
     def __init__(self, truth: Truth) -> None:
         self.lock = RLock()
         self.version = 0

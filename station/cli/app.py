@@ -73,6 +73,9 @@ def run(
     answers: Annotated[
         Path | None, typer.Option(help="YAML file of prompt ids and answers.")
     ] = None,
+    served: Annotated[
+        Path | None, typer.Option(help="File with the first line of a running `station sim`.")
+    ] = None,
     output: Annotated[Path, typer.Option(help="Parent of the run folder.")] = Path("runs"),
     json: Json = False,
 ) -> None:
@@ -85,6 +88,7 @@ def run(
             bench,
             non_interactive=non_interactive,
             answers=answers,
+            served=served,
             output=output,
             as_json=json,
         )

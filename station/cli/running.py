@@ -23,6 +23,7 @@ def run_plan(
     *,
     non_interactive: bool,
     answers: Path | None,
+    served: Path | None,
     output: Path,
     as_json: bool,
 ) -> int:
@@ -36,6 +37,7 @@ def run_plan(
         output,
         answers=read_answers(answers) if answers else {},
         interactive=asked and sys.stdin.isatty(),
+        served=read_served(served) if served else None,
     )
     outcome = execute(request)
     say(outcome)
@@ -53,6 +55,18 @@ def read_answers(path: Path) -> dict[str, str]:
     if not isinstance(data, dict):
         raise InputError(f"{path}: write prompt ids and answers, one `id: answer` a line")
     return {str(key): str(value) for key, value in data.items()}
+
+
+def read_served(path: Path) -> dict[str, Any]:
+    """Return where a `station sim` in another process serves, from a file with its first line."""
+    try:
+        head = json.loads(path.read_text(encoding="utf-8").splitlines()[0])
+        return {"instruments": dict(head["instruments"]), "clock": dict(head["clock"])}
+    except (OSError, ValueError, KeyError, IndexError, TypeError) as error:
+        raise InputError(
+            f"{path} does not hold the first line of `station sim` ({error}); "
+            "start it as `station sim BENCH > FILE`"
+        ) from error
 
 
 def say(outcome: Outcome) -> None:

@@ -23,6 +23,7 @@ def serve(bench_name: str, procedure: str, speed: float) -> None:
     clock = RealClock(speed)
     simulator = registry.load(registry.SIMULATORS, registry.SIMULATED_BENCH)
     simulation = simulator(bench.data, clock, procedure)
+    simulation.make_ready()
     ended = Event()
     for name in ("SIGINT", "SIGTERM", "SIGHUP"):
         if hasattr(signal, name):

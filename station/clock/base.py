@@ -135,6 +135,13 @@ class Clock(ABC):
         """Return how long a blocking read may take in real time for `run_seconds` of run time."""
 
     @abstractmethod
+    def patience_s(self, run_seconds: float) -> float:
+        """Return the run time to wait for what should take `run_seconds`.
+
+        Where time runs faster than real, a partner in another process still needs its real time.
+        """
+
+    @abstractmethod
     def interrupt(self, error: BaseException | None) -> None:
         """Raise `error` in the main participant at its next sleep; None takes that back."""
 

@@ -10,6 +10,7 @@ from threading import Event, Lock, current_thread, main_thread
 from station.clock.base import Clock, ClockStopped, ParticipantThread, Wire
 
 INTERRUPT_SLICE_S = 0.05
+REAL_PATIENCE_S = 0.5
 
 
 class RealWire(Wire):
@@ -106,7 +107,11 @@ class RealClock(Clock):
 
     def real_timeout_s(self, run_seconds: float) -> float:
         """Return the same span in real time, at least half a second where time runs faster."""
-        return run_seconds if self.speed == 1.0 else max(run_seconds / self.speed, 0.5)
+        return self.patience_s(run_seconds) / self.speed
+
+    def patience_s(self, run_seconds: float) -> float:
+        """Return the same span, at least half a second of real time where time runs faster."""
+        return run_seconds if self.speed == 1.0 else max(run_seconds, REAL_PATIENCE_S * self.speed)
 
     def interrupt(self, error: BaseException | None) -> None:
         """End the main thread's sleep, now or next, with `error`."""

@@ -85,6 +85,10 @@ class VirtualClock(Clock):
         """Return the time to read an answer that is already there."""
         return READ_TIMEOUT_S
 
+    def patience_s(self, run_seconds: float) -> float:
+        """Return the same span: virtual time waits for whoever works."""
+        return run_seconds
+
     def interrupt(self, error: BaseException | None) -> None:
         """End the main participant's sleep, now or next, with `error`."""
         self._interruption = error

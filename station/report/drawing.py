@@ -26,6 +26,10 @@ INK = "#1F2933"
 DPI = 110
 CSS_DPI = 96
 WIDTH_IN = 9.4
+LEFT_IN = 0.72
+RIGHT_IN = 0.14
+BOTTOM_IN = 0.48
+TOP_IN = 0.3
 STYLE = {
     "font.family": "DejaVu Sans",
     "font.size": 9.0,
@@ -54,9 +58,18 @@ STYLE = {
 
 
 def new_figure(height_in: float = 3.4) -> Figure:
-    """Return an empty figure on white, as wide as the page; draw inside `mpl.rc_context(STYLE)`."""
+    """Return an empty figure on white, as wide as the page; draw inside `mpl.rc_context(STYLE)`.
+
+    The margins hold labels and a line of title. They are fixed, so that all plots of a page stand
+    in line, and because finding them by drawing twice costs a third of a report's time.
+    """
     figure = Figure(figsize=(WIDTH_IN, height_in), facecolor="white")
-    figure.subplots_adjust(left=0.08, right=0.985)
+    figure.subplots_adjust(
+        left=LEFT_IN / WIDTH_IN,
+        right=1.0 - RIGHT_IN / WIDTH_IN,
+        bottom=BOTTOM_IN / height_in,
+        top=1.0 - TOP_IN / height_in,
+    )
     return figure
 
 
@@ -64,9 +77,7 @@ def png_bytes(figure: Figure) -> bytes:
     """Return the figure as a PNG file: the same bytes for the same drawing, no software tag."""
     buffer = io.BytesIO()
     with mpl.rc_context(STYLE):
-        figure.savefig(
-            buffer, format="png", dpi=DPI, bbox_inches="tight", metadata={"Software": None}
-        )
+        figure.savefig(buffer, format="png", dpi=DPI, metadata={"Software": None})
     return buffer.getvalue()
 
 

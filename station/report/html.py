@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import re
 from collections.abc import Mapping, Sequence
 from importlib import resources
 from typing import Any
@@ -26,6 +27,7 @@ from station.report.numbers import (
 from station.report.parts import Part, Plot, Table
 from station.results import Published, Result, ResultDocument
 
+RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 BADGES = {
     "pass": ("✓", "Within limits"),
     "fail": ("✗", "Outside a limit"),
@@ -86,7 +88,7 @@ def _badge(document: ResultDocument, context: ReportContext) -> dict[str, str]:
     inside = sum(result.decision.verdict == "pass" for result in asked)
     outside = sum(result.decision.verdict == "fail" for result in asked)
     if not asked:
-        why = "The plan sets no limit; the values stand for themselves."
+        why = "No limit was given; the values stand for themselves."
     else:
         undecided = len(asked) - inside - outside
         counts = [(inside, "within"), (outside, "outside"), (undecided, "undecided")]
@@ -142,7 +144,7 @@ def _published_rows(document: ResultDocument) -> list[dict[str, str]]:
             if value is not None and published.value is not None:
                 difference = format_like(published.value - value, text)
                 if u:
-                    in_u = f"{(published.value - value) / u:+.1f}"
+                    in_u = f"{(published.value - value) / u:+.1f}".replace("-0.0", "+0.0")
         rows.append(
             {
                 "name": _plain(published.name),
@@ -179,22 +181,22 @@ def _budgets(results: Sequence[Result]) -> list[dict[str, Any]]:
                 "kind": line.kind,
                 "contribution": format_with_uncertainty(line.contribution, line.contribution)[1],
                 "percent": 100.0 * line.contribution**2 / variance if variance else 0.0,
+                "share": _share(100.0 * line.contribution**2 / variance if variance else 0.0),
                 "source": line.source,
             }
             for line in result.combined.budget
         ]
-        for row in rows:
-            row["share"] = _share(float(str(row["percent"])))
         total = format_with_uncertainty(
             result.estimate.value, result.combined.standard_uncertainty
         )[1]
+        aligned = _aligned([*rows, {"contribution": total}], ("contribution",))
         budgets.append(
             {
                 "name": _plain(result.estimate.name),
                 "axis": result.estimate.axis or "",
                 "unit": result.estimate.unit,
-                "total": total,
-                "rows": _aligned(rows, ("contribution",)),
+                "total": aligned[-1]["contribution"],
+                "rows": aligned[:-1],
             }
         )
     return budgets
@@ -214,8 +216,8 @@ def _part(part: Part) -> dict[str, Any]:
             "title": part.title,
             "caption": part.caption,
             "image": f"data:image/png;base64,{image}",
-            "width": str(round(width * CSS_DPI / DPI)),
-            "height": str(round(height * CSS_DPI / DPI)),
+            "width": round(width * CSS_DPI / DPI),
+            "height": round(height * CSS_DPI / DPI),
         }
     return {"kind": "table", "title": part.title, "caption": part.caption, **_table(part)}
 
@@ -224,7 +226,7 @@ def _table(table: Table) -> dict[str, Any]:
     columns = [[row[index] for row in table.rows] for index in range(len(table.columns))]
     numeric = [is_numeric_column(column) for column in columns]
     aligned = [
-        align_decimals(column) if is_number else column
+        align_decimals(column) if is_number and not any("±" in text for text in column) else column
         for column, is_number in zip(columns, numeric, strict=True)
     ]
     rows = [list(zip(cells, numeric, strict=True)) for cells in zip(*aligned, strict=True)]
@@ -279,5 +281,9 @@ def _moment(text: str) -> str:
 
 
 def _minus(text: str) -> str:
-    """Return a number's text with a minus sign in place of a hyphen."""
+    """Return a number's text with a minus sign for the hyphen, and its power of ten raised."""
+    exponent = re.fullmatch(r"(-?[\d.]+)e(-?\d+)([\s\u2007\u2008]*)", text)
+    if exponent:
+        mantissa, power, padding = exponent.groups()
+        text = f"{mantissa}·10{power.translate(RAISED)}{padding}"
     return text.replace("-", "−") if text[:1] == "-" else text

@@ -84,11 +84,11 @@ def align_decimals(texts: Sequence[str]) -> list[str]:
 
     Needs figures of one width (tabular); texts that are no numbers stay as they are.
     """
-    decimals = [len(text.partition(".")[2]) for text in texts if _is_number(text)]
+    decimals = [len(text.partition(".")[2]) for text in texts if _is_plain(text)]
     longest = max(decimals, default=0)
     padded = []
     for text in texts:
-        if not _is_number(text) or longest == 0:
+        if not _is_plain(text) or longest == 0:
             padded.append(text)
             continue
         _, point, fraction = text.partition(".")
@@ -108,6 +108,10 @@ def _is_number(text: str) -> bool:
         return math.isfinite(float(text.replace("−", "-")))
     except ValueError:
         return False
+
+
+def _is_plain(text: str) -> bool:
+    return _is_number(text) and "e" not in text.lower()
 
 
 def _exponent(value: float) -> int:
