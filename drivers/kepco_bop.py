@@ -165,7 +165,7 @@ class KepcoBop:
         return SafetyReading(
             safe,
             f"output {'on' if output_on else 'off'}, {'list running, ' if runs else ''}"
-            f"{current_A:.3f} A",
+            f"{round(current_A, 3) + 0.0:.3f} A",
         )
 
     def close(self) -> None:

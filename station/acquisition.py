@@ -91,4 +91,5 @@ def acquire(
         run.say_progress(detail())
         if len(newest) == len(sources) and enough(newest):
             return
-        run.clock.sleep(POLL_S)
+        # What has reached the computer waits in memory until here.
+        run.clock.sleep(run.clock.holding_s(POLL_S))

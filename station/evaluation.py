@@ -13,6 +13,7 @@ from station import registry
 from station.bench import Bench, read_bench
 from station.errors import EXIT_DONE, EXIT_OUTSIDE_LIMIT, EXIT_UNDETERMINED
 from station.plan import Plan, read_plan
+from station.record.files import write_whole_file
 from station.record.folder import REPORT, RESULTS, RunFolder
 from station.record.manifest import write_manifest
 from station.results import Findings, Flag, ResultDocument, conclude
@@ -91,7 +92,7 @@ def conclude_run(path: Path, *, report: bool = True) -> ResultDocument:
     document = write_revision(folder, revision, report=report)
     for name in (RESULTS, REPORT):
         if (revision / name).is_file():
-            (path / name).write_bytes((revision / name).read_bytes())
+            write_whole_file(path / name, (revision / name).read_bytes())
     return document
 
 
@@ -102,7 +103,8 @@ def write_revision(folder: RunFolder, place: Path, *, report: bool = True) -> Re
     if report:
         from station.report.run_report import report_of_run
 
-        (place / REPORT).write_text(report_of_run(folder, document, findings), encoding="utf-8")
+        page = report_of_run(folder, document, findings)
+        write_whole_file(place / REPORT, page.encode())
     write_manifest(place)
     return document
 
@@ -110,7 +112,7 @@ def write_revision(folder: RunFolder, place: Path, *, report: bool = True) -> Re
 def write_results(place: Path, document: ResultDocument) -> None:
     """Write `results.json` into `place`."""
     text = json.dumps(document.to_data(), indent=1, ensure_ascii=False, allow_nan=False)
-    (place / RESULTS).write_text(text + "\n", encoding="utf-8")
+    write_whole_file(place / RESULTS, f"{text}\n".encode())
 
 
 def evaluate_dataset(raw: RawDataset) -> tuple[ResultDocument, Findings]:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from types import TracebackType
 
 from station.clock import boot_seconds
@@ -38,9 +40,9 @@ class Progress:
             from rich.progress import BarColumn, Progress, TextColumn
 
             self._bar = Progress(
-                TextColumn("{task.description}"),
-                BarColumn(bar_width=30),
+                BarColumn(bar_width=16),
                 TextColumn("{task.percentage:>3.0f} %  bench time left {task.fields[left]}"),
+                TextColumn("{task.description}"),
                 console=Console(stderr=True),
                 transient=True,
             )
@@ -80,6 +82,15 @@ class Progress:
         elif boot_seconds() - self._said_at >= REPEAT_S:
             percent = 100 * done_s / self._total_s
             self.say(f"    {percent:3.0f} %  bench time left {left}  {detail}".rstrip())
+
+    @contextmanager
+    def paused(self) -> Iterator[None]:
+        """Leave the terminal to somebody else for a while."""
+        if self._bar is not None:
+            self._bar.stop()
+        yield
+        if self._bar is not None:
+            self._bar.start()
 
     def say(self, text: str) -> None:
         """Write a line that stays."""

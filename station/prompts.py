@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from station.clock import Clock
 from station.errors import Aborted, UnansweredPrompt
 from station.procedure import Prompt
+from station.signals import wishes_end_a_prompt
 
 DONE = "done"
 
@@ -64,7 +65,7 @@ class Operator:
             return Answer(self._act(prompt.id), "simulated world")
         if not self._interactive:
             self.check([prompt])
-        with self._clock.waiting_for_person():
+        with self._clock.waiting_for_person(), wishes_end_a_prompt():
             print(f"\n>> {prompt.text}", file=sys.stderr)
             print(f"   [{prompt.id}] Enter when done, or type abort: ", file=sys.stderr, end="")
             sys.stderr.flush()

@@ -60,17 +60,21 @@ class Run:
         return instrument
 
     def do(self, step: Step) -> None:
-        """Do one step, with its beginning and end in the log."""
+        """Do one step, with its beginning and end in the log.
+
+        Both survive the death of the process at once. The disk itself is waited for where a unit
+        of work is finished: some disks take longer for that than a step does.
+        """
         self.progress.step(step.number, step.title, step.duration_s(self.parameters))
         self._step_began_s = self.clock.now()
-        self.record.event("step-started", step=step.number, title=step.title)
+        self.record.event("step-started", durable=False, step=step.number, title=step.title)
         step.body(self)
-        self.record.event("step-finished", step=step.number)
+        self.record.event("step-finished", durable=False, step=step.number)
 
     @contextmanager
     def unit(self, name: str, **details: Any) -> Iterator[None]:
         """Measure one unit of work; it is finished once its event is on disk."""
-        self.record.event("unit-started", unit=name)
+        self.record.event("unit-started", durable=False, unit=name)
         yield
         self.record.finish_unit(name, **details)
 
@@ -87,7 +91,8 @@ class Run:
 
     def ask(self, prompt_id: str, text: str) -> str:
         """Ask the operator for an act or an answer; both are recorded."""
-        answer = self._operator.ask(Prompt(prompt_id, text))
+        with self.progress.paused():
+            answer = self._operator.ask(Prompt(prompt_id, text))
         self.record.event("prompt", id=prompt_id, text=text, answer=answer.text, by=answer.by)
         return answer.text
 

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import json
 import traceback
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import TracebackType
@@ -12,14 +14,14 @@ from typing import TYPE_CHECKING, Any
 from station import registry
 from station.bench import Bench
 from station.clock import Clock, RealClock, VirtualClock, utc_now
-from station.errors import EXIT_FAULT, StationError
+from station.errors import EXIT_ABORTED, EXIT_FAULT, EXIT_INTERLOCK, RecordError, StationError
 from station.evaluation import conclude_run, exit_code_of
 from station.opening import Found, open_instruments
 from station.plan import Plan
 from station.procedure import Procedure, Prompt
 from station.progress import Progress, span
 from station.prompts import Operator
-from station.record.folder import RUN, RunRecord
+from station.record.folder import RUN, RunRecord, json_text
 from station.run import Run
 from station.safety import SafeOutcome, make_bench_safe
 from station.signals import AbortSignals
@@ -119,18 +121,34 @@ def execute(request: Request) -> Outcome:
             clock, request.answers, interactive=request.interactive, act=session.act
         )
         operator.check(all_prompts(procedure, plan, bench))
-        record = RunRecord(request.output, plan.procedure, plan.dut.serial, clock)
+        record = RunRecord(
+            request.output,
+            plan.procedure,
+            plan.dut.serial,
+            clock,
+            head_of(plan, bench, clock),
+        )
         outcome = Outcome(record.path)
         expected_s = procedure.duration_s(plan.parameters)
         with Progress(expected_s, quiet=request.quiet) as progress:
             progress.say(f"{procedure.title}: {plan.dut.model} {plan.dut.serial}")
             progress.say(f"bench {bench.name}, about {span(expected_s)}; recorded in {record.path}")
-            write_head(record, plan, bench, clock)
             run = Run(plan, bench, clock, record, progress, operator)
             _walk(run, procedure, session.addresses, outcome)
+    with suppress(RecordError):  # a full disk was told when the run met it
+        note_end(record)
     _evaluate(record, outcome, report=request.report)
     record.seal()
+    if record.faults and outcome.exit_code not in (EXIT_ABORTED, EXIT_INTERLOCK):
+        outcome.error = outcome.error or f"not everything was recorded: {record.faults[0]}"
+        outcome.exit_code = EXIT_FAULT
     return outcome
+
+
+def note_end(record: RunRecord) -> None:
+    """Add to run.json when the run ended."""
+    facts = json.loads((record.path / RUN).read_text(encoding="utf-8"))
+    record.write_json(RUN, {**facts, "ended_utc": utc_now().isoformat(timespec="seconds")})
 
 
 def all_prompts(procedure: Procedure, plan: Plan, bench: Bench) -> list[Prompt]:
@@ -144,20 +162,20 @@ def all_prompts(procedure: Procedure, plan: Plan, bench: Bench) -> list[Prompt]:
     return prompts
 
 
-def write_head(record: RunRecord, plan: Plan, bench: Bench, clock: Clock) -> None:
-    """Write what the run was asked to do, before it does anything."""
-    record.write_text("plan.yaml", plan.text)
-    record.write_text("bench.yaml", bench.text)
-    record.write_text("plan.resolved.yaml", yaml_text(plan.to_yaml_data()))
-    record.write_text("bench.resolved.yaml", yaml_text(bench.to_yaml_data()))
-    record.write_json(
-        RUN,
-        {
-            "started_utc": utc_now().isoformat(timespec="seconds"),
-            "clock": type(clock).__name__,
-            **versions(),
-        },
-    )
+def head_of(plan: Plan, bench: Bench, clock: Clock) -> dict[str, str]:
+    """Return the files that say what a run is asked to do; they stand before it does anything."""
+    facts = {
+        "started_utc": utc_now().isoformat(timespec="seconds"),
+        "clock": type(clock).__name__,
+        **versions(),
+    }
+    return {
+        "plan.yaml": plan.text,
+        "bench.yaml": bench.text,
+        "plan.resolved.yaml": yaml_text(plan.to_yaml_data()),
+        "bench.resolved.yaml": yaml_text(bench.to_yaml_data()),
+        RUN: json_text(facts),
+    }
 
 
 def _walk(run: Run, procedure: Procedure, addresses: Mapping[str, str], outcome: Outcome) -> None:
@@ -180,10 +198,11 @@ def _walk(run: Run, procedure: Procedure, addresses: Mapping[str, str], outcome:
         finally:
             signals.hold()
             outcome.safe = make_bench_safe(run.instruments, run.bench.safe_order(), run.clock)
-            run.record.event("safe-state", outcomes=[one.to_data() for one in outcome.safe])
+            run.record.note("safe-state", outcomes=[one.to_data() for one in outcome.safe])
             for one in found.values():
-                one.instrument.close()
-            run.record.event("run-ended", complete=outcome.error is None)
+                with suppress(Exception):  # a line that is gone keeps no other from being closed
+                    one.instrument.close()
+            run.record.note("run-ended", complete=outcome.error is None)
             run.record.close()
     if outcome.unsafe:
         outcome.exit_code = EXIT_FAULT
@@ -194,7 +213,7 @@ def _failed(run: Run, outcome: Outcome, error: Exception, exit_code: int) -> Non
     outcome.error = str(error) if known else f"a fault of the program: {error!r}"
     outcome.exit_code = exit_code
     trace = "".join(traceback.format_exception(error))
-    run.record.event("failed", message=outcome.error, exit_code=exit_code, traceback=trace)
+    run.record.note("failed", message=outcome.error, exit_code=exit_code, traceback=trace)
 
 
 def _evaluate(record: RunRecord, outcome: Outcome, *, report: bool) -> None:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import signal
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from types import FrameType, TracebackType
 from typing import Any
 
@@ -11,6 +13,26 @@ from station.clock import Clock
 from station.errors import Aborted
 
 WISHES = ("SIGINT", "SIGTERM", "SIGHUP")
+
+
+@contextmanager
+def wishes_end_a_prompt() -> Iterator[None]:
+    """Let a wish end a read from the terminal at once: nothing is held while a person is asked."""
+
+    def heard(number: int, frame: FrameType | None) -> None:
+        raise Aborted(f"the run was ended by {signal.Signals(number).name} at a prompt")
+
+    before = {number: signal.signal(number, heard) for number in wishes()}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def wishes() -> list[int]:
+    """Return the signals by which a person ends a run; SIGHUP is unknown on Windows."""
+    return [int(getattr(signal, name)) for name in WISHES if hasattr(signal, name)]
 
 
 class AbortSignals:
@@ -22,10 +44,8 @@ class AbortSignals:
         self._before: dict[int, Any] = {}
 
     def __enter__(self) -> AbortSignals:
-        for name in WISHES:
-            if hasattr(signal, name):  # SIGHUP is unknown on Windows
-                number = getattr(signal, name)
-                self._before[number] = signal.signal(number, self._heard)
+        for number in wishes():
+            self._before[number] = signal.signal(number, self._heard)
         return self
 
     def __exit__(
@@ -43,6 +63,8 @@ class AbortSignals:
         self._clock.interrupt(None)
 
     def _heard(self, number: int, frame: FrameType | None) -> None:
+        # The clock's watchdog sends SIGINT too: to a thread that is stuck where no clock can see.
+        self._clock.raise_failure()
         name = signal.Signals(number).name
         if self._making_safe:
             sys.stderr.write(f"\n{name}: the bench is being made safe; that is never skipped\n")

@@ -8,7 +8,6 @@ an anchor, an alias, a merge key and a tag are faults: a plan says what it means
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +16,7 @@ from yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 
 from station.faults import Fault, FaultList, dotted
 from station.validation import validate_model
+from station.yaml_document import TOP, Document, Mark, Where
 from station.yaml_text import lookalikes
 
 __all__ = [
@@ -28,48 +28,6 @@ __all__ = [
     "read_yaml_text",
     "validate_model",
 ]
-
-Where = tuple[str | int, ...]
-TOP = "top level"
-
-
-@dataclass(frozen=True)
-class Mark:
-    """A place in a file; line and column count from 1."""
-
-    line: int
-    column: int
-
-
-@dataclass(frozen=True)
-class Document:
-    """The data of a YAML file and where each piece stands.
-
-    `positions` maps the path of each value to its place, `key_positions` to that of its key;
-    `scalars` maps the path of each scalar to its characters as written.
-    """
-
-    data: dict[str, Any]
-    path: Path
-    text: str
-    positions: dict[Where, Mark] = field(default_factory=dict)
-    key_positions: dict[Where, Mark] = field(default_factory=dict)
-    scalars: dict[Where, str] = field(default_factory=dict)
-
-    def fault(
-        self, where: Where, what: str, hint: str | None = None, *, at_key: bool = False
-    ) -> Fault:
-        """Return a fault at a path; a path that is not there is placed at what would hold it."""
-        mark = self.key_positions.get(where) if at_key else None
-        present = where
-        while mark is None:
-            mark = self.positions.get(present)
-            if mark is None and not present:
-                mark = Mark(1, 1)
-            present = present[:-1]
-        said = dotted(where) or TOP
-        return Fault(str(self.path), mark.line, mark.column, said, what, hint)
-
 
 # The core schema of YAML 1.2, section 10.3.2, in the order in which it is tried.
 _NULL = re.compile(r"(?:~|null|Null|NULL|)")
@@ -212,7 +170,7 @@ def read_yaml_text(text: str, path: Path) -> Document:
         loader = _Loader(text, file)
         node = loader.get_single_node()
     except yaml.MarkedYAMLError as error:
-        raise FaultList([_syntax_fault(error, file)]) from None
+        raise FaultList([_syntax_fault(error, file, text)]) from None
     except yaml.reader.ReaderError as error:
         before = text[: error.position]
         line, column = before.count("\n") + 1, len(before) - before.rfind("\n")
@@ -254,9 +212,14 @@ _PLAINER = (
 )  # fmt: skip
 
 
-def _syntax_fault(error: yaml.MarkedYAMLError, file: str) -> Fault:
+def _syntax_fault(error: yaml.MarkedYAMLError, file: str, text: str) -> Fault:
     problem = error.problem or str(error.context)
     mark = error.problem_mark or error.context_mark
+    if mark is not None and text.splitlines()[mark.line : mark.line + 1]:
+        before = text.splitlines()[mark.line][: mark.column]
+        if before.endswith("$"):
+            what = "'${…}' within brackets or braces needs quotes, such as \"${name}\""
+            return Fault(file, mark.line + 1, mark.column, "YAML", what)
     what = next((plain for said, plain in _PLAINER if said in problem), problem)
     # An unclosed quote or bracket is noticed far behind the place where it was opened.
     if error.context_mark is not None and ("not closed" in what or "no ': '" in what):

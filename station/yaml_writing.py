@@ -8,6 +8,8 @@ import yaml
 
 from station.yaml_reading import plain_scalar
 
+_NEVER_WRAPPED = 1_000_000
+
 
 class _Dumper(yaml.SafeDumper):
     """Quotes every text that YAML 1.2 or 1.1 would take for something else."""
@@ -18,7 +20,8 @@ class _Dumper(yaml.SafeDumper):
 
 
 def _text(dumper: yaml.SafeDumper, text: str) -> yaml.ScalarNode:
-    style = None if plain_scalar(text) == text and text.isascii() else '"'
+    plain = plain_scalar(text) == text and text.isascii() and text.isprintable()
+    style = None if plain else '"'
     return dumper.represent_scalar("tag:yaml.org,2002:str", text, style=style)
 
 
@@ -26,6 +29,8 @@ _Dumper.add_representer(str, _text)
 
 
 def yaml_text(data: dict[str, Any]) -> str:
-    """Return plain data as YAML text, keys in the order given."""
-    text: str = yaml.dump(data, Dumper=_Dumper, sort_keys=False, allow_unicode=True, width=100)
+    """Return plain data as YAML text, keys in the order given, each scalar on a line of its own."""
+    text: str = yaml.dump(
+        data, Dumper=_Dumper, sort_keys=False, allow_unicode=True, width=_NEVER_WRAPPED
+    )
     return text

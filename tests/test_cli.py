@@ -218,7 +218,7 @@ def test_identify_compares_serial_numbers(tmp_path: Path) -> None:
     rows = json.loads(done.stdout)
     assert {row["instrument"] for row in rows} >= {"coil_supply.x", "gaussmeter"}
     bench = (Path(__file__).parent.parent / "config/benches/sim.yaml").read_text(encoding="utf-8")
-    wrong = bench.replace("    simulator:\n      coil: x\n", "    simulator:\n      serial: H0\n      coil: x\n")
+    wrong = bench.replace("      coil: x\n", "      serial: H0\n      coil: x\n")
     (tmp_path / "wrong.yaml").write_text(wrong, encoding="utf-8")
     done = station(tmp_path, "identify", "wrong.yaml")
     assert done.returncode == 3

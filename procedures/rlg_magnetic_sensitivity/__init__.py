@@ -36,6 +36,8 @@ def report(findings: Findings, document: ResultDocument) -> Sequence[Part]:
     """Return the plots and tables of this procedure."""
     from procedures.rlg_magnetic_sensitivity.figures import draw_parts
 
+    if not findings.detail.dataset.segments:
+        return ()
     return draw_parts(findings.detail.analysis, document=document, dataset=findings.detail.dataset)
 
 

@@ -36,18 +36,18 @@ class Detail:
 
 def findings_of_run(folder: RunFolder, parameters: RlgParameters, bench: Bench) -> Findings:
     """Return what a run's finished units say, type B inputs from the bench's calibrations."""
-    dataset = dataset_of_run(folder, parameters, bench)
-    inputs = type_b_inputs(folder, dataset, parameters, bench)
-    analysis = analyse(dataset, settings(parameters.thresholds))
-    findings = to_findings(analysis, dataset, inputs)
     measured = set(folder.finished_units())
     missing = [axis for axis in parameters.axes if axis not in measured]
+    dataset = dataset_of_run(folder, parameters, bench)
+    inputs = type_b_inputs(folder, dataset, parameters, bench) if dataset.segments else []
+    analysis = analyse(dataset, settings(parameters.thresholds))
+    findings = to_findings(analysis, dataset, inputs)
     absent = [
         Estimate("magnetic_sensitivity", axis, None, "deg/h/mT", None, None, "least-squares")
         for axis in missing
     ]
     flags = [
-        Flag("not-identifiable", f"{axis} was not measured: the run ended before it.", axis)
+        Flag("not-identifiable", f"{axis} was not measured to its end: the run ended before.", axis)
         for axis in missing
     ]
     return Findings(

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.special import stdtrit
 
 from procedures.rlg_magnetic_sensitivity import plots, spectrum_plot
-from procedures.rlg_magnetic_sensitivity.dataset import AXES, RlgDataset
+from procedures.rlg_magnetic_sensitivity.dataset import AXES, RlgDataset, Segment
 from procedures.rlg_magnetic_sensitivity.findings import LineDetail, RlgAnalysis, SegmentDetail
 from procedures.rlg_magnetic_sensitivity.summary_plot import SummaryRow, summary
 from station.report.drawing import STYLE
@@ -45,7 +45,9 @@ def draw_parts(
         for number, detail in enumerate(analysis.segments):
             lines = [line for line in analysis.lines if line.segment == number]
             if len(detail.time_s) > 2 and lines:
-                parts += _record_plots(number, detail, lines, dataset)
+                segment = dataset.segments[number] if dataset is not None else None
+                read = any(p.value is not None for p in analysis.published if p.axis in detail.axes)
+                parts += _record_plots(detail, lines, segment, read)
     if analysis.lines:
         parts.append(_line_table(analysis.lines))
     if analysis.segments:
@@ -54,12 +56,17 @@ def draw_parts(
 
 
 def _record_plots(
-    number: int, detail: SegmentDetail, lines: Sequence[LineDetail], dataset: RlgDataset | None
+    detail: SegmentDetail, lines: Sequence[LineDetail], segment: Segment | None, published: bool
 ) -> list[Part]:
-    segment = dataset.segments[number] if dataset is not None else None
     driven = _joined(detail.axes)
     several = len(lines) > 1
     peaks = "Circles: the peaks" if several else "Circle: the peak"
+    peaks += " that the published formula reads (S7)."
+    if not published:
+        peaks = (
+            "The published formula cannot run on this record; its spectrum is drawn about the mean "
+            "without the missing samples."
+        )
     quantum = segment.quantum_deg_per_h if segment is not None else 0.0
     counted = " (counting whole pulses makes it negative)" if quantum > 0.0 else ""
     left_out = int((~detail.kept).sum())
@@ -68,7 +75,7 @@ def _record_plots(
         if left_out
         else ""
     )
-    return [
+    parts: list[Part] = [
         Plot(
             f"{driven} driven: the record",
             "Output of the gyro: single samples; their running mean, in which the response to "
@@ -82,19 +89,23 @@ def _record_plots(
                 if several
                 else "the line at the field’s frequency"
             ),
-            f"{peaks} that the published formula reads (S7). Black bar: the amplitude that noise "
-            "alone gives near f. Right: the same samples averaged over the phase of the field, "
+            f"{peaks} Black bar: the amplitude that noise alone "
+            " gives near f. Right: the same samples averaged over the phase of the field, "
             "drift and other lines taken off; 0 deg is where the field is largest.",
             spectrum_plot.spectrum(detail, lines, segment),
         ),
-        Plot(
-            f"{driven} driven: what the fit leaves",
-            "Residuals should be noise without a shape. Their lag-1 correlation is "
-            f"{_signed(detail.lag_one_correlation)}{counted}; "
-            f"the curve is a normal distribution of the same spread.{outside}",
-            plots.residuals(detail, quantum),
-        ),
     ]
+    if np.isfinite(detail.residual_sigma_deg_per_h) and detail.residual_sigma_deg_per_h > 0.0:
+        parts.append(
+            Plot(
+                f"{driven} driven: what the fit leaves",
+                "Residuals should be noise without a shape. Their lag-1 correlation is "
+                f"{_signed(detail.lag_one_correlation)}{counted}; "
+                f"the curve is a normal distribution of the same spread.{outside}",
+                plots.residuals(detail, quantum),
+            )
+        )
+    return parts
 
 
 def _summary_rows(analysis: RlgAnalysis, document: ResultDocument | None) -> list[SummaryRow]:

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from procedures.estimation.alignment import Alignment, align
 from procedures.rlg_magnetic_sensitivity.dataset import Drive, RlgDataset, Segment
 from procedures.rlg_magnetic_sensitivity.parameters import COIL_OF_AXIS, RlgParameters
-from station.errors import InputError
 
 if TYPE_CHECKING:
     from station.bench import Bench
@@ -87,12 +86,7 @@ def segment_of_unit(
 
 
 def dataset_of_run(folder: RunFolder, parameters: RlgParameters, bench: Bench) -> RlgDataset:
-    """Return all finished units of a run as a dataset.
-
-    Raises InputError when no axis was finished.
-    """
+    """Return all finished units of a run as a dataset; none of a run that ended before."""
     finished = folder.finished_units()
     axes = [axis for axis in parameters.axes if axis in finished]
-    if not axes:
-        raise InputError(f"{folder.path}: no axis was measured to its end, nothing can be analysed")
     return RlgDataset(tuple(segment_of_unit(folder, axis, parameters, bench) for axis in axes))

@@ -111,6 +111,7 @@ def residuals(detail: SegmentDetail, quantum: float = 0.0) -> Figure:
     """Draw what the fit left against time, rejected samples marked, and its distribution.
 
     `quantum` is one pulse in deg/h where the output is counts: the bins are then as wide as it.
+    The segment must have been fitted (its residual sigma above zero).
     """
     figure = new_figure(2.9)
     grid = figure.add_gridspec(1, 2, width_ratios=(3.2, 1), wspace=0.05)
@@ -121,10 +122,6 @@ def residuals(detail: SegmentDetail, quantum: float = 0.0) -> Figure:
     sigma = detail.residual_sigma_deg_per_h
     axes.set_xlabel("time in the record, s")
     axes.set_ylabel("output − fit, deg/h")
-    if not np.isfinite(sigma) or sigma <= 0.0:
-        axes.text(0.5, 0.5, "no fit", ha="center", transform=axes.transAxes)
-        side.set_axis_off()
-        return figure
     edge = EDGE_SIGMA * sigma
     axes.plot(time_s[kept], left[kept], ".", color=BLUE, markersize=1.6)
     out = np.flatnonzero(~kept & np.isfinite(left))

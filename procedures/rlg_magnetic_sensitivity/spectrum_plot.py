@@ -32,6 +32,8 @@ def spectrum(detail: SegmentDetail, lines: Sequence[LineDetail], segment: Segmen
         _spectrum_panel(axes, frequency_Hz, amplitude, lines, segment)
     else:
         axes.text(0.5, 0.5, "too few samples", ha="center", transform=axes.transAxes)
+        axes.set_xticks([])
+        axes.set_yticks([])
     axes.set_xlabel("frequency k/T, Hz")
     axes.set_ylabel("y = 2|X[k]|/N, deg/h")
     label_above(axes, "Amplitude spectrum")
@@ -157,6 +159,8 @@ def _folded_panel(axes: Axes, detail: SegmentDetail, lines: Sequence[LineDetail]
         )
     if not drawn:
         axes.text(0.5, 0.5, "not determined", ha="center", transform=axes.transAxes)
+        axes.set_xticks([])
+        axes.set_yticks([])
         return
     axes.axhline(0.0, color=INK, linewidth=0.6)
     axes.set_xlim(0.0, 360.0)

@@ -141,6 +141,17 @@ class Clock(ABC):
         Where time runs faster than real, a partner in another process still needs its real time.
         """
 
+    def raise_failure(self) -> None:  # noqa: B027  (real time never stands still)
+        """Raise the error of a time that stands still, wherever this thread is."""
+
+    def holding_s(self, run_seconds: float) -> float:
+        """Return the run time that data may wait in memory: `run_seconds`, or less.
+
+        Where time runs by itself this is less than 0.1 s of real time, which is all that a killed
+        process may lose.
+        """
+        return run_seconds
+
     @abstractmethod
     def interrupt(self, error: BaseException | None) -> None:
         """Raise `error` in the main participant at its next sleep; None takes that back."""

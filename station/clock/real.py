@@ -11,6 +11,8 @@ from station.clock.base import Clock, ClockStopped, ParticipantThread, Wire
 
 INTERRUPT_SLICE_S = 0.05
 REAL_PATIENCE_S = 0.5
+LONGEST_IN_MEMORY_S = 0.0737
+"""Real time; no multiple of a reading period, as the other period of looking."""
 
 
 class RealWire(Wire):
@@ -112,6 +114,10 @@ class RealClock(Clock):
     def patience_s(self, run_seconds: float) -> float:
         """Return the same span, at least half a second of real time where time runs faster."""
         return run_seconds if self.speed == 1.0 else max(run_seconds, REAL_PATIENCE_S * self.speed)
+
+    def holding_s(self, run_seconds: float) -> float:
+        """Return the same span, but less than 0.1 s of real time."""
+        return min(run_seconds, LONGEST_IN_MEMORY_S * self.speed)
 
     def interrupt(self, error: BaseException | None) -> None:
         """End the main thread's sleep, now or next, with `error`."""

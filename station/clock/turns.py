@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from itertools import count
-from threading import Lock
+from threading import Event, Lock, get_ident, main_thread
 
 from station.clock.base import ClockError, ClockStopped
 
@@ -19,7 +19,17 @@ class Participant:
     order the requests were sent, then the named ones by name.
     """
 
-    __slots__ = ("doing", "event_came", "name", "order", "stoppable", "stopped", "turn", "wake_at")
+    __slots__ = (
+        "doing",
+        "event_came",
+        "name",
+        "order",
+        "stoppable",
+        "stopped",
+        "thread",
+        "turn",
+        "wake_at",
+    )
 
     def __init__(self, name: str, order: tuple[int, int, str], *, stoppable: bool) -> None:
         self.name = name
@@ -29,6 +39,7 @@ class Participant:
         self.event_came = False
         self.stopped = False
         self.doing = "starting"
+        self.thread: int | None = None
         self.turn = Lock()
         self.turn.acquire()
 
@@ -45,6 +56,7 @@ class Turns:
         self.passed = 0
         self.stopping = False
         self.failure: ClockError | None = None
+        self.told = Event()
         self._sequence = count()
 
     def next_sequence(self) -> int:
@@ -84,12 +96,18 @@ class Turns:
 
     def take(self, participant: Participant) -> None:
         """Block in real time until `participant` has the turn (mutex not held)."""
+        participant.thread = get_ident()
         while not participant.turn.acquire(timeout=POLL_S):
-            if self.failure is not None:
-                raise self.failure
+            self.raise_failure()
         if participant.stopped:
             raise ClockStopped
+        self.raise_failure()
+
+    def raise_failure(self) -> None:
+        """Raise what made time stand still, if anything did (mutex not held)."""
         if self.failure is not None:
+            if get_ident() == main_thread().ident:
+                self.told.set()
             raise self.failure
 
     def leave(self, participant: Participant) -> None:

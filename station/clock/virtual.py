@@ -89,6 +89,10 @@ class VirtualClock(Clock):
         """Return the same span: virtual time waits for whoever works."""
         return run_seconds
 
+    def raise_failure(self) -> None:
+        """Raise the error of a time that stands still, wherever this thread is."""
+        self._turns.raise_failure()
+
     def interrupt(self, error: BaseException | None) -> None:
         """End the main participant's sleep, now or next, with `error`."""
         self._interruption = error

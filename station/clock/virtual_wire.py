@@ -139,7 +139,8 @@ class TurnLock:
                 self._owner = participant
                 return
             self._queue.append(participant)
-            self._turns.park(participant, math.inf, f"waiting for {self._name}")
+            held = f"waiting for {self._name}, which {self._owner.name} holds"
+            self._turns.park(participant, math.inf, held)
         self._turns.take(participant)
 
     def __exit__(

@@ -1,20 +1,32 @@
-"""Notice that virtual time hangs: no turn passes and the process does no work."""
+"""Notice that virtual time hangs: no turn passes and whoever has the turn does no work."""
 
 from __future__ import annotations
 
+import os
+import signal
+import sys
 import time
-from threading import Event, Thread
+import traceback
+from contextlib import suppress
+from threading import Event, Thread, main_thread
 
-from station.clock.turns import Turns
+from station.clock.turns import Participant, Turns
 
 HANGS_AFTER_S = 6.0
 LOOKS_EVERY_S = 0.5
+ENDS_AFTER_S = 2.0
 WORKING_SHARE = 0.1
-"""A process that uses this share of a processor computes; it does not hang."""
+"""Who uses this share of a processor computes; it does not hang."""
+EXIT_FAULT = 3
 
 
 class Watchdog:
-    """Turn a deadlock into an error that names the waiting threads."""
+    """Turn a deadlock into an error that names the waiting threads.
+
+    Threads that wait for their turn raise it themselves. The main thread may be stuck outside of
+    virtual time, in a lock of the operating system or a read that nothing answers: it is woken by
+    a signal, and where even that does not help the process ends, and the simulated bench with it.
+    """
 
     def __init__(self, turns: Turns) -> None:
         self._turns = turns
@@ -33,17 +45,62 @@ class Watchdog:
         self._ended.set()
 
     def _watch(self) -> None:
-        seen: tuple[int, int] | None = None
-        still_since, worked_at = time.monotonic(), time.process_time()
+        seen: tuple[object, ...] | None = None
+        looks, worked_s = 0, 0.0
         while not self._ended.wait(LOOKS_EVERY_S):
             turns = self._turns
-            state = (turns.passed, turns.in_flight)
-            idle = turns.running is None and not turns.waiting and not turns.in_flight
-            elapsed = time.monotonic() - still_since
-            working = time.process_time() - worked_at > WORKING_SHARE * elapsed
-            if state != seen or idle or self.persons_asked or (elapsed > HANGS_AFTER_S and working):
-                seen, still_since, worked_at = state, time.monotonic(), time.process_time()
-            elif elapsed > HANGS_AFTER_S:
-                with turns.mutex:
-                    turns.fail(f"time stands still, every thread waits: {turns.describe()}")
+            with turns.mutex:
+                state = (turns.passed, turns.in_flight, turns.running)
+                idle = turns.running is None and not turns.waiting and not turns.in_flight
+                # Nobody has the turn and nothing is under way that could give it to somebody.
+                lost = turns.running is None and not turns.in_flight
+            # Looks are counted, not seconds: a process that was stopped for a while hangs not.
+            looks += 1
+            still_s = looks * LOOKS_EVERY_S
+            work_s = working_s(turns.running)
+            working = not lost and work_s - worked_s > WORKING_SHARE * still_s
+            if state != seen or idle or self.persons_asked or (still_s > HANGS_AFTER_S and working):
+                seen, looks, worked_s = state, 0, work_s
+            elif still_s > HANGS_AFTER_S:
+                self._fail()
                 return
+
+    def _fail(self) -> None:
+        turns = self._turns
+        with turns.mutex:
+            stuck = turns.running
+            where = f"; {stuck.name} is stuck {place_of(stuck)}" if stuck else ""
+            turns.fail(f"time stands still, every thread waits: {turns.describe()}{where}")
+            failure = turns.failure
+        if stuck is None or stuck.thread != main_thread().ident:
+            return
+        print(f"\n{failure}", file=sys.stderr, flush=True)
+        if hasattr(signal, "pthread_kill"):
+            # A handler in the main thread raises the failure where it is stuck.
+            signal.pthread_kill(stuck.thread, signal.SIGINT)
+        if not turns.told.wait(ENDS_AFTER_S) and not self._ended.is_set():
+            with suppress(OSError, ValueError):
+                print(
+                    "the main thread cannot be woken; the process ends, and its simulated bench "
+                    "with it",
+                    file=sys.stderr,
+                    flush=True,
+                )
+            os._exit(EXIT_FAULT)
+
+
+def working_s(running: Participant | None) -> float:
+    """Return the processor time of the running participant's thread, or of the whole process."""
+    if running is not None and running.thread and hasattr(time, "pthread_getcpuclockid"):
+        with suppress(OSError):  # a thread that has just ended has no clock
+            return time.clock_gettime(time.pthread_getcpuclockid(running.thread))
+    return time.process_time()
+
+
+def place_of(participant: Participant) -> str:
+    """Return where a participant's thread stands: the file, the line and the function."""
+    frame = sys._current_frames().get(participant.thread or 0)
+    if frame is None:
+        return "in a thread that is gone"
+    place = traceback.extract_stack(frame)[-1]
+    return f"at {place.filename}:{place.lineno} in {place.name}"

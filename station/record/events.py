@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from station.errors import RecordError
+from station.record.files import AppendOnlyFile
 
 FIRST_HASH = "0" * 64
 
@@ -25,26 +25,26 @@ class Event:
 
 
 class EventLog:
-    """Append events so that each is on disk before the caller goes on."""
+    """Append events so that each survives the death of the process before the caller goes on."""
 
     def __init__(self, path: Path) -> None:
-        self._file = path.open("ab")
+        self._file = AppendOnlyFile(path, new=False)
         self._previous = FIRST_HASH
 
     def append(self, time_s: float, kind: str, details: dict[str, Any], *, durable: bool) -> None:
-        """Write one event at run time `time_s`; `durable` waits until the disk has it."""
+        """Write one event at run time `time_s`; `durable` waits until the disk has it.
+
+        Raises RecordError; the log then ends with its last whole line.
+        """
         line = json.dumps(
             {"t_s": round(time_s, 9), "event": kind, **details, "previous": self._previous},
             ensure_ascii=False,
             allow_nan=False,
         ).encode()
+        self._file.append(line + b"\n")
         self._previous = hashlib.sha256(line).hexdigest()
-        self._file.write(line + b"\n")
-        self._file.flush()
         if durable:
-            os.fdatasync(self._file.fileno()) if hasattr(os, "fdatasync") else os.fsync(
-                self._file.fileno()
-            )
+            self._file.sync()
 
     def close(self) -> None:
         """Close the file."""

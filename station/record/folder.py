@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterator, Mapping
+import shutil
+import sys
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from station.clock import Clock, utc_now
 from station.errors import RecordError
 from station.record.events import Event, EventLog, read_events
+from station.record.files import sync_folder, write_whole_file
 from station.record.manifest import write_manifest
 
 if TYPE_CHECKING:
@@ -22,33 +25,51 @@ EVENTS = "events.jsonl"
 RUN = "run.json"
 RESULTS = "results.json"
 REPORT = "report.html"
+MOST_OF_ONE_NAME = 1000
 
 
 class RunRecord:
-    """The folder of a run while it is written."""
+    """The folder of a run while it is written.
 
-    def __init__(self, parent: Path, procedure: str, serial: str, clock: Clock) -> None:
+    Its calls raise RecordError where the disk does not take what they write; `note`, `close` and
+    `seal` say so on standard error and go on, for a bench that is being made safe.
+    """
+
+    def __init__(
+        self,
+        parent: Path,
+        procedure: str,
+        serial: str,
+        clock: Clock,
+        head: Mapping[str, str] | None = None,
+    ) -> None:
         stamp = utc_now().strftime("%Y%m%dT%H%M%SZ")
         safe_serial = re.sub(r"[^A-Za-z0-9._-]+", "_", serial)
-        self.path = new_folder(parent, f"{stamp}-{procedure}-{safe_serial}")
-        (self.path / "raw").mkdir()
+        self.path = folder_with_head(parent, f"{stamp}-{procedure}-{safe_serial}", head or {})
+        self.faults: list[str] = []
+        """What could not be written while the bench was being made safe, and after."""
         self._clock = clock
         self._events = EventLog(self.path / EVENTS)
         self._raw: dict[str, RawFile] = {}
 
     def event(self, kind: str, *, durable: bool = True, **details: Any) -> None:
-        """Append an event at the present run time."""
+        """Append an event at the present run time.
+
+        It survives the death of the process at once; `durable` waits until the disk has it too.
+        """
         self._events.append(self._clock.now(), kind, details, durable=durable)
 
+    def note(self, kind: str, **details: Any) -> None:
+        """Append an event, or say on standard error that it could not be written."""
+        self._try(lambda: self.event(kind, **details))
+
     def write_text(self, name: str, text: str) -> None:
-        """Write a text file of the folder."""
-        (self.path / name).write_text(text, encoding="utf-8")
+        """Write a text file of the folder, whole and on disk, or not at all."""
+        write_whole_file(self.path / name, text.encode())
 
     def write_json(self, name: str, data: Mapping[str, Any]) -> None:
         """Write a JSON file of the folder; numbers must be finite."""
-        self.write_text(
-            name, json.dumps(data, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
-        )
+        self.write_text(name, json_text(data))
 
     def block(self, source: str, unit: str, columns: Mapping[str, str], rows: NDArray[Any]) -> None:
         """Append a block of raw rows of `source` that belongs to `unit`."""
@@ -68,13 +89,20 @@ class RunRecord:
     def close(self) -> None:
         """Close the raw files and the log."""
         for file in self._raw.values():
-            file.close()
+            self._try(file.close)
         self._raw.clear()
-        self._events.close()
+        self._try(self._events.close)
 
     def seal(self) -> None:
         """Write the manifest; nothing of the folder changes after it."""
-        write_manifest(self.path)
+        self._try(lambda: write_manifest(self.path))
+
+    def _try(self, write: Callable[[], None]) -> None:
+        try:
+            write()
+        except (RecordError, OSError) as error:
+            self.faults.append(str(error))
+            print(f"not recorded: {error}", file=sys.stderr)
 
 
 class RunFolder:
@@ -136,8 +164,8 @@ def new_folder(parent: Path, name: str) -> Path:
 
     Raises RecordError when the parent cannot be written.
     """
-    for number in range(1, 1000):
-        path = parent / (name if number == 1 else f"{name}-{number}")
+    for number in range(1, MOST_OF_ONE_NAME):
+        path = parent / numbered(name, number)
         try:
             path.mkdir(parents=True)
         except FileExistsError:
@@ -149,3 +177,48 @@ def new_folder(parent: Path, name: str) -> Path:
             ) from error
         return path
     raise RecordError(f"{parent} holds a thousand runs of this second; choose another --output")
+
+
+def folder_with_head(parent: Path, name: str, head: Mapping[str, str]) -> Path:
+    """Create `parent/name` that holds `head` (texts by file name) from its first moment on.
+
+    It is built beside its place, under a name that begins with a dot, and then moved there: a run
+    that was killed at its very beginning leaves no folder that does not open.
+    """
+    being_built = new_folder(parent, f".new-{name}")
+    try:
+        (being_built / "raw").mkdir()
+        for file, text in {**head, EVENTS: ""}.items():
+            write_whole_file(being_built / file, text.encode())
+        place = moved(being_built, parent, name)
+        sync_folder(parent)
+    except BaseException:
+        shutil.rmtree(being_built, ignore_errors=True)
+        raise
+    return place
+
+
+def moved(folder: Path, parent: Path, name: str) -> Path:
+    """Move a folder to the first free one of `parent/name`, `name-2`, `name-3`."""
+    for number in range(1, MOST_OF_ONE_NAME):
+        place = parent / numbered(name, number)
+        if place.exists():
+            continue
+        try:
+            folder.rename(place)
+        except OSError:
+            if place.exists():  # another run was faster
+                continue
+            raise
+        return place
+    raise RecordError(f"{parent} holds a thousand runs of this second; choose another --output")
+
+
+def numbered(name: str, number: int) -> str:
+    """Return `name`, `name-2`, `name-3` …"""
+    return name if number == 1 else f"{name}-{number}"
+
+
+def json_text(data: Mapping[str, Any]) -> str:
+    """Return data as the text of a JSON file; numbers must be finite."""
+    return json.dumps(data, indent=1, ensure_ascii=False, allow_nan=False) + "\n"

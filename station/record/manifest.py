@@ -6,6 +6,8 @@ import hashlib
 import json
 from pathlib import Path
 
+from station.record.files import write_whole_file
+
 MANIFEST = "manifest.json"
 NOT_COVERED = ("exports", "revisions")
 """Remade reports are no evidence; each revision has a manifest of its own."""
@@ -27,4 +29,4 @@ def write_manifest(folder: Path) -> None:
         and path.relative_to(folder).parts[0] not in NOT_COVERED
     }
     text = json.dumps({"algorithm": "sha256", "files": files}, indent=1)
-    (folder / MANIFEST).write_text(text + "\n", encoding="utf-8")
+    write_whole_file(folder / MANIFEST, f"{text}\n".encode())

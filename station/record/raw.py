@@ -1,78 +1,116 @@
 """Raw samples in MCAP: one file per source and process, one block of rows per message.
 
 Each message is a NumPy `.npy` byte string of a structured array, so any tool that reads MCAP and
-NumPy reads it; the channel's metadata gives each column's unit. A block is one chunk: what was
-written is never held back in memory, and a file cut short loses its last block at most.
+NumPy reads it; the channel's metadata gives each column's unit. A block is one chunk and one
+write: nothing is held back in memory, and a file cut short loses its last block at most. The
+records are put together here, since the MCAP package's writer keeps a note of every chunk in
+memory until the file's end.
 """
 
 from __future__ import annotations
 
 import io
-import os
 import struct
+import zlib
 from collections.abc import Iterator, Mapping
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from mcap.data_stream import RecordBuilder
 from mcap.exceptions import McapError
 from mcap.reader import NonSeekingReader
-from mcap.writer import CompressionType, IndexType, Writer
+from mcap.records import Channel, Chunk, DataEnd, Footer, Header, Message, Schema
+from mcap.writer import MCAP0_MAGIC
 from numpy.typing import NDArray
+
+from station.record.files import AppendOnlyFile, sync_folder
 
 ARRIVAL = "arrival_time_s"
 NANOSECONDS = 1_000_000_000
+SCHEMA = Schema(id=1, name="npy", encoding="", data=b"")
 
 
 class RawFile:
-    """One source's raw file of this process."""
+    """One source's raw file of this process; all its calls may raise RecordError."""
 
     def __init__(self, path: Path, source: str, columns: Mapping[str, str]) -> None:
-        self._file = path.open("wb")
-        self._writer = Writer(
-            self._file,
-            chunk_size=1,
-            compression=CompressionType.NONE,
-            index_types=IndexType.NONE,
-            use_statistics=False,
-        )
-        self._writer.start(profile="", library="")
-        schema = self._writer.register_schema(name="npy", encoding="", data=b"")
+        self._file = AppendOnlyFile(path, new=True)
         self._topic = source
         self._columns = {**columns, ARRIVAL: "s of run time at which the row reached the computer"}
-        self._schema = schema
         self._channels: dict[str, int] = {}
         self._sequence = 0
+        self._to_sync = True
+        head = RecordBuilder()
+        Header(profile="", library="").write(head)
+        self._file.append(MCAP0_MAGIC + head.end())
+        sync_folder(path.parent)
 
     def write(self, unit: str, rows: NDArray[Any]) -> None:
         """Append a block: a structured array, shape (rows,), that belongs to a unit of work."""
-        if unit not in self._channels:
-            self._channels[unit] = self._writer.register_channel(
-                topic=f"{self._topic}/{unit}",
-                message_encoding="npy",
-                schema_id=self._schema,
-                metadata=self._columns,
-            )
+        block = RecordBuilder()
+        channel = self._channels.get(unit)
+        if channel is None:
+            channel = len(self._channels) + 1
+            self._announce(block, channel, unit)
         data = io.BytesIO()
         np.save(data, rows, allow_pickle=False)
         time_ns = round(float(rows[ARRIVAL][-1]) * NANOSECONDS)
-        self._writer.add_message(
-            self._channels[unit], time_ns, data.getvalue(), time_ns, self._sequence
-        )
+        Message(
+            channel_id=channel,
+            log_time=time_ns,
+            publish_time=time_ns,
+            sequence=self._sequence,
+            data=data.getvalue(),
+        ).write(block)
+        self._file.append(chunk_of(block.end(), time_ns))
+        # Only now: a block that was taken back has announced nothing.
+        self._channels[unit] = channel
         self._sequence += 1
-        self._file.flush()
+        self._to_sync = True
 
     def sync(self) -> None:
         """Wait until the disk has all that was written."""
-        os.fsync(self._file.fileno())
+        if self._to_sync:
+            self._file.sync()
+            self._to_sync = False
 
     def close(self) -> None:
         """Write the file's end and close it."""
-        self._writer.finish()
-        self._file.flush()
-        os.fsync(self._file.fileno())
-        self._file.close()
+        end = RecordBuilder()
+        DataEnd(data_section_crc=0).write(end)
+        Footer(summary_start=0, summary_offset_start=0, summary_crc=0).write(end)
+        try:
+            self._file.append(end.end() + MCAP0_MAGIC)
+            self._file.sync()
+        finally:
+            self._file.close()
+
+    def _announce(self, block: RecordBuilder, channel: int, unit: str) -> None:
+        if channel == 1:
+            SCHEMA.write(block)
+        Channel(
+            id=channel,
+            topic=f"{self._topic}/{unit}",
+            message_encoding="npy",
+            metadata=self._columns,
+            schema_id=SCHEMA.id,
+        ).write(block)
+
+
+def chunk_of(records: bytes, time_ns: int) -> bytes:
+    """Return the chunk that holds `records`, all of one time."""
+    chunk = RecordBuilder()
+    Chunk(
+        compression="",
+        data=records,
+        message_start_time=time_ns,
+        message_end_time=time_ns,
+        uncompressed_crc=zlib.crc32(records),
+        uncompressed_size=len(records),
+    ).write(chunk)
+    return bytes(chunk.end())
 
 
 def decoded(data: bytes) -> NDArray[Any]:
@@ -105,5 +143,5 @@ def read_raw(path: Path, unit: str) -> Iterator[NDArray[Any]]:
         for _, channel, message in reader.iter_messages(log_time_order=False):
             if channel.topic.split("/", 1)[1] == unit:
                 yield decoded(message.data)
-    except (McapError, struct.error):
+    except (McapError, struct.error, ValueError):
         return

@@ -31,7 +31,8 @@ def report_of_run(folder: RunFolder, document: ResultDocument, findings: Finding
     context = ReportContext(
         title=procedure.title,
         source=procedure.source,
-        started_utc=facts["started_utc"][:19].replace("T", " "),
+        started_utc=time_of_day(facts["started_utc"]),
+        ended_utc=time_of_day(facts.get("ended_utc")),
         operator=plan.operator,
         dut=dut_rows(to_yaml_data(plan.dut)),
         decision_rule=plan.decision_rule,
@@ -58,6 +59,11 @@ def report_of_run(folder: RunFolder, document: ResultDocument, findings: Finding
     )
     parts = procedure.report(findings, document)
     return render_html(document, context, parts)
+
+
+def time_of_day(iso: str | None) -> str | None:
+    """Return a UTC time as it is to be read."""
+    return iso[:19].replace("T", " ") if iso else None
 
 
 def dut_rows(dut: Mapping[str, Any]) -> dict[str, str]:

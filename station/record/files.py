@@ -1,0 +1,98 @@
+"""Writing so that a kill, a lost power supply or a full disk leaves no half of anything."""
+
+from __future__ import annotations
+
+import os
+from contextlib import suppress
+from pathlib import Path
+
+from station.errors import RecordError
+
+
+class AppendOnlyFile:
+    """A file that grows by whole pieces: one that does not fit is taken back.
+
+    What was appended is with the operating system when `append` returns: it survives the death of
+    the process. `sync` waits until the disk has it.
+    """
+
+    def __init__(self, path: Path, *, new: bool) -> None:
+        self.path = path
+        try:
+            self._file = path.open("xb" if new else "ab", buffering=0)
+        except OSError as error:
+            raise not_written(path, error) from error
+        self._whole = path.stat().st_size
+
+    def append(self, piece: bytes) -> None:
+        """Write all of `piece`, or nothing and raise RecordError."""
+        left = memoryview(piece)
+        try:
+            while left:
+                left = left[self._file.write(left) :]
+        except OSError as error:
+            self._take_back()
+            raise not_written(self.path, error) from error
+        self._whole += len(piece)
+
+    def sync(self) -> None:
+        """Wait until the disk has all that was appended; raises RecordError."""
+        try:
+            sync_data(self._file.fileno())
+        except OSError as error:
+            raise not_written(self.path, error) from error
+
+    def close(self) -> None:
+        """Close the file; raises RecordError where the system only now says that it is not kept."""
+        try:
+            self._file.close()
+        except OSError as error:
+            raise not_written(self.path, error) from error
+
+    def _take_back(self) -> None:
+        with suppress(OSError):  # a reader leaves out a last piece that is not whole
+            self._file.truncate(self._whole)
+            self._file.seek(self._whole)
+
+
+def write_whole_file(path: Path, data: bytes) -> None:
+    """Write a file that is there whole or not at all, on disk when this returns.
+
+    Raises RecordError; an older file of the name then stays as it was.
+    """
+    part = path.with_name(f".{path.name}.part")
+    try:
+        with part.open("wb") as file:
+            file.write(data)
+            file.flush()
+            sync_data(file.fileno())
+        part.replace(path)
+        sync_folder(path.parent)
+    except OSError as error:
+        part.unlink(missing_ok=True)
+        raise not_written(path, error) from error
+
+
+def sync_data(descriptor: int) -> None:
+    """Wait until the disk has a file's data and its length."""
+    # Windows has no fdatasync.
+    os.fdatasync(descriptor) if hasattr(os, "fdatasync") else os.fsync(descriptor)
+
+
+def sync_folder(folder: Path) -> None:
+    """Wait until the disk has the names in a folder: without it a new file may lose its name."""
+    if os.name != "posix":
+        return  # Windows can neither open nor sync a folder
+    descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
+
+
+def not_written(path: Path, error: OSError) -> RecordError:
+    """Return the error of a file that could not be written, for the operator."""
+    return RecordError(
+        f"cannot write {path}: {error.strerror or error}; make room on the disk, or choose "
+        "another one with --output"
+    )

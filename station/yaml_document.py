@@ -1,0 +1,137 @@
+"""The data of a YAML file, and where each piece of it stands."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from copy import deepcopy
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+from station.faults import Fault, dotted
+
+Where = tuple[str | int, ...]
+TOP = "top level"
+
+
+@dataclass(frozen=True)
+class Mark:
+    """A place in a file; line and column count from 1.
+
+    `file` is given where the document was put together from several files, `var` where the value
+    stands in a var and was filled in from there.
+    """
+
+    line: int
+    column: int
+    file: str | None = None
+    var: str | None = None
+
+
+@dataclass(frozen=True)
+class Document:
+    """The data of a YAML file and where each piece stands.
+
+    `positions` maps the path of each value to its place, `key_positions` to that of its key;
+    `scalars` maps the path of each scalar to its characters as written.
+    """
+
+    data: dict[str, Any]
+    path: Path
+    text: str
+    positions: dict[Where, Mark] = field(default_factory=dict)
+    key_positions: dict[Where, Mark] = field(default_factory=dict)
+    scalars: dict[Where, str] = field(default_factory=dict)
+
+    def fault(
+        self, where: Where, what: str, hint: str | None = None, *, at_key: bool = False
+    ) -> Fault:
+        """Return a fault at a path; a path that is not there is placed at what would hold it."""
+        mark = self.key_positions.get(where) if at_key else None
+        present = where
+        while mark is None:
+            mark = self.positions.get(present)
+            if mark is None and not present:
+                mark = Mark(1, 1)
+            present = present[:-1]
+        said = dotted(where) or TOP
+        return Fault(mark.file or str(self.path), mark.line, mark.column, said, what, hint)
+
+    def at(self, where: Where) -> Any:
+        """Return the value at a path; KeyError or IndexError when there is none."""
+        value: Any = self.data
+        for part in where:
+            value = value[part]
+        return value
+
+    def stamped(self) -> Document:
+        """Return a copy that may be changed, in which every place names its file."""
+
+        def stamp(marks: dict[Where, Mark]) -> dict[Where, Mark]:
+            file = str(self.path)
+            return {
+                where: mark if mark.file else replace(mark, file=file)
+                for where, mark in marks.items()
+            }
+
+        return Document(
+            deepcopy(self.data),
+            self.path,
+            self.text,
+            stamp(self.positions),
+            stamp(self.key_positions),
+            dict(self.scalars),
+        )
+
+    def graft(
+        self,
+        where: Where,
+        source: Document,
+        at: Where,
+        moved: Callable[[Mark], Mark] = lambda mark: mark,
+    ) -> None:
+        """Put what stands at `at` of a stamped document in place of what stands at `where`.
+
+        The place of the key stays what it is; `moved` changes the places that come along.
+        """
+        value = deepcopy(source.at(at))
+        self.prune(where)
+        self.at(where[:-1])[where[-1]] = value
+        depth = len(at)
+        for path, mark in source.positions.items():
+            if path[:depth] == at:
+                self.positions[where + path[depth:]] = moved(mark)
+        for path, mark in source.key_positions.items():
+            if path[:depth] == at and len(path) > depth:
+                self.key_positions[where + path[depth:]] = moved(mark)
+        for path, written in source.scalars.items():
+            if path[:depth] == at:
+                self.scalars[where + path[depth:]] = written
+
+    def prune(self, where: Where) -> None:
+        """Forget the places of everything at and below a path, but not that of its key."""
+        depth = len(where)
+        for marks in (self.positions, self.scalars):
+            for path in [path for path in marks if path[:depth] == where]:
+                del marks[path]
+        for path in [path for path in self.key_positions if path[:depth] == where]:
+            if len(path) > depth:
+                del self.key_positions[path]
+
+    def remove(self, key: str) -> None:
+        """Take a key of the top level out."""
+        if self.data.pop(key, None) is not None or (key,) in self.positions:
+            self.prune((key,))
+            self.key_positions.pop((key,), None)
+
+
+def leaves(value: Any, where: Where = ()) -> Iterator[tuple[Where, Any]]:
+    """Yield each scalar and each empty mapping or list of data with its path."""
+    if isinstance(value, dict) and value:
+        for key, inner in value.items():
+            yield from leaves(inner, (*where, key))
+    elif isinstance(value, list) and value:
+        for number, inner in enumerate(value):
+            yield from leaves(inner, (*where, number))
+    else:
+        yield where, value

@@ -1,0 +1,79 @@
+"""However a run ends: the bench is at rest, what was not verified is named, the folder opens."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+from station.cli.analysing import analyse_run
+from station.record.folder import RunFolder
+from tests.test_cli import PLAN
+from tests.test_run_rlg import short_run
+
+ONE_AXIS = {"parameters/axes": ["IA"], "parameters/duration": "100 s"}
+
+
+def test_a_safe_state_that_cannot_be_verified_is_named_and_is_exit_code_3(tmp_path: Path) -> None:
+    # No supply reads back a current this small: rest cannot be proven.
+    limit = "instruments/coil_supply.x/limits/zero_current"
+    outcome, _ = short_run(tmp_path, plan=ONE_AXIS, bench={limit: "1e-9 A"})
+    assert outcome.exit_code == 3
+    assert [(one.instrument, one.verified) for one in outcome.safe] == [("coil_supply.x", False)]
+    folder = RunFolder(outcome.folder)
+    (safe,) = folder.events_of("safe-state")
+    assert safe.details["outcomes"][0]["instrument"] == "coil_supply.x"
+    document = analyse_run(outcome.folder, None, compare=False)
+    assert "safe-state-unverified" in {flag.code for flag in document.flags}
+    assert document.verdict == "inconclusive"
+
+
+def test_a_supply_in_compliance_shows_in_the_measured_field(tmp_path: Path) -> None:
+    outcome, truth = short_run(
+        tmp_path,
+        plan={"parameters/axes": ["NA"], "parameters/amplitude": "2 mT"},
+        bench={"instruments/coil_supply.y/limits/voltage": "1 V"},
+    )
+    assert outcome.document is not None
+    flags = {flag.code: flag for flag in outcome.document.flags}
+    assert flags["field-differs-from-commanded"].details["relative_difference"] < -0.5
+    (result,) = outcome.document.results
+    assert result.combined is not None
+    error = result.estimate.value - truth["NA"]
+    assert abs(error) < 3 * result.combined.standard_uncertainty
+
+
+def test_a_run_that_ended_early_is_analysed_as_far_as_it_went(tmp_path: Path) -> None:
+    text = PLAN.replace("axes: [IA]", "axes: [IA, LA]").replace("100 s", "2000 s")
+    (tmp_path / "plan.yaml").write_text(text, encoding="utf-8")
+    process = subprocess.Popen(
+        [sys.executable, "-m", "station", "run", "plan.yaml", "--non-interactive"],
+        cwd=tmp_path,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        encoding="utf-8",
+    )
+    assert process.stderr is not None
+    for line in process.stderr:
+        if "IA: as published" in line:
+            break
+    process.send_signal(signal.SIGTERM)
+    _, messages = process.communicate(timeout=60)
+    assert process.returncode == 4, messages
+    (folder,) = (tmp_path / "runs").iterdir()
+    document = analyse_run(folder, None, compare=False)
+    values = {result.estimate.axis: result.estimate.value for result in document.results}
+    assert values["IA"] is not None
+    assert values["LA"] is None
+    missing = [flag for flag in document.flags if flag.code == "not-identifiable"]
+    assert [(flag.axis, "was not measured" in flag.message) for flag in missing] == [("LA", True)]
+
+
+def test_an_overdue_calibration_is_flagged(tmp_path: Path) -> None:
+    due = "instruments/gaussmeter/calibration/due"
+    outcome, _ = short_run(tmp_path, plan=ONE_AXIS, bench={due: "2026-02-01"})
+    assert outcome.document is not None
+    flags = {flag.code: flag for flag in outcome.document.flags}
+    assert "gaussmeter was due on 2026-02-01" in flags["calibration-overdue"].message
