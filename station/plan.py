@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal, Protocol
@@ -13,8 +13,10 @@ from station.decision import Rule
 from station.faults import Fault, FaultList, listed, nearest
 from station.fields import StrictModel, to_yaml_data
 from station.limits import LimitedResult, LimitsByAxis, read_limits
+from station.plan_composition import compose
 from station.validation import check_model
-from station.yaml_reading import Document, read_yaml
+from station.yaml_document import Document
+from station.yaml_reading import read_yaml
 
 Words = Annotated[str, Field(min_length=1)]
 NOT_IN_FILE_NAMES = '/\\:*?"<>|'
@@ -50,6 +52,9 @@ class PlanHeader(StrictModel):
     limits: dict[str, Any] = Field(default_factory=dict)
     decision_rule: Rule = "simple"
     references: dict[str, str] = Field(default_factory=dict)
+    # Both are gone from a plan that is put together; they stand here to be known.
+    extends: Words | None = None
+    vars: dict[str, Any] = Field(default_factory=dict)
 
 
 class PlannedProcedure(Protocol):
@@ -78,12 +83,17 @@ class KnownProcedures(Protocol):
 
 @dataclass(frozen=True)
 class Plan:
-    """A plan that has no fault; `parameters` is the procedure's own model."""
+    """A plan that has no fault; `parameters` is the procedure's own model.
+
+    `document` is the plan put together, `bases` the files it extends, `overrides` each `--set`.
+    """
 
     header: PlanHeader
     parameters: Any
     limits: LimitsByAxis
     document: Document
+    bases: tuple[Path, ...] = ()
+    overrides: tuple[str, ...] = ()
 
     @property
     def procedure(self) -> str:
@@ -129,17 +139,23 @@ class Plan:
         return self.document.fault(where, what, hint)
 
     def to_yaml_data(self) -> dict[str, Any]:
-        """Return the plan with every default written out, as data for YAML."""
-        return {**to_yaml_data(self.header), "parameters": to_yaml_data(self.parameters)}
+        """Return the plan with every default written out, as data for YAML; it stands alone."""
+        data = {**to_yaml_data(self.header), "parameters": to_yaml_data(self.parameters)}
+        return {key: value for key, value in data.items() if key not in ("extends", "vars")}
 
 
-def read_plan(path: Path, procedures: KnownProcedures) -> Plan:
-    """Read a plan file; raise FaultList with the faults of all its parts at once."""
-    return plan_of(read_yaml(path), procedures)
+def read_plan(path: Path, procedures: KnownProcedures, overrides: Sequence[str] = ()) -> Plan:
+    """Read a plan file; raise FaultList with the faults of all its parts at once.
+
+    `overrides` are those of `--set`, such as `parameters.frequency=0.2 Hz`.
+    """
+    return plan_of(read_yaml(path), procedures, overrides)
 
 
-def plan_of(document: Document, procedures: KnownProcedures) -> Plan:
+def plan_of(given: Document, procedures: KnownProcedures, overrides: Sequence[str] = ()) -> Plan:
     """Return the plan that a document holds; raise FaultList with every fault."""
+    composition = compose(given, overrides)
+    document = composition.document
     header, faults = check_model(document, PlanHeader)
     name = document.data.get("procedure")
     parameters: BaseModel | None = None
@@ -158,6 +174,10 @@ def plan_of(document: Document, procedures: KnownProcedures) -> Plan:
         if not hint:
             what += f"; there are {listed(procedures)}"
         faults.append(document.fault(("procedure",), what, hint and f"'{hint}'"))
+    # What could not be filled in is no fault of its own kind as well.
+    told = {(fault.file, fault.line, fault.column) for fault in composition.faults}
+    faults = [one for one in faults if (one.file, one.line, one.column) not in told]
+    faults += composition.faults
     if header is None or parameters is None or faults:
         raise FaultList(faults)
-    return Plan(header, parameters, limits, document)
+    return Plan(header, parameters, limits, document, composition.bases, tuple(overrides))

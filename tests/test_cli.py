@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import signal
+import socket
 import subprocess
 import sys
 from pathlib import Path
@@ -241,3 +242,54 @@ def test_wrong_usage_is_exit_code_2(tmp_path: Path) -> None:
     done = station(tmp_path, "run", "rlg-magnetic-sensitivty")
     assert done.returncode == 2
     assert "did you mean" in done.stderr
+
+
+def test_sim_serves_instruments_to_any_client_until_interrupted(tmp_path: Path) -> None:
+    process = subprocess.Popen(
+        [sys.executable, "-m", "station", "sim", "sim", "--speed", "50"],
+        cwd=tmp_path,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        encoding="utf-8",
+    )
+    assert process.stdout is not None
+    head = json.loads(process.stdout.readline())
+    assert head["clock"]["speed"] == 50.0
+    assert head["clock"]["epoch_unix"] > 1.6e9
+    supply, board = head["instruments"]["coil_supply.x"], head["instruments"]["gyro_acquisition"]
+    assert supply["protocol"] == "scpi"
+    assert supply["address"] == f"TCPIP::{supply['host']}::{supply['port']}::SOCKET"
+    assert board["protocol"] == "socketcand"
+    assert Path(board["dbc"]).is_file()
+    with socket.create_connection((supply["host"], supply["port"]), 5) as client:
+        client.sendall(b"*IDN?\n")
+        assert client.recv(4096).startswith(b"KEPCO")
+    process.send_signal(signal.SIGINT)
+    process.communicate(timeout=20)
+    assert process.returncode == 0
+
+
+def test_a_run_on_a_bench_served_by_another_process_finds_the_same_sensitivity(
+    tmp_path: Path,
+) -> None:
+    (tmp_path / "plan.yaml").write_text(PLAN, encoding="utf-8")
+    with (tmp_path / "served.json").open("w", encoding="utf-8") as first_line:
+        process = subprocess.Popen(
+            [sys.executable, "-m", "station", "sim", "sim", "--speed", "40"],
+            cwd=tmp_path,
+            stdout=first_line,
+            stderr=subprocess.PIPE,
+            text=True,
+            encoding="utf-8",
+        )
+    assert process.stderr is not None
+    assert "serving" in process.stderr.readline()
+    try:
+        done = station(tmp_path, "run", "plan.yaml", "--served", "served.json", "--json", CI="true")
+    finally:
+        process.send_signal(signal.SIGTERM)
+        process.communicate(timeout=20)
+    assert done.returncode == 0, done.stderr
+    (result,) = json.loads(done.stdout)["results"]
+    assert abs(result["value"] - 0.045) < 3 * result["standard_uncertainty"]

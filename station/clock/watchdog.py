@@ -72,12 +72,13 @@ class Watchdog:
             where = f"; {stuck.name} is stuck {place_of(stuck)}" if stuck else ""
             turns.fail(f"time stands still, every thread waits: {turns.describe()}{where}")
             failure = turns.failure
-        if stuck is None or stuck.thread != main_thread().ident:
+        main = main_thread().ident
+        if stuck is None or main is None or stuck.thread != main:
             return
         print(f"\n{failure}", file=sys.stderr, flush=True)
         if hasattr(signal, "pthread_kill"):
             # A handler in the main thread raises the failure where it is stuck.
-            signal.pthread_kill(stuck.thread, signal.SIGINT)
+            signal.pthread_kill(main, signal.SIGINT)
         if not turns.told.wait(ENDS_AFTER_S) and not self._ended.is_set():
             with suppress(OSError, ValueError):
                 print(

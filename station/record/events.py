@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -25,11 +26,21 @@ class Event:
 
 
 class EventLog:
-    """Append events so that each survives the death of the process before the caller goes on."""
+    """Append events so that each survives the death of the process before the caller goes on.
+
+    A log that is there already is gone on with; a last line cut short is taken out of it first.
+    """
 
     def __init__(self, path: Path) -> None:
-        self._file = AppendOnlyFile(path, new=False)
         self._previous = FIRST_HASH
+        if path.is_file():
+            log = path.read_bytes()
+            for _, self._previous in checked_lines(path, log):
+                pass
+            whole = log.rfind(b"\n") + 1
+            if whole < len(log):
+                os.truncate(path, whole)
+        self._file = AppendOnlyFile(path, new=False)
 
     def append(self, time_s: float, kind: str, details: dict[str, Any], *, durable: bool) -> None:
         """Write one event at run time `time_s`; `durable` waits until the disk has it.
@@ -54,17 +65,29 @@ class EventLog:
 def read_events(path: Path) -> Iterator[Event]:
     """Yield the events of a log; a last line cut short by a crash is left out.
 
-    Raises RecordError when a line does not follow the one before it.
+    Raises RecordError when a line does not follow the one before it. A change of the last line
+    is not seen here: nothing follows it that holds its hash. The manifest covers it.
     """
+    return (event for event, _ in checked_lines(path, path.read_bytes()))
+
+
+def checked_lines(path: Path, log: bytes) -> Iterator[tuple[Event, str]]:
+    """Yield each event of the log's bytes with its line's SHA-256; errors as `read_events`."""
     previous = FIRST_HASH
-    lines = path.read_bytes().split(b"\n")
-    for number, line in enumerate(lines, start=1):
-        if number == len(lines):
-            return  # what follows the last line end is empty, or was cut short
-        data = json.loads(line)
-        if data.pop("previous") != previous:
+    lines = log.split(b"\n")
+    # What follows the last line end is empty, or was cut short.
+    for number, line in enumerate(lines[:-1], start=1):
+        try:
+            data = json.loads(line)
+            said, time_s, kind = data.pop("previous"), float(data.pop("t_s")), data.pop("event")
+        except (ValueError, KeyError, AttributeError, TypeError) as error:
             raise RecordError(
-                f"{path}:{number}: the log was altered: the chain of hashes breaks here"
+                f"{path}:{number}: the log was altered: this line is no event"
+            ) from error
+        if said != previous:
+            which = f"line {number - 1} is not" if number > 1 else "the first line is not"
+            raise RecordError(
+                f"{path}:{number}: the log was altered: {which} the one that was written"
             )
         previous = hashlib.sha256(line).hexdigest()
-        yield Event(data.pop("t_s"), data.pop("event"), data)
+        yield Event(time_s, kind, data), previous

@@ -12,9 +12,10 @@ from typing import TYPE_CHECKING, Any
 
 from station.clock import Clock, utc_now
 from station.errors import RecordError
+from station.locks import FileLock
 from station.record.events import Event, EventLog, read_events
 from station.record.files import sync_folder, write_whole_file
-from station.record.manifest import write_manifest
+from station.record.manifest import LOCK, write_manifest
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -49,6 +50,7 @@ class RunRecord:
         self.faults: list[str] = []
         """What could not be written while the bench was being made safe, and after."""
         self._clock = clock
+        self._lock = run_lock(self.path)
         self._events = EventLog(self.path / EVENTS)
         self._raw: dict[str, RawFile] = {}
 
@@ -96,6 +98,7 @@ class RunRecord:
     def seal(self) -> None:
         """Write the manifest; nothing of the folder changes after it."""
         self._try(lambda: write_manifest(self.path))
+        self._lock.release()
 
     def _try(self, write: Callable[[], None]) -> None:
         try:
@@ -157,6 +160,17 @@ class RunFolder:
         revision = parent / f"{number:03d}"
         revision.mkdir()
         return revision
+
+
+def run_lock(folder: Path) -> FileLock:
+    """Take the lock that says that a process is at work on a run; raises RecordError."""
+    try:
+        return FileLock(folder / LOCK)
+    except OSError as error:
+        raise RecordError(
+            f"cannot lock {folder / LOCK}: {error.strerror or error}; choose another place, on a "
+            "local disk, with --output"
+        ) from error
 
 
 def new_folder(parent: Path, name: str) -> Path:

@@ -9,8 +9,9 @@ from pathlib import Path
 from station.record.files import write_whole_file
 
 MANIFEST = "manifest.json"
-NOT_COVERED = ("exports", "revisions")
-"""Remade reports are no evidence; each revision has a manifest of its own."""
+LOCK = "run.lock"
+NOT_COVERED = ("exports", "revisions", LOCK)
+"""Remade reports are no evidence; each revision has a manifest of its own; the lock is empty."""
 
 
 def file_hash(path: Path) -> str:
