@@ -23,9 +23,12 @@ if TYPE_CHECKING:
 
 
 def read_plan_and_bench(folder: RunFolder) -> tuple[Plan, Bench]:
-    """Return the plan and the bench that a run folder holds, as they were given."""
-    plan = read_plan(folder.path / "plan.yaml", registry.Procedures())
-    bench = read_bench(folder.path / "bench.yaml", registry.names(registry.DRIVERS))
+    """Return the plan and the bench of a run from its folder alone.
+
+    The resolved copies are read: a plan as given may extend another that is not in the folder.
+    """
+    plan = read_plan(folder.path / "plan.resolved.yaml", registry.Procedures())
+    bench = read_bench(folder.path / "bench.resolved.yaml", registry.names(registry.DRIVERS))
     return plan, bench
 
 

@@ -59,6 +59,11 @@ class Problem:
     what: str
 
 
+def not_told(parameters: Any) -> tuple[str, ...]:
+    """Return no unit of work, for a procedure that does not tell them beforehand."""
+    return ()
+
+
 @dataclass(frozen=True)
 class Procedure:
     """A published method, ready to be run, imported and analysed.
@@ -68,6 +73,7 @@ class Procedure:
     check(parameters, bench): every reason why this plan cannot run on this bench;
     evaluate_run / evaluate_dataset: recorded or imported data to findings;
     report(findings, document): plots and tables of its own;
+    units(parameters): the units of work that a run of the plan will finish, in order;
     assumptions: what its numbers do not say.
     """
 
@@ -83,6 +89,7 @@ class Procedure:
     evaluate_run: Callable[[RunFolder, Any, Bench], Findings]
     evaluate_dataset: Callable[[RawDataset], Findings]
     report: Callable[[Findings, ResultDocument], Sequence[Part]]
+    units: Callable[[Any], tuple[str, ...]] = not_told
     assumptions: tuple[str, ...] = ()
 
     def step(self, number: str) -> Step:

@@ -13,11 +13,12 @@ from typing import TYPE_CHECKING, Any
 
 from station import registry
 from station.bench import Bench
-from station.clock import Clock, RealClock, VirtualClock, utc_now
+from station.clock import Clock, ClockError, RealClock, VirtualClock, utc_now
 from station.errors import EXIT_ABORTED, EXIT_FAULT, EXIT_INTERLOCK, RecordError, StationError
 from station.evaluation import conclude_run, exit_code_of
 from station.opening import Found, open_instruments
 from station.plan import Plan
+from station.plan_resolved import resolved_text
 from station.procedure import Procedure, Prompt
 from station.progress import Progress, span
 from station.prompts import Operator
@@ -25,6 +26,7 @@ from station.record.folder import RUN, RunRecord, json_text
 from station.run import Run
 from station.safety import SafeOutcome, make_bench_safe
 from station.signals import AbortSignals
+from station.status import RUN_STARTED, what_is_planned
 from station.versions import versions
 from station.yaml_writing import yaml_text
 
@@ -133,6 +135,7 @@ def execute(request: Request) -> Outcome:
         with Progress(expected_s, quiet=request.quiet) as progress:
             progress.say(f"{procedure.title}: {plan.dut.model} {plan.dut.serial}")
             progress.say(f"bench {bench.name}, about {span(expected_s)}; recorded in {record.path}")
+            record.event(RUN_STARTED, **what_is_planned(plan, procedure, clock))
             run = Run(plan, bench, clock, record, progress, operator)
             _walk(run, procedure, session.addresses, outcome)
     with suppress(RecordError):  # a full disk was told when the run met it
@@ -167,12 +170,13 @@ def head_of(plan: Plan, bench: Bench, clock: Clock) -> dict[str, str]:
     facts = {
         "started_utc": utc_now().isoformat(timespec="seconds"),
         "clock": type(clock).__name__,
+        "set": list(plan.overrides),
         **versions(),
     }
     return {
         "plan.yaml": plan.text,
         "bench.yaml": bench.text,
-        "plan.resolved.yaml": yaml_text(plan.to_yaml_data()),
+        "plan.resolved.yaml": resolved_text(plan),
         "bench.resolved.yaml": yaml_text(bench.to_yaml_data()),
         RUN: json_text(facts),
     }
@@ -209,7 +213,7 @@ def _walk(run: Run, procedure: Procedure, addresses: Mapping[str, str], outcome:
 
 
 def _failed(run: Run, outcome: Outcome, error: Exception, exit_code: int) -> None:
-    known = isinstance(error, StationError)
+    known = isinstance(error, StationError | ClockError)
     outcome.error = str(error) if known else f"a fault of the program: {error!r}"
     outcome.exit_code = exit_code
     trace = "".join(traceback.format_exception(error))

@@ -98,13 +98,13 @@ class Document:
         self.prune(where)
         self.at(where[:-1])[where[-1]] = value
         depth = len(at)
-        for path, mark in source.positions.items():
+        for path, mark in list(source.positions.items()):
             if path[:depth] == at:
                 self.positions[where + path[depth:]] = moved(mark)
-        for path, mark in source.key_positions.items():
+        for path, mark in list(source.key_positions.items()):
             if path[:depth] == at and len(path) > depth:
                 self.key_positions[where + path[depth:]] = moved(mark)
-        for path, written in source.scalars.items():
+        for path, written in list(source.scalars.items()):
             if path[:depth] == at:
                 self.scalars[where + path[depth:]] = written
 

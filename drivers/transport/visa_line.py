@@ -51,7 +51,12 @@ class VisaLine:
         """
         with self._lock:
             self._write(message)
-            if not self._wire.wait(self._clock.now() + deadline_s):
+            try:
+                answered = self._wire.wait(self._clock.now() + deadline_s)
+            except BaseException:  # whoever comes next must not read this answer as its own
+                self.close()
+                raise
+            if not answered:
                 raise self._silent(message, "no answer came", deadline_s)
             self._resource.timeout = 1000 * self._clock.real_timeout_s(deadline_s)
             try:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from procedures.rlg_magnetic_sensitivity.check import check
 from procedures.rlg_magnetic_sensitivity.parameters import RlgParameters
-from procedures.rlg_magnetic_sensitivity.steps import STEPS, instruments, prompts
+from procedures.rlg_magnetic_sensitivity.steps import STEPS, instruments, prompts, units
 from station.procedure import Procedure, ResultKind
 
 if TYPE_CHECKING:
@@ -55,6 +55,7 @@ PROCEDURE = Procedure(
     evaluate_run=evaluate_run,
     evaluate_dataset=evaluate_dataset,
     report=report,
+    units=units,
     assumptions=(
         "The probe's axes stand along the coils' normals and the gyro's axes along both; what they "
         "differ is in the results as far as the measured cross components tell it.",

@@ -50,6 +50,11 @@ def instruments(parameters: RlgParameters) -> tuple[str, ...]:
     return (*(coil_supply(axis) for axis in parameters.axes), GAUSSMETER, GYRO, POWER)
 
 
+def units(parameters: RlgParameters) -> tuple[str, ...]:
+    """Return the units of work in the order they are measured: the warm-up, then each axis."""
+    return (WARM_UP, *parameters.axes)
+
+
 def prompts(parameters: RlgParameters) -> tuple[Prompt, ...]:
     """Return what the operator may be asked to do."""
     return (MOUNT, CABLES)

@@ -24,6 +24,14 @@ Json = Annotated[
 BenchName = Annotated[
     str, typer.Option("--bench", help="Bench file: a path, or a name in config/benches.")
 ]
+Overrides = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--set",
+        metavar="KEY=VALUE",
+        help="Change a value of the plan, as in `--set 'parameters.frequency=0.2 Hz'`; repeatable.",
+    ),
+]
 DEFAULT_BENCH = "sim"
 
 
@@ -41,6 +49,16 @@ class ReportFormat(StrEnum):
     """What `report` can write."""
 
     HTML = "html"
+    CSV = "csv"
+    JUNIT = "junit"
+
+
+class ExportFormat(StrEnum):
+    """What `export` can write."""
+
+    HDF5 = "hdf5"
+    CSV = "csv"
+    MAT = "mat"
 
 
 @app.command("list")
@@ -55,12 +73,16 @@ def list_(kind: Annotated[Kind | None, typer.Argument()] = None, json: Json = Fa
 def validate(
     plans: Annotated[list[str], typer.Argument(metavar="PLAN...")],
     bench: BenchName = DEFAULT_BENCH,
+    set_: Overrides = None,
+    resolved: Annotated[
+        bool, typer.Option("--resolved", help="Print each value and where it comes from.")
+    ] = False,
     json: Json = False,
 ) -> None:
     """Find every fault of every plan; touches no instrument."""
     from station.cli.validating import validate_plans
 
-    raise typer.Exit(validate_plans(plans, bench, as_json=json))
+    raise typer.Exit(validate_plans(plans, bench, set_ or (), resolved=resolved, as_json=json))
 
 
 @app.command()
@@ -77,6 +99,7 @@ def run(
         Path | None, typer.Option(help="File with the first line of a running `station sim`.")
     ] = None,
     output: Annotated[Path, typer.Option(help="Parent of the run folder.")] = Path("runs"),
+    set_: Overrides = None,
     json: Json = False,
 ) -> None:
     """Run a test plan and leave a run folder with raw data, results and report."""
@@ -91,6 +114,7 @@ def run(
             served=served,
             output=output,
             as_json=json,
+            overrides=set_ or (),
         )
     )
 
@@ -123,7 +147,31 @@ def report(
     """Make the report of a run again, into its exports folder."""
     from station.cli.reporting import remake_report
 
-    remake_report(folder)
+    remake_report(folder, format.value)
+
+
+@app.command()
+def export(
+    folder: Annotated[Path, typer.Argument(metavar="RUN", help="Run folder.")],
+    format: Annotated[ExportFormat, typer.Option("--format")],
+) -> None:
+    """Write the raw data of a run for other tools."""
+    from station.cli.exporting import export_run
+
+    export_run(folder, format.value)
+
+
+@app.command()
+def status(
+    run: Annotated[
+        Path | None, typer.Argument(metavar="[RUN]", help="Run folder; else the newest in ./runs.")
+    ] = None,
+    json: Json = False,
+) -> None:
+    """Say how a run stands, from its log alone."""
+    from station.cli.status import print_status
+
+    print_status(run, as_json=json)
 
 
 @app.command()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -26,10 +27,11 @@ def run_plan(
     served: Path | None,
     output: Path,
     as_json: bool,
+    overrides: Sequence[str] = (),
 ) -> int:
     """Run a plan, say how it ended, and return the exit code."""
     bench = read_bench_named(bench_name)
-    plan = read_plan_for(plan_name, bench)
+    plan = read_plan_for(plan_name, bench, overrides)
     asked = not non_interactive and os.environ.get("CI", "").lower() != "true"
     request = Request(
         plan,

@@ -5,12 +5,14 @@ from __future__ import annotations
 import json
 import sys
 from collections.abc import Sequence
+from typing import Any
 
 from station import registry
 from station.bench import Bench, read_bench
 from station.errors import EXIT_DONE, EXIT_WRONG_INPUT
 from station.lookup import BENCHES, PLANS, find
 from station.plan import Plan, read_plan
+from station.plan_resolved import resolved_data, resolved_text
 from station.yaml_reading import Fault, FaultList
 
 
@@ -19,9 +21,9 @@ def read_bench_named(name: str) -> Bench:
     return read_bench(find(BENCHES, name), registry.names(registry.DRIVERS))
 
 
-def read_plan_for(name: str, bench: Bench) -> Plan:
+def read_plan_for(name: str, bench: Bench, overrides: Sequence[str] = ()) -> Plan:
     """Return a plan that can run on the bench; FaultList holds every reason why it cannot."""
-    plan = read_plan(find(PLANS, name), registry.Procedures())
+    plan = read_plan(find(PLANS, name), registry.Procedures(), overrides)
     procedure = registry.procedure(plan.procedure)
     faults = [
         plan.fault(problem.where, problem.what)
@@ -32,9 +34,20 @@ def read_plan_for(name: str, bench: Bench) -> Plan:
     return plan
 
 
-def validate_plans(names: Sequence[str], bench_name: str, *, as_json: bool) -> int:
-    """Print every fault of every plan, and return the exit code."""
+def validate_plans(
+    names: Sequence[str],
+    bench_name: str,
+    overrides: Sequence[str] = (),
+    *,
+    resolved: bool = False,
+    as_json: bool = False,
+) -> int:
+    """Print every fault of every plan, and return the exit code.
+
+    `resolved` prints each plan that has no fault with all its values and their origins.
+    """
     faults: list[Fault] = []
+    plans: list[Plan] = []
     bench = None
     try:
         bench = read_bench_named(bench_name)
@@ -43,28 +56,27 @@ def validate_plans(names: Sequence[str], bench_name: str, *, as_json: bool) -> i
     for name in names:
         try:
             if bench is None:
-                read_plan(find(PLANS, name), registry.Procedures())
+                plans.append(read_plan(find(PLANS, name), registry.Procedures(), overrides))
             else:
-                read_plan_for(name, bench)
+                plans.append(read_plan_for(name, bench, overrides))
         except FaultList as found:
             faults.extend(found.faults)
+    # Several plans may share a base, a --set or the bench, and with it a fault.
+    faults = list(dict.fromkeys(faults))
     if as_json:
-        rows = [
-            {
-                "file": fault.file,
-                "line": fault.line,
-                "column": fault.column,
-                "where": fault.where,
-                "what": fault.what,
-                "hint": fault.hint,
-            }
-            for fault in faults
-        ]
-        print(json.dumps({"valid": not faults, "faults": rows}, indent=1, ensure_ascii=False))
+        document: dict[str, Any] = {"valid": not faults, "faults": [vars(one) for one in faults]}
+        if resolved:
+            document["resolved"] = [resolved_data(plan) for plan in plans]
+        print(json.dumps(document, indent=1, ensure_ascii=False))
     else:
         for fault in faults:
             print(fault, file=sys.stderr)
+        if resolved:
+            print("---\n".join(resolved_text(plan) for plan in plans), end="")
         if not faults:
             count = len(names)
-            print(f"{count} plan{'s' if count > 1 else ''} without a fault on bench {bench_name}")
+            print(
+                f"{count} plan{'s' if count > 1 else ''} without a fault on bench {bench_name}",
+                file=sys.stderr if resolved else sys.stdout,
+            )
     return EXIT_WRONG_INPUT if faults else EXIT_DONE

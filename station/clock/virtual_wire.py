@@ -141,7 +141,15 @@ class TurnLock:
             self._queue.append(participant)
             held = f"waiting for {self._name}, which {self._owner.name} holds"
             self._turns.park(participant, math.inf, held)
-        self._turns.take(participant)
+        try:
+            self._turns.take(participant)
+        except BaseException:  # stopped: who never came must not be given the lock, nor keep it
+            with self._turns.mutex:
+                if participant in self._queue:
+                    self._queue.remove(participant)
+                elif self._owner is participant:
+                    self._hand_on()
+            raise
 
     def __exit__(
         self,
@@ -150,7 +158,11 @@ class TurnLock:
         trace: TracebackType | None,
     ) -> None:
         with self._turns.mutex:
-            self._owner = min(self._queue, key=lambda one: one.order) if self._queue else None
-            if self._owner is not None:
-                self._queue.remove(self._owner)
-                self._owner.event_came = True
+            self._hand_on()
+
+    def _hand_on(self) -> None:
+        self._owner = min(self._queue, key=lambda one: one.order) if self._queue else None
+        if self._owner is not None:
+            self._queue.remove(self._owner)
+            self._owner.event_came = True
+            self._turns.pass_on()

@@ -26,6 +26,7 @@ EVENTS = "events.jsonl"
 RUN = "run.json"
 RESULTS = "results.json"
 REPORT = "report.html"
+EXPORTS = "exports"
 MOST_OF_ONE_NAME = 1000
 
 

@@ -1,0 +1,120 @@
+"""The results as JUnit XML, for a test system that collects verdicts.
+
+One test case for each result that has a limit. Outside its limit is a failure; what the data
+cannot determine, or the decision rule cannot decide, is an error, and so are a run that did not go
+through all its steps and a bench that could not be proven safe: a test system that reads the file
+is green only where `station run` ended with exit code 0.
+"""
+
+from __future__ import annotations
+
+import re
+import xml.etree.ElementTree as ET
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+from station.report.result_table import published_by_key
+
+if TYPE_CHECKING:
+    from station.record.folder import RunFolder
+    from station.results import ResultDocument
+
+UNSAFE = "safe-state-unverified"
+INCOMPLETE = "run-not-complete"
+DECLARATION = '<?xml version="1.0" encoding="UTF-8"?>\n'
+NOT_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
+"""What XML 1.0 cannot hold, not even escaped."""
+
+
+def junit_of(folder: RunFolder, document: ResultDocument) -> str:
+    """Return the results of a run as JUnit XML; the suite's time is the run's bench time in s."""
+    facts = folder.run_facts()
+    bench_time_s = folder.events[-1].time_s if folder.events else 0.0
+    suite = ET.Element("testsuite", name=document.procedure)
+    suite.set("timestamp", str(facts["started_utc"])[:19])
+    suite.set("hostname", clean(facts["host"]))
+    suite.set("time", f"{bench_time_s:.3f}")
+    add_properties(
+        suite,
+        {
+            "verdict": document.verdict,
+            "station": facts["station"],
+            "results_without_limit": sum(result.limit is None for result in document.results),
+        },
+    )
+    published = published_by_key(document)
+    for result in document.results:
+        data = result.to_data()
+        if data["limit"] is not None:
+            other = published.get((data["name"], data["axis"]))
+            add_case(suite, document.procedure, data, other)
+    for flag in document.flags:
+        if flag.code == UNSAFE:
+            add_error(suite, document.procedure, UNSAFE, flag.message)
+    if not any(event.details["complete"] for event in folder.events_of("run-ended")):
+        said = "the run did not go through all its steps; what it measured is evaluated here"
+        add_error(suite, document.procedure, INCOMPLETE, said)
+    suite.set("tests", str(len(suite.findall("testcase"))))
+    suite.set("failures", str(len(suite.findall("testcase/failure"))))
+    suite.set("errors", str(len(suite.findall("testcase/error"))))
+    suite.set("skipped", "0")
+    root = ET.Element("testsuites")
+    root.append(suite)
+    ET.indent(root)
+    return f"{DECLARATION}{ET.tostring(root, encoding='unicode')}\n"
+
+
+def add_case(
+    suite: ET.Element, procedure: str, data: Mapping[str, Any], published: Mapping[str, Any] | None
+) -> None:
+    """Add the test case of one result (an entry of `results`) with its numbers as properties."""
+    name = clean(" ".join(part for part in (data["name"], data["axis"]) if part))
+    case = ET.SubElement(suite, "testcase", classname=procedure, name=name)
+    limit = ", ".join(f"{key} {value:g}" for key, value in data["limit"].items())
+    add_properties(
+        case,
+        {
+            "value": data["value"],
+            "unit": data["unit"],
+            "u": data["standard_uncertainty"],
+            "U": data["expanded_uncertainty"],
+            "k": data["coverage_factor"],
+            "degrees_of_freedom": data["degrees_of_freedom"],
+            "limit": limit,
+            "as_published": published["value"] if published else None,
+        },
+    )
+    if data["verdict"] == "pass":
+        return
+    measured = "undetermined" if data["value"] is None else in_words(data)
+    said = clean(f"{name}: {measured}, limit {limit} {data['unit']}")
+    if data["verdict"] == "fail":
+        ET.SubElement(case, "failure", type="outside-limit", message=said)
+    else:
+        why = data.get("decision") or "undetermined"
+        ET.SubElement(case, "error", type=why, message=f"{said}: {why}")
+
+
+def add_error(suite: ET.Element, procedure: str, code: str, message: str) -> None:
+    """Add a test case that is no result: something that keeps the run from counting as passed."""
+    case = ET.SubElement(suite, "testcase", classname=procedure, name=code)
+    ET.SubElement(case, "error", type=code, message=clean(message))
+
+
+def in_words(data: Mapping[str, Any]) -> str:
+    """Return value, expanded uncertainty and unit of a result as text."""
+    expanded = data["expanded_uncertainty"]
+    return f"{data['value']:.6g}{'' if expanded is None else f' ± {expanded:.2g}'} {data['unit']}"
+
+
+def add_properties(element: ET.Element, named: Mapping[str, Any]) -> None:
+    """Add properties; what is None is left out."""
+    properties = ET.SubElement(element, "properties")
+    for name, value in named.items():
+        if value is not None:
+            ET.SubElement(properties, "property", name=name, value=clean(value))
+
+
+def clean(value: object) -> str:
+    """Return a value as text that XML can hold."""
+    return NOT_XML.sub("�", str(value))

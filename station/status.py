@@ -1,0 +1,192 @@
+"""How a run stands, from its log alone: while another process runs it, and after that one died.
+
+The log's first event, `run-started`, says what the run is going to do; it is put together here, so
+that what is written and what is read stand side by side.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+from station.clock import utc_now
+from station.errors import InputError
+from station.locks import is_held
+from station.record.events import Event, read_events
+from station.record.folder import EVENTS
+from station.record.manifest import LOCK
+
+if TYPE_CHECKING:
+    from station.clock import Clock
+    from station.plan import Plan
+    from station.procedure import Procedure
+
+RUN_STARTED = "run-started"
+STAMP_LENGTH = len("20260301T081500Z")
+State = Literal["running", "evaluating", "finished", "failed", "interrupted"]
+SENTENCES: dict[State, str] = {
+    "running": "running",
+    "evaluating": "measured to its end, being evaluated",
+    "finished": "finished",
+    "failed": "ended before its end",
+    "interrupted": "interrupted: its process is gone and did not end it",
+}
+
+
+def what_is_planned(plan: Plan, procedure: Procedure, clock: Clock) -> dict[str, Any]:
+    """Return the details of the event `run-started`; durations are expected bench time in s.
+
+    `speed` is how many times as fast as real time the run goes, None where waiting is skipped.
+    """
+    return {
+        "procedure": plan.procedure,
+        "dut": {"model": plan.dut.model, "serial": plan.dut.serial},
+        "steps": [
+            {
+                "step": step.number,
+                "title": step.title,
+                "expected_s": round(step.duration_s(plan.parameters), 3),
+            }
+            for step in procedure.steps
+        ],
+        "units": list(procedure.units(plan.parameters)),
+        "speed": getattr(clock, "speed", None),
+    }
+
+
+@dataclass(frozen=True)
+class Status:
+    """How a run stands; what its log does not tell is None. Times in s of run (bench) time."""
+
+    run: str
+    state: State
+    running: bool
+    procedure: str | None
+    dut: dict[str, str] | None
+    step: str | None
+    step_title: str | None
+    units_finished: tuple[str, ...]
+    units_planned: int | None
+    run_time_s: float
+    remaining_s: float | None
+    bench_safe: bool | None
+    message: str
+
+    def to_data(self) -> dict[str, Any]:
+        """Return the status as plain data."""
+        return {**asdict(self), "units_finished": list(self.units_finished)}
+
+
+def newest_run(parent: Path) -> Path:
+    """Return the run folder below `parent` that began last; raises InputError without one."""
+    logs = [path for path in parent.glob("*/" + EVENTS) if not path.parent.name.startswith(".")]
+    if not logs:
+        raise InputError(f"there is no run below {parent}; name a run folder")
+    newest = max(logs, key=lambda log: (log.parent.name[:STAMP_LENGTH], log.stat().st_mtime))
+    return newest.parent
+
+
+def read_status(folder: Path) -> Status:
+    """Return how the run of a folder stands now.
+
+    Raises InputError when it is no run folder, RecordError when its log was altered.
+    """
+    log = folder / EVENTS
+    if not log.is_file():
+        raise InputError(f"{folder} is no run folder: it holds no {EVENTS}")
+    held = is_held(folder / LOCK)  # first: a run that ends meanwhile has then ended in its log
+    events = tuple(read_events(log))
+    state = state_of(events, held)
+    planned = next((event.details for event in events if event.kind == RUN_STARTED), {})
+    now_s = events[-1].time_s if events else 0.0
+    if state == "running" and planned.get("speed"):
+        age_s = utc_now().timestamp() - log.stat().st_mtime
+        now_s += max(age_s, 0.0) * planned["speed"]
+    step = next((event for event in reversed(events) if event.kind == "step-started"), None)
+    safe = [one for event in of_kind(events, "safe-state") for one in event.details["outcomes"]]
+    return Status(
+        run=str(folder),
+        state=state,
+        running=held,
+        procedure=planned.get("procedure"),
+        dut=planned.get("dut"),
+        step=step.details["step"] if step else None,
+        step_title=step.details["title"] if step else None,
+        units_finished=tuple(
+            dict.fromkeys(event.details["unit"] for event in of_kind(events, "unit-finished"))
+        ),
+        units_planned=len(planned["units"]) if planned.get("units") else None,
+        run_time_s=round(now_s, 3),
+        remaining_s=remaining_s(planned.get("steps"), events, now_s) if planned else None,
+        bench_safe=all(one["verified"] for one in safe) if safe else None,
+        message=last_message(events),
+    )
+
+
+def of_kind(events: Sequence[Event], kind: str) -> list[Event]:
+    """Return the events of one kind, in order."""
+    return [event for event in events if event.kind == kind]
+
+
+def state_of(events: Sequence[Event], held: bool) -> State:
+    """Return the state of a run whose lock is held, or not."""
+    ended = of_kind(events, "run-ended")
+    if not ended:
+        return "running" if held else "interrupted"
+    if not ended[-1].details["complete"]:
+        return "failed"
+    return "evaluating" if held else "finished"
+
+
+def remaining_s(
+    steps: Sequence[dict[str, Any]] | None, events: Sequence[Event], now_s: float
+) -> float | None:
+    """Return the bench time in s that the steps not done yet are expected to take."""
+    if steps is None:
+        return None
+    if of_kind(events, "run-ended"):
+        return 0.0
+    started_s = {e.details["step"]: e.time_s for e in of_kind(events, "step-started")}
+    finished = {e.details["step"] for e in of_kind(events, "step-finished")}
+    left_s = 0.0
+    for step in steps:
+        number, expected_s = step["step"], float(step["expected_s"])
+        if number in finished:
+            continue
+        gone_s = now_s - started_s[number] if number in started_s else 0.0
+        left_s += max(expected_s - gone_s, 0.0)
+    return round(left_s, 3)
+
+
+def last_message(events: Sequence[Event]) -> str:
+    """Return the last thing the log has to say to a person; a failure outlives what follows it."""
+    failed = of_kind(events, "failed")
+    if failed:
+        return str(failed[-1].details["message"])
+    told = [event for event in events if event.kind != RUN_STARTED]
+    return in_words(told[-1]) if told else "nothing yet"
+
+
+def in_words(event: Event) -> str:
+    """Return an event as a short text."""
+    details = event.details
+    match event.kind:
+        case "identified":
+            who = " ".join(str(details[key]) for key in ("maker", "model", "serial"))
+            return f"{details['instrument']} is {' '.join(who.split())}"
+        case "step-started":
+            return f"{details['step']} began: {details['title']}"
+        case "step-finished":
+            return f"{details['step']} is done"
+        case "prompt":
+            return f"{details['text']} Answered: {details['answer']}"
+        case "unit-started":
+            return f"{details['unit']} is being recorded"
+        case "unit-finished":
+            return f"{details['unit']} is recorded"
+        case "run-ended":
+            return "all steps are done"
+    plain = (f"{key} {value}" for key, value in details.items() if not isinstance(value, list))
+    return f"{event.kind}: {', '.join(plain)}" if details else event.kind

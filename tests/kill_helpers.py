@@ -1,0 +1,135 @@
+"""Start a run in a process of its own and kill it at a moment that a seed chooses."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from tests.campaign_helpers import only_run, raw_content, station_command, whole_events
+
+STARTING, EVALUATING = 0.1, 0.15
+"""Share of the kills before the run has a folder to show, and after its last step."""
+LONGEST_START_S, LONGEST_EVALUATION_S = 1.5, 1.5
+LOOKS_EVERY_S = 0.001
+GIVES_UP_AFTER_S = 120.0
+
+
+@dataclass(frozen=True)
+class Kill:
+    """What a kill met: the run's folder if there was one, and when it came."""
+
+    folder: Path | None
+    phase: str
+    was_running: bool
+    unix_s: float
+
+
+def written_bytes(parent: Path) -> int:
+    """Return how many bytes of log and raw data a run has written by now."""
+    files = [*parent.glob("[!.]*/events.jsonl"), *parent.glob("[!.]*/raw/*.mcap")]
+    return sum(file.stat().st_size for file in files)
+
+
+def kill_at_random_moment(
+    command: list[str], parent: Path, expected_bytes: int, rng: np.random.Generator
+) -> Kill:
+    """Start a run that writes below `parent`, kill it, and say what the kill met.
+
+    The moment is drawn: a time after the start, an amount of written data (most of them), or a
+    time after all data are written, while they are evaluated.
+    """
+    draw = rng.random()
+    amount, delay_s = rng.random() * expected_bytes, rng.random()
+    if draw < STARTING:
+        phase, reached, delay_s = "starting", _always, delay_s * LONGEST_START_S
+    elif draw > 1 - EVALUATING:
+        phase, delay_s = "evaluating", delay_s * LONGEST_EVALUATION_S
+        reached = _written(parent, expected_bytes)
+    else:
+        phase, delay_s = "measuring", 0.0
+        reached = _written(parent, amount)
+    process = subprocess.Popen(
+        command, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+    )
+    began = time.monotonic()
+    while not reached() and process.poll() is None:
+        assert time.monotonic() - began < GIVES_UP_AFTER_S, "the run writes nothing more"
+        time.sleep(LOOKS_EVERY_S)
+    time.sleep(delay_s)
+    was_running = process.poll() is None
+    unix_s = time.time()
+    process.kill()
+    process.wait()
+    folder = only_run(parent) if parent.is_dir() else None
+    return Kill(folder, phase, was_running, unix_s)
+
+
+def _always() -> bool:
+    return True
+
+
+def _written(parent: Path, amount: float) -> Callable[[], bool]:
+    return lambda: written_bytes(parent) >= amount
+
+
+@contextmanager
+def served_bench(folder: Path, speed: float, bench: str = "sim") -> Iterator[tuple[Path, float]]:
+    """Serve a simulated bench in another process; yield the file `--served` takes and its epoch."""
+    head = folder / "served.json"
+    with head.open("w", encoding="utf-8") as output:
+        process = subprocess.Popen(
+            station_command("sim", bench, "--speed", speed),
+            stdout=output,
+            stderr=subprocess.DEVNULL,
+        )
+    try:
+        while not head.read_text(encoding="utf-8").endswith("\n"):
+            assert process.poll() is None, "the bench is not served"
+            time.sleep(0.01)
+        clock = json.loads(head.read_text(encoding="utf-8").splitlines()[0])["clock"]
+        yield head, float(clock["epoch_unix"])
+    finally:
+        process.kill()
+        process.wait()
+
+
+def unfinished_unit(folder: Path) -> str | None:
+    """Return the unit of work that was under way when the log ended."""
+    unit = None
+    for event in whole_events(folder):
+        if event["event"] == "unit-started":
+            unit = event["unit"]
+        elif event["event"] == "unit-finished":
+            unit = None
+    return unit
+
+
+def last_arrivals(folder: Path, unit: str) -> dict[str, float]:
+    """Return the run time of the last recorded row of a unit, by raw file."""
+    found = {}
+    for file in sorted((folder / "raw").glob("*.mcap")):
+        blocks = raw_content(file).rows.get(unit)
+        if blocks:
+            found[file.name.partition("-")[0]] = float(blocks[-1]["arrival_time_s"][-1])
+    return found
+
+
+def lost_real_s(kill: Kill, epoch_unix: float, speed: float) -> float | None:
+    """Return how old, in real time, the youngest gyro sample was that a kill left on disk.
+
+    None where no unit of work was being recorded. One sample interval is no loss: nothing came.
+    """
+    if kill.folder is None or not kill.was_running:
+        return None
+    unit = unfinished_unit(kill.folder)
+    arrivals = last_arrivals(kill.folder, unit) if unit else {}
+    if "gyro_acquisition" not in arrivals:
+        return None
+    return kill.unix_s - epoch_unix - arrivals["gyro_acquisition"] / speed

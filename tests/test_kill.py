@@ -1,0 +1,144 @@
+"""A killed run leaves a folder that opens, with every finished unit whole.
+
+The long form, 50 kills on virtual and 20 on scaled time, is `benchmarks/kill_campaign.py`.
+"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from station.record.folder import RunFolder
+from station.record.raw import read_raw
+from tests.campaign_helpers import (
+    compare_with_reference,
+    opens,
+    raw_content,
+    short_plan,
+    station,
+    station_command,
+    whole_events,
+)
+from tests.kill_helpers import (
+    kill_at_random_moment,
+    lost_real_s,
+    served_bench,
+    unfinished_unit,
+    written_bytes,
+)
+
+SEEDS = range(6)
+SPEED = 20.0
+
+
+@pytest.fixture(scope="module")
+def plan(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return short_plan(tmp_path_factory.mktemp("plan"), axes=["IA", "NA"])
+
+
+@pytest.fixture(scope="module")
+def reference(plan: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The same run, undisturbed."""
+    parent = tmp_path_factory.mktemp("reference")
+    done = station("run", plan, "--non-interactive", "--output", parent)
+    assert done.returncode == 0, done.stderr
+    return next(parent.iterdir())
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_a_kill_on_virtual_time_leaves_a_beginning_of_the_run(
+    seed: int, plan: Path, reference: Path, tmp_path: Path
+) -> None:
+    command = station_command("run", plan, "--non-interactive", "--output", tmp_path / "runs")
+    kill = kill_at_random_moment(
+        command, tmp_path / "runs", written_bytes(reference.parent), np.random.default_rng(seed)
+    )
+    if kill.folder is None:
+        assert kill.phase == "starting"
+        return
+    compare_with_reference(kill.folder, reference)
+    assert not list(opens(kill.folder))
+
+
+def test_a_kill_on_scaled_time_loses_a_tenth_of_a_second_at_most(
+    plan: Path, reference: Path, tmp_path: Path
+) -> None:
+    with served_bench(tmp_path, SPEED) as (head, epoch_unix):
+        command = station_command(
+            "run", plan, "--served", head, "--non-interactive", "--output", tmp_path / "runs"
+        )
+        # Half of the data: the first axis is finished or near its end.
+        rng = np.random.default_rng(7)
+        kill = kill_at_random_moment(
+            command, tmp_path / "runs", written_bytes(reference.parent) // 2, rng
+        )
+    assert kill.folder is not None
+    assert not list(opens(kill.folder))
+    lost_s = lost_real_s(kill, epoch_unix, SPEED)
+    # The length of a loaded machine's pauses is not the station's: the benchmark has the figures.
+    assert lost_s is None or lost_s < 1.0
+
+
+def test_what_a_kill_left_says_how_far_the_run_came(reference: Path, tmp_path: Path) -> None:
+    cut_after(reference, tmp_path / "cut", "unit-started", "NA")
+    done = station("analyse", tmp_path / "cut", "--output", tmp_path / "out")
+    assert done.returncode in (0, 1, 6), done.stderr
+    assert "NA was not measured to its end" in done.stdout
+    assert unfinished_unit(tmp_path / "cut") == "NA"
+
+
+def test_a_log_cut_anywhere_is_read_to_its_last_whole_line(reference: Path, tmp_path: Path) -> None:
+    whole = (reference / "events.jsonl").read_bytes()
+    for length in np.random.default_rng(0).integers(0, len(whole), 200):
+        (tmp_path / "events.jsonl").write_bytes(whole[:length])
+        assert len(RunFolder(tmp_path).events) == whole[:length].count(b"\n")
+
+
+def test_a_raw_file_cut_anywhere_is_read_to_its_last_whole_block(
+    reference: Path, tmp_path: Path
+) -> None:
+    file = reference / "raw" / "gaussmeter-000.mcap"
+    whole, cut = file.read_bytes(), tmp_path / "cut.mcap"
+    blocks = raw_content(file).rows["IA"]
+    for length in np.random.default_rng(1).integers(0, len(whole) // 2, 60):
+        cut.write_bytes(whole[:length])
+        kept = list(read_raw(cut, "IA"))
+        assert all((left == right).all() for left, right in zip(kept, blocks, strict=False))
+        assert len(kept) == len(raw_content(cut).rows.get("IA", []))
+
+
+def test_zeros_at_the_end_of_a_raw_file_hide_nothing(reference: Path, tmp_path: Path) -> None:
+    # What a lost power supply leaves where a file's length was on disk before its data.
+    file = reference / "raw" / "gaussmeter-000.mcap"
+    whole = file.read_bytes()
+    (tmp_path / "cut.mcap").write_bytes(whole[: len(whole) // 2] + bytes(5000))
+    (tmp_path / "plain.mcap").write_bytes(whole[: len(whole) // 2])
+    kept = [len(list(read_raw(tmp_path / name, "IA"))) for name in ("cut.mcap", "plain.mcap")]
+    assert kept[0] == kept[1] > 0
+
+
+def test_a_folder_appears_with_its_plan_or_not_at_all(reference: Path, plan: Path) -> None:
+    events = whole_events(reference)
+    assert events[0]["event"] == "prompt" or events[0]["event"] == "identified"
+    assert (reference / "plan.yaml").read_bytes() == plan.read_bytes()
+    assert not list(reference.parent.glob(".*"))
+
+
+def cut_after(run: Path, to: Path, kind: str, unit: str) -> None:
+    """Copy a run as it was after an event."""
+    (to / "raw").mkdir(parents=True)
+    for name in ("plan.yaml", "bench.yaml", "run.json"):
+        (to / name).write_bytes((run / name).read_bytes())
+    for file in (run / "raw").iterdir():
+        (to / "raw" / file.name).write_bytes(file.read_bytes())
+    lines = (run / "events.jsonl").read_bytes().splitlines(keepends=True)
+    wanted = [f'"{kind}"'.encode(), f'"{unit}"'.encode()]
+    last = next(n for n, line in enumerate(lines) if all(text in line for text in wanted))
+    (to / "events.jsonl").write_bytes(b"".join(lines[: last + 1]))
+
+
+if sys.platform == "win32":
+    pytest.skip("kill means TerminateProcess there; not verified", allow_module_level=True)
