@@ -1,6 +1,6 @@
 """Processor time of `station --help`; one JSON line.
 
-    python benchmarks/help_time.py
+python benchmarks/help_time.py
 """
 
 from __future__ import annotations

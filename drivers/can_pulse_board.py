@@ -26,18 +26,21 @@ def message_file() -> Any:
     return cantools.database.load_string(text, database_format="dbc")
 
 
+COLUMNS: Mapping[str, str] = {
+    "sequence": "1, the board's 16-bit number of the sample interval that ended",
+    "counts": "1, pulses since the start, signed, cumulative",
+    "temperature_degC": "degC, the gyro's temperature",
+}
+
+
 class CanPulseBoard:
     """A board that counts the pulses of up to three laser gyros against its own clock."""
 
     source = "gyro_acquisition"
-    columns: ClassVar[Mapping[str, str]] = {
-        "sequence": "1, the board's 16-bit number of the sample interval that ended",
-        "counts": "1, pulses since the start, signed, cumulative",
-        "temperature_degC": "degC, the gyro's temperature",
-    }
 
     def __init__(self, place: Place) -> None:
         self.place = place
+        self.columns = COLUMNS
         self._messages = message_file()
         self._counts = self._messages.get_message_by_name("GYRO_COUNTS_1")
         self._requests = 0
@@ -65,6 +68,8 @@ class CanPulseBoard:
             )
         self._command("start", channel_mask=bit, sample_interval_s=sample_interval_s)
         self._counts = self._messages.get_message_by_name(f"GYRO_COUNTS_{channel}")
+        interval = f"{COLUMNS['sequence']}, every {sample_interval_s:.9g} s"
+        self.columns = {**COLUMNS, "sequence": interval}
         self.drain()
 
     def drain(self) -> Block:

@@ -142,7 +142,11 @@ class SampledSource(Instrument, Protocol):
     """The name of its raw files."""
 
     columns: Mapping[str, str]
-    """Column name to unit and meaning, for whoever opens the raw file."""
+    """Column name to unit and meaning, for whoever opens the raw file.
+
+    The text begins with the unit. A running number of equal intervals says how far they are apart,
+    as in `1, number of the sample, every 0.1 s`: exports make its time axis of that.
+    """
 
     def drain(self) -> Block:
         """Return all rows that came since the last call, possibly none."""

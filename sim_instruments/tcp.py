@@ -8,7 +8,7 @@ from collections.abc import Callable
 from contextlib import AbstractContextManager, suppress
 from threading import Lock, Thread
 
-from station.clock import Clock, ClockStopped
+from station.clock import Clock, ClockError, ClockStopped
 
 HOST = "127.0.0.1"
 LONGEST_LINE = 65536
@@ -75,7 +75,7 @@ class TcpServer:
     def _serve(self, client: socket.socket) -> None:
         try:
             self.serve(client)
-        except (OSError, ClockStopped):
+        except (OSError, ClockStopped, ClockError):
             pass
         finally:
             with self._guard:

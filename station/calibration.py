@@ -9,7 +9,7 @@ from pydantic import Field, ValidationInfo, field_serializer, field_validator
 
 from station.errors import InputError
 from station.faults import listed, nearest
-from station.fields import StrictModel, Unit
+from station.fields import AnyQuantity, StrictModel, Unit
 from station.units import UnitError, convert, dimension_of, format_quantity, parse_as
 
 if TYPE_CHECKING:
@@ -37,6 +37,7 @@ UNIT_OF_QUANTITY = {
 """What a certificate may speak of, and the unit in which it is kept."""
 
 Ratio = Annotated[float, Unit("1"), Field(ge=0)]
+QuantityName = Annotated[str, Field(json_schema_extra={"enum": [*UNIT_OF_QUANTITY]})]
 
 
 class NotCalibrated(InputError):
@@ -68,7 +69,7 @@ class UncertaintyEntry(StrictModel):
     a specification without one, limits of a uniform distribution, it is 1.732.
     """
 
-    quantity: str
+    quantity: QuantityName
     lower: float | None = Field(default=None, alias="from")
     up_to: float | None = None
     relative: Ratio = 0.0
@@ -77,7 +78,7 @@ class UncertaintyEntry(StrictModel):
 
     known_quantity = field_validator("quantity")(_known_quantity)
 
-    @field_validator("lower", "up_to", mode="before")
+    @field_validator("lower", "up_to", mode="before", json_schema_input_type=AnyQuantity | None)
     @classmethod
     def read_bound(cls, value: object, info: ValidationInfo) -> object:
         """Read the end of a range."""
@@ -92,7 +93,7 @@ class UncertaintyEntry(StrictModel):
             raise ValueError("the range ends before it begins; exchange from and up_to")
         return up_to
 
-    @field_validator("absolute", mode="before")
+    @field_validator("absolute", mode="before", json_schema_input_type=AnyQuantity)
     @classmethod
     def read_absolute(cls, value: object, info: ValidationInfo) -> object:
         """Read the part that does not grow with the reading."""
@@ -126,13 +127,13 @@ class UncertaintyEntry(StrictModel):
 class CorrectionEntry(StrictModel):
     """A known deviation: true value = `gain` x reading + `offset`."""
 
-    quantity: str
+    quantity: QuantityName
     gain: float = Field(default=1.0, gt=0)
     offset: float = 0.0
 
     known_quantity = field_validator("quantity")(_known_quantity)
 
-    @field_validator("offset", mode="before")
+    @field_validator("offset", mode="before", json_schema_input_type=AnyQuantity)
     @classmethod
     def read_offset(cls, value: object, info: ValidationInfo) -> object:
         """Read the part that does not grow with the reading."""

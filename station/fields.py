@@ -19,13 +19,22 @@ would run only when every field is right):
 
 from __future__ import annotations
 
+import re
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Annotated, Any, get_args
 
-from pydantic import BaseModel, ConfigDict, GetCoreSchemaHandler, GetJsonSchemaHandler
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    GetCoreSchemaHandler,
+    GetJsonSchemaHandler,
+    WithJsonSchema,
+)
 from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
 from station.units import (
+    UNITS,
     UnitError,
     dimension_of,
     expectation,
@@ -85,8 +94,23 @@ class Unit:
     def __get_pydantic_json_schema__(
         self, schema: CoreSchema, handler: GetJsonSchemaHandler
     ) -> dict[str, Any]:
-        kinds = ["string", "number"] if self.symbol == "1" else "string"
-        return {"type": kinds, "description": expectation(self.symbol)}
+        return self.json_schema()
+
+    def json_schema(self) -> dict[str, Any]:
+        """Return the JSON Schema of a quantity of this dimension, as an editor checks it."""
+        dimension = dimension_of(self.symbol)
+        units = [unit for unit in UNITS if dimension_of(unit) == dimension]
+        return {
+            "type": ["string", "number"] if self.symbol == "1" else "string",
+            "pattern": quantity_pattern(units),
+            "description": expectation(self.symbol),
+        }
+
+
+def quantity_pattern(units: Iterable[str]) -> str:
+    """Return the regular expression, in the dialect of JSON Schema, of a number with a unit."""
+    escaped = "|".join(re.sub(r"([\^()])", r"\\\1", unit) for unit in units)
+    return rf"^\s*[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?\s+({escaped})\s*$"
 
 
 class StrictModel(BaseModel):
@@ -102,7 +126,7 @@ class StrictModel(BaseModel):
         super().__pydantic_init_subclass__(**kwargs)
         renamed = False
         for name, field in cls.model_fields.items():
-            unit = _unit_in((field.annotation, *field.metadata))
+            unit = unit_in((field.annotation, *field.metadata))
             if unit is None or not unit.suffix or field.alias is not None:
                 continue
             if not name.endswith(unit.suffix):
@@ -114,10 +138,10 @@ class StrictModel(BaseModel):
             cls.model_rebuild(force=True)
 
 
-def _unit_in(parts: tuple[object, ...]) -> Unit | None:
+def unit_in(parts: tuple[object, ...]) -> Unit | None:
     """Return the first unit within annotations: `Unit`, `Hertz`, `Hertz | None`, `list[Hertz]`."""
     for part in parts:
-        found = part if isinstance(part, Unit) else _unit_in(get_args(part))
+        found = part if isinstance(part, Unit) else unit_in(get_args(part))
         if found is not None:
             return found
     return None
@@ -132,6 +156,18 @@ def to_yaml_data(model: BaseModel) -> dict[str, Any]:
     """Return a model as data for YAML, with keys and units as a person writes them."""
     return model.model_dump(mode="json", by_alias=True)
 
+
+AnyQuantity = Annotated[
+    str | float,
+    WithJsonSchema(
+        {
+            "type": ["string", "number"],
+            "pattern": quantity_pattern(UNITS),
+            "description": "a number with its unit",
+        }
+    ),
+]
+"""How a value is written whose unit another key decides; for the JSON Schema only."""
 
 Hertz = Annotated[float, Unit("Hz")]
 Second = Annotated[float, Unit("s")]

@@ -6,6 +6,7 @@ of its own.
 
 from __future__ import annotations
 
+from functools import lru_cache
 from pathlib import Path
 
 from station.faults import FaultList, listed, nearest
@@ -31,8 +32,22 @@ def layers_of(plan: Document) -> list[Document]:
             way = " extends ".join(layer.path.name for layer in circle)
             what = f"the plans extend each other in a circle: {way}"
             raise FaultList([layers[-1].fault((EXTENDS,), what)])
-        layers.append(read_yaml(path))
+        layers.append(_read_base(path))
     return layers
+
+
+def _read_base(path: Path) -> Document:
+    try:
+        status = path.stat()
+    except OSError:
+        return read_yaml(path)  # says why in a sentence
+    return _read_once(path, path.resolve(), status.st_mtime_ns, status.st_size)
+
+
+@lru_cache(maxsize=32)
+def _read_once(path: Path, whole_path: Path, changed_ns: int, size: int) -> Document:
+    """Read a base once for all the plans that extend it; nothing changes the document."""
+    return read_yaml(path)
 
 
 def base_path(plan: Document) -> Path:
@@ -48,12 +63,13 @@ def base_path(plan: Document) -> Path:
     for file in (folder / name, folder / f"{name}{_SUFFIX}"):
         if file.is_file():
             return file
-    here = [path.stem for path in sorted(folder.glob(f"*{_SUFFIX}")) if path != plan.path]
-    known = list(dict.fromkeys([*here, *(known for known, _ in available(PLANS))]))
     wanted = name.removesuffix(_SUFFIX)
+    named = [known for known, _ in available(PLANS)]
     # A bare name is that of a plan; anything else would be looked for where the command was given.
-    if wanted in known and Path(wanted).name == wanted:
+    if wanted in named:
         return find(PLANS, wanted)
+    here = [path.stem for path in sorted(folder.glob(f"*{_SUFFIX}")) if path != plan.path]
+    known = list(dict.fromkeys([*here, *named]))
     hint = nearest(Path(wanted).name, known)
     what = f"there is no plan '{name}', neither as a file seen from this one nor by name"
     what += "" if hint else f"; there are {listed(known)}"

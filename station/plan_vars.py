@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterable
 from dataclasses import replace
 
-from station.faults import Fault, listed, nearest
+from station.faults import Fault, FaultList, listed, nearest
 from station.yaml_document import Document, Mark, Where, leaves
 
 VARS = "vars"
@@ -28,11 +28,12 @@ def fill_in(document: Document, used: set[str]) -> list[Fault]:
     """Put the vars of a document in place of their `${name}`, take `vars` out, return the faults.
 
     `used` names the vars that any file of the plan asks for: one that nobody asks for is a fault,
-    since a misspelt one would change nothing and say nothing.
+    since a misspelt one would change nothing and say nothing. Raises FaultList where `vars` is no
+    mapping at all.
     """
     given = document.data.get(VARS, {})
     if not isinstance(given, dict):
-        return [document.fault((VARS,), "must be a mapping of names and values")]
+        raise FaultList([document.fault((VARS,), "must be a mapping of names and values")])
     faults = [fault for name in given for fault in _var_faults(document, name, used)]
     for where, value in list(leaves(document.data)):
         if where[:1] == (VARS,) or not isinstance(value, str) or "${" not in value:

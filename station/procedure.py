@@ -74,7 +74,8 @@ class Procedure:
     evaluate_run / evaluate_dataset: recorded or imported data to findings;
     report(findings, document): plots and tables of its own;
     units(parameters): the units of work that a run of the plan will finish, in order;
-    assumptions: what its numbers do not say.
+    assumptions: what its numbers do not say;
+    conditions(): model of an imported dataset's `conditions`, for the JSON Schema.
     """
 
     name: str
@@ -91,6 +92,7 @@ class Procedure:
     report: Callable[[Findings, ResultDocument], Sequence[Part]]
     units: Callable[[Any], tuple[str, ...]] = not_told
     assumptions: tuple[str, ...] = ()
+    conditions: Callable[[], type[StrictModel]] | None = None
 
     def step(self, number: str) -> Step:
         """Return the step with the source document's number."""

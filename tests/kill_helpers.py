@@ -11,8 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-
-from tests.campaign_helpers import only_run, raw_content, station_command, whole_events
+from campaign_helpers import finished_units, only_run, raw_content, station_command
 
 STARTING, EVALUATING = 0.1, 0.15
 """Share of the kills before the run has a folder to show, and after its last step."""
@@ -38,12 +37,18 @@ def written_bytes(parent: Path) -> int:
 
 
 def kill_at_random_moment(
-    command: list[str], parent: Path, expected_bytes: int, rng: np.random.Generator
+    command: list[str],
+    parent: Path,
+    expected_bytes: int,
+    rng: np.random.Generator,
+    *,
+    longest_delay_s: float = 0.02,
 ) -> Kill:
     """Start a run that writes below `parent`, kill it, and say what the kill met.
 
     The moment is drawn: a time after the start, an amount of written data (most of them), or a
-    time after all data are written, while they are evaluated.
+    time after all data are written, while they are evaluated. `longest_delay_s` lets a drawn part
+    of it pass after the amount is reached, so that the kill does not always follow a write.
     """
     draw = rng.random()
     amount, delay_s = rng.random() * expected_bytes, rng.random()
@@ -53,7 +58,7 @@ def kill_at_random_moment(
         phase, delay_s = "evaluating", delay_s * LONGEST_EVALUATION_S
         reached = _written(parent, expected_bytes)
     else:
-        phase, delay_s = "measuring", 0.0
+        phase, delay_s = "measuring", delay_s * longest_delay_s
         reached = _written(parent, amount)
     process = subprocess.Popen(
         command, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
@@ -101,24 +106,16 @@ def served_bench(folder: Path, speed: float, bench: str = "sim") -> Iterator[tup
 
 
 def unfinished_unit(folder: Path) -> str | None:
-    """Return the unit of work that was under way when the log ended."""
-    unit = None
-    for event in whole_events(folder):
-        if event["event"] == "unit-started":
-            unit = event["unit"]
-        elif event["event"] == "unit-finished":
-            unit = None
-    return unit
+    """Return the unit of work whose rows were being recorded when the log ended."""
+    finished = set(finished_units(folder))
+    recorded = [unit for unit in gyro_rows(folder) if unit not in finished]
+    return recorded[-1] if recorded else None
 
 
-def last_arrivals(folder: Path, unit: str) -> dict[str, float]:
-    """Return the run time of the last recorded row of a unit, by raw file."""
-    found = {}
-    for file in sorted((folder / "raw").glob("*.mcap")):
-        blocks = raw_content(file).rows.get(unit)
-        if blocks:
-            found[file.name.partition("-")[0]] = float(blocks[-1]["arrival_time_s"][-1])
-    return found
+def gyro_rows(folder: Path) -> dict[str, list[np.ndarray]]:
+    """Return the recorded blocks of the gyro by unit of work."""
+    file = folder / "raw" / "gyro_acquisition-000.mcap"
+    return raw_content(file).rows if file.is_file() else {}
 
 
 def lost_real_s(kill: Kill, epoch_unix: float, speed: float) -> float | None:
@@ -129,7 +126,7 @@ def lost_real_s(kill: Kill, epoch_unix: float, speed: float) -> float | None:
     if kill.folder is None or not kill.was_running:
         return None
     unit = unfinished_unit(kill.folder)
-    arrivals = last_arrivals(kill.folder, unit) if unit else {}
-    if "gyro_acquisition" not in arrivals:
+    if unit is None:
         return None
-    return kill.unix_s - epoch_unix - arrivals["gyro_acquisition"] / speed
+    last_arrival_s = float(gyro_rows(kill.folder)[unit][-1]["arrival_time_s"][-1])
+    return kill.unix_s - epoch_unix - last_arrival_s / speed

@@ -8,16 +8,16 @@ from itertools import pairwise
 from pathlib import Path
 
 import pytest
-
-from station.clock import ClockError, ClockStopped, VirtualClock
-from station.clock import watchdog as watchdog_module
-from tests.campaign_helpers import (
+from campaign_helpers import (
     STREAM_PERIODS_S,
     file_hashes,
     four_streams,
     raw_content,
     whole_events,
 )
+
+from station.clock import ClockError, ClockStopped, VirtualClock
+from station.clock import watchdog as watchdog_module
 
 
 @pytest.fixture(scope="module")

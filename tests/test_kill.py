@@ -5,30 +5,29 @@ The long form, 50 kills on virtual and 20 on scaled time, is `benchmarks/kill_ca
 
 from __future__ import annotations
 
+import shutil
 import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
-
-from station.record.folder import RunFolder
-from station.record.raw import read_raw
-from tests.campaign_helpers import (
+from campaign_helpers import (
     compare_with_reference,
+    finished_units,
     opens,
     raw_content,
     short_plan,
     station,
     station_command,
-    whole_events,
 )
-from tests.kill_helpers import (
+from kill_helpers import (
     kill_at_random_moment,
-    lost_real_s,
     served_bench,
-    unfinished_unit,
     written_bytes,
 )
+
+from station.record.folder import RunFolder
+from station.record.raw import read_raw
 
 SEEDS = range(6)
 SPEED = 20.0
@@ -63,10 +62,10 @@ def test_a_kill_on_virtual_time_leaves_a_beginning_of_the_run(
     assert not list(opens(kill.folder))
 
 
-def test_a_kill_on_scaled_time_loses_a_tenth_of_a_second_at_most(
+def test_a_kill_on_scaled_time_leaves_a_folder_that_opens(
     plan: Path, reference: Path, tmp_path: Path
 ) -> None:
-    with served_bench(tmp_path, SPEED) as (head, epoch_unix):
+    with served_bench(tmp_path, SPEED) as (head, _):
         command = station_command(
             "run", plan, "--served", head, "--non-interactive", "--output", tmp_path / "runs"
         )
@@ -77,9 +76,6 @@ def test_a_kill_on_scaled_time_loses_a_tenth_of_a_second_at_most(
         )
     assert kill.folder is not None
     assert not list(opens(kill.folder))
-    lost_s = lost_real_s(kill, epoch_unix, SPEED)
-    # The length of a loaded machine's pauses is not the station's: the benchmark has the figures.
-    assert lost_s is None or lost_s < 1.0
 
 
 def test_what_a_kill_left_says_how_far_the_run_came(reference: Path, tmp_path: Path) -> None:
@@ -87,7 +83,7 @@ def test_what_a_kill_left_says_how_far_the_run_came(reference: Path, tmp_path: P
     done = station("analyse", tmp_path / "cut", "--output", tmp_path / "out")
     assert done.returncode in (0, 1, 6), done.stderr
     assert "NA was not measured to its end" in done.stdout
-    assert unfinished_unit(tmp_path / "cut") == "NA"
+    assert finished_units(tmp_path / "cut") == ["warm-up", "IA"]
 
 
 def test_a_log_cut_anywhere_is_read_to_its_last_whole_line(reference: Path, tmp_path: Path) -> None:
@@ -120,20 +116,14 @@ def test_zeros_at_the_end_of_a_raw_file_hide_nothing(reference: Path, tmp_path: 
     assert kept[0] == kept[1] > 0
 
 
-def test_a_folder_appears_with_its_plan_or_not_at_all(reference: Path, plan: Path) -> None:
-    events = whole_events(reference)
-    assert events[0]["event"] == "prompt" or events[0]["event"] == "identified"
-    assert (reference / "plan.yaml").read_bytes() == plan.read_bytes()
+def test_nothing_that_was_being_built_stays_behind(reference: Path) -> None:
     assert not list(reference.parent.glob(".*"))
+    assert not list(reference.rglob("*.part"))
 
 
 def cut_after(run: Path, to: Path, kind: str, unit: str) -> None:
-    """Copy a run as it was after an event."""
-    (to / "raw").mkdir(parents=True)
-    for name in ("plan.yaml", "bench.yaml", "run.json"):
-        (to / name).write_bytes((run / name).read_bytes())
-    for file in (run / "raw").iterdir():
-        (to / "raw" / file.name).write_bytes(file.read_bytes())
+    """Copy a run with its log as it was after an event."""
+    shutil.copytree(run, to, ignore=shutil.ignore_patterns("revisions", "results.json", "report*"))
     lines = (run / "events.jsonl").read_bytes().splitlines(keepends=True)
     wanted = [f'"{kind}"'.encode(), f'"{unit}"'.encode()]
     last = next(n for n, line in enumerate(lines) if all(text in line for text in wanted))

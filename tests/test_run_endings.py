@@ -9,8 +9,8 @@ from pathlib import Path
 
 from station.cli.analysing import analyse_run
 from station.record.folder import RunFolder
-from tests.test_cli import PLAN
-from tests.test_run_rlg import short_run
+from test_cli import PLAN
+from test_run_rlg import short_run
 
 ONE_AXIS = {"parameters/axes": ["IA"], "parameters/duration": "100 s"}
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from docutils.nodes import SkipNode
 from docutils.utils.math import latex2mathml
 from sphinx.application import Sphinx
 
@@ -11,20 +12,13 @@ from sphinx.application import Sphinx
 def inline(translator: Any, node: Any) -> None:
     """Write an equation within a line."""
     translator.body.append(latex2mathml.tex2mathml(node.astext(), as_block=False))
-    raise translator_skip()
+    raise SkipNode
 
 
 def block(translator: Any, node: Any) -> None:
     """Write an equation on a line of its own."""
     translator.body.append(latex2mathml.tex2mathml(node.astext(), as_block=True))
-    raise translator_skip()
-
-
-def translator_skip() -> Exception:
-    """Return what tells docutils that a node is done."""
-    from docutils.nodes import SkipNode
-
-    return SkipNode()
+    raise SkipNode
 
 
 def setup(app: Sphinx) -> dict[str, Any]:

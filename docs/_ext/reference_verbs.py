@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import inspect
+from typing import Any
 
-import click
 import typer
 from tables import code, first_sentence, table
 
@@ -25,36 +25,14 @@ EXIT_MEANINGS = {
 
 
 def verbs() -> str:
-    """Return a section for each verb with its arguments and options."""
-    group = typer.main.get_command(app)
-    assert isinstance(group, click.Group) or hasattr(group, "commands")
+    """Return a section for each verb: its own help."""
+    group: Any = typer.main.get_command(app)
     sections = []
-    for name, command in sorted(group.commands.items()):  # type: ignore[attr-defined]
-        if command.hidden:
-            continue
-        context = click.Context(command, info_name=f"station {name}")
-        pieces = command.collect_usage_pieces(context)
-        rows = [parameter_row(one, context) for one in command.params if one.name != "help"]
-        sections.append(
-            f"## station {name}\n\n{command.help}\n\n"
-            f"```text\nstation {name} {' '.join(pieces)}\n```\n\n"
-            + table(("argument or option", "meaning", "default"), rows)
-        )
+    for name, command in sorted(group.commands.items()):
+        if not command.hidden:
+            context = command.context_class(command, info_name=f"station {name}")
+            sections.append(f"## station {name}\n\n```text\n{command.get_help(context)}\n```\n")
     return "\n".join(sections)
-
-
-def parameter_row(parameter: click.Parameter, context: click.Context) -> tuple[str, str, str]:
-    """Return the row of one argument or option."""
-    metavar = parameter.make_metavar(context)
-    if parameter.param_type_name == "argument":
-        shown = metavar
-    else:
-        flag = getattr(parameter, "is_flag", False)
-        shown = ", ".join(parameter.opts) + ("" if flag else f" {metavar}")
-    default = parameter.default
-    plain = default is None or default is False or callable(default)
-    says = getattr(parameter, "help", None) or ""
-    return code(shown), says, "" if plain or parameter.required else code(default)
 
 
 def exit_codes() -> str:

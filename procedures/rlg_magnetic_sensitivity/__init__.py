@@ -13,6 +13,7 @@ from station.procedure import Procedure, ResultKind
 if TYPE_CHECKING:
     from station.bench import Bench
     from station.dataset_reading import RawDataset
+    from station.fields import StrictModel
     from station.record.folder import RunFolder
     from station.report.parts import Part
     from station.results import Findings, ResultDocument
@@ -30,6 +31,13 @@ def evaluate_dataset(raw: RawDataset) -> Findings:
     from procedures.rlg_magnetic_sensitivity.evaluate import findings_of_dataset
 
     return findings_of_dataset(raw)
+
+
+def conditions() -> type[StrictModel]:
+    """Return the model of an imported dataset's conditions."""
+    from procedures.rlg_magnetic_sensitivity.from_import import Conditions
+
+    return Conditions
 
 
 def report(findings: Findings, document: ResultDocument) -> Sequence[Part]:
@@ -55,6 +63,7 @@ PROCEDURE = Procedure(
     evaluate_run=evaluate_run,
     evaluate_dataset=evaluate_dataset,
     report=report,
+    conditions=conditions,
     units=units,
     assumptions=(
         "The probe's axes stand along the coils' normals and the gyro's axes along both; what they "

@@ -45,6 +45,14 @@ class Kind(StrEnum):
     RUNS = "runs"
 
 
+class SchemaKind(StrEnum):
+    """What `schema` can describe."""
+
+    PLAN = "plan"
+    BENCH = "bench"
+    DATASET = "dataset"
+
+
 class ReportFormat(StrEnum):
     """What `report` can write."""
 
@@ -197,6 +205,19 @@ def sim(
     from station.cli.serving import serve
 
     serve(bench, procedure, speed)
+
+
+@app.command()
+def schema(
+    kind: SchemaKind,
+    built_in: Annotated[
+        bool, typer.Option("--built-in", help="Leave out procedures and drivers of other packages.")
+    ] = False,
+) -> None:
+    """Print the JSON Schema of plan, bench or dataset files."""
+    from station.cli.schema import print_schema
+
+    print_schema(kind.value, built_in=built_in)
 
 
 @app.callback(invoke_without_command=True)

@@ -46,7 +46,7 @@ def entries(kind: str) -> list[dict[str, Any]]:
 
 def runs(parent: Path) -> list[Path]:
     """Return the run folders below `parent`, oldest first."""
-    return sorted(path.parent for path in parent.glob("*/events.jsonl"))
+    return sorted(path.parent for path in parent.glob("[!.]*/events.jsonl"))
 
 
 def outcome_of(path: Path) -> str:

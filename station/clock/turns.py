@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from itertools import count
-from threading import Event, Lock, get_ident, main_thread
+from threading import Lock, get_ident, main_thread
 
 from station.clock.base import ClockError, ClockStopped
 
@@ -55,8 +55,8 @@ class Turns:
         self.in_flight = 0
         self.passed = 0
         self.stopping = False
-        self.failure: ClockError | None = None
-        self.told = Event()
+        self.failure: str | None = None
+        self.stuck: str | None = None
         self._sequence = count()
 
     def next_sequence(self) -> int:
@@ -106,9 +106,14 @@ class Turns:
     def raise_failure(self) -> None:
         """Raise what made time stand still, if anything did (mutex not held)."""
         if self.failure is not None:
-            if get_ident() == main_thread().ident:
-                self.told.set()
-            raise self.failure
+            raise ClockError(self.failure)
+
+    def raise_stuck(self) -> None:
+        """Raise, once, in the main thread what it is told by a signal; the others go on."""
+        if self.stuck is not None and get_ident() == main_thread().ident:
+            message, self.stuck = self.stuck, None
+            raise ClockError(message)
+        self.raise_failure()
 
     def leave(self, participant: Participant) -> None:
         """Let `participant` go for good."""
@@ -129,10 +134,10 @@ class Turns:
 
     def fail(self, message: str) -> None:
         """Raise ClockError in every thread that waits, now or later."""
-        self.failure = ClockError(message)
+        self.failure = message
 
     def describe(self) -> str:
         """Return who runs, who waits for what, and what is in flight."""
-        running = f"{self.running.name} runs" if self.running else "nobody runs"
+        running = f"{self.running.name} has the turn" if self.running else "nobody runs"
         waiting = "; ".join(f"{one.name} is {one.doing}" for one in self.waiting) or "nobody waits"
         return f"{running}; {waiting}; {self.in_flight} in flight"

@@ -91,7 +91,7 @@ class VirtualClock(Clock):
 
     def raise_failure(self) -> None:
         """Raise the error of a time that stands still, wherever this thread is."""
-        self._turns.raise_failure()
+        self._turns.raise_stuck()
 
     def interrupt(self, error: BaseException | None) -> None:
         """End the main participant's sleep, now or next, with `error`."""

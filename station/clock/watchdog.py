@@ -25,7 +25,8 @@ class Watchdog:
 
     Threads that wait for their turn raise it themselves. The main thread may be stuck outside of
     virtual time, in a lock of the operating system or a read that nothing answers: it is woken by
-    a signal, and where even that does not help the process ends, and the simulated bench with it.
+    a signal whose handler raises the error there, and time goes on, so that the bench is made
+    safe. Where that does not help the process ends, and the simulated bench with it.
     """
 
     def __init__(self, turns: Turns) -> None:
@@ -62,32 +63,30 @@ class Watchdog:
             if state != seen or idle or self.persons_asked or (still_s > HANGS_AFTER_S and working):
                 seen, looks, worked_s = state, 0, work_s
             elif still_s > HANGS_AFTER_S:
-                self._fail()
-                return
+                self._tell()
+                if self._turns.failure is not None:
+                    return
+                seen = None
 
-    def _fail(self) -> None:
-        turns = self._turns
+    def _tell(self) -> None:
+        turns, main = self._turns, main_thread().ident
         with turns.mutex:
-            stuck = turns.running
-            where = f"; {stuck.name} is stuck {place_of(stuck)}" if stuck else ""
-            turns.fail(f"time stands still, every thread waits: {turns.describe()}{where}")
-            failure = turns.failure
-        main = main_thread().ident
-        if stuck is None or main is None or stuck.thread != main:
-            return
-        print(f"\n{failure}", file=sys.stderr, flush=True)
+            running, passed = turns.running, turns.passed
+            message = f"time stands still, every thread waits: {turns.describe()}"
+            if running is not None:
+                message += f"; {running.name} is stuck {place_of(running)}"
+            if running is None or main is None or running.thread != main:
+                turns.fail(message)
+                return
+            turns.stuck = message
+        print(f"\n{message}", file=sys.stderr, flush=True)
         if hasattr(signal, "pthread_kill"):
-            # A handler in the main thread raises the failure where it is stuck.
             signal.pthread_kill(main, signal.SIGINT)
-        if not turns.told.wait(ENDS_AFTER_S) and not self._ended.is_set():
-            with suppress(OSError, ValueError):
-                print(
-                    "the main thread cannot be woken; the process ends, and its simulated bench "
-                    "with it",
-                    file=sys.stderr,
-                    flush=True,
-                )
-            os._exit(EXIT_FAULT)
+        self._ended.wait(ENDS_AFTER_S)
+        if turns.stuck is None or turns.running is not running or turns.passed != passed:
+            return
+        print("nothing wakes the main thread; the process ends here", file=sys.stderr, flush=True)
+        os._exit(EXIT_FAULT)
 
 
 def working_s(running: Participant | None) -> float:

@@ -15,7 +15,7 @@ import zlib
 from collections.abc import Iterator, Mapping
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import numpy as np
 from mcap.data_stream import RecordBuilder
@@ -138,10 +138,28 @@ def read_raw(path: Path, unit: str) -> Iterator[NDArray[Any]]:
 
     A file without its end (a crash, a full disk) is read up to its last whole block.
     """
-    reader = NonSeekingReader(io.BytesIO(path.read_bytes()), validate_crcs=True)
-    try:
-        for _, channel, message in reader.iter_messages(log_time_order=False):
+    with path.open("rb") as file:
+        for channel, message in whole_messages(file):
             if channel.topic.split("/", 1)[1] == unit:
                 yield decoded(message.data)
+
+
+def read_blocks(path: Path) -> Iterator[tuple[str, dict[str, str], NDArray[Any]]]:
+    """Yield all blocks of a file in the order they were written.
+
+    Each comes with its unit of work and with what the driver says of each column. A file without
+    its end is read up to its last whole block, and never more of it than a block at a time.
+    """
+    with path.open("rb") as file:
+        for channel, message in whole_messages(file):
+            yield channel.topic.split("/", 1)[1], channel.metadata, decoded(message.data)
+
+
+def whole_messages(file: IO[bytes]) -> Iterator[tuple[Channel, Message]]:
+    """Yield the messages of an open file, each with its channel, up to the last whole one."""
+    reader = NonSeekingReader(file, validate_crcs=True)
+    try:
+        for _, channel, message in reader.iter_messages(log_time_order=False):
+            yield channel, message
     except (McapError, struct.error, ValueError):
         return

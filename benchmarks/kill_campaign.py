@@ -1,0 +1,137 @@
+"""Kill runs at random moments and say what they left; one JSON line a kill, then the counts.
+
+python benchmarks/kill_campaign.py --virtual 50 --scaled 20
+
+On virtual time each remainder is held byte by byte against the same run undisturbed. On scaled
+time `station sim` serves the bench in another process, and `lost_real_s` is how old the youngest
+recorded gyro sample was at the kill, one sample interval and the board's batch of 0.1 s of bench
+time included. What the operating system had is there: a kill of the process, not of the machine.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import tempfile
+from collections import Counter
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))
+
+from campaign_helpers import (
+    compare_with_reference,
+    finished_units,
+    opens,
+    short_plan,
+    station,
+    station_command,
+)
+from kill_helpers import (
+    Kill,
+    kill_at_random_moment,
+    lost_real_s,
+    served_bench,
+    unfinished_unit,
+    written_bytes,
+)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--virtual", type=int, default=50)
+    parser.add_argument("--scaled", type=int, default=20)
+    parser.add_argument("--speeds", type=float, nargs="+", default=[5.0, 20.0, 100.0])
+    arguments = parser.parse_args()
+    lines = []
+    with tempfile.TemporaryDirectory() as place:
+        folder = Path(place)
+        plan = short_plan(folder / "plan")
+        done = station("run", plan, "--non-interactive", "--output", folder / "reference")
+        assert done.returncode == 0, done.stderr
+        reference = next((folder / "reference").iterdir())
+        for seed in range(arguments.virtual):
+            lines.append(on_virtual_time(seed, folder / f"virtual-{seed}", plan, reference))
+            print(json.dumps(lines[-1]), flush=True)
+        for seed in range(arguments.scaled):
+            speed = arguments.speeds[seed % len(arguments.speeds)]
+            lines.append(on_scaled_time(seed, speed, folder / f"scaled-{seed}", plan, reference))
+            print(json.dumps(lines[-1]), flush=True)
+    for clock in ("virtual", "scaled"):
+        print(json.dumps(counts(clock, [one for one in lines if one["clock"] == clock])))
+
+
+def on_virtual_time(seed: int, folder: Path, plan: Path, reference: Path) -> dict[str, Any]:
+    parent = folder / "runs"
+    command = station_command("run", plan, "--non-interactive", "--output", parent)
+    expected = written_bytes(reference.parent)
+    kill = kill_at_random_moment(command, parent, expected, np.random.default_rng(seed))
+    line = described("virtual", seed, kill)
+    if kill.folder is not None:
+        try:
+            left = compare_with_reference(kill.folder, reference)
+            line["share_of_the_data"] = round(sum(left.raw_bytes.values()) / expected, 3)
+        except AssertionError as fault:
+            line["faults"].append(str(fault))
+    return line
+
+
+def on_scaled_time(
+    seed: int, speed: float, folder: Path, plan: Path, reference: Path
+) -> dict[str, Any]:
+    folder.mkdir()
+    parent = folder / "runs"
+    expected = written_bytes(reference.parent)
+    with served_bench(folder, speed) as (head, epoch_unix):
+        command = station_command(
+            "run", plan, "--served", head, "--non-interactive", "--output", parent
+        )
+        rng = np.random.default_rng(1000 + seed)
+        kill = kill_at_random_moment(
+            command, parent, round(0.9 * expected), rng, longest_delay_s=0.3
+        )
+        line = {**described("scaled", seed, kill), "speed": speed}
+    lost_s = lost_real_s(kill, epoch_unix, speed)
+    if lost_s is not None:
+        interval_and_batch_s = 0.2 / speed
+        line["youngest_sample_real_s"] = round(lost_s, 4)
+        line["lost_real_s"] = round(max(lost_s - interval_and_batch_s, 0.0), 4)
+    return line
+
+
+def described(clock: str, seed: int, kill: Kill) -> dict[str, Any]:
+    return {
+        "benchmark": "kill_campaign",
+        "clock": clock,
+        "seed": seed,
+        "phase": kill.phase,
+        "was_running": kill.was_running,
+        "has_folder": kill.folder is not None,
+        "finished": finished_units(kill.folder) if kill.folder else [],
+        "under_way": unfinished_unit(kill.folder) if kill.folder else None,
+        "faults": list(opens(kill.folder)) if kill.folder else [],
+    }
+
+
+def counts(clock: str, lines: list[dict[str, Any]]) -> dict[str, Any]:
+    lost = [line["lost_real_s"] for line in lines if "lost_real_s" in line]
+    return {
+        "benchmark": "kill_campaign",
+        "clock": clock,
+        "kills": len(lines),
+        "while_it_ran": sum(line["was_running"] for line in lines),
+        "folders": sum(line["has_folder"] for line in lines),
+        "phases": dict(Counter(line["phase"] for line in lines)),
+        "units_finished": sum(len(line["finished"]) for line in lines),
+        "killed_within_a_unit": sum(line["under_way"] is not None for line in lines),
+        "with_faults": sum(bool(line["faults"]) for line in lines),
+        "largest_lost_real_s": max(lost, default=None),
+        "median_lost_real_s": round(float(np.median(lost)), 4) if lost else None,
+    }
+
+
+if __name__ == "__main__":
+    main()

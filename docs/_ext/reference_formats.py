@@ -1,0 +1,174 @@
+"""The result document, the run folder and the flags, held to the code."""
+
+from __future__ import annotations
+
+import ast
+import importlib.util
+import json
+from collections.abc import Iterator
+from pathlib import Path
+
+from tables import code, table
+
+from station.decision import Limit
+from station.results import Estimate, Findings, Flag, Published, conclude
+from station.uncertainty import InputQuantity
+
+RESULT_KEYS = {
+    "schema": "version of the format",
+    "procedure": "name of the procedure",
+    "verdict": "`pass`, `fail`, `inconclusive`, or `none` where no limit was asked for",
+    "results[]": "the best estimates, one entry for every name and axis",
+    "results[].name": "name of the quantity",
+    "results[].axis": "its axis, or null",
+    "results[].value": "the value, null where the data do not determine it",
+    "results[].unit": "unit of the value and of its uncertainties",
+    "results[].standard_uncertainty": "combined standard uncertainty, types A and B",
+    "results[].degrees_of_freedom": "effective degrees of freedom (Welch-Satterthwaite), "
+    "null for infinitely many",
+    "results[].coverage_factor": "Student's t for 95 % at these degrees of freedom",
+    "results[].expanded_uncertainty": "coverage factor × standard uncertainty",
+    "results[].method": "how the value was computed",
+    "results[].limit": "`min`, `max` or `max_abs` of the plan in this unit, or null",
+    "results[].verdict": "the decision on this value",
+    "results[].decision": "only where the verdict is inconclusive: `conditional-pass`, "
+    "`conditional-fail` or `undetermined`",
+    "results[].budget[]": "the contributions to the standard uncertainty, largest first",
+    "results[].budget[].description": "what contributes",
+    "results[].budget[].type": "`A` from the data, `B` from elsewhere",
+    "results[].budget[].contribution": "its standard uncertainty in the value's unit",
+    "results[].budget[].source": "this measurement, or a certificate of the bench file",
+    "as_published[]": "what the source document's own formula gives on the same data",
+    "as_published[].name": "name of the quantity",
+    "as_published[].axis": "its axis, or null",
+    "as_published[].value": "the value, null where the formula cannot run",
+    "as_published[].unit": "its unit",
+    "as_published[].method": "how it was computed",
+    "flags[]": "what the reader must know; some flags have further keys, such as `count`",
+    "flags[].code": "one of the [codes](flags.md)",
+    "flags[].axis": "the axis it concerns, or null",
+    "flags[].message": "the sentence",
+    "run": "`station run --json` only: the run folder",
+    "exit_code": "`station run --json` only",
+    "error": "`station run --json` only: why the run did not finish, or null",
+    "safe_state[]": "`station run --json` only: how each instrument came to rest",
+    "safe_state[].instrument": "its instance",
+    "safe_state[].verified": "whether its safe state was read back",
+    "safe_state[].read_back": "what it said",
+    "safe_state[].took_s": "the time it took, in s",
+}
+
+RUN_FILES = {
+    "plan.yaml": "the plan as it was given",
+    "plan.resolved.yaml": "the plan with every default written out",
+    "bench.yaml": "the bench file as it was given",
+    "bench.resolved.yaml": "the bench file with every default written out",
+    "run.json": "what differs from one execution to the next: UTC, host, versions, git commit",
+    "events.jsonl": "the log: one JSON object a line, each with the SHA-256 of the line before",
+    "raw/SOURCE-NNN.mcap": "raw rows of one source, one file for each process that wrote",
+    "spectrum-AXIS.csv": "rlg-magnetic-sensitivity: the table of step S6",
+    "results.json": "the results; a copy of revision 000",
+    "report.html": "the report; a copy of revision 000",
+    "revisions/NNN/results.json": "the results of one analysis; 000 is the run's own",
+    "revisions/NNN/report.html": "its report",
+    "revisions/NNN/manifest.json": "SHA-256 of both",
+    "exports/…": "remade reports and exported data; no manifest covers them",
+    "manifest.json": "SHA-256 of every file but itself, `exports` and `revisions`",
+}
+
+RUN_EVENTS = {
+    "identified": "an instrument answered: instance, maker, model, serial number, firmware",
+    "step-started": "a step begins: its number and title",
+    "step-finished": "a step is done",
+    "prompt": "a request to the operator, the answer, and who gave it",
+    "unit-started": "a unit of work begins",
+    "unit-finished": "a unit of work is measured and its raw data are on disk; analysis reads "
+    "finished units only",
+    "field-on": "rlg-magnetic-sensitivity: a coil was switched on, with amplitude and frequency",
+    "published-value": "rlg-magnetic-sensitivity: what step S7 gave",
+    "failed": "why the run did not finish, with its exit code and the program's traceback",
+    "safe-state": "how each instrument came to rest, and whether that was read back",
+    "run-ended": "the end of the run; `complete` says whether every step was done",
+}
+
+
+def result_keys() -> str:
+    """Return the keys of the result document."""
+    return table(("key", "meaning"), [(code(key), text) for key, text in RESULT_KEYS.items()])
+
+
+def result_example() -> str:
+    """Return a result document that the program makes of invented numbers."""
+    estimate = Estimate(
+        "magnetic_sensitivity", "IA", 0.0452, "deg/h/mT", 0.0036, 98.0, "least-squares",
+        {"field_gain": -0.0452},
+    )  # fmt: skip
+    published = Published("magnetic_sensitivity", "IA", 0.0449, "deg/h/mT", "dft-peak")
+    source = "certificate 1234 of 2026-01-15"
+    gain = InputQuantity("field_gain", "gaussmeter at 1 mT", 0.003, "1", source)
+    flag = Flag("simulated", "The bench is simulated: these numbers say nothing of a real device.")
+    findings = Findings([estimate], [published], [flag], [gain], None)
+    limits = {("magnetic_sensitivity", "IA"): Limit(max_abs=0.1)}
+    document = conclude("rlg-magnetic-sensitivity", findings, limits, "guarded")
+    return f"```json\n{json.dumps(document.to_data(), indent=1)}\n```\n"
+
+
+def run_files() -> str:
+    """Return the files of a run folder."""
+    return table(("file", "holds"), [(code(name), text) for name, text in RUN_FILES.items()])
+
+
+def run_events() -> str:
+    """Return the kinds of events."""
+    return table(("event", "says"), [(code(name), text) for name, text in RUN_EVENTS.items()])
+
+
+def flags() -> str:
+    """Return the flags that the code raises, each with its sentence."""
+    found: dict[str, list[str]] = {}
+    for flag_code, sentence in sorted(raised()):
+        found.setdefault(flag_code, []).append(sentence)
+    rows = [(code(name), "<br>".join(dict.fromkeys(said))) for name, said in found.items()]
+    return table(("code", "sentence"), rows)
+
+
+def raised() -> Iterator[tuple[str, str]]:
+    """Yield code and sentence of every flag that the source of the station raises."""
+    for package in ("station", "procedures"):
+        spec = importlib.util.find_spec(package)
+        for folder in (spec.submodule_search_locations or ()) if spec else ():
+            for path in sorted(Path(folder).rglob("*.py")):
+                yield from flags_of(path)
+
+
+def flags_of(path: Path) -> Iterator[tuple[str, str]]:
+    """Yield code and sentence of the flags one file raises; an ellipsis stands for each value."""
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    named = {
+        target.id: node.value
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Assign)
+        for target in node.targets
+        if isinstance(target, ast.Name)
+    }
+    for node in ast.walk(tree):
+        if not (isinstance(node, ast.Call) and isinstance(node.func, ast.Name)):
+            continue
+        if node.func.id != "Flag" or not node.args:
+            continue
+        first, *others = node.args
+        if isinstance(first, ast.Constant) and isinstance(first.value, str):
+            texts = [named.get(one.id, one) if isinstance(one, ast.Name) else one for one in others]
+            said = [text for text in map(sentence_of, texts) if " " in text]
+            yield first.value, said[0] if said else ""
+
+
+def sentence_of(node: ast.expr) -> str:
+    """Return a text of the source, its values left out."""
+    if isinstance(node, ast.Constant) and isinstance(node.value, str):
+        return node.value
+    if isinstance(node, ast.JoinedStr):
+        return "".join(
+            str(part.value) if isinstance(part, ast.Constant) else "…" for part in node.values
+        )
+    return ""

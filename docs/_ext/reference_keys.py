@@ -1,0 +1,218 @@
+"""The keys of plan, bench file and dataset, read from the models that check them."""
+
+from __future__ import annotations
+
+import importlib
+import types
+import typing
+from collections.abc import Iterator
+from typing import Any, Literal, Union, get_args, get_origin
+
+from meanings import BENCH, CONDITIONS, DATASET, PARAMETERS, PLAN
+from pydantic import BaseModel
+from pydantic.fields import FieldInfo
+from tables import code, first_sentence, table
+
+from station import registry
+from station.bench import INSTANCES, NEEDED_LIMITS, NEEDED_SETTINGS, BenchFile
+from station.calibration import UNIT_OF_QUANTITY
+from station.dataset_reading import DatasetHeader
+from station.fields import Unit, key_of
+from station.plan import PlanHeader
+from station.procedure import Procedure
+from station.units import expectation, format_quantity
+
+HEAD = ("key", "what is written", "default", "meaning")
+NAMES = {str: "text", int: "whole number", float: "number", bool: "`true` or `false`"}
+BOUNDS = {"gt": "above", "ge": "at least", "lt": "below", "le": "at most"}
+
+
+def plan_keys() -> str:
+    """Return the keys of a plan."""
+    return key_table(PlanHeader, PLAN)
+
+
+def bench_keys() -> str:
+    """Return the keys of a bench file, its instances, and what each role needs."""
+    needed = [
+        (code(role), ", ".join(code(f"limits.{name}") for name in names))
+        for role, names in NEEDED_LIMITS.items()
+    ]
+    needed += [
+        (code(role), ", ".join(f"`settings.{name}` in {unit}" for name, unit in settings.items()))
+        for role, settings in NEEDED_SETTINGS.items()
+    ]
+    quantities = [(code(name), unit) for name, unit in UNIT_OF_QUANTITY.items()]
+    return (
+        key_table(BenchFile, BENCH)
+        + "\n## Instances\n\nThe name of an instrument is one of "
+        + ", ".join(code(name) for name in INSTANCES)
+        + ".\n\n## What a role needs\n\n"
+        + table(("role", "must be given"), needed)
+        + "\n## Quantities of a calibration record\n\n"
+        + table(("quantity", "kept in"), quantities)
+    )
+
+
+def dataset_keys() -> str:
+    """Return the keys of a dataset, and the conditions and columns of each procedure."""
+    parts = [key_table(DatasetHeader, DATASET)]
+    for procedure in built_in():
+        if procedure.conditions is not None:
+            meanings = CONDITIONS.get(procedure.name, {})
+            parts.append(f"\n## Conditions of {procedure.name}\n\n")
+            parts.append(key_table(procedure.conditions(), meanings))
+    return "".join(parts)
+
+
+def built_in() -> Iterator[Procedure]:
+    """Yield the procedures that come with the station."""
+    for name in registry.names(registry.PROCEDURES):
+        procedure = registry.procedure(name)
+        if procedure.parameters.__module__.startswith("procedures."):
+            yield procedure
+
+
+def procedures() -> str:
+    """Return a section for each procedure: parameters, results, steps, prompts."""
+    parts = []
+    for one in built_in():
+        results = [
+            (code(name), ", ".join(kind.axes) or "none", code(kind.unit))
+            for name, kind in one.results.items()
+        ]
+        steps = [(step.number, step.title) for step in one.steps]
+        parts += [
+            f"## {one.name}\n\n{one.title}. Source: {one.source}.\n\n### Parameters\n\n",
+            key_table(one.parameters, PARAMETERS.get(one.name, {})),
+            "\n### Results\n\n",
+            table(("name", "axes", "unit"), results),
+            "\n### Steps\n\n",
+            table(("number", "title"), steps),
+            "\n### What its numbers do not say\n\n",
+            *(f"- {text}\n" for text in one.assumptions),
+            "\n",
+        ]
+    return "".join(parts)
+
+
+def drivers() -> str:
+    """Return the drivers with what their docstrings say."""
+    rows = []
+    simulated = set(registry.names(registry.SIMULATORS))
+    for name in registry.names(registry.DRIVERS):
+        driver = registry.load(registry.DRIVERS, name)
+        if not driver.__module__.startswith("drivers."):
+            continue
+        module = importlib.import_module(driver.__module__)
+        about = " ".join((driver.__doc__ or "").split())
+        has = "yes" if name in simulated else "no"
+        rows.append((code(name), first_sentence(module.__doc__), about, has))
+    return table(("driver", "instrument", "settings and limits", "simulator"), rows)
+
+
+def key_table(model: type[BaseModel], meanings: dict[str, str]) -> str:
+    """Return the table of a model's keys, those of models within it included."""
+    return table(
+        HEAD,
+        [
+            (code(path), written(*kind), default, field.description or meanings.get(path, ""))
+            for path, kind, default, field in keys(model)
+        ],
+    )
+
+
+Kind = tuple[Any, tuple[Any, ...]]
+
+
+def keys(model: type[BaseModel], before: str = "") -> Iterator[tuple[str, Kind, str, FieldInfo]]:
+    """Yield each key's path, its type with metadata, its default as text, and its field."""
+    for name, field in model.model_fields.items():
+        path = before + key_of(model, name)
+        kind = (field.annotation, tuple(field.metadata))
+        yield path, kind, default_of(field), field
+        for inner, mark in models_in(field.annotation):
+            yield from keys(inner, f"{path}{mark}.")
+
+
+def models_in(annotation: Any) -> Iterator[tuple[type[BaseModel], str]]:
+    """Yield the models within an annotation, with the mark of the list or mapping they stand in."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        yield annotation, ""
+    inner = get_args(annotation)
+    origin = get_origin(annotation)
+    mark = "[]" if origin in (tuple, list) else ".NAME" if origin is dict else ""
+    for part in inner:
+        for model, deeper in models_in(part):
+            yield model, mark + deeper
+
+
+def default_of(field: FieldInfo) -> str:
+    """Return a default as it is written in YAML, "required" without one."""
+    if field.is_required():
+        return "required"
+    value = field.get_default(call_default_factory=True)
+    unit = unit_in(field.annotation, field.metadata)
+    if value is None or value in ({}, ()) or isinstance(value, BaseModel):
+        return ""
+    if unit is not None and unit.symbol != "1":
+        return code(format_quantity(value, unit.symbol))
+    if isinstance(value, tuple):
+        return code(f"[{', '.join(str(one) for one in value)}]")
+    return code(value)
+
+
+def unit_in(annotation: Any, metadata: typing.Sequence[Any]) -> Unit | None:
+    """Return the unit of an annotation with metadata."""
+    for part in (*metadata, *get_args(annotation)):
+        if isinstance(part, Unit):
+            return part
+        found = unit_in(part, getattr(part, "metadata", ())) if get_args(part) else None
+        if found is not None:
+            return found
+        nested = getattr(part, "metadata", None)
+        if nested and not isinstance(part, type):
+            found = unit_in(None, nested)
+            if found is not None:
+                return found
+    return None
+
+
+def written(annotation: Any, metadata: tuple[Any, ...]) -> str:
+    """Say in words what is written for an annotation with metadata."""
+    flat = list(flattened(metadata))
+    limits = "".join(
+        f", {word} {getattr(one, name):g}"
+        for one in flat
+        for name, word in BOUNDS.items()
+        if isinstance(getattr(one, name, None), int | float)
+    )
+    units = [one for one in flat if isinstance(one, Unit)]
+    if units:
+        symbol = units[0].symbol
+        return f"{expectation(symbol)}{limits}" + (f" {symbol}" if limits and symbol != "1" else "")
+    origin, inner = get_origin(annotation), get_args(annotation)
+    if origin is typing.Annotated:
+        return written(inner[0], (*inner[1:], *metadata))
+    if origin in (Union, types.UnionType):
+        parts = [part for part in inner if part is not types.NoneType]
+        return " or ".join(written(part, metadata) for part in parts)
+    if origin is Literal:
+        return " or ".join(code(value) for value in inner)
+    if origin is dict:
+        holds = written(inner[1], ())
+        return "a mapping" if inner[1] is Any else f"a mapping, each {holds}"
+    if origin in (tuple, list):
+        return f"a list, each {written(inner[0], ())}"
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return "a mapping"
+    return NAMES.get(annotation, getattr(annotation, "__name__", "any")) + limits
+
+
+def flattened(metadata: typing.Iterable[Any]) -> Iterator[Any]:
+    """Yield metadata, what a `Field` within holds in its place."""
+    for one in metadata:
+        if isinstance(one, FieldInfo):
+            yield from flattened(one.metadata)
+        else:
+            yield one

@@ -1,0 +1,136 @@
+"""JSON Schema (draft-07) of plans, benches and datasets, made from the models that read them.
+
+An editor shows keys, units and choices with it while a person writes. What a schema cannot say
+(ranges of quantities, one value against another) `station validate` says.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping, Sequence
+from importlib.metadata import distribution
+from typing import Any
+
+from station import registry
+from station.bench import INSTANCES, NEEDED_LIMITS, NEEDED_SETTINGS, BenchFile, role_of
+from station.dataset_reading import DatasetHeader
+from station.fields import Unit
+from station.plan import PlanHeader
+from station.procedure import Procedure
+from station.schema_models import Schema, model_schema
+from station.schema_plan import (
+    DEFINITIONS,
+    VARS,
+    limits_schema,
+    only_required,
+    or_var,
+    without_required,
+)
+
+DRAFT = "http://json-schema.org/draft-07/schema#"
+DISTRIBUTION = "inertial-station"
+
+
+def schema_text(kind: str, *, built_in: bool = False) -> str:
+    """Return the schema of a `plan`, `bench` or `dataset` as JSON text.
+
+    `built_in` leaves out the procedures and drivers of other packages.
+    """
+    schema = KINDS[kind](built_in)
+    made = f"station schema {kind}{' --built-in' if built_in else ''}"
+    head = {"$schema": DRAFT, "$comment": f"made by: {made}", "title": f"Inertial Station: {kind}"}
+    return json.dumps({**head, **schema}, indent=1, ensure_ascii=False) + "\n"
+
+
+def plan_schema(built_in: bool = False) -> Schema:
+    """Return the schema of a plan: parameters and limits follow from the procedure."""
+    procedures = _procedures(built_in)
+    header = model_schema(PlanHeader)
+    header["properties"] |= {"vars": VARS, "extends": {"type": "string", "minLength": 1}}
+    header["properties"]["procedure"] |= {"enum": list(procedures)}
+    fixed = {key: header["properties"][key] for key in ("plan", "extends", "vars")}
+    whole = or_var(without_required(header))
+    whole["properties"] |= fixed
+    alone = {"not": {"required": ["extends"]}}
+    rules: list[Schema] = [{"if": alone, "then": only_required(header)}]
+    for name, procedure in procedures.items():
+        parameters = model_schema(procedure.parameters)
+        inside = {"parameters": parameters, "limits": limits_schema(procedure.results)}
+        partial = {key: or_var(without_required(one)) for key, one in inside.items()}
+        chosen = _chosen(name)
+        rules.append({"if": chosen, "then": {"properties": partial}})
+        needed = {key: only_required(one) for key, one in inside.items()}
+        complete: Schema = {"properties": {key: one for key, one in needed.items() if one}}
+        if parameters.get("required"):
+            complete["required"] = ["parameters"]
+        rules.append({"if": {"allOf": [chosen, alone]}, "then": complete})
+    return {**whole, "definitions": DEFINITIONS, "allOf": rules}
+
+
+def bench_schema(built_in: bool = False) -> Schema:
+    """Return the schema of a bench file."""
+    schema = model_schema(BenchFile)
+    instruments = schema["properties"]["instruments"]
+    instruments["propertyNames"] = {"enum": list(INSTANCES)}
+    entry = instruments["additionalProperties"]
+    entry["properties"]["driver"]["enum"] = list(_names(registry.DRIVERS, built_in))
+    # Beside additionalProperties a pattern would take the place of the whole entry.
+    needs = {f"^{role}(\\.|$)": _needed(role) for role in dict.fromkeys(map(role_of, INSTANCES))}
+    instruments["allOf"] = [{"patternProperties": {key: one for key, one in needs.items() if one}}]
+    step = schema["properties"]["safe_state"]["items"]
+    roles = list(dict.fromkeys(role_of(name) for name in INSTANCES))
+    step["properties"]["instrument"] = {"enum": list(INSTANCES)}
+    step["properties"]["role"] = {"enum": roles}
+    step["oneOf"] = [{"required": ["instrument"]}, {"required": ["role"]}]
+    return schema
+
+
+def dataset_schema(built_in: bool = False) -> Schema:
+    """Return the schema of a dataset: its conditions follow from the procedure."""
+    schema = model_schema(DatasetHeader)
+    procedures = _procedures(built_in)
+    schema["properties"]["procedure"]["enum"] = list(procedures)
+    rules = [
+        {
+            "if": _chosen(name),
+            "then": {"properties": {"conditions": model_schema(procedure.conditions())}},
+        }
+        for name, procedure in procedures.items()
+        if procedure.conditions is not None
+    ]
+    return {**schema, "allOf": rules} if rules else schema
+
+
+KINDS: Mapping[str, Callable[[bool], Schema]] = {
+    "plan": plan_schema,
+    "bench": bench_schema,
+    "dataset": dataset_schema,
+}
+
+
+def _names(group: str, built_in: bool) -> Sequence[str]:
+    if not built_in:
+        return registry.names(group)
+    return sorted(
+        entry.name for entry in distribution(DISTRIBUTION).entry_points.select(group=group)
+    )
+
+
+def _procedures(built_in: bool) -> dict[str, Procedure]:
+    names = _names(registry.PROCEDURES, built_in)
+    return {name: registry.procedure(name) for name in names}
+
+
+def _chosen(procedure: str) -> Schema:
+    return {"properties": {"procedure": {"const": procedure}}, "required": ["procedure"]}
+
+
+def _needed(role: str) -> Schema:
+    """Return what the bench file must say of a role before it may be energised."""
+    needed: dict[str, Any] = {}
+    if role in NEEDED_LIMITS:
+        needed["limits"] = {"required": list(NEEDED_LIMITS[role])}
+    if role in NEEDED_SETTINGS:
+        settings = {key: Unit(unit).json_schema() for key, unit in NEEDED_SETTINGS[role].items()}
+        needed["settings"] = {"required": list(settings), "properties": settings}
+    return {"required": list(needed), "properties": needed} if needed else {}
