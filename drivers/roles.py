@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, Protocol, runtime_checkable
 
@@ -10,6 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from station.clock import Clock
+
+Tracer = Callable[[str, bytes], None]
+"""Takes a direction (`>` sent, `<` received, `!` fault, `-` remark) and the bytes or the words."""
 
 
 class Place(Protocol):
@@ -38,6 +41,11 @@ class Place(Protocol):
     @property
     def limits(self) -> Mapping[str, float]:
         """The bench's limits in A, V, A/s, mT, deg/s, degC."""
+        ...
+
+    @property
+    def trace(self) -> Tracer | None:
+        """Who is told what goes over the wire; None where nobody listens, as in most runs."""
         ...
 
     def ask(self, prompt_id: str, text: str) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from importlib.metadata import entry_points
-from typing import Any
+from typing import Any, ClassVar
 
 from sim_instruments.instrument import Setting, SimulatedInstrument
 from sim_instruments.seeds import generator
@@ -14,6 +14,7 @@ from station.clock import Clock
 
 Maker = Callable[[Setting], SimulatedInstrument]
 
+LARGEST_PORT = 65535
 WORLDS: dict[str, Callable[[Truth], LaserGyroBench]] = {"rlg-magnetic-sensitivity": LaserGyroBench}
 
 
@@ -29,8 +30,12 @@ class SimulatedBench:
     `bench` is the raw data of the bench file; its `simulation` mapping holds the seed and the
     truth of the world, the `simulator` mapping of each instrument the instrument's own truth and,
     where wished, a fixed `port`. Instruments whose driver has no simulator are left out.
-    `simulators` replaces the installed ones. Raises SimulationError.
+    `simulators` replaces the installed ones. Raises SimulationError, and OSError whose text names
+    instrument and port when a port cannot be had.
     """
+
+    wrong_description: ClassVar[type[Exception]] = SimulationError
+    """What is raised when the bench file describes the world or an instrument wrongly."""
 
     def __init__(
         self,
@@ -81,4 +86,8 @@ class SimulatedBench:
         # A serial number of the simulator's own stands for the wrong unit on the bench.
         serial = truth.text("serial") if "serial" in truth else instrument.text("serial")
         port = truth.integer("port", 1) if "port" in truth else 0
+        if port > LARGEST_PORT:
+            raise SimulationError(
+                f"{truth.where}.port: a port number goes up to {LARGEST_PORT}, got {port}"
+            )
         return Setting(name, serial, truth, self._world, self._clock, generator(seed, name), port)

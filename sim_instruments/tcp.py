@@ -23,8 +23,13 @@ class TcpServer:
         if os.name == "posix":
             # On Windows the same option would let a second server steal the port.
             self._listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        self._listener.bind((HOST, port))
-        self._listener.listen()
+        try:
+            self._listener.bind((HOST, port))
+            self._listener.listen()
+        except OSError as error:
+            self._listener.close()
+            told = f"{name} cannot be served on port {port} of {HOST}: {error.strerror}"
+            raise OSError(error.errno, told) from error
         self.port: int = self._listener.getsockname()[1]
         self._clients: set[socket.socket] = set()
         self._guard = Lock()

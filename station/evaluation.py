@@ -10,26 +10,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from station import registry
-from station.bench import Bench, read_bench
+from station.bench import Bench
 from station.errors import EXIT_DONE, EXIT_OUTSIDE_LIMIT, EXIT_UNDETERMINED
-from station.plan import Plan, read_plan
 from station.record.files import write_whole_file
 from station.record.folder import REPORT, RESULTS, RunFolder
 from station.record.manifest import write_manifest
+from station.recorded import left_unverified, read_plan_and_bench, used_instruments
 from station.results import Findings, Flag, ResultDocument, conclude
 
 if TYPE_CHECKING:
     from station.dataset_reading import RawDataset
-
-
-def read_plan_and_bench(folder: RunFolder) -> tuple[Plan, Bench]:
-    """Return the plan and the bench of a run from its folder alone.
-
-    The resolved copies are read: a plan as given may extend another that is not in the folder.
-    """
-    plan = read_plan(folder.path / "plan.resolved.yaml", registry.Procedures())
-    bench = read_bench(folder.path / "bench.resolved.yaml", registry.names(registry.DRIVERS))
-    return plan, bench
 
 
 def evaluate_run(folder: RunFolder) -> tuple[ResultDocument, Findings]:
@@ -44,19 +34,9 @@ def evaluate_run(folder: RunFolder) -> tuple[ResultDocument, Findings]:
         findings,
         plan.limits_by_axis(),
         plan.decision_rule,
-        bench_safe=not unverified(folder),
+        bench_safe=not left_unverified(folder, bench),
     )
     return document, findings
-
-
-def unverified(folder: RunFolder) -> list[str]:
-    """Return the instruments whose safe state the run could not verify."""
-    return [
-        outcome["instrument"]
-        for event in folder.events_of("safe-state")
-        for outcome in event.details["outcomes"]
-        if not outcome["verified"]
-    ]
 
 
 def flags_of_run(folder: RunFolder, bench: Bench) -> list[Flag]:
@@ -67,7 +47,7 @@ def flags_of_run(folder: RunFolder, bench: Bench) -> list[Flag]:
             Flag("simulated", "The bench is simulated: these numbers say nothing of a real device.")
         )
     run_on = date.fromisoformat(folder.run_facts()["started_utc"][:10])
-    used = {event.details["instrument"] for event in folder.events_of("identified")}
+    used = used_instruments(folder)
     for name, entry in bench.instruments.items():
         if name in used and entry.calibration is not None and entry.calibration.overdue(run_on):
             flags.append(
@@ -80,10 +60,10 @@ def flags_of_run(folder: RunFolder, bench: Bench) -> list[Flag]:
     flags.extend(
         Flag(
             "safe-state-unverified",
-            f"The safe state of {name} could not be verified at the end of the run.",
+            f"The safe state of {name} was not verified at the end of the run: {said}.",
             details={"instrument": name},
         )
-        for name in unverified(folder)
+        for name, said in left_unverified(folder, bench).items()
     )
     return flags
 

@@ -12,6 +12,7 @@ from station.errors import InputError, InstrumentError, InstrumentsMissing
 
 if TYPE_CHECKING:
     from station.bench import Bench
+    from station.trace import Trace
 
 
 class Identity(Protocol):
@@ -45,6 +46,7 @@ class Place:
     settings: Mapping[str, Any] = field(default_factory=dict)
     limits: Mapping[str, float] = field(default_factory=dict)
     asker: Callable[[str, str], str] | None = None
+    trace: Callable[[str, bytes], None] | None = None
 
     def ask(self, prompt_id: str, text: str) -> str:
         """Put a request to the operator and return the answer."""
@@ -82,6 +84,7 @@ def open_one(
     addresses: Mapping[str, str],
     clock: Clock,
     asker: Callable[[str, str], str] | None = None,
+    trace: Trace | None = None,
 ) -> Probe:
     """Open and identify one instance of a bench; an instrument that answered stays open.
 
@@ -91,7 +94,8 @@ def open_one(
         return Probe(name, False, f"{name}: the bench {bench.name!r} has no such instrument")
     entry = bench.instruments[name]
     address = addresses.get(name, entry.address or "")
-    place = Place(name, address, clock, entry.settings, entry.limits, asker)
+    tracer = trace.of(name) if trace else None
+    place = Place(name, address, clock, entry.settings, entry.limits, asker, tracer)
     try:
         instrument: Opened = registry.load(registry.DRIVERS, entry.driver)(place)
     except InstrumentError as error:
@@ -128,6 +132,7 @@ def open_instruments(
     addresses: Mapping[str, str],
     clock: Clock,
     asker: Callable[[str, str], str] | None,
+    trace: Trace | None = None,
 ) -> dict[str, Found]:
     """Open and identify the `wanted` instances of a bench, in the bench file's order.
 
@@ -137,7 +142,7 @@ def open_instruments(
     needed = set(wanted)
     ordered = [name for name in bench.instruments if name in needed]
     ordered += sorted(needed - set(bench.instruments))
-    probes = [open_one(name, bench, addresses, clock, asker) for name in ordered]
+    probes = [open_one(name, bench, addresses, clock, asker, trace) for name in ordered]
     found = {one.name: one.found for one in probes if one.found is not None}
     problems = [one.said for one in probes if not one.ok]
     if problems:

@@ -59,9 +59,49 @@ class Problem:
     what: str
 
 
+@dataclass(frozen=True)
+class SetPoint:
+    """What a step commands of an instrument: in words, and the largest values that it sets.
+
+    `rms_current_A` is what heats a coil, the effective current of a current that changes; None
+    where it is `current_A` itself. What a set-point does not concern is None.
+    """
+
+    step: str
+    instrument: str
+    text: str
+    field_mT: float | None = None
+    current_A: float | None = None
+    rms_current_A: float | None = None
+    rate_deg_per_s: float | None = None
+    temperature_degC: float | None = None
+
+
+@dataclass(frozen=True)
+class Recording:
+    """The rows that a source is expected to give, and the bench time in s over which they come."""
+
+    instrument: str
+    rows: int
+    duration_s: float
+
+
+@dataclass(frozen=True)
+class Forecast:
+    """What a run of a plan on a bench will command and record, in the order of its steps."""
+
+    set_points: tuple[SetPoint, ...] = ()
+    recordings: tuple[Recording, ...] = ()
+
+
 def not_told(parameters: Any) -> tuple[str, ...]:
     """Return no unit of work, for a procedure that does not tell them beforehand."""
     return ()
+
+
+def no_forecast(parameters: Any, bench: Bench) -> Forecast:
+    """Return no set-point and no row, for a procedure that does not tell them beforehand."""
+    return Forecast()
 
 
 @dataclass(frozen=True)
@@ -74,6 +114,7 @@ class Procedure:
     evaluate_run / evaluate_dataset: recorded or imported data to findings;
     report(findings, document): plots and tables of its own;
     units(parameters): the units of work that a run of the plan will finish, in order;
+    forecast(parameters, bench): what a run will command and record; opens nothing;
     assumptions: what its numbers do not say;
     conditions(): model of an imported dataset's `conditions`, for the JSON Schema.
     """
@@ -91,6 +132,7 @@ class Procedure:
     evaluate_dataset: Callable[[RawDataset], Findings]
     report: Callable[[Findings, ResultDocument], Sequence[Part]]
     units: Callable[[Any], tuple[str, ...]] = not_told
+    forecast: Callable[[Any, Bench], Forecast] = no_forecast
     assumptions: tuple[str, ...] = ()
     conditions: Callable[[], type[StrictModel]] | None = None
 

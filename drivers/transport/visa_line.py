@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from contextlib import suppress
 from functools import lru_cache
@@ -16,6 +17,7 @@ from station.errors import InstrumentError, InstrumentTimeout
 EXCHANGE_DEADLINE_S = 0.5
 CONNECT_DEADLINE_S = 2.0
 LARGEST_ANSWER_BYTES = 1 << 20
+ENCODING = "ascii"
 
 
 @lru_cache
@@ -24,24 +26,35 @@ def resource_manager(library: str) -> pyvisa.ResourceManager:
     return pyvisa.ResourceManager(library)
 
 
+def is_socket(resource_name: str) -> bool:
+    """Whether a resource is a bare TCP connection, where nothing but the bytes ends an answer."""
+    parts = resource_name.split("::")
+    return len(parts) == 4 and parts[-1].upper() == "SOCKET"
+
+
 def wire_address(resource_name: str) -> str:
     """Return `host:port` of a socket resource, else the resource name itself."""
     parts = resource_name.split("::")
-    is_socket = len(parts) == 4 and parts[-1].upper() == "SOCKET"
-    return f"{parts[1]}:{parts[2]}" if is_socket else resource_name
+    return f"{parts[1]}:{parts[2]}" if is_socket(resource_name) else resource_name
 
 
 class VisaLine:
-    """One instrument's line; ends of lines are stripped from answers and added to requests."""
+    """One instrument's line; ends of lines are stripped from answers and added to requests.
+
+    An answer is complete with the last character of `answer_end`.
+    """
 
     def __init__(self, place: Place, *, request_end: str = "\n", answer_end: str = "\n") -> None:
         self._place = place
         self._clock = place.clock
+        self._trace = place.trace
         self._request_end = request_end
-        self._answer_end = answer_end
+        self._answer_end = answer_end.encode(ENCODING)
         self._lock = place.clock.lock(place.name)
         self._wire = place.clock.wire(wire_address(place.address))
         self._resource: Any = None
+        self._timeout_ms = math.nan
+        self._opened = 0
         self._connect()
 
     def query(self, message: str, deadline_s: float = EXCHANGE_DEADLINE_S) -> str:
@@ -52,24 +65,12 @@ class VisaLine:
         with self._lock:
             self._write(message)
             try:
-                answered = self._wire.wait(self._clock.now() + deadline_s)
-            except BaseException:  # whoever comes next must not read this answer as its own
-                self.close()
-                raise
-            if not answered:
-                raise self._silent(message, "no answer came", deadline_s)
-            self._resource.timeout = 1000 * self._clock.real_timeout_s(deadline_s)
-            try:
-                answer: str = self._resource.read()
-            except pyvisa.errors.VisaIOError as error:
-                if error.error_code == constants.StatusCode.error_timeout:
-                    raise self._silent(message, "no complete answer came", deadline_s) from error
-                raise self._broken(message, error) from error
-            except (OSError, UnicodeDecodeError) as error:
-                raise self._broken(message, error) from error
-            finally:
+                answer = self._read(message, deadline_s)
                 self._wire.received()
-            return answer
+                return answer
+            except BaseException:  # whoever comes next must not read this answer as its own
+                self._disconnect()
+                raise
 
     def write(self, message: str) -> None:
         """Send `message`, for commands whose protocol has no answer to ask for with them."""
@@ -78,11 +79,9 @@ class VisaLine:
 
     def close(self) -> None:
         """Close the line; a line that is already gone is no error."""
-        self._wire.close()
         if self._resource is not None:
-            with suppress(pyvisa.errors.Error, OSError):
-                self._resource.close()
-            self._resource = None
+            self._traced("-", b"closed")
+        self._disconnect()
 
     def _connect(self) -> None:
         library = str(self._place.settings.get("visa_library", "@py"))
@@ -90,42 +89,110 @@ class VisaLine:
             self._resource = resource_manager(library).open_resource(
                 self._place.address,
                 open_timeout=int(1000 * CONNECT_DEADLINE_S),
-                read_termination=self._answer_end,
+                read_termination=self._answer_end.decode(ENCODING),
                 write_termination=self._request_end,
             )
         except Exception as error:  # pyvisa-py raises bare Exception for a refused connection
-            raise InstrumentError(
-                self._place.name,
+            raise self._fault(
+                InstrumentError,
                 f"open {self._place.address}",
                 f"nobody answers there ({error})",
                 "switch the instrument on, check its cable and the address in the bench file",
             ) from error
         self._resource.chunk_size = LARGEST_ANSWER_BYTES
+        if is_socket(self._place.address):
+            # What came of an answer without its end is then given out, and can be shown.
+            with suppress(pyvisa.errors.Error):
+                attribute = constants.ResourceAttribute.suppress_end_enabled
+                self._resource.set_visa_attribute(attribute, False)
+        self._timeout_ms = math.nan
         self._wire.open()
+        self._opened += 1
+        how = "opened" if self._opened == 1 else "reopened"
+        self._traced("-", f"{how} {self._place.address}".encode())
+
+    def _disconnect(self) -> None:
+        self._wire.close()
+        if self._resource is not None:
+            with suppress(pyvisa.errors.Error, OSError):
+                self._resource.close()
+            self._resource = None
 
     def _write(self, message: str) -> None:
         if self._resource is None:
             # After a timeout a late answer would be taken for the next one: a fresh line has none.
             self._connect()
+        sent = (message + self._request_end).encode(ENCODING)
         try:
-            self._wire.sent(len(message) + len(self._request_end))
-            self._resource.write(message)
+            self._wire.sent(len(sent))
+            self._traced(">", sent)
+            self._resource.write_raw(sent)
         except (pyvisa.errors.Error, OSError) as error:
             raise self._broken(message, error) from error
 
-    def _silent(self, message: str, what: str, deadline_s: float) -> InstrumentTimeout:
-        self.close()
-        return InstrumentTimeout(
-            self._place.name,
+    def _read(self, message: str, deadline_s: float) -> str:
+        """Return the answer, which is complete with the last character of its end."""
+        if not self._wire.wait(self._clock.now() + deadline_s):
+            raise self._silent(message, "no answer came", deadline_s)
+        answer, last = b"", self._answer_end[-1:]
+        until_s = self._clock.now() + self._clock.patience_s(deadline_s)
+        left_s = deadline_s
+        try:
+            while not answer.endswith(last) and left_s > 0:
+                self._limit_read(left_s)
+                answer += self._resource.read_raw()
+                left_s = until_s - self._clock.now()
+        except pyvisa.errors.VisaIOError as error:
+            if error.error_code != constants.StatusCode.error_timeout:
+                raise self._broken(message, error) from error
+        except (OSError, pyvisa.errors.Error) as error:
+            raise self._broken(message, error) from error
+        finally:
+            if answer:
+                self._traced("<", answer)
+        if not answer:
+            raise self._silent(message, "no answer came", deadline_s)
+        text = answer.decode(ENCODING, "backslashreplace")
+        if not answer.endswith(last):
+            what = f"only {shortened(text)!r} came, without the end of an answer,"
+            raise self._silent(message, what, deadline_s)
+        if not answer.isascii():
+            raise self._fault(
+                InstrumentError,
+                f"sent {shortened(message)!r}",
+                f"{shortened(text)!r} came back, which is no text",
+                "check the cable, and the baud rate where the line is serial",
+            )
+        end = self._answer_end if answer.endswith(self._answer_end) else last
+        return text[: -len(end)]
+
+    def _limit_read(self, run_seconds: float) -> None:
+        timeout_ms = 1000 * self._clock.real_timeout_s(run_seconds)
+        if timeout_ms != self._timeout_ms:  # it is nearly always the same, and setting it is slow
+            self._resource.timeout = self._timeout_ms = timeout_ms
+
+    def _traced(self, direction: str, data: bytes) -> None:
+        if self._trace is not None:
+            self._trace(direction, data)
+
+    def _fault(
+        self, kind: type[InstrumentError], attempted: str, came_back: str, do_now: str
+    ) -> InstrumentError:
+        self._traced("!", f"{attempted}: {came_back}".encode())
+        return kind(self._place.name, attempted, came_back, do_now)
+
+    def _silent(self, message: str, what: str, deadline_s: float) -> InstrumentError:
+        return self._fault(
+            InstrumentTimeout,
             f"sent {shortened(message)!r}",
             f"{what} within {deadline_s:g} s",
             "check that the instrument is on, in remote mode, and its cable is seated",
         )
 
     def _broken(self, message: str, error: BaseException) -> InstrumentError:
-        self.close()
-        return InstrumentError(
-            self._place.name,
+        self._disconnect()
+        return self._fault(
+            InstrumentError,
             f"sent {shortened(message)!r}",
             f"the line broke ({error})",
             "check the cable and the instrument's power, then start again",
@@ -161,22 +228,25 @@ class ScpiLine(VisaLine):
         return InstrumentError(
             self._place.name,
             f"sent {shortened(message)!r}",
-            f"it refused with {answer}",
+            f"it refused with {shortened(answer)}",
             "compare the plan's and the bench file's values with the instrument's ranges",
         )
 
     def number(self, message: str) -> float:
-        """Return the answer to `message` as a number; anything else is InstrumentError."""
+        """Return the answer to `message` as a finite number; anything else is InstrumentError."""
         answer = self.query(message)
         try:
-            return float(answer)
-        except ValueError as error:
+            value = float(answer)
+        except ValueError:
+            value = math.nan
+        if not math.isfinite(value):
             raise InstrumentError(
                 self._place.name,
                 f"sent {message!r}",
                 f"{shortened(answer)!r} came back where a number belongs",
                 "check the cable and that nobody else talks to the instrument",
-            ) from error
+            )
+        return value
 
 
 def shortened(text: str, longest: int = 60) -> str:

@@ -71,7 +71,7 @@ class ExportFormat(StrEnum):
 
 @app.command("list")
 def list_(kind: Annotated[Kind | None, typer.Argument()] = None, json: Json = False) -> None:
-    """List what there is: procedures, plans, benches, drivers, runs."""
+    """List procedures, plans, benches, drivers, runs."""
     from station.cli.listing import list_what_there_is
 
     list_what_there_is(kind.value if kind else None, as_json=json)
@@ -110,7 +110,7 @@ def run(
     set_: Overrides = None,
     json: Json = False,
 ) -> None:
-    """Run a test plan and leave a run folder with raw data, results and report."""
+    """Run a test plan; leaves a folder of data and report."""
     from station.cli.running import run_plan
 
     raise typer.Exit(
@@ -138,7 +138,7 @@ def analyse(
     ] = False,
     json: Json = False,
 ) -> None:
-    """Compute results again from recorded raw data, or from an imported dataset."""
+    """Compute results of a run again, or of a dataset."""
     from station.cli.analysing import analyse_data
 
     raise typer.Exit(analyse_data(data, output, compare=compare, as_json=json))
@@ -187,7 +187,7 @@ def identify(
     bench: Annotated[str, typer.Argument(help="Bench file: a path, or a name.")] = DEFAULT_BENCH,
     json: Json = False,
 ) -> None:
-    """Ask every instrument of a bench who it is, and compare with the bench file."""
+    """Ask every instrument of a bench who it is."""
     from station.cli.identifying import identify_bench
 
     raise typer.Exit(identify_bench(bench, as_json=json))
@@ -201,7 +201,7 @@ def sim(
     ] = "rlg-magnetic-sensitivity",
     speed: Annotated[float, typer.Option(help="How many times as fast as real time.")] = 1.0,
 ) -> None:
-    """Serve the simulated instruments on their wire protocols until interrupted."""
+    """Serve simulated instruments until interrupted."""
     from station.cli.serving import serve
 
     serve(bench, procedure, speed)

@@ -1,7 +1,7 @@
 """Time for everything that waits or stamps; the only package that asks the operating system."""
 
 from station.clock.base import Clock, ClockError, ClockStopped, ParticipantThread, Wire
-from station.clock.host import boot_seconds, utc_now, utc_today
+from station.clock.host import boot_seconds, system_clock_synchronised, utc_now, utc_today
 from station.clock.real import RealClock
 from station.clock.virtual import VirtualClock
 
@@ -14,6 +14,7 @@ __all__ = [
     "VirtualClock",
     "Wire",
     "boot_seconds",
+    "system_clock_synchronised",
     "utc_now",
     "utc_today",
 ]

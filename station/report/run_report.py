@@ -7,9 +7,9 @@ from typing import Any
 
 from station import registry
 from station.bench import Bench
-from station.evaluation import read_plan_and_bench, unverified
 from station.fields import to_yaml_data
 from station.record.folder import RunFolder
+from station.recorded import left_unverified, read_plan_and_bench
 from station.report.context import (
     InstrumentRow,
     PromptRow,
@@ -36,7 +36,7 @@ def report_of_run(folder: RunFolder, document: ResultDocument, findings: Finding
         operator=plan.operator,
         dut=dut_rows(to_yaml_data(plan.dut)),
         decision_rule=plan.decision_rule,
-        bench_safe=not unverified(folder),
+        bench_safe=not left_unverified(folder, bench),
         plan_name=plan.title or plan.procedure,
         parameters=tuple(flat_rows(to_yaml_data(plan.parameters))),
         bench_name=bench.title or bench.name,

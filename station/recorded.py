@@ -1,0 +1,47 @@
+"""What a run folder says of its plan, its bench, and how the bench was left."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from station import registry
+from station.bench import Bench, read_bench, role_of
+from station.plan import Plan, read_plan
+from station.record.folder import RunFolder
+
+NEVER_REACHED = "the run ended without making it safe"
+
+
+def read_plan_and_bench(folder: RunFolder) -> tuple[Plan, Bench]:
+    """Return the plan and the bench of a run from its folder alone.
+
+    The resolved copies are read: a plan as given may extend another that is not in the folder.
+    """
+    plan = read_plan(folder.path / "plan.resolved.yaml", registry.Procedures())
+    bench = read_bench(folder.path / "bench.resolved.yaml", registry.names(registry.DRIVERS))
+    return plan, bench
+
+
+def used_instruments(folder: RunFolder) -> list[str]:
+    """Return the instruments that a run opened, in the bench's order."""
+    return [event.details["instrument"] for event in folder.events_of("identified")]
+
+
+def left_unverified(folder: RunFolder, bench: Bench) -> Mapping[str, str]:
+    """Return the instruments whose safe state was not verified, and what is known of each.
+
+    A run that was killed left no word of its safe state: then it is all those of the bench's list.
+    """
+    safe_states = list(folder.events_of("safe-state"))
+    if not safe_states:
+        listed = {name for name, _ in bench.safe_order()}
+        return {
+            name: NEVER_REACHED
+            for name in used_instruments(folder)
+            if name in listed or role_of(name) in listed
+        }
+    return {
+        outcome["instrument"]: outcome["read_back"]
+        for outcome in safe_states[-1].details["outcomes"]
+        if not outcome["verified"]
+    }

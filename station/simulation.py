@@ -1,0 +1,42 @@
+"""The clock a bench runs on, and the simulated instruments of a bench that is simulated here."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+from station import registry
+from station.clock import Clock, RealClock, VirtualClock
+from station.errors import InputError, StationError
+
+if TYPE_CHECKING:
+    from station.bench import Bench
+
+
+def clock_for(bench: Bench, served: Mapping[str, Any] | None = None) -> Clock:
+    """Return a clock: real for a real bench, virtual for one simulated here.
+
+    `served`, the first line of a `station sim`, gives that bench's own clock.
+    """
+    if served is not None:
+        time = served["clock"]
+        return RealClock(float(time["speed"]), float(time["epoch_unix"]))
+    return RealClock() if bench.simulation is None else VirtualClock()
+
+
+def serve_bench(bench: Bench, clock: Clock, procedure: str) -> Any:
+    """Begin to serve the simulated instruments of a bench, in the world of a procedure.
+
+    Raises InputError when the bench file describes them wrongly, StationError when a port that
+    it names cannot be had.
+    """
+    simulator = registry.load(registry.SIMULATORS, registry.SIMULATED_BENCH)
+    try:
+        return simulator(bench.data, clock, procedure)
+    except simulator.wrong_description as error:
+        raise InputError(f"{bench.path}: {error}") from error
+    except OSError as error:
+        raise StationError(
+            f"{error.strerror or error}; end the program that has the port, or take "
+            f"`simulator.port` out of {bench.path} for a free one"
+        ) from error
