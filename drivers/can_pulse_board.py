@@ -37,6 +37,8 @@ class CanPulseBoard:
     """A board that counts the pulses of up to three laser gyros against its own clock."""
 
     source = "gyro_acquisition"
+    identifies_on: ClassVar[str] = "socketcand"
+    """Where a scan of served instruments may ask `identify`; a bus gives no `*IDN?` to go by."""
 
     def __init__(self, place: Place) -> None:
         self.place = place
@@ -44,7 +46,8 @@ class CanPulseBoard:
         self._messages = message_file()
         self._counts = self._messages.get_message_by_name("GYRO_COUNTS_1")
         self._requests = 0
-        self._line = CanLine(place)
+        names = {one.frame_id: one.name for one in self._messages.messages}
+        self._line = CanLine(place, names)
 
     def identify(self) -> Identity:
         """Ask for the board's identity frame."""
@@ -115,31 +118,53 @@ class CanPulseBoard:
         )
         attempted = f"sent the command {command}"
         self._line.send(message.frame_id, data)
-        told = self._decode(self._answer("BOARD_ACK", attempted))
-        if str(told["result"]) not in ACCEPTED or told["request_id"] != self._requests:
+        told = self._acknowledgement(attempted)
+        if str(told["result"]) not in ACCEPTED:
             raise InstrumentError(
                 self.place.name,
                 attempted,
-                f"it answered {told['result']} to request {told['request_id']}",
+                f"it refused with {told['result']}",
                 "compare the plan's sample interval and channel with the board's ranges",
             )
 
+    def _acknowledgement(self, attempted: str) -> dict[str, Any]:
+        """Return the acknowledgement of the last request; a late one of another is passed over."""
+        deadline_s = self._deadline_s()
+        while frames := self._line.wait_for(self._id("BOARD_ACK"), deadline_s):
+            for told in map(self._decode, frames):
+                if told["request_id"] == self._requests:
+                    return told
+        raise self._silent("BOARD_ACK", attempted)
+
     def _answer(self, name: str, attempted: str) -> Frame:
-        clock = self.place.clock
-        deadline_s = clock.now() + clock.patience_s(ANSWER_WITHIN_S)
-        frames = self._line.wait_for(self._id(name), deadline_s)
+        frames = self._line.wait_for(self._id(name), self._deadline_s())
         if not frames:
-            raise InstrumentTimeout(
-                self.place.name,
-                attempted,
-                f"no {name} frame came within {ANSWER_WITHIN_S:g} s",
-                "check the board's power, the bus termination and the bit rate",
-            )
+            raise self._silent(name, attempted)
         return frames[-1]
+
+    def _deadline_s(self) -> float:
+        clock = self.place.clock
+        return clock.now() + clock.patience_s(ANSWER_WITHIN_S)
+
+    def _silent(self, name: str, attempted: str) -> InstrumentTimeout:
+        return InstrumentTimeout(
+            self.place.name,
+            attempted,
+            f"no {name} frame came within {ANSWER_WITHIN_S:g} s",
+            "check the board's power, the bus termination and the bit rate",
+        )
 
     def _id(self, name: str) -> int:
         return int(self._messages.get_message_by_name(name).frame_id)
 
     def _decode(self, frame: Frame) -> dict[str, Any]:
-        decoded: dict[str, Any] = self._messages.decode_message(frame.identifier, frame.data)
+        try:
+            decoded: dict[str, Any] = self._messages.decode_message(frame.identifier, frame.data)
+        except cantools.database.DecodeError as error:
+            raise InstrumentError(
+                self.place.name,
+                "read a frame",
+                f"{frame.identifier:03X}#{frame.data.hex().upper()} is none of its messages",
+                "check that the board's firmware and config/dbc/pulse_board.dbc belong together",
+            ) from error
         return decoded

@@ -9,11 +9,13 @@ that does not know it (-113) keeps its rating as limit, and the bench limit must
 from __future__ import annotations
 
 import math
+from contextlib import suppress
+from typing import ClassVar
 
 import numpy as np
 
 from drivers.roles import Identity, Place, SafetyReading
-from drivers.transport.visa_line import ScpiLine
+from drivers.transport.visa_line import ScpiLine, shortened
 from station.errors import InstrumentError
 from station.units import parse_as
 
@@ -36,6 +38,8 @@ class KepcoBop:
     `zero_current` A, the largest measured current that counts as zero.
     """
 
+    recognises: ClassVar[str] = r"^KEPCO,[^,]*36-12[^,]*,(?P<serial>[^,]+)"
+
     def __init__(self, place: Place) -> None:
         self.place = place
         self.coil_constant_mT_per_A = parse_as(str(place.settings["coil_constant"]), "mT/A")
@@ -55,7 +59,7 @@ class KepcoBop:
             raise InstrumentError(
                 self.place.name,
                 "asked *IDN?",
-                f"{answer!r} came back",
+                f"{shortened(answer)!r} came back",
                 "check that the address in the bench file is this supply's",
             )
         return Identity(parts[0], parts[1], parts[2], parts[3])
@@ -142,7 +146,21 @@ class KepcoBop:
         return self._line.number("MEAS:CURR?")
 
     def make_safe(self, deadline_s: float) -> None:
-        """Leave the list near a zero of its sine, ramp what remains, switch the output off."""
+        """Leave the list near a zero of its sine, ramp what remains, switch the output off.
+
+        Where that fails, a last attempt switches the output off at once, and the error is raised.
+        """
+        try:
+            # What was refused before must not be taken for a refusal of what follows.
+            self._line.query(f"*CLS;{ERROR_QUERY}")
+            self._ramp_to_zero(deadline_s)
+            self._line.command("OUTP OFF")
+        except InstrumentError:
+            with suppress(InstrumentError):
+                self._line.write("OUTP OFF")
+            raise
+
+    def _ramp_to_zero(self, deadline_s: float) -> None:
         clock = self.place.clock
         if self._list_runs():
             self._leave_list(deadline_s)
@@ -154,7 +172,6 @@ class KepcoBop:
         self._line.command("CURR:MODE FIX;:CURR 0")
         while abs(self.current_A()) > self._zero_A and clock.now() < deadline_s:
             clock.sleep(SETTLE_S)
-        self._line.command("OUTP OFF")
 
     def read_safety(self) -> SafetyReading:
         """Read back output state, list state and current."""

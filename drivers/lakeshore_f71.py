@@ -7,6 +7,7 @@ file's `timestamp` says it and the laboratory must have established it.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from datetime import datetime
 from typing import ClassVar
@@ -14,7 +15,7 @@ from typing import ClassVar
 import numpy as np
 
 from drivers.roles import Block, Identity, Place
-from drivers.transport.visa_line import ScpiLine
+from drivers.transport.visa_line import ScpiLine, shortened
 from station.errors import InstrumentError
 from station.units import parse_as
 
@@ -28,6 +29,7 @@ class LakeshoreF71:
     Settings: `averaging` (s, a multiple of 10 ms) and `timestamp`.
     """
 
+    recognises: ClassVar[str] = r"^Lake ?Shore[^,]*,F71,(?P<serial>[^,/]+)"
     source = "gaussmeter"
     columns: ClassVar[Mapping[str, str]] = {
         "instrument_time_s": "s by the instrument's clock, from its first stamp of the run",
@@ -66,7 +68,7 @@ class LakeshoreF71:
             raise InstrumentError(
                 self.place.name,
                 "asked *IDN?",
-                f"{answer!r} came back",
+                f"{shortened(answer)!r} came back",
                 "check that the address in the bench file is this gaussmeter's",
             )
         return Identity(parts[0], parts[1], parts[2].split("/")[0], parts[-1])
@@ -97,14 +99,17 @@ class LakeshoreF71:
         try:
             stamp = datetime.fromisoformat(fields[0])
             x_T, y_T, z_T = (float(text) for text in fields[2:5])
-        except (ValueError, IndexError) as error:
+            overload = float(fields[-1].strip() not in ("0", ""))
+            if not all(map(math.isfinite, (x_T, y_T, z_T))):
+                raise ValueError(record)
+            self._first_stamp = self._first_stamp or stamp
+            # A stamp with a time zone after stamps without one is no stamp of this instrument.
+            instrument_time_s = (stamp - self._first_stamp).total_seconds()
+        except (ValueError, IndexError, TypeError) as error:
             raise InstrumentError(
                 self.place.name,
                 "read its buffer",
-                f"{record!r} is no reading",
+                f"{shortened(record)!r} is no reading",
                 "check the cable and that nobody else talks to the instrument",
             ) from error
-        self._first_stamp = self._first_stamp or stamp
-        instrument_time_s = (stamp - self._first_stamp).total_seconds()
-        overload = float(fields[-1].strip() not in ("0", ""))
         return instrument_time_s, x_T, y_T, z_T, overload

@@ -90,4 +90,7 @@ class SimulatedBench:
             raise SimulationError(
                 f"{truth.where}.port: a port number goes up to {LARGEST_PORT}, got {port}"
             )
+        for other, served in self._served.items():
+            if port and served.describe()["port"] == port:
+                raise SimulationError(f"{truth.where}.port: {other} has port {port} already")
         return Setting(name, serial, truth, self._world, self._clock, generator(seed, name), port)

@@ -2,38 +2,26 @@
 
 from __future__ import annotations
 
-import io
-import math
 import os
-import shutil
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-from station import registry
-from station.acquisition import POLL_S
 from station.clock import RealClock, boot_seconds, system_clock_synchronised, utc_now
+from station.disk_space import disk_of, nearest_there
 from station.errors import RecordError
 
 if TYPE_CHECKING:
     from station.bench import Bench
     from station.clock import Clock
     from station.plan import Plan
-    from station.procedure import Forecast, Procedure
+    from station.procedure import Procedure
     from station.record.folder import RunRecord
 
 LONG_RUN_S = 3600.0
-ROOM = 1.2
-"""So many times what a plan needs must be free."""
-BESIDE_RAW_BYTES = 5_000_000
-"""Log, tables, results and the two copies of the report."""
-BYTES_OF_A_NUMBER = 8
-"""No column of raw data is wider."""
-FRAMING_BYTES = 80
-"""What a block's chunk and message add to its rows."""
-COLUMNS_IF_NOT_TOLD = 8
 SMALLEST_JUMP_S = 0.5
+ELSEWHERE = "; choose another place with --output"
 
 
 @dataclass(frozen=True)
@@ -42,28 +30,6 @@ class Warned:
 
     kind: str
     sentence: str
-
-
-@dataclass(frozen=True)
-class Disk:
-    """The room on the disk of the output folder, and what a run is expected to need of it."""
-
-    folder: Path
-    needed_bytes: int
-    free_bytes: int
-
-    @property
-    def too_small(self) -> bool:
-        """Whether the run would fill the disk, or nearly."""
-        return self.needed_bytes * ROOM > self.free_bytes
-
-    def sentence(self) -> str:
-        """Say that the disk is too small, and what to do."""
-        return (
-            f"the disk of {self.folder} is too small for this plan: it needs about "
-            f"{in_bytes(self.needed_bytes)} and {ROOM:g} times that must be free, free are "
-            f"{in_bytes(self.free_bytes)}; make room, or choose another disk with --output"
-        )
 
 
 def look_before_a_run(
@@ -77,9 +43,11 @@ def look_before_a_run(
     fault = fault_of_output(output)
     if fault is not None:
         raise RecordError(fault)
-    disk = disk_of(procedure.forecast(plan.parameters, bench), bench, output, clock)
-    if disk.too_small:
-        raise RecordError(disk.sentence())
+    # A plan that does not fit the bench foresees nothing; opening the bench says what is wrong.
+    if not any(procedure.check(plan.parameters, bench)):
+        disk = disk_of(procedure.forecast(plan.parameters, bench), bench, output, clock)
+        if disk.too_small:
+            raise RecordError(disk.sentence())
     expected_s = procedure.duration_s(plan.parameters)
     return list(warned_of_clock(expected_s, real=real, synchronised=system_clock_synchronised()))
 
@@ -110,64 +78,6 @@ def fault_of_output(output: Path) -> str | None:
     return None
 
 
-ELSEWHERE = "; choose another place with --output"
-
-
-def nearest_there(path: Path) -> Path:
-    """Return the path, or the nearest one above it that exists."""
-    whole = path.absolute()
-    return next(one for one in (whole, *whole.parents) if one.exists())
-
-
-def disk_of(forecast: Forecast, bench: Bench, output: Path, clock: Clock) -> Disk:
-    """Return the room on the disk of `output` and what a run that is foreseen needs of it."""
-    there = nearest_there(output)
-    return Disk(output, needed_bytes(forecast, bench, clock), shutil.disk_usage(there).free)
-
-
-def needed_bytes(forecast: Forecast, bench: Bench, clock: Clock) -> int:
-    """Return the bytes a run folder is expected to need.
-
-    Rows count with their number and the width of their columns; blocks with what frames them, one
-    block at each look at a source, which the clock says how often comes.
-    """
-    total = BESIDE_RAW_BYTES
-    for recording in forecast.recordings:
-        looks = math.ceil(recording.duration_s / clock.holding_s(POLL_S))
-        row, block = widths(columns_of(bench, recording.instrument))
-        total += recording.rows * row + min(looks, recording.rows) * block
-    return total
-
-
-def columns_of(bench: Bench, instrument: str) -> tuple[str, ...]:
-    """Return the columns that the driver of an instrument says it records."""
-    driver = registry.load(registry.DRIVERS, bench.instruments[instrument].driver)
-    told: Any = getattr(driver, "columns", None)
-    return tuple(told) if told else tuple(f"column-{n}" for n in range(COLUMNS_IF_NOT_TOLD))
-
-
-def widths(columns: tuple[str, ...]) -> tuple[int, int]:
-    """Return the most bytes of a row of such columns in the raw record, and of a block's frame."""
-    import numpy as np
-
-    from station.record.raw import ARRIVAL
-
-    rows = np.empty(0, dtype=[(name, np.float64) for name in (*columns, ARRIVAL)])
-    header = io.BytesIO()
-    np.save(header, rows)
-    return BYTES_OF_A_NUMBER * len(rows.dtype), FRAMING_BYTES + header.tell()
-
-
-def in_bytes(count: int) -> str:
-    """Return a number of bytes for a person: `2.3 MB`."""
-    size = float(count)
-    for unit in ("B", "kB", "MB", "GB"):
-        if size < 1000:
-            return f"{size:.3g} {unit}"
-        size /= 1000
-    return f"{size:.4g} TB"
-
-
 class SystemClockWatch:
     """Find jumps of the time of day against seconds that never jump.
 
@@ -186,7 +96,14 @@ class SystemClockWatch:
         return jumped_s
 
 
-def watch_system_clock(record: RunRecord, clock: Clock) -> None:
+def readings() -> tuple[float, float]:
+    """Return the time of day as Unix time, and seconds that never jump."""
+    return utc_now().timestamp(), boot_seconds()
+
+
+def watch_system_clock(
+    record: RunRecord, clock: Clock, read: Callable[[], tuple[float, float]] = readings
+) -> None:
     """Log at the end of each unit of work when the time of day jumped during it.
 
     Run time does not follow the time of day, so no data change. On virtual time nothing is
@@ -194,10 +111,10 @@ def watch_system_clock(record: RunRecord, clock: Clock) -> None:
     """
     if not isinstance(clock, RealClock):
         return
-    watch = SystemClockWatch(utc_now().timestamp(), boot_seconds())
+    watch = SystemClockWatch(*read())
 
     def look() -> None:
-        jump_s = watch.jump_s(utc_now().timestamp(), boot_seconds())
+        jump_s = watch.jump_s(*read())
         if jump_s is not None:
             record.event("system-clock-jumped", by_s=round(jump_s, 3))
 

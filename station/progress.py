@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from types import TracebackType
 
-from station.clock import boot_seconds
+from station.clock import Clock, boot_seconds
 
 REPEAT_S = 2.0
 """Real time between two lines of progress where the output is no terminal."""
@@ -21,6 +21,17 @@ def span(seconds: float) -> str:
     if whole < 3600:
         return f"{whole // 60} min {whole % 60:02d} s"
     return f"{whole // 3600} h {whole % 3600 // 60:02d} min"
+
+
+def how_long(expected_s: float, clock: Clock) -> str:
+    """Return how long a run is expected to take, in bench time and as the operator waits."""
+    speed: float | None = getattr(clock, "speed", None)
+    if speed is None:
+        return f"bench time about {span(expected_s)} (virtual: waiting is skipped)"
+    if speed == 1.0:
+        return f"about {span(expected_s)}"
+    waited = span(expected_s / speed)
+    return f"bench time about {span(expected_s)}, {speed:g} times as fast: about {waited}"
 
 
 class Progress:

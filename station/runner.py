@@ -13,20 +13,23 @@ from typing import TYPE_CHECKING, Any
 
 from station import registry
 from station.bench import Bench
-from station.clock import Clock, ClockError, RealClock, VirtualClock, utc_now
+from station.clock import Clock, ClockError, system_clock_synchronised, utc_now
 from station.errors import EXIT_ABORTED, EXIT_FAULT, EXIT_INTERLOCK, RecordError, StationError
 from station.evaluation import conclude_run, exit_code_of
 from station.opening import Found, open_instruments
 from station.plan import Plan
 from station.plan_resolved import resolved_text
+from station.preflight import look_before_a_run, watch_system_clock
 from station.procedure import Procedure, Prompt
-from station.progress import Progress, span
+from station.progress import Progress, how_long
 from station.prompts import Operator
 from station.record.folder import RUN, RunRecord, json_text
 from station.run import Run
 from station.safety import SafeOutcome, make_bench_safe
 from station.signals import AbortSignals
+from station.simulation import clock_for, serve_bench
 from station.status import RUN_STARTED, what_is_planned
+from station.trace import Trace
 from station.versions import versions
 from station.yaml_writing import yaml_text
 
@@ -46,6 +49,7 @@ class Request:
     quiet: bool = False
     report: bool = True
     served: Mapping[str, Any] | None = None
+    trace: bool = False
 
 
 @dataclass
@@ -74,24 +78,18 @@ class BenchSession:
     def __init__(
         self, bench: Bench, procedure: str | None, served: Mapping[str, Any] | None = None
     ) -> None:
-        self.clock: Clock
+        self.clock = clock_for(bench, served)
         self._simulation = None
         self.addresses: dict[str, str] = {}
         self.act: Callable[[str], str] | None = None
         if served is not None:
-            time = served["clock"]
-            self.clock = RealClock(float(time["speed"]), float(time["epoch_unix"]))
             self.addresses = {
                 name: str(one["address"]) for name, one in served["instruments"].items()
             }
             self.act = lambda prompt_id: f"{prompt_id}: done when the simulated bench was served"
-        elif bench.simulation is None:
-            self.clock = RealClock()
-        else:
-            self.clock = VirtualClock()
-            simulator = registry.load(registry.SIMULATORS, registry.SIMULATED_BENCH)
+        elif bench.simulation is not None:
             world = procedure or registry.names(registry.PROCEDURES)[0]
-            self._simulation = simulator(bench.data, self.clock, world)
+            self._simulation = serve_bench(bench, self.clock, world)
             instruments = self._simulation.instruments
             self.addresses = {name: str(one["address"]) for name, one in instruments.items()}
             self.act = self._simulation.act
@@ -123,6 +121,8 @@ def execute(request: Request) -> Outcome:
             clock, request.answers, interactive=request.interactive, act=session.act
         )
         operator.check(all_prompts(procedure, plan, bench))
+        real = bench.simulation is None and request.served is None
+        warned = look_before_a_run(plan, procedure, bench, request.output, clock, real=real)
         record = RunRecord(
             request.output,
             plan.procedure,
@@ -134,10 +134,16 @@ def execute(request: Request) -> Outcome:
         expected_s = procedure.duration_s(plan.parameters)
         with Progress(expected_s, quiet=request.quiet) as progress:
             progress.say(f"{procedure.title}: {plan.dut.model} {plan.dut.serial}")
-            progress.say(f"bench {bench.name}, about {span(expected_s)}; recorded in {record.path}")
+            progress.say(f"bench {bench.name}, {how_long(expected_s, clock)}")
+            progress.say(f"recorded in {record.path}")
             record.event(RUN_STARTED, **what_is_planned(plan, procedure, clock))
+            for one in warned:
+                progress.say(f"WARNING: {one.sentence}")
+                record.event(one.kind, message=one.sentence)
+            watch_system_clock(record, clock)
             run = Run(plan, bench, clock, record, progress, operator)
-            _walk(run, procedure, session.addresses, outcome)
+            trace = Trace(record.path, clock) if request.trace else None
+            _walk(run, procedure, session.addresses, outcome, trace)
     with suppress(RecordError):  # a full disk was told when the run met it
         note_end(record)
     _evaluate(record, outcome, report=request.report)
@@ -167,9 +173,10 @@ def all_prompts(procedure: Procedure, plan: Plan, bench: Bench) -> list[Prompt]:
 
 def head_of(plan: Plan, bench: Bench, clock: Clock) -> dict[str, str]:
     """Return the files that say what a run is asked to do; they stand before it does anything."""
-    facts = {
+    facts: dict[str, Any] = {
         "started_utc": utc_now().isoformat(timespec="seconds"),
         "clock": type(clock).__name__,
+        "system_clock_synchronised": system_clock_synchronised(),
         "set": list(plan.overrides),
         **versions(),
     }
@@ -182,13 +189,19 @@ def head_of(plan: Plan, bench: Bench, clock: Clock) -> dict[str, str]:
     }
 
 
-def _walk(run: Run, procedure: Procedure, addresses: Mapping[str, str], outcome: Outcome) -> None:
+def _walk(
+    run: Run,
+    procedure: Procedure,
+    addresses: Mapping[str, str],
+    outcome: Outcome,
+    trace: Trace | None,
+) -> None:
     """Open the bench, do every step, and bring the bench to rest; the outcome says how it went."""
     found: dict[str, Found] = {}
     with run.clock.participant("run"), AbortSignals(run.clock) as signals:
         try:
             needed = procedure.instruments(run.parameters)
-            found = open_instruments(run.bench, needed, addresses, run.clock, run.ask)
+            found = open_instruments(run.bench, needed, addresses, run.clock, run.ask, trace)
             run.instruments = {name: one.instrument for name, one in found.items()}
             for name, one in found.items():
                 run.record.event("identified", instrument=name, **vars(one.identity))
@@ -206,6 +219,8 @@ def _walk(run: Run, procedure: Procedure, addresses: Mapping[str, str], outcome:
             for one in found.values():
                 with suppress(Exception):  # a line that is gone keeps no other from being closed
                     one.instrument.close()
+            if trace is not None:
+                trace.close()
             run.record.note("run-ended", complete=outcome.error is None)
             run.record.close()
     if outcome.unsafe:

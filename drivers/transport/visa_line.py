@@ -108,8 +108,7 @@ class VisaLine:
         self._timeout_ms = math.nan
         self._wire.open()
         self._opened += 1
-        how = "opened" if self._opened == 1 else "reopened"
-        self._traced("-", f"{how} {self._place.address}".encode())
+        self._traced("-", b"opened" if self._opened == 1 else b"reopened")
 
     def _disconnect(self) -> None:
         self._wire.close()

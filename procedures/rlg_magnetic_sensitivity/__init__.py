@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from procedures.rlg_magnetic_sensitivity.check import check
+from procedures.rlg_magnetic_sensitivity.forecast import forecast
 from procedures.rlg_magnetic_sensitivity.parameters import RlgParameters
 from procedures.rlg_magnetic_sensitivity.steps import STEPS, instruments, prompts, units
 from station.procedure import Procedure, ResultKind
@@ -65,6 +66,7 @@ PROCEDURE = Procedure(
     report=report,
     conditions=conditions,
     units=units,
+    forecast=forecast,
     assumptions=(
         "The probe's axes stand along the coils' normals and the gyro's axes along both; what they "
         "differ is in the results as far as the measured cross components tell it.",

@@ -260,6 +260,11 @@ def first(part: Any) -> Any:
     return body
 
 
+def expected_warm_up_s(parameters: RlgParameters) -> float:
+    """Return the bench time in s that the warm-up is expected to take."""
+    return 1.3 * parameters.warm_up.window_s
+
+
 def record_s(parameters: RlgParameters) -> float:
     """Return the bench time in s of one axis: upload, settling, record, ramp down."""
     recorded_s = parameters.samples * parameters.sample_interval_s
@@ -269,7 +274,7 @@ def record_s(parameters: RlgParameters) -> float:
 STEPS = (
     Step("S1", "Mount the gyro in the centre of the coil", mount, lambda _: 0.0),
     Step("S2", "Connect the cables, identify the instruments", connect, lambda _: 1.0),
-    Step("S3.1", "Switch the gyro on and warm it up", warm_up, lambda p: 1.3 * p.warm_up.window_s),
+    Step("S3.1", "Switch the gyro on and warm it up", warm_up, expected_warm_up_s),
     Step(
         "S3.2",
         "Drive coil X with a sine of frequency f and amplitude M",

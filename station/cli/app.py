@@ -108,9 +108,23 @@ def run(
     ] = None,
     output: Annotated[Path, typer.Option(help="Parent of the run folder.")] = Path("runs"),
     set_: Overrides = None,
+    dry_run: Annotated[
+        bool, typer.Option("--dry-run", help="Print durations and set-points; open nothing.")
+    ] = False,
+    trace: Annotated[
+        bool, typer.Option("--trace", help="Write every byte on the wires into the run folder.")
+    ] = False,
     json: Json = False,
 ) -> None:
     """Run a test plan; leaves a folder of data and report."""
+    if dry_run:
+        from station.cli.dry_running import dry_run_plan
+
+        raise typer.Exit(
+            dry_run_plan(
+                plan, bench, served=served, output=output, as_json=json, overrides=set_ or ()
+            )
+        )
     from station.cli.running import run_plan
 
     raise typer.Exit(
@@ -123,6 +137,7 @@ def run(
             output=output,
             as_json=json,
             overrides=set_ or (),
+            trace=trace,
         )
     )
 

@@ -28,6 +28,7 @@ def run_plan(
     output: Path,
     as_json: bool,
     overrides: Sequence[str] = (),
+    trace: bool = False,
 ) -> int:
     """Run a plan, say how it ended, and return the exit code."""
     bench = read_bench_named(bench_name)
@@ -40,6 +41,7 @@ def run_plan(
         answers=read_answers(answers) if answers else {},
         interactive=asked and sys.stdin.isatty(),
         served=read_served(served) if served else None,
+        trace=trace,
     )
     outcome = execute(request)
     say(outcome)

@@ -11,6 +11,7 @@ from station import registry
 from station.cli.validating import read_bench_named
 from station.clock import RealClock
 from station.errors import InputError
+from station.simulation import serve_bench
 
 
 def serve(bench_name: str, procedure: str, speed: float) -> None:
@@ -21,8 +22,7 @@ def serve(bench_name: str, procedure: str, speed: float) -> None:
     if procedure not in registry.names(registry.PROCEDURES):
         registry.procedure(procedure)  # says which there are
     clock = RealClock(speed)
-    simulator = registry.load(registry.SIMULATORS, registry.SIMULATED_BENCH)
-    simulation = simulator(bench.data, clock, procedure)
+    simulation = serve_bench(bench, clock, procedure)
     simulation.make_ready()
     ended = Event()
     for name in ("SIGINT", "SIGTERM", "SIGHUP"):

@@ -50,6 +50,8 @@ class RunRecord:
         self.path = folder_with_head(parent, f"{stamp}-{procedure}-{safe_serial}", head or {})
         self.faults: list[str] = []
         """What could not be written while the bench was being made safe, and after."""
+        self.after_unit: Callable[[], None] | None = None
+        """What is looked at whenever a unit of work is finished."""
         self._clock = clock
         self._lock = run_lock(self.path)
         self._events = EventLog(self.path / EVENTS)
@@ -88,6 +90,8 @@ class RunRecord:
         for file in self._raw.values():
             file.sync()
         self.event("unit-finished", unit=unit, **details)
+        if self.after_unit is not None:
+            self.after_unit()
 
     def close(self) -> None:
         """Close the raw files and the log."""

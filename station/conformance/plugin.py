@@ -1,0 +1,140 @@
+"""The options of the conformance tests, and the instrument they give to each test."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+
+from station import registry
+from station.bench import Bench, read_bench, role_of
+from station.conformance.stand import Stand, standing
+from station.errors import StationError
+from station.lookup import BENCHES, find
+from station.roles import Role
+from station.roles import role as role_named
+
+PACKAGE = "station.conformance"
+CLAIMS = {"made_safe": "make_safe", "sampled_source": "drain"}
+"""Fixtures for whatever has a verb; the other fixtures bear the name of a role."""
+
+ENERGISES = "energises: current may flow; on a real bench only with --station-energise"
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """Add the options, all of which begin with --station."""
+    group = parser.getgroup("station", "conformance of a driver")
+    group.addoption("--station-driver", metavar="NAME", help="entry point in station.drivers")
+    group.addoption("--station-bench", metavar="BENCH", default="sim", help="bench file or name")
+    group.addoption("--station-instrument", metavar="NAME", help="which of several instruments")
+    group.addoption(
+        "--station-procedure",
+        metavar="NAME",
+        default="rlg-magnetic-sensitivity",
+        help="whose simulated world the instrument stands in",
+    )
+    group.addoption(
+        "--station-energise", action="store_true", help="let current flow on a real bench"
+    )
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Find the instrument; a driver or bench that does not exist ends the session at once."""
+    config.addinivalue_line("markers", ENERGISES)
+    try:
+        config.stash[UNDER_TEST] = instrument_under_test(config)
+    except StationError as error:
+        raise pytest.UsageError(str(error)) from error
+
+
+UNDER_TEST = pytest.StashKey[tuple[Bench, str]]()
+
+
+def instrument_under_test(config: pytest.Config) -> tuple[Bench, str]:
+    """Return the bench and the instance whose driver is under test."""
+    driver = config.getoption("--station-driver")
+    known = registry.names(registry.DRIVERS)
+    if driver not in known:
+        given = f"no driver is called {driver!r}" if driver else "no driver is given"
+        raise pytest.UsageError(f"{given}; --station-driver takes one of {', '.join(known)}")
+    bench = read_bench(find(BENCHES, config.getoption("--station-bench")), known)
+    names = [name for name, one in bench.instruments.items() if one.driver == driver]
+    wanted = config.getoption("--station-instrument")
+    if not names or (wanted and wanted not in names):
+        has = ", ".join(f"{name} ({one.driver})" for name, one in bench.instruments.items())
+        raise pytest.UsageError(
+            f"the bench {bench.name} has no instrument {wanted or ''} with the driver {driver}; "
+            f"it has {has}"
+        )
+    return bench, wanted or names[0]
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Leave out what does not concern the instrument's role."""
+    bench, name = config.stash[UNDER_TEST]
+    driver = registry.load(registry.DRIVERS, bench.instruments[name].driver)
+    kept, left_out = [], []
+    for item in items:
+        wanted = set(getattr(item, "fixturenames", ())) & {*CLAIMS, "coil_supply", "dut_power"}
+        concerned = all(
+            hasattr(driver, CLAIMS[one]) if one in CLAIMS else one == role_of(name)
+            for one in wanted
+        )
+        (kept if concerned else left_out).append(item)
+    items[:] = kept
+    config.hook.pytest_deselected(items=left_out)
+
+
+@pytest.fixture
+def stand(request: pytest.FixtureRequest) -> Iterator[Stand]:
+    """Give the instrument under test, not yet opened."""
+    bench, name = request.config.stash[UNDER_TEST]
+    real = bench.simulation is None
+    marked = request.node.get_closest_marker("energises")
+    if real and marked and not request.config.getoption("--station-energise"):
+        pytest.skip("current would flow on a real bench; give --station-energise to allow it")
+    with standing(bench, name, request.config.getoption("--station-procedure")) as stand:
+        yield stand
+
+
+@pytest.fixture
+def role(stand: Stand) -> Role:
+    """Give the role of the instrument under test."""
+    found = role_named(stand.role)
+    if found is None:
+        pytest.skip(f"no installed package says what a {stand.role} can do")
+    return found
+
+
+@pytest.fixture
+def instrument(stand: Stand) -> Any:
+    """Give the instrument under test, opened."""
+    return stand.open()
+
+
+# The names by which a test says whom it concerns.
+
+
+@pytest.fixture
+def made_safe(instrument: Any) -> Any:
+    """Give an instrument that can harm."""
+    return instrument
+
+
+@pytest.fixture
+def sampled_source(instrument: Any) -> Any:
+    """Give an instrument that delivers samples."""
+    return instrument
+
+
+@pytest.fixture
+def coil_supply(instrument: Any) -> Any:
+    """Give a coil supply."""
+    return instrument
+
+
+@pytest.fixture
+def dut_power(instrument: Any) -> Any:
+    """Give a supply of the device under test."""
+    return instrument

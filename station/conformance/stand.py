@@ -1,0 +1,115 @@
+"""One instrument of a bench on the stand: its clock, its place, and whatever it opened."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field
+from typing import Any
+
+from station import registry
+from station.bench import Bench, role_of
+from station.clock import Clock, RealClock, VirtualClock
+from station.conformance.hostile import moved_to
+from station.errors import InputError, StationError
+from station.opening import Place
+from station.safety import DEFAULT_WITHIN_S, MadeSafe
+
+Message = tuple[float, str, bytes]
+"""Run time in s, direction, and the bytes."""
+
+
+@dataclass
+class Stand:
+    """An instrument under test, with what its driver said on the wire and to the operator."""
+
+    bench: Bench
+    name: str
+    clock: Clock
+    address: str
+    simulation: Any = None
+    heard: list[Message] = field(default_factory=list)
+    asked: list[str] = field(default_factory=list)
+    opened: list[Any] = field(default_factory=list)
+
+    @property
+    def role(self) -> str:
+        """The role that the instrument has on its bench."""
+        return role_of(self.name)
+
+    @property
+    def limits(self) -> Mapping[str, float]:
+        """The bench's limits of the instrument."""
+        return self.bench.instruments[self.name].limits
+
+    @property
+    def driver(self) -> Any:
+        """The driver under test, a class."""
+        return registry.load(registry.DRIVERS, self.bench.instruments[self.name].driver)
+
+    @property
+    def within_s(self) -> float:
+        """Run time that the bench gives the instrument to come to rest, s."""
+        for wanted, within_s in self.bench.safe_order():
+            if wanted in (self.name, self.role):
+                return within_s
+        return DEFAULT_WITHIN_S
+
+    def open(self, *, port: int | None = None, limits: Mapping[str, float] | None = None) -> Any:
+        """Return the driver with its line open, at the bench's address or a port of this computer.
+
+        Raises InputError where the kind of address leads to no port.
+        """
+        address: str | None = self.address
+        if port is not None:
+            address = moved_to(self.address, port)
+        if address is None:
+            raise InputError(f"{self.address!r} leads to no port of this computer")
+        settings = self.bench.instruments[self.name].settings
+        limits = self.limits if limits is None else limits
+        place = Place(self.name, address, self.clock, settings, limits, self._ask, self._hear)
+        instrument = self.driver(place)
+        self.opened.append(instrument)
+        return instrument
+
+    def close(self) -> None:
+        """Bring whatever may be energised to rest, and give every line back."""
+        for instrument in self.opened:
+            with suppress(StationError, OSError):
+                if isinstance(instrument, MadeSafe):
+                    instrument.make_safe(self.clock.now() + self.within_s)
+            with suppress(Exception):  # a driver that cannot be closed fails a test of its own
+                instrument.close()
+
+    def _ask(self, prompt_id: str, text: str) -> str:
+        self.asked.append(prompt_id)
+        return str(self.simulation.act(prompt_id)) if self.simulation else "done"
+
+    def _hear(self, direction: str, data: bytes) -> None:
+        self.heard.append((self.clock.now(), direction, data))
+
+
+@contextmanager
+def standing(bench: Bench, name: str, procedure: str) -> Iterator[Stand]:
+    """Put one instrument of a bench on the stand, simulated on virtual time where the bench is."""
+    clock: Clock = RealClock() if bench.simulation is None else VirtualClock()
+    simulation = None
+    address = bench.instruments[name].address or ""
+    if bench.simulation is not None:
+        simulator = registry.load(registry.SIMULATORS, registry.SIMULATED_BENCH)
+        simulation = simulator(bench.data, clock, procedure)
+        served = simulation.instruments.get(name)
+        address = str(served["address"]) if served else address
+    try:
+        with clock.participant("conformance"):
+            if simulation is not None:
+                simulation.make_ready()
+            stand = Stand(bench, name, clock, address, simulation)
+            try:
+                yield stand
+            finally:
+                stand.close()
+    finally:
+        if simulation is not None:
+            simulation.close()
+        clock.stop()

@@ -1,0 +1,145 @@
+"""What every driver owes, whatever its instrument does: identity, clear errors, an end."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import pytest
+
+from station.conformance.hostile import HostileServer, closed_port, is_can, moved_to
+from station.conformance.stand import Stand
+from station.errors import InstrumentError
+from station.roles import Role
+
+ANSWERS_WITHIN_S = 5.0
+"""Run time for opening a line and one question, each exchange being at most half a second."""
+
+NONSENSE = {
+    "bytes": b"\x00\xff\xfe\x81\n",
+    "another answer": b"?\r\n",
+    "an empty answer": b"\n",
+    "no end": b"12,",
+}
+NONSENSE_ON_CAN = {
+    "bytes": b"\x00\xff\xfe\x81",
+    "no frame": b"?\r\n",
+    "bad hexadecimal": b"< frame 101 0.0 zz >",
+    "short frames": b"".join(b"< frame %03X 0.0 01 >" % number for number in range(0x90, 0x140)),
+}
+
+
+def silent(data: bytes) -> bytes:
+    """Answer nothing."""
+    return b""
+
+
+def hang_up(data: bytes) -> None:
+    """Close the connection in place of an answer."""
+
+
+def need_port(stand: Stand) -> None:
+    """Skip a test that has to take the instrument's place on the wire."""
+    if not stand.address:
+        pytest.skip("it has no line")
+    if moved_to(stand.address, 1) is None:
+        pytest.skip(f"the tests cannot take the place of {stand.address}")
+
+
+def error_of(stand: Stand, port: int) -> InstrumentError:
+    """Return the error of opening and identifying an instrument at a port; it must be a clear one.
+
+    Clear is one sentence: instrument, what was attempted, what came back, what to do now.
+    """
+    began_s = stand.clock.now()
+    with pytest.raises(InstrumentError) as raised:
+        stand.open(port=port).identify()
+    took_s = stand.clock.now() - began_s
+    assert took_s <= ANSWERS_WITHIN_S, f"the error came after {took_s:.3g} s"
+    error, text = raised.value, str(raised.value)
+    what, _, do_now = text.rpartition("; ")
+    assert error.instrument == stand.name, "the error names another instrument"
+    assert len(what.split(": ")) >= 3, f"what was attempted, and what came back? {text}"
+    assert do_now.strip(), f"what should the operator do? {text}"
+    assert "\n" not in text, f"more than a sentence: {text}"
+    return error
+
+
+@contextmanager
+def no_thread_left() -> Iterator[None]:
+    """Prove that what is done inside leaves no thread behind."""
+    before = set(threading.enumerate())
+    yield
+    started = [one for one in set(threading.enumerate()) - before if "hostile" not in one.name]
+    for thread in started:
+        thread.join(2.0)
+    left = [thread.name for thread in started if thread.is_alive()]
+    assert not left, f"threads go on after close(): {left}"
+
+
+def test_it_has_the_verbs_of_its_role(stand: Stand, role: Role, instrument: Any) -> None:
+    """A step finds every verb and attribute of the role it asks for."""
+    assert not list(role.missing_verbs(instrument))
+    assert not role.missing_attributes(instrument)
+
+
+def test_it_says_who_is_there(stand: Stand, instrument: Any) -> None:
+    """The serial number is what proves that the right unit is connected."""
+    identity = instrument.identify()
+    if stand.address:
+        assert identity.serial, "the identity holds no serial number"
+        assert identity.model, "the identity holds no model"
+    expected = stand.bench.instruments[stand.name].serial
+    assert not expected or identity.serial == expected
+    assert instrument.identify() == identity, "asked twice it is somebody else"
+
+
+def test_closing_twice_does_no_harm(stand: Stand) -> None:
+    """The end of a run closes what an error may have closed before."""
+    with no_thread_left():
+        instrument = stand.open()
+        instrument.identify()
+        instrument.close()
+        instrument.close()
+
+
+def test_a_closed_port_is_told_clearly(stand: Stand) -> None:
+    """Nobody listens: the instrument is off, or the address is wrong."""
+    need_port(stand)
+    with no_thread_left():
+        error_of(stand, closed_port())
+        stand.close()
+
+
+@pytest.mark.parametrize("greets", [True, False], ids=["silent", "silent-from-the-start"])
+def test_silence_is_told_clearly_and_in_time(stand: Stand, greets: bool) -> None:
+    """The connection stands and no answer ever comes."""
+    need_port(stand)
+    can = is_can(stand.address)
+    server = HostileServer(stand.clock, silent, can=can, greets=greets)
+    with server, no_thread_left():
+        error_of(stand, server.port)
+        stand.close()
+
+
+def test_a_partner_that_hangs_up_is_told_clearly(stand: Stand) -> None:
+    """The connection is closed in the middle of an exchange."""
+    need_port(stand)
+    with HostileServer(stand.clock, hang_up, can=is_can(stand.address)) as server, no_thread_left():
+        error_of(stand, server.port)
+        stand.close()
+
+
+@pytest.mark.parametrize("kind", [*dict.fromkeys([*NONSENSE, *NONSENSE_ON_CAN])])
+def test_nonsense_is_told_clearly(stand: Stand, kind: str) -> None:
+    """Whatever comes back, an answer that is none never becomes an identity."""
+    need_port(stand)
+    known = NONSENSE_ON_CAN if is_can(stand.address) else NONSENSE
+    if kind not in known:
+        pytest.skip("not on this kind of line")
+    answer: Callable[[bytes], bytes] = lambda data: known[kind]  # noqa: E731
+    with HostileServer(stand.clock, answer, can=is_can(stand.address)) as server, no_thread_left():
+        error_of(stand, server.port)
+        stand.close()

@@ -1,0 +1,216 @@
+"""Walk a plan without opening an instrument: when each step begins, what it sets, how far it goes.
+
+What a procedure foresees comes from its `forecast`; the extremes are found here, the same way for
+all procedures.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from datetime import datetime, timedelta
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from station import registry
+from station.clock import system_clock_synchronised, utc_now
+from station.disk_space import Disk, disk_of
+from station.faults import FaultList
+from station.preflight import fault_of_output, warned_of_clock
+from station.simulation import clock_for
+from station.units import UnitError, parse_as
+
+if TYPE_CHECKING:
+    from station.bench import Bench
+    from station.plan import Plan
+    from station.procedure import SetPoint
+
+RESISTANCE = "coil_resistance"
+QUANTITIES = {"field": ("field_mT", "mT"), "current": ("current_A", "A")}
+MOTIONS = {"rate": ("rate_deg_per_s", "deg/s")}
+
+
+@dataclass(frozen=True)
+class Extreme:
+    """The largest (or lowest) value that a run sets; None with a note where it is not known."""
+
+    which: str
+    quantity: str
+    value: float | None
+    unit: str
+    instrument: str
+    note: str = ""
+
+
+@dataclass(frozen=True)
+class Walked:
+    """One step of a dry run: when it begins and how long it takes, s of bench time."""
+
+    step: str
+    title: str
+    starts_s: float
+    expected_s: float
+    set_points: tuple[SetPoint, ...]
+
+
+@dataclass(frozen=True)
+class DryRun:
+    """A walk through a plan; `speed` is None where waiting is skipped, the end then not told."""
+
+    steps: tuple[Walked, ...]
+    extremes: tuple[Extreme, ...]
+    expected_s: float
+    speed: float | None
+    ends_utc: datetime | None
+    disk: Disk
+    warnings: tuple[str, ...]
+
+    def to_data(self) -> dict[str, Any]:
+        """Return the walk as plain data; a set-point holds what concerns it only."""
+        return {
+            "steps": [
+                {**vars(one), "set_points": [given(point) for point in one.set_points]}
+                for one in self.steps
+            ],
+            "extremes": [vars(one) for one in self.extremes],
+            "expected_s": self.expected_s,
+            "speed": self.speed,
+            "estimated_end_utc": self.ends_utc and self.ends_utc.isoformat(timespec="seconds"),
+            "disk": {
+                "output": str(self.disk.folder),
+                "needed_bytes": self.disk.needed_bytes,
+                "free_bytes": self.disk.free_bytes,
+            },
+            "warnings": list(self.warnings),
+        }
+
+
+def walk(plan: Plan, bench: Bench, output: Path, served: Mapping[str, Any] | None = None) -> DryRun:
+    """Walk the steps of a plan on a bench; nothing is opened and nothing is written.
+
+    `served` is the first line of a `station sim` that the run would use.
+    """
+    procedure = registry.procedure(plan.procedure)
+    foreseen = procedure.forecast(plan.parameters, bench)
+    clock = clock_for(bench, served)
+    steps: list[Walked] = []
+    starts_s = 0.0
+    for step in procedure.steps:
+        expected_s = step.duration_s(plan.parameters)
+        points = tuple(point for point in foreseen.set_points if point.step == step.number)
+        steps.append(Walked(step.number, step.title, starts_s, expected_s, points))
+        starts_s += expected_s
+    disk = disk_of(foreseen, bench, output, clock)
+    speed: float | None = getattr(clock, "speed", None)
+    return DryRun(
+        steps=tuple(steps),
+        extremes=tuple(extremes(foreseen.set_points, bench)),
+        expected_s=starts_s,
+        speed=speed,
+        ends_utc=ends_utc(starts_s, speed),
+        disk=disk,
+        warnings=tuple(warnings(disk, output, starts_s, real=is_real(bench, served))),
+    )
+
+
+def is_real(bench: Bench, served: Mapping[str, Any] | None) -> bool:
+    """Return whether a run would use real instruments."""
+    return bench.simulation is None and served is None
+
+
+def warnings(disk: Disk, output: Path, expected_s: float, *, real: bool) -> Iterator[str]:
+    """Yield what would keep a run from beginning, or what it would warn of."""
+    fault = fault_of_output(output)
+    if fault is not None:
+        yield fault
+    if disk.too_small:
+        yield disk.sentence()
+    synchronised = system_clock_synchronised()
+    for one in warned_of_clock(expected_s, real=real, synchronised=synchronised):
+        yield one.sentence
+
+
+def ends_utc(expected_s: float, speed: float | None) -> datetime | None:
+    """Return when a run that begins now would end; None on virtual time or beyond all calendars."""
+    if speed is None:
+        return None
+    try:
+        return utc_now() + timedelta(seconds=expected_s / speed)
+    except OverflowError:
+        return None
+
+
+def extremes(points: Sequence[SetPoint], bench: Bench) -> Iterator[Extreme]:
+    """Yield the largest field, current, heating and rate, lowest and highest temperature."""
+    for quantity, (name, unit) in QUANTITIES.items():
+        yield from largest(points, quantity, name, unit)
+    yield from heating(points, bench)
+    for quantity, (name, unit) in MOTIONS.items():
+        yield from largest(points, quantity, name, unit)
+    yield from temperatures(points)
+
+
+def largest(points: Sequence[SetPoint], quantity: str, name: str, unit: str) -> Iterator[Extreme]:
+    """Yield the set-point that is largest in magnitude, where any concerns the quantity."""
+    sized = [(abs(getattr(one, name)), one) for one in points if getattr(one, name) is not None]
+    if sized:
+        value, point = max(sized, key=lambda pair: pair[0])
+        yield Extreme("largest", quantity, value, unit, point.instrument)
+
+
+def temperatures(points: Sequence[SetPoint]) -> Iterator[Extreme]:
+    """Yield the lowest and the highest temperature that is set."""
+    set_degC = [
+        (one.temperature_degC, one.instrument) for one in points if one.temperature_degC is not None
+    ]
+    if set_degC:
+        yield Extreme("lowest", "temperature", min(set_degC)[0], "degC", min(set_degC)[1])
+        yield Extreme("highest", "temperature", max(set_degC)[0], "degC", max(set_degC)[1])
+
+
+def heating(points: Sequence[SetPoint], bench: Bench) -> Iterator[Extreme]:
+    """Yield the largest heating of a coil, W: I^2 R of the effective current.
+
+    The resistance is the bench file's `coil_resistance`; a coil without one is named by itself.
+    """
+    known: list[tuple[float, str]] = []
+    unknown: dict[str, None] = {}
+    for point in points:
+        if point.current_A is None:
+            continue
+        rms_A = point.current_A if point.rms_current_A is None else point.rms_current_A
+        resistance_ohm = coil_resistance_ohm(bench, point.instrument)
+        if resistance_ohm is None:
+            unknown[point.instrument] = None
+        else:
+            known.append((rms_A**2 * resistance_ohm, point.instrument))
+    if known:
+        value, instrument = max(known)
+        yield Extreme(
+            "largest", "coil heating", value, "W", instrument, "from the effective current"
+        )
+    if unknown:
+        note = f"not known: the bench file gives no {RESISTANCE}"
+        yield Extreme("largest", "coil heating", None, "W", ", ".join(unknown), note)
+
+
+def coil_resistance_ohm(bench: Bench, instrument: str) -> float | None:
+    """Return the resistance in ohm that the bench file gives for a supply's coil, or None.
+
+    Raises FaultList where it gives one that cannot be read.
+    """
+    settings = bench.instruments[instrument].settings
+    if RESISTANCE not in settings:
+        return None
+    try:
+        return parse_as(settings[RESISTANCE], "ohm")
+    except UnitError as error:
+        where = ("instruments", instrument, "settings", RESISTANCE)
+        raise FaultList([bench.fault(where, error.what, error.hint)]) from error
+
+
+def given(point: SetPoint) -> dict[str, Any]:
+    """Return a set-point as plain data, without its step and what does not concern it."""
+    return {
+        name: value for name, value in asdict(point).items() if value is not None and name != "step"
+    }
