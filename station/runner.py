@@ -18,7 +18,7 @@ from station.errors import EXIT_ABORTED, EXIT_FAULT, EXIT_INTERLOCK, RecordError
 from station.evaluation import conclude_run, exit_code_of
 from station.opening import Found, open_instruments
 from station.plan import Plan
-from station.plan_resolved import resolved_text
+from station.plan.resolved import resolved_text
 from station.preflight import look_before_a_run, watch_system_clock
 from station.procedure import Procedure, Prompt
 from station.progress import Progress, how_long

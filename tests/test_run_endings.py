@@ -7,10 +7,11 @@ import subprocess
 import sys
 from pathlib import Path
 
-from station.cli.analysing import analyse_run
-from station.record.folder import RunFolder
 from test_cli import PLAN
 from test_run_rlg import short_run
+
+from station.cli.analysing import analyse_run
+from station.record.folder import RunFolder
 
 ONE_AXIS = {"parameters/axes": ["IA"], "parameters/duration": "100 s"}
 

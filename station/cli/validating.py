@@ -12,7 +12,7 @@ from station.bench import Bench, read_bench
 from station.errors import EXIT_DONE, EXIT_WRONG_INPUT
 from station.lookup import BENCHES, PLANS, find
 from station.plan import Plan, read_plan
-from station.plan_resolved import resolved_data, resolved_text
+from station.plan.resolved import resolved_data, resolved_text
 from station.yaml_reading import Fault, FaultList
 
 

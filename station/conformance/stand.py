@@ -31,6 +31,8 @@ class Stand:
     heard: list[Message] = field(default_factory=list)
     asked: list[str] = field(default_factory=list)
     opened: list[Any] = field(default_factory=list)
+    strangers: list[Any] = field(default_factory=list)
+    """What was opened in the instrument's place: it is closed, and nothing else is asked of it."""
 
     @property
     def role(self) -> str:
@@ -69,7 +71,7 @@ class Stand:
         limits = self.limits if limits is None else limits
         place = Place(self.name, address, self.clock, settings, limits, self._ask, self._hear)
         instrument = self.driver(place)
-        self.opened.append(instrument)
+        (self.opened if port is None else self.strangers).append(instrument)
         return instrument
 
     def close(self) -> None:
@@ -78,6 +80,7 @@ class Stand:
             with suppress(StationError, OSError):
                 if isinstance(instrument, MadeSafe):
                     instrument.make_safe(self.clock.now() + self.within_s)
+        for instrument in (*self.opened, *self.strangers):
             with suppress(Exception):  # a driver that cannot be closed fails a test of its own
                 instrument.close()
 

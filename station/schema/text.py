@@ -17,8 +17,8 @@ from station.dataset_reading import DatasetHeader
 from station.fields import Unit
 from station.plan import PlanHeader
 from station.procedure import Procedure
-from station.schema_models import Schema, model_schema
-from station.schema_plan import (
+from station.schema.models import Schema, model_schema
+from station.schema.plan import (
     DEFINITIONS,
     VARS,
     limits_schema,

@@ -6,9 +6,9 @@ from collections.abc import Mapping
 from typing import Any
 
 from station.fields import Unit
-from station.limits import BOUNDS, LimitedResult
-from station.plan_vars import NAME
-from station.schema_models import Schema
+from station.plan.limits import BOUNDS, LimitedResult
+from station.plan.vars import NAME
+from station.schema.models import Schema
 
 VAR = {"$ref": "#/definitions/var"}
 DEFINITIONS: Schema = {

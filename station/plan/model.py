@@ -12,8 +12,8 @@ from pydantic import BaseModel, Field, field_validator
 from station.decision import Rule
 from station.faults import Fault, FaultList, listed, nearest
 from station.fields import StrictModel, to_yaml_data
-from station.limits import LimitedResult, LimitsByAxis, read_limits
-from station.plan_composition import compose
+from station.plan.composition import compose
+from station.plan.limits import LimitedResult, LimitsByAxis, read_limits
 from station.validation import check_model
 from station.yaml_document import Document
 from station.yaml_reading import read_yaml

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from station.faults import Fault
-from station.plan_extends import EXTENDS, layers_of, merged
-from station.plan_overrides import override
-from station.plan_vars import VARS, fill_in, references
+from station.plan.extends import EXTENDS, layers_of, merged
+from station.plan.overrides import override
+from station.plan.vars import VARS, fill_in, references
 from station.yaml_document import Document
 
 

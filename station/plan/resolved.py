@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING, Any
 from unicodedata import east_asian_width
 
 from station.faults import dotted
-from station.plan_overrides import OPTION
+from station.plan.overrides import OPTION
 from station.yaml_document import Where, leaves
 from station.yaml_reading import read_yaml_text
 from station.yaml_writing import yaml_text
 
 if TYPE_CHECKING:
-    from station.plan import Plan
+    from station.plan.model import Plan
 
 DEFAULT = "default"
 WIDEST_ALIGNED = 60

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from station.faults import Fault, FaultList, dotted
-from station.plan_extends import EXTENDS
+from station.plan.extends import EXTENDS
 from station.yaml_document import Document, Mark, Where
 from station.yaml_reading import plain_scalar, read_yaml_text
 from station.yaml_text import lookalikes

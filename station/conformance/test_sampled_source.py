@@ -1,0 +1,118 @@
+"""What a source of samples owes: its columns, every sample once, and quiet when it is stopped."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from station.acquisition import POLL_S, to_rows
+from station.conformance.stand import Stand
+from station.record.raw import ARRIVAL
+
+RECORDED_S = 60.0
+QUIET_S = 3.0
+FIELD_MT = 1.0
+SAMPLE_INTERVAL_S = 0.1
+CHANNEL = 1
+LARGEST_GAP = 1.5
+"""In sample intervals; what the analysis calls a gap."""
+
+START: dict[str, Callable[[Any], None]] = {
+    "gaussmeter": lambda source: source.start(FIELD_MT),
+    "gyro_acquisition": lambda source: source.start(SAMPLE_INTERVAL_S, CHANNEL),
+}
+
+
+def start(stand: Stand, source: Any) -> None:
+    """Start a source as its role does."""
+    if stand.role not in START:
+        pytest.skip(f"the tests do not know how to start a {stand.role}")
+    START[stand.role](source)
+
+
+def record(stand: Stand, source: Any, seconds: float) -> NDArray[Any]:
+    """Drain a source as an acquisition does; return its rows, shape (rows,)."""
+    until_s = stand.clock.now() + seconds
+    blocks = []
+    while stand.clock.now() < until_s:
+        stand.clock.sleep(POLL_S)
+        blocks.append(to_rows(source.drain()))
+    return np.concatenate(blocks)
+
+
+def steps_of(source: Any, rows: NDArray[Any]) -> dict[str, NDArray[Any]]:
+    """Return the differences of each column that counts or stamps, in its own intervals."""
+    steps = {}
+    for name, meaning in source.columns.items():
+        values = rows[name]
+        if meaning.startswith("1, ") and "every " in meaning:
+            wraps = 2 ** (8 * values.dtype.itemsize) if values.dtype.kind == "u" else 0
+            differences = np.diff(values.astype(np.int64))
+            steps[name] = differences % wraps if wraps else differences
+        elif meaning.startswith("s ") and name.endswith("time_s"):
+            differences = np.diff(values)
+            steps[name] = differences / np.median(differences)
+    return steps
+
+
+def test_it_delivers_the_columns_it_describes(stand: Stand, sampled_source: Any) -> None:
+    """Names, units and lengths agree, and no row arrives before the one before it."""
+    start(stand, sampled_source)
+    block = None
+    for _ in range(10):
+        stand.clock.sleep(POLL_S)
+        block = sampled_source.drain()
+        if len(block):
+            break
+    assert block is not None
+    assert len(block), "it delivers nothing"
+    assert list(block.columns) == list(sampled_source.columns)
+    for name, values in block.columns.items():
+        assert values.shape == (len(block),), name
+        assert values.dtype.kind in "iuf", f"{name} holds no numbers"
+        assert np.isfinite(values).all(), name
+    for name, meaning in sampled_source.columns.items():
+        assert meaning.strip(), f"{name}: unit and meaning are missing"
+    arrival_s = block.arrival_time_s
+    assert (np.diff(arrival_s) >= 0).all()
+    assert arrival_s[-1] <= stand.clock.now()
+
+
+def test_nothing_is_lost_in_a_minute(stand: Stand, sampled_source: Any) -> None:
+    """Its own counter or time stamps ascend in equal steps, from the first row to the last."""
+    start(stand, sampled_source)
+    sampled_source.drain()
+    rows = record(stand, sampled_source, RECORDED_S)
+    assert len(rows) > 1
+    assert (np.diff(rows[ARRIVAL]) >= 0).all()
+    steps = steps_of(sampled_source, rows)
+    assert steps, "no column counts samples or stamps them; say so in `columns`"
+    for name, differences in steps.items():
+        assert (differences > 0).all(), f"{name} does not ascend"
+        assert (differences < LARGEST_GAP).all(), f"{name} leaves samples out"
+
+
+def test_it_can_be_started_again(stand: Stand, sampled_source: Any) -> None:
+    """A second start forgets what the first one left."""
+    for _ in range(2):
+        start(stand, sampled_source)
+        rows = record(stand, sampled_source, 5.0)
+        for name, differences in steps_of(sampled_source, rows).items():
+            assert (differences > 0).all(), f"{name} does not ascend after another start"
+
+
+def test_it_is_quiet_once_stopped(stand: Stand, sampled_source: Any) -> None:
+    """What came before the stop can be drained; nothing comes after it."""
+    if not hasattr(sampled_source, "stop"):
+        pytest.skip("its role knows no stop")
+    start(stand, sampled_source)
+    stand.clock.sleep(QUIET_S)
+    sampled_source.stop()
+    assert len(sampled_source.drain()), "what came before the stop is lost"
+    stand.clock.sleep(QUIET_S)
+    assert not len(sampled_source.drain()), "samples come after the stop"
+    sampled_source.stop()
