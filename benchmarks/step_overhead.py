@@ -2,8 +2,9 @@
 
 python benchmarks/step_overhead.py
 
-A step writes two events; each survives the death of the process at once, and the second is on disk
-before the next step begins. The disk's own `fdatasync` of as many bytes is measured beside it.
+A step writes two events; each is with the operating system before the step goes on and survives
+the death of the process. The loss of power is covered to the last finished unit of work: there
+the disk is waited for, and the disk's own `fdatasync` of as many bytes is measured beside it.
 """
 
 from __future__ import annotations
@@ -45,7 +46,7 @@ def main() -> None:
             os.fdatasync(alone)
 
         cases: dict[str, tuple[Callable[[], object], int]] = {
-            "step with its durable event": (lambda: run.do(step), arguments.times),
+            "step with its two events": (lambda: run.do(step), arguments.times),
             "event": (lambda: record.event("e", durable=False, n=1), arguments.times),
             "event on disk": (lambda: record.event("e", n=1), arguments.times // 5),
             "unit finished": (lambda: record.finish_unit("unit"), arguments.times // 5),

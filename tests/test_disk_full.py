@@ -19,6 +19,7 @@ from campaign_helpers import (
     station_command,
     whole_events,
 )
+from kill_helpers import written_bytes
 
 from station.record.folder import RunFolder
 
@@ -180,10 +181,13 @@ def test_an_event_that_does_not_fit_is_said_and_breaks_no_later_one(tmp_path: Pa
 
 @pytest.fixture
 def small_disk(tmp_path: Path) -> Iterator[Path]:
-    """Mount a disk of 500 kB, where this user may."""
+    """Mount a disk that has room for twelve files and folders, where this user may.
+
+    One that is short of bytes would be told before the run begins.
+    """
     place = tmp_path / "disk"
     place.mkdir()
-    mount = ["mount", "-t", "tmpfs", "-o", "size=500k", "tmpfs", str(place)]
+    mount = ["mount", "-t", "tmpfs", "-o", "size=50m,nr_inodes=12", "tmpfs", str(place)]
     try:
         mounted = subprocess.run(mount, capture_output=True, check=False).returncode == 0
     except FileNotFoundError:
@@ -194,11 +198,21 @@ def small_disk(tmp_path: Path) -> Iterator[Path]:
     subprocess.run(["umount", str(place)], check=True)
 
 
-def test_no_space_left_on_the_device_is_the_same(plan: Path, small_disk: Path) -> None:
-    done = station("run", plan, "--non-interactive", "--output", small_disk / "runs")
-    assert done.returncode == 3
-    assert "No space left on device" in done.stderr
-    assert "the bench is safe" in done.stderr
+def test_a_disk_that_somebody_else_fills_is_the_same(plan: Path, small_disk: Path) -> None:
+    command = station_command("run", plan, "--non-interactive", "--output", small_disk / "runs")
+    process = subprocess.Popen(
+        command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, encoding="utf-8"
+    )
+    while not written_bytes(small_disk / "runs") and process.poll() is None:
+        pass
+    with pytest.raises(OSError, match="No space left"), (small_disk / "other").open("wb") as other:
+        while True:
+            other.write(bytes(1 << 16))
+    _, said = process.communicate()
+    assert process.returncode == 3, said
+    assert "No space left on device" in said
+    assert "the bench is safe" in said
+    assert "Traceback" not in said
     folder = only_run(small_disk / "runs")
     assert folder is not None
-    assert "warm-up" in finished_units(folder)
+    assert RunFolder(folder).run_facts()["clock"] == "VirtualClock"

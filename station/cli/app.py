@@ -209,6 +209,24 @@ def identify(
 
 
 @app.command()
+def scan(
+    host: Annotated[
+        list[str] | None,
+        typer.Option("--host", help="Host to try on the known instrument ports; repeatable."),
+    ] = None,
+    served: Annotated[
+        Path | None, typer.Option(help="File with the first line of a running `station sim`.")
+    ] = None,
+    visa_library: Annotated[str, typer.Option(help="`@py`, or the vendor's library.")] = "@py",
+    json: Json = False,
+) -> None:
+    """Look what is attached; print a draft of a bench file."""
+    from station.cli.scanning import print_scan
+
+    raise typer.Exit(print_scan(host or (), visa_library, served, as_json=json))
+
+
+@app.command()
 def sim(
     bench: Annotated[str, typer.Argument(help="Simulated bench: path or name.")] = DEFAULT_BENCH,
     procedure: Annotated[

@@ -1,0 +1,182 @@
+"""What is attached at all: ask whoever can be asked who it is, and nothing else.
+
+Only identification is asked: `*IDN?`, the Modbus device identification, and the greeting of a CAN
+daemon, which comes unasked. Serial ports are listed and not written to: at a wrong baud rate a
+question may be taken for a command.
+"""
+
+from __future__ import annotations
+
+import re
+import socket
+import struct
+import warnings
+from collections.abc import Iterable, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import Any
+
+from station import registry
+from station.clock import RealClock
+from station.opening import Place
+
+CONNECT_S = 1.0
+ANSWER_S = 1.0
+IDENTIFY = b"*IDN?\n"
+LONGEST_ANSWER = 4096
+MODBUS_PORT = 502
+CAN_PORTS = (28600, 29536)
+TEXT_PORTS = (5025, 7777, 9878, 5000)
+PORTS = (*TEXT_PORTS, MODBUS_PORT, *CAN_PORTS)
+"""Where instruments listen: SCPI, Lake Shore, raw SCPI of others, Modbus, socketcand."""
+
+# Transaction 1, protocol 0, five bytes, unit 1, function 43/14: basic identification from object 0.
+MODBUS_QUESTION = struct.pack(">HHHBBBBB", 1, 0, 5, 1, 0x2B, 0x0E, 1, 0)
+
+
+@dataclass(frozen=True)
+class Seen:
+    """Something attached: its address, what it said, and the driver that recognises it.
+
+    `answered` is False for what is only listed, as a serial port.
+    """
+
+    address: str
+    said: str
+    answered: bool = True
+    driver: str | None = None
+    serial: str | None = None
+
+
+def scan(hosts: Iterable[str], library: str, served: Mapping[str, Any] | None) -> list[Seen]:
+    """Return what is attached, in a fixed order.
+
+    `hosts` are tried on the known ports; `library` is the VISA library; `served`, the first line of
+    `station sim`, takes the place of everything else.
+    """
+    if served is not None:
+        with ThreadPoolExecutor() as pool:
+            return list(pool.map(ask_served, served["instruments"].items()))
+    places = [(host, port) for host in hosts for port in PORTS]
+    with ThreadPoolExecutor(max(len(places), 1)) as pool:
+        answers = pool.map(lambda place: ask_port(*place), places)
+        found = [one for one in answers if one is not None]
+    return [*visa_resources(library), *serial_ports(), *found]
+
+
+def ask_port(host: str, port: int) -> Seen | None:
+    """Ask a TCP port who is there, in the manner of what usually listens on it."""
+    try:
+        with socket.create_connection((host, port), CONNECT_S) as line:
+            line.settimeout(ANSWER_S)
+            if port in CAN_PORTS:
+                said = line.recv(LONGEST_ANSWER).decode("ascii", "replace")
+                if said != "< hi >":
+                    return None
+                return Seen(f"socketcand://{host}:{port}/CHANNEL", "a CAN daemon")
+            if port == MODBUS_PORT:
+                line.sendall(MODBUS_QUESTION)
+                return Seen(f"{host}:{port}", modbus_identity(line.recv(LONGEST_ANSWER)))
+            return recognised(f"TCPIP::{host}::{port}::SOCKET", first_line(line))
+    except OSError:
+        return None
+
+
+def first_line(line: socket.socket) -> str:
+    """Ask `*IDN?` and return the first line of the answer; OSError when there is none."""
+    line.settimeout(ANSWER_S)
+    line.sendall(IDENTIFY)
+    answer = b""
+    while b"\n" not in answer and len(answer) < LONGEST_ANSWER:
+        more = line.recv(LONGEST_ANSWER)
+        if not more:
+            raise ConnectionError("closed before a whole line came")
+        answer += more
+    return answer.partition(b"\n")[0].decode("ascii", "replace").strip()
+
+
+def modbus_identity(answer: bytes) -> str:
+    """Return maker, product and version of a Modbus device from its answer, if it gives them."""
+    names = []
+    if answer[7:9] == b"\x2b\x0e":
+        rest = answer[14:]
+        while len(rest) >= 2 and len(rest) >= 2 + rest[1]:
+            names.append(rest[2 : 2 + rest[1]].decode("ascii", "replace"))
+            rest = rest[2 + rest[1] :]
+    return "Modbus: " + (", ".join(names) or "a device that does not tell its name")
+
+
+def ask_served(entry: tuple[str, Mapping[str, Any]]) -> Seen:
+    """Ask a simulated instrument that `station sim` serves."""
+    _, told = entry
+    address = str(told["address"])
+    scheme = address.partition("://")[0]
+    if "://" in address:
+        for name in registry.names(registry.DRIVERS):
+            driver = registry.load(registry.DRIVERS, name)
+            if getattr(driver, "identifies_on", None) == scheme:
+                with suppress(Exception):  # a driver that cannot is not the one
+                    return identified(driver(Place("scan", address, RealClock())), name, address)
+        return Seen(address, f"{told['protocol']}, no driver recognises it")
+    try:
+        with socket.create_connection((told["host"], told["port"]), CONNECT_S) as line:
+            return recognised(address, first_line(line))
+    except OSError as error:
+        return Seen(address, f"no answer to *IDN? ({error})", answered=False)
+
+
+def identified(instrument: Any, driver: str, address: str) -> Seen:
+    """Return what an instrument says through its driver's own identification."""
+    try:
+        identity = instrument.identify()
+    finally:
+        instrument.close()
+    said = ", ".join(str(part) for part in vars(identity).values() if part)
+    return Seen(address, said, True, driver, identity.serial)
+
+
+def recognised(address: str, said: str) -> Seen:
+    """Return what answered, with the driver whose pattern `recognises` finds in the answer."""
+    for name in registry.names(registry.DRIVERS):
+        pattern = getattr(registry.load(registry.DRIVERS, name), "recognises", None)
+        match = re.search(pattern, said) if pattern else None
+        if match is not None:
+            serial = match.groupdict().get("serial")
+            return Seen(address, said, True, name, serial.strip() if serial else None)
+    return Seen(address, said)
+
+
+def visa_resources(library: str) -> list[Seen]:
+    """Ask every resource that a VISA library lists, serial ports left out."""
+    import pyvisa
+
+    seen = []
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # what the library could find with further packages
+        try:
+            manager = pyvisa.ResourceManager(library)
+            names = manager.list_resources()
+        except Exception as error:  # libraries raise whatever they like
+            return [Seen(library, f"this VISA library lists nothing ({error})", answered=False)]
+        for name in sorted(names):
+            if not name.endswith("::INSTR") or name.startswith("ASRL"):
+                continue
+            try:
+                with manager.open_resource(name, open_timeout=int(1000 * CONNECT_S)) as resource:
+                    resource.timeout = 1000 * ANSWER_S
+                    seen.append(recognised(name, resource.query("*IDN?").strip()))
+            except Exception as error:
+                seen.append(Seen(name, f"no answer to *IDN? ({error})", answered=False))
+    return seen
+
+
+def serial_ports() -> list[Seen]:
+    """List the serial ports of this computer with what their adapters say of themselves."""
+    from serial.tools.list_ports import comports
+
+    return [
+        Seen(f"ASRL{port.device}::INSTR", f"serial port, {port.description}", answered=False)
+        for port in sorted(comports())
+        if port.hwid != "n/a"
+    ]

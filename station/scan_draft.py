@@ -1,0 +1,111 @@
+"""A draft of a bench file from a scan: what is known is written, what is not is left to fill in."""
+
+from __future__ import annotations
+
+import inspect
+import json
+from collections.abc import Iterable, Iterator
+
+from station import registry
+from station.bench import INSTANCES, NEEDED_LIMITS, NEEDED_SETTINGS, role_of
+from station.roles import roles_of
+from station.safety import MadeSafe
+from station.scan import Seen
+from station.yaml_reading import plain_scalar
+
+FILL_IN = "FILL IN"
+EXAMPLES = {
+    "current": "A",
+    "voltage": "V",
+    "slew": "A/s",
+    "zero_current": "A",
+}
+"""The unit of each limit that a role must have."""
+
+HEAD = f"""\
+# A draft from `station scan`. It says who answered where, and nothing more: which coil hangs on
+# which supply, what may never be exceeded and what was calibrated is for you to write, at every
+# {FILL_IN}. Then `station validate PLAN --bench THIS-FILE` names what is still missing.
+bench: 1
+name: draft
+"""
+CALIBRATION = f"""\
+    # {FILL_IN}, from the certificate; without it results carry no uncertainty of this instrument:
+    # calibration:
+    #   certificate: NUMBER
+    #   date: YYYY-MM-DD
+    #   due: YYYY-MM-DD
+    #   uncertainty:
+    #     - {{quantity: …, up_to: …, relative: …, absolute: …, coverage_factor: 2}}
+"""
+
+
+def draft(seen: Iterable[Seen]) -> str:
+    """Return the text of a bench file; whatever no driver recognises stands in comments."""
+    free = list(INSTANCES)
+    entries, rest, safe = [], [], []
+    for one in seen:
+        if one.driver is None:
+            rest.append(f"#   {one.address}: {one.said}\n")
+            continue
+        driver = registry.load(registry.DRIVERS, one.driver)
+        roles = roles_of(driver)
+        instance = next((name for name in free if role_of(name) in roles), None)
+        if instance is None:
+            what = f"{one.said} ({one.driver}); every place for it is taken"
+            rest.append(f"#   {one.address}: {what}\n")
+            continue
+        free.remove(instance)
+        entries.append("".join(entry_lines(instance, one, driver)))
+        if issubclass(driver, MadeSafe) and role_of(instance) not in safe:
+            safe.append(role_of(instance))
+    text = HEAD
+    text += "\ninstruments:\n" + "\n".join(entries) if entries else "\ninstruments: {}\n"
+    if rest:
+        text += "\n# Also there, without a driver or a place:\n" + "".join(rest)
+    if not safe:
+        return text + "\nsafe_state: []\n"
+    steps = "".join(f"  - {{role: {role}, within: 30 s}}\n" for role in safe)
+    return (
+        text
+        + f"\n# {FILL_IN}: the order in which the bench comes to rest, and how fast.\n"
+        + (f"safe_state:\n{steps}")
+    )
+
+
+def entry_lines(instance: str, seen: Seen, driver: type) -> Iterator[str]:
+    """Yield the lines of one instrument."""
+    role = role_of(instance)
+    yield f"  {instance}:\n"
+    places = [name for name in INSTANCES if role_of(name) == role]
+    if len(places) > 1:
+        yield f"    # {FILL_IN}: one of {', '.join(places)}? They were given in the order found.\n"
+    yield f"    # said: {seen.said}\n"
+    yield f"    driver: {seen.driver}\n"
+    yield f"    address: {scalar(seen.address)}\n"
+    if seen.serial:
+        yield f"    serial: {scalar(seen.serial)}\n"
+    else:
+        yield f"    # {FILL_IN}: serial: NUMBER, so that no other unit is taken for this one\n"
+    settings = NEEDED_SETTINGS.get(role, {})
+    told = settings_told(driver)
+    if settings or told:
+        needed = ", ".join(f"{name}: … {unit}" for name, unit in settings.items())
+        yield f"    # {FILL_IN}: settings: {{{needed or '…'}}}\n"
+        yield from (f"    #   {line}\n" for line in told)
+    limits = NEEDED_LIMITS.get(role, ())
+    if limits:
+        needed = ", ".join(f"{name}: … {EXAMPLES.get(name, '')}".rstrip() for name in limits)
+        yield f"    # {FILL_IN}: limits: {{{needed}}}\n"
+    yield CALIBRATION
+
+
+def settings_told(driver: type) -> list[str]:
+    """Return what a driver's own docstring says of its settings, line by line."""
+    paragraphs = (inspect.getdoc(driver) or "").split("\n\n")
+    return [line for one in paragraphs if one.startswith("Settings:") for line in one.splitlines()]
+
+
+def scalar(text: str) -> str:
+    """Return a text as a YAML scalar that our reading gives back as the same text."""
+    return text if plain_scalar(text) == text and ": " not in text else json.dumps(text)
