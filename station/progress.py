@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from types import TracebackType
 
 from station.clock import Clock, boot_seconds
+from station.console import tell
 
 REPEAT_S = 2.0
 """Real time between two lines of progress where the output is no terminal."""
@@ -108,7 +109,8 @@ class Progress:
         if self._quiet:
             return
         self._said_at = boot_seconds()
-        if self._bar is not None:
+        if self._bar is None:
+            tell(text)
+            return
+        with suppress(OSError):  # a terminal that is gone ends no run
             self._bar.console.print(text, highlight=False)
-        else:
-            print(text, file=sys.stderr, flush=True)

@@ -67,20 +67,31 @@ def scan(hosts: Iterable[str], library: str, served: Mapping[str, Any] | None) -
 
 def ask_port(host: str, port: int) -> Seen | None:
     """Ask a TCP port who is there, in the manner of what usually listens on it."""
+    ask = ask_can if port in CAN_PORTS else ask_modbus if port == MODBUS_PORT else ask_text
     try:
         with socket.create_connection((host, port), CONNECT_S) as line:
             line.settimeout(ANSWER_S)
-            if port in CAN_PORTS:
-                said = line.recv(LONGEST_ANSWER).decode("ascii", "replace")
-                if said != "< hi >":
-                    return None
-                return Seen(f"socketcand://{host}:{port}/CHANNEL", "a CAN daemon")
-            if port == MODBUS_PORT:
-                line.sendall(MODBUS_QUESTION)
-                return Seen(f"{host}:{port}", modbus_identity(line.recv(LONGEST_ANSWER)))
-            return recognised(f"TCPIP::{host}::{port}::SOCKET", first_line(line))
+            return ask(line, host, port)
     except OSError:
         return None
+
+
+def ask_text(line: socket.socket, host: str, port: int) -> Seen:
+    """Ask `*IDN?`; OSError when no line comes back."""
+    return recognised(f"TCPIP::{host}::{port}::SOCKET", first_line(line))
+
+
+def ask_modbus(line: socket.socket, host: str, port: int) -> Seen:
+    """Ask for the device identification; OSError when nothing comes back."""
+    line.sendall(MODBUS_QUESTION)
+    return Seen(f"{host}:{port}", modbus_identity(line.recv(LONGEST_ANSWER)))
+
+
+def ask_can(line: socket.socket, host: str, port: int) -> Seen | None:
+    """Wait for the greeting of a CAN daemon; OSError when nothing comes."""
+    if line.recv(LONGEST_ANSWER) != b"< hi >":
+        return None
+    return Seen(f"socketcand://{host}:{port}/CHANNEL", "a CAN daemon")
 
 
 def first_line(line: socket.socket) -> str:
@@ -138,6 +149,7 @@ def identified(instrument: Any, driver: str, address: str) -> Seen:
 
 def recognised(address: str, said: str) -> Seen:
     """Return what answered, with the driver whose pattern `recognises` finds in the answer."""
+    said = "".join(letter if letter.isprintable() else " " for letter in said).strip()
     for name in registry.names(registry.DRIVERS):
         pattern = getattr(registry.load(registry.DRIVERS, name), "recognises", None)
         match = re.search(pattern, said) if pattern else None

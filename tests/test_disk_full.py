@@ -181,13 +181,10 @@ def test_an_event_that_does_not_fit_is_said_and_breaks_no_later_one(tmp_path: Pa
 
 @pytest.fixture
 def small_disk(tmp_path: Path) -> Iterator[Path]:
-    """Mount a disk that has room for twelve files and folders, where this user may.
-
-    One that is short of bytes would be told before the run begins.
-    """
+    """Mount a disk of 20 MB, where this user may; a smaller one is told before a run begins."""
     place = tmp_path / "disk"
     place.mkdir()
-    mount = ["mount", "-t", "tmpfs", "-o", "size=50m,nr_inodes=12", "tmpfs", str(place)]
+    mount = ["mount", "-t", "tmpfs", "-o", "size=20m", "tmpfs", str(place)]
     try:
         mounted = subprocess.run(mount, capture_output=True, check=False).returncode == 0
     except FileNotFoundError:

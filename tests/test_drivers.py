@@ -344,7 +344,7 @@ def test_a_faulty_board_is_one_sentence(fault: str) -> None:
 
 def test_a_late_acknowledgement_is_passed_over() -> None:
     late = (Pause(0.8), acknowledgement(3, 2, 1))
-    good = (Pause(0.35), acknowledgement(3, 0, 2), frame(0x111, IDENTITY))
+    good = (Pause(0.05), acknowledgement(3, 0, 2), frame(0x111, IDENTITY))
     with Daemon(late, good) as wire:
         instrument = board(wire)
         with pytest.raises(InstrumentTimeout):

@@ -78,3 +78,22 @@ def test_an_overdue_calibration_is_flagged(tmp_path: Path) -> None:
     assert outcome.document is not None
     flags = {flag.code: flag for flag in outcome.document.flags}
     assert "gaussmeter was due on 2026-02-01" in flags["calibration-overdue"].message
+
+
+def test_a_terminal_that_is_gone_ends_no_run(tmp_path: Path) -> None:
+    (tmp_path / "plan.yaml").write_text(PLAN, encoding="utf-8")
+    process = subprocess.Popen(
+        [sys.executable, "-m", "station", "run", "plan.yaml", "--non-interactive"],
+        cwd=tmp_path,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        text=True,
+        encoding="utf-8",
+    )
+    assert process.stderr is not None
+    process.stderr.readline()
+    process.stderr.close()
+    process.wait(timeout=60)
+    (folder,) = (tmp_path / "runs").iterdir()
+    assert (folder / "results.json").is_file()
+    assert (folder / "manifest.json").is_file()

@@ -11,6 +11,7 @@ from typing import Any
 
 from station.cli.printing import print_document
 from station.cli.validating import read_bench_named, read_plan_for
+from station.console import tell
 from station.errors import InputError
 from station.record.folder import REPORT
 from station.results import SCHEMA
@@ -76,16 +77,15 @@ def read_served(path: Path) -> dict[str, Any]:
 def say(outcome: Outcome) -> None:
     """Tell the technician on standard error how the run and the bench ended."""
     if outcome.error is not None:
-        print(f"\nthe run did not finish: {outcome.error}", file=sys.stderr)
+        tell(f"\nthe run did not finish: {outcome.error}")
     for one in outcome.unsafe:
-        print(
+        tell(
             f"NOT VERIFIED: {one.instrument} could not be proven safe ({one.read_back}); "
-            "switch it off by hand",
-            file=sys.stderr,
+            "switch it off by hand"
         )
     if outcome.safe and not outcome.unsafe:
-        print("the bench is safe, read back from every instrument that can harm", file=sys.stderr)
-    print(f"run folder: {outcome.folder}", file=sys.stderr)
+        tell("the bench is safe, read back from every instrument that can harm")
+    tell(f"run folder: {outcome.folder}")
 
 
 def document_of(outcome: Outcome, procedure: str) -> dict[str, Any]:

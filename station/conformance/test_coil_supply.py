@@ -18,6 +18,10 @@ FREQUENCY_HZ = 0.1
 SHARE_OF_LIMIT = 0.25
 LOOKS_A_PERIOD = 40
 WATCH_S = 0.02
+LOOKS_AT_REST = 3
+NOT_A_ZERO_S = 1.7
+"""After this time, and after twice of it, a sine that began at zero is far from zero."""
+
 ONE_STEP_S = 0.1
 """A ramp in steps may stand above its line by what the slew limit gives in this time."""
 
@@ -36,9 +40,15 @@ def running(stand: Stand, supply: Any) -> None:
     supply.start_sine()
 
 
+def run_for_a_while(stand: Stand, supply: Any) -> None:
+    """Let the supply run its sine until much current flows."""
+    running(stand, supply)
+    stand.clock.sleep(NOT_A_ZERO_S)
+
+
 def refused(stand: Stand, supply: Any) -> None:
     """Ask for more than the bench allows, while the sine runs."""
-    running(stand, supply)
+    run_for_a_while(stand, supply)
     with pytest.raises(InstrumentError):
         supply.load_sine(FREQUENCY_HZ, 1.01 * stand.limits["current"])
 
@@ -50,16 +60,19 @@ STATES: dict[str, Callable[[Stand, Any], None]] = {
         supply.programme_limits(),
         supply.load_sine(FREQUENCY_HZ, amplitude_A(stand)),
     )[0],
-    "sine-running": running,
+    "sine-running": run_for_a_while,
     "a-request-refused": refused,
 }
 
 
 def at_rest(stand: Stand, supply: Any) -> None:
-    """Assert that the supply reads back as safe and that no current flows."""
+    """Assert that the supply reads back as safe and that no current flows, now and later."""
     reading = supply.read_safety()
     assert reading.safe, reading.read_back
-    assert abs(supply.current_A()) <= stand.limits["zero_current"]
+    for _ in range(LOOKS_AT_REST):
+        current_A = supply.current_A()
+        assert abs(current_A) <= stand.limits["zero_current"], f"{current_A:.3f} A flows"
+        stand.clock.sleep(NOT_A_ZERO_S)
 
 
 def test_the_limits_go_into_the_instrument(stand: Stand, coil_supply: Any) -> None:

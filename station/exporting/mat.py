@@ -29,7 +29,28 @@ LARGEST_BYTES = 2**31 - 2**20
 """A variable of a level 5 file is below 2 GB, and all raw data is one."""
 
 KEYWORDS = frozenset(
-    ["break", "case", "catch", "classdef", "continue", "else", "elseif", "end", "for", "function", "global", "if", "otherwise", "parfor", "persistent", "return", "spmd", "switch", "try", "while"]
+    [
+        "break",
+        "case",
+        "catch",
+        "classdef",
+        "continue",
+        "else",
+        "elseif",
+        "end",
+        "for",
+        "function",
+        "global",
+        "if",
+        "otherwise",
+        "parfor",
+        "persistent",
+        "return",
+        "spmd",
+        "switch",
+        "try",
+        "while",
+    ]
 )
 
 
