@@ -74,7 +74,8 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     """Leave out what does not concern the instrument's role."""
     bench, name = config.stash[UNDER_TEST]
     driver = registry.load(registry.DRIVERS, bench.instruments[name].driver)
-    kept, left_out = [], []
+    kept: list[pytest.Item] = []
+    left_out: list[pytest.Item] = []
     for item in items:
         wanted = set(getattr(item, "fixturenames", ())) & {*CLAIMS, "coil_supply", "dut_power"}
         concerned = all(
