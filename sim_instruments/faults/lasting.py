@@ -1,0 +1,91 @@
+"""Faults that last: from one moment to another the instrument, or the world, is another one.
+
+What each does stands in the simulated instrument that declares it (`lasting_faults`).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import ClassVar
+
+from sim_instruments.faults.trigger import Trigger
+from sim_instruments.truth import SimulationError, Truth
+
+
+class LastingFault:
+    """One state that begins at a time or at a message and ends after a while, or never."""
+
+    kind: ClassVar[str]
+    options: ClassVar[tuple[str, ...]] = ()
+
+    def __init__(self, trigger: Trigger, truth: Truth) -> None:
+        self.trigger = trigger
+        self.begin_s = math.inf
+        self.end_s = math.inf
+
+    def begin(self, time_s: float) -> None:
+        """Begin at `time_s`."""
+        self.begin_s = time_s
+        self.end_s = time_s + self.trigger.for_s
+
+    def lasts(self, time_s: float) -> bool:
+        """Return whether the fault is there at a time."""
+        return self.begin_s <= time_s < self.end_s
+
+
+class PortGone(LastingFault):
+    """Nobody listens on the instrument's port any more, and its connections end."""
+
+    kind = "port-gone"
+
+
+class Frozen(LastingFault):
+    """What is measured keeps the last value, while time stamps and numbers go on."""
+
+    kind = "frozen"
+
+
+class Overload(LastingFault):
+    """The input is beyond its range, and readings say so."""
+
+    kind = "overload"
+
+
+class Compliance(LastingFault):
+    """The supply gives no more than `voltage`, 1 V unless said: a worn contact, a hot coil."""
+
+    kind = "compliance"
+    options = ("voltage",)
+
+    def __init__(self, trigger: Trigger, truth: Truth) -> None:
+        super().__init__(trigger, truth)
+        self.voltage_V = truth.quantity("voltage", "V") if "voltage" in truth else 1.0
+        if self.voltage_V < 0:
+            raise SimulationError(f"{truth.where}.voltage: must not be negative")
+
+
+class ListRefused(LastingFault):
+    """The supply takes a list and refuses to run it, with a settings conflict."""
+
+    kind = "list-refused"
+
+
+class Silent(LastingFault):
+    """The board goes on sampling and sends no sample."""
+
+    kind = "silent"
+
+
+class Dark(LastingFault):
+    """The gyro's discharge goes out: nothing is counted, and the board sees no light."""
+
+    kind = "dark"
+
+
+LASTING_FAULTS: dict[str, type[LastingFault]] = {
+    fault.kind: fault
+    for fault in (PortGone, Frozen, Overload, Compliance, ListRefused, Silent, Dark)
+}
+
+EVERYWHERE = (PortGone.kind,)
+"""What can happen to any instrument that is served on a port."""

@@ -1,0 +1,196 @@
+"""Faults on the wire: what becomes of a message on its way in, of a reply on its way out.
+
+A reply is one line of a text protocol, or the data of one CAN frame.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, replace
+from typing import ClassVar
+
+import numpy as np
+
+from sim_instruments.faults.trigger import Trigger
+from sim_instruments.truth import SimulationError, Truth
+
+LINES = frozenset({"scpi", "acl", "ascii"})
+CAN = frozenset({"socketcand"})
+# Two protocols are not here yet: checksummed frames and Modbus, whose own fault is a wrong CRC.
+
+MEASURED = re.compile(rb"[+-]?\d+\.\d+E[+-]?\d+")
+"""How instruments write what they measured; counts, states and versions look otherwise."""
+
+
+@dataclass(frozen=True)
+class Reply:
+    """What goes out: the bytes, the end of the line, and how much later."""
+
+    body: bytes
+    end: bytes = b""
+    delay_s: float = 0.0
+
+
+class WireFault:
+    """One fault between an instrument's logic and its socket."""
+
+    kind: ClassVar[str]
+    protocols: ClassVar[frozenset[str]] = LINES | CAN
+    options: ClassVar[tuple[str, ...]] = ()
+    needs_reply: ClassVar[bool] = True
+    """Only messages that are answered are met."""
+    loses_messages: ClassVar[bool] = False
+    """A message that is met never reaches the instrument."""
+    drops_line: ClassVar[bool] = False
+    """The connection ends with the message that is met."""
+
+    def __init__(self, trigger: Trigger, rng: np.random.Generator, truth: Truth) -> None:
+        self.trigger = trigger
+        self.rng = rng
+
+    def touches(self, reply: Reply) -> bool:
+        """Return whether there is anything in this reply to change."""
+        return True
+
+    def change(self, reply: Reply, previous: Reply | None) -> Reply | None:
+        """Return what goes out in place of `reply`; `previous` is the reply before it."""
+        return reply
+
+
+class NoReply(WireFault):
+    """The command is carried out, its reply is lost."""
+
+    kind = "no-reply"
+
+    def change(self, reply: Reply, previous: Reply | None) -> Reply | None:
+        """Return nothing."""
+        return None
+
+
+class Late(WireFault):
+    """The reply comes `delay` later, 2 s unless said."""
+
+    kind = "late"
+    options = ("delay",)
+
+    def __init__(self, trigger: Trigger, rng: np.random.Generator, truth: Truth) -> None:
+        super().__init__(trigger, rng, truth)
+        self.delay_s = truth.quantity("delay", "s") if "delay" in truth else 2.0
+        if self.delay_s <= 0:
+            raise SimulationError(f"{truth.where}.delay: must be positive")
+
+    def change(self, reply: Reply, previous: Reply | None) -> Reply | None:
+        """Return the reply with a delay."""
+        return replace(reply, delay_s=reply.delay_s + self.delay_s)
+
+
+class Partial(WireFault):
+    """The reply breaks off in the middle, without its end."""
+
+    kind = "partial"
+
+    def change(self, reply: Reply, previous: Reply | None) -> Reply | None:
+        """Return the first half."""
+        return replace(reply, body=reply.body[: (len(reply.body) + 1) // 2], end=b"")
+
+
+class Garbled(WireFault):
+    """About a quarter of the bytes, one at least, are disturbed in their high bit and others."""
+
+    kind = "garbled"
+
+    def change(self, reply: Reply, previous: Reply | None) -> Reply | None:
+        """Return the reply with bytes that are no text."""
+        body = np.frombuffer(reply.body, dtype=np.uint8).copy()
+        if not body.size:
+            return reply
+        hit = self.rng.random(body.size) < 0.25
+        hit[self.rng.integers(body.size)] = True
+        body[hit] = (body[hit] ^ self.rng.integers(0, 128, int(hit.sum()), dtype=np.uint8)) ^ 0x80
+        return replace(reply, body=body.tobytes())
+
+
+class WrongTerminator(WireFault):
+    """The line ends with a carriage return alone."""
+
+    kind = "wrong-terminator"
+    protocols = LINES
+
+    def change(self, reply: Reply, previous: Reply | None) -> Reply | None:
+        """Return the reply with another end."""
+        return replace(reply, end=b"\r")
+
+
+class PreviousReply(WireFault):
+    """The reply is the one that the message before was given; the first one is lost."""
+
+    kind = "previous-reply"
+
+    def change(self, reply: Reply, previous: Reply | None) -> Reply | None:
+        """Return the reply before this one."""
+        return None if previous is None else replace(previous, delay_s=reply.delay_s)
+
+
+class NotANumber(WireFault):
+    """Every measured value in the reply reads NaN."""
+
+    kind = "nan"
+    protocols = LINES
+
+    def touches(self, reply: Reply) -> bool:
+        """Return whether the reply holds a measured value."""
+        return MEASURED.search(reply.body) is not None
+
+    def change(self, reply: Reply, previous: Reply | None) -> Reply | None:
+        """Return the reply without its values."""
+        return replace(reply, body=MEASURED.sub(b"NaN", reply.body))
+
+
+class LostCommand(WireFault):
+    """The message never reaches the instrument, which neither acts nor answers."""
+
+    kind = "lost-command"
+    protocols = LINES
+    needs_reply = False
+    loses_messages = True
+
+
+class LostFrame(WireFault):
+    """The frame is on the bus for nobody, whether the instrument sends it or should get it."""
+
+    kind = "lost-frame"
+    protocols = CAN
+    loses_messages = True
+
+    def change(self, reply: Reply, previous: Reply | None) -> Reply | None:
+        """Return nothing."""
+        return None
+
+
+class DroppedConnection(WireFault):
+    """The message is carried out, then the connection ends in place of a reply."""
+
+    kind = "dropped-connection"
+    needs_reply = False
+    drops_line = True
+
+    def change(self, reply: Reply, previous: Reply | None) -> Reply | None:
+        """Return nothing."""
+        return None
+
+
+WIRE_FAULTS: dict[str, type[WireFault]] = {
+    fault.kind: fault
+    for fault in (
+        NoReply,
+        Late,
+        Partial,
+        Garbled,
+        WrongTerminator,
+        PreviousReply,
+        NotANumber,
+        LostCommand,
+        LostFrame,
+        DroppedConnection,
+    )
+}
