@@ -2,13 +2,21 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Mapping
 from importlib.metadata import entry_points
+from pathlib import Path
 from typing import Any, ClassVar
 
+import yaml
+
+from sim_instruments.faults.catalogue import possible_faults
+from sim_instruments.faults.instrument import InstrumentFaults, Schedule
+from sim_instruments.faults.reading import read_fault
 from sim_instruments.instrument import Setting, SimulatedInstrument
 from sim_instruments.seeds import generator
 from sim_instruments.truth import SimulationError, Truth
+from sim_instruments.world.extremes import coil_report
 from sim_instruments.world.laser_gyro_bench import LaserGyroBench
 from station.clock import Clock
 
@@ -30,6 +38,8 @@ class SimulatedBench:
     `bench` is the raw data of the bench file; its `simulation` mapping holds the seed and the
     truth of the world, the `simulator` mapping of each instrument the instrument's own truth and,
     where wished, a fixed `port`. Instruments whose driver has no simulator are left out.
+    `simulation.faults` is a list of faults (see `inject`), `simulation.report` a file that gets the
+    end state of the world when the bench is closed.
     `simulators` replaces the installed ones. Raises SimulationError, and OSError whose text names
     instrument and port when a port cannot be had.
     """
@@ -47,7 +57,7 @@ class SimulatedBench:
         makers = installed_simulators() if simulators is None else simulators
         whole = Truth(bench, "bench")
         simulation = whole.section("simulation")
-        seed = simulation.integer("seed", 0)
+        self._seed = simulation.integer("seed", 0)
         if procedure not in WORLDS:
             raise SimulationError(
                 f"no simulated world for the procedure '{procedure}' "
@@ -55,17 +65,28 @@ class SimulatedBench:
             )
         self._clock = clock
         self._world = WORLDS[procedure](simulation)
+        self._schedule = Schedule(clock, self._world.lock)
+        self._faults: dict[str, InstrumentFaults] = {}
+        self._injected = 0
+        self._report_to = simulation.text("report") if "report" in simulation else None
         self._served: dict[str, SimulatedInstrument] = {}
         try:
             for name, entry in whole.raw("instruments").items():
                 instrument = Truth(entry, f"instruments.{name}")
                 maker = makers.get(instrument.text("driver"))
                 if maker is not None:
-                    self._served[name] = maker(self._setting(name, instrument, seed))
+                    self._faults[name] = InstrumentFaults(self._schedule)
+                    self._served[name] = maker(self._setting(name, instrument))
+            self.instruments = {name: one.describe() for name, one in self._served.items()}
+            faults = simulation.raw("faults") if "faults" in simulation else []
+            if not isinstance(faults, list):
+                raise SimulationError(f"simulation.faults: a list was expected, got {faults!r}")
+            for number, entry in enumerate(faults, 1):
+                self._add_fault(entry, f"simulation.faults[{number}]")
         except BaseException:
+            self._report_to = None
             self.close()
             raise
-        self.instruments = {name: one.describe() for name, one in self._served.items()}
 
     def act(self, prompt_id: str) -> str:
         """Do what a prompt asks a person to do; returns a sentence that says what was done."""
@@ -76,12 +97,94 @@ class SimulatedBench:
         for prompt_id in self._world.preparations:
             self.act(prompt_id)
 
+    def inject(self, entry: Mapping[str, Any]) -> str:
+        """Bring a fault into the bench while it serves, and return a sentence that says so.
+
+        `entry` is what stands in the list `simulation.faults`: `instrument`, `fault`, the options
+        of the fault, and when: from `at` on (bench time; at once unless given), at the `nth`
+        message that holds the text `command` (on CAN: the frame of that identifier), `count`
+        times or `for` a time; once when neither is given. A fault that lasts ends after `for`, or
+        never. Raises SimulationError with one sentence.
+        """
+        self._injected += 1
+        return self._add_fault(entry, "fault")
+
+    def answer(self, line: str) -> str:
+        """Do what one line of text asks for: a fault to inject, as YAML or JSON, or `report`.
+
+        Returns one line; what is wrong with a fault is told in it, too.
+        """
+        if line.strip() == "report":
+            return json.dumps(self.simulation_report())
+        try:
+            entry = yaml.safe_load(line)
+            return self.inject(entry)
+        except yaml.YAMLError:
+            return f"not injected: {line.strip()!r} is neither YAML nor JSON"
+        except SimulationError as error:
+            return f"not injected: {error}"
+
+    def simulation_report(self) -> dict[str, Any]:
+        """Return the state of the simulated world now, as plain data for an oracle.
+
+        `time_s`; `coils` by axis (see `coil_report`); `outputs`: which instrument that can harm is
+        energised; `gyro_powered`; `faults`: each with how often and when it struck.
+        """
+        with self._world.lock:
+            self._schedule.catch_up()
+            now_s = self._clock.now()
+            return {
+                "time_s": now_s,
+                "coils": {
+                    axis: coil_report(coil, now_s) for axis, coil in self._world.currents.items()
+                },
+                "outputs": {
+                    name: one.energised()
+                    for name, one in self._served.items()
+                    if hasattr(one, "energised")
+                },
+                "gyro_powered": self._world.gyro_powered,
+                "faults": [
+                    {
+                        "instrument": name,
+                        "fault": fault.kind,
+                        "struck": fault.trigger.met,
+                        "first_s": fault.trigger.first_s,
+                        "last_s": fault.trigger.last_s,
+                    }
+                    for name, faults in self._faults.items()
+                    for fault in faults.all
+                ],
+            }
+
     def close(self) -> None:
         """Stop serving; the world ends with its instruments."""
+        if self._report_to is not None:
+            text = json.dumps(self.simulation_report(), indent=1)
+            Path(self._report_to).write_text(text, encoding="utf-8")
+            self._report_to = None
         for instrument in self._served.values():
             instrument.close()
 
-    def _setting(self, name: str, instrument: Truth, seed: int) -> Setting:
+    def _add_fault(self, entry: Any, where: str) -> str:
+        truth = Truth(entry, where)
+        name = truth.text("instrument")
+        if name not in self._served:
+            raise SimulationError(
+                f"{where}.instrument: no simulated instrument '{name}' "
+                f"(there are: {', '.join(self._served)})"
+            )
+        protocol = str(self.instruments[name]["protocol"])
+        possible = possible_faults(protocol, type(self._served[name]))
+        with self._world.lock:
+            now_s = self._clock.now()
+            # Each fault draws from its own generator, whatever else happens on the bench.
+            rng = generator(self._seed, f"{where} {self._injected} of {name}")
+            fault, at_message = read_fault(entry, truth, protocol, possible, now_s, rng)
+            self._faults[name].add(fault, at_message=at_message)
+        return f"{name}: {fault.kind} injected at {now_s:.3f} s of bench time"
+
+    def _setting(self, name: str, instrument: Truth) -> Setting:
         truth = instrument.section("simulator")
         # A serial number of the simulator's own stands for the wrong unit on the bench.
         serial = truth.text("serial") if "serial" in truth else instrument.text("serial")
@@ -93,4 +196,5 @@ class SimulatedBench:
         for other, served in self._served.items():
             if port and served.describe()["port"] == port:
                 raise SimulationError(f"{truth.where}.port: {other} has port {port} already")
-        return Setting(name, serial, truth, self._world, self._clock, generator(seed, name), port)
+        rng = generator(self._seed, name)
+        return Setting(name, serial, truth, self._world, self._clock, rng, port, self._faults[name])

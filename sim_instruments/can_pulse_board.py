@@ -8,10 +8,11 @@ from __future__ import annotations
 
 import struct
 from importlib.resources import files
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
+from sim_instruments.faults.lasting import Dark, Frozen, LastingFault, Silent
 from sim_instruments.instrument import Setting
 from sim_instruments.pulse_sampler import PulseSampler
 from sim_instruments.socketcand import SocketcandServer, frame_text
@@ -28,6 +29,7 @@ SHORTEST, LONGEST = 10, 100_000  # sample interval in units of 0.1 ms
 STATUS_PERIOD_S = 1.0
 SHORTEST_BATCH_S = 0.1
 NO_SENSOR = -32768
+SEQUENCE_DIGITS = 4
 
 
 class CanPulseBoard:
@@ -36,6 +38,8 @@ class CanPulseBoard:
     Truth (`simulator` mapping): `channel` of the bus, `clock_error` of the board's clock: by how
     much its intervals are too long.
     """
+
+    lasting_faults: ClassVar = (Frozen.kind, Silent.kind, Dark.kind)
 
     def __init__(self, setting: Setting) -> None:
         truth = setting.truth
@@ -59,6 +63,9 @@ class CanPulseBoard:
         self._samples = 0
         self._error_bits = 0
         self._closed = False
+        self._faults = setting.faults
+        self._faults.when_changed(Dark.kind, self._darken)
+        self._last_shown = bytes(8).hex()
         self._server = SocketcandServer(
             setting.name,
             setting.port,
@@ -67,6 +74,7 @@ class CanPulseBoard:
             self._world.lock,
             self._received,
             self._someone_listens,
+            setting.faults,
         )
         self._reporting = False
         self._server.begin()
@@ -148,6 +156,7 @@ class CanPulseBoard:
             with self._world.lock:
                 if self._over(number):
                     return
+                self._faults.catch_up()
                 text, frames = self._batch(batch)
             self._server.send_frames(text, frames)
 
@@ -160,9 +169,13 @@ class CanPulseBoard:
         gyro_hex = self._sampler.frames_hex(count)
         if self._sampler.overflowed:
             self._error_bits |= OVERFLOW_BIT
+        numbers = range(first, first + count)
+        gyro_hex, sent = self._as_faults_say(numbers, gyro_hex)
         parts = []
         channels = [k for k in range(CHANNELS) if self._mask >> k & 1]
-        for n, data in zip(range(first, first + count), gyro_hex, strict=True):
+        for n, data, goes in zip(numbers, gyro_hex, sent, strict=True):
+            if not goes:
+                continue
             time_s = self._sampler.time_s(n)
             for k in channels:
                 if self._gyro_bit >> k & 1:
@@ -171,6 +184,22 @@ class CanPulseBoard:
                     shown = struct.pack("<Hih", n & 0xFFFF, 0, NO_SENSOR).hex()
                 parts.append(frame_text(FIRST_COUNTS + k, time_s, shown))
         return "".join(parts), len(parts)
+
+    def _as_faults_say(self, numbers: range, frames: list[str]) -> tuple[list[str], list[bool]]:
+        """Return the frames of samples, frozen where they are, and which of them are sent."""
+        if not self._faults.all:
+            self._last_shown = frames[-1]
+            return frames, [True] * len(frames)
+        times = np.array([self._sampler.time_s(n) for n in numbers])
+        shown = list(frames)
+        for k in np.flatnonzero(self._faults.during(Frozen.kind, times)).tolist():
+            last = shown[k - 1] if k else self._last_shown
+            shown[k] = frames[k][:SEQUENCE_DIGITS] + last[SEQUENCE_DIGITS:]
+        self._last_shown = shown[-1]
+        return shown, (~self._faults.during(Silent.kind, times)).tolist()
+
+    def _darken(self, time_s: float, fault: LastingFault | None) -> None:
+        self._world.darken_gyro(time_s, fault is not None)
 
     def _someone_listens(self) -> None:
         # Not before: with a thread asleep and nobody else there, virtual time would run away.

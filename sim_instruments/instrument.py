@@ -7,6 +7,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from sim_instruments.faults.instrument import InstrumentFaults
 from sim_instruments.truth import Truth
 from sim_instruments.world.laser_gyro_bench import LaserGyroBench
 from station.clock import Clock
@@ -23,10 +24,15 @@ class Setting:
     clock: Clock
     rng: np.random.Generator
     port: int
+    faults: InstrumentFaults
 
 
 class SimulatedInstrument(Protocol):
-    """An instrument that listens on its port from its construction until it is closed."""
+    """An instrument that listens on its port from its construction until it is closed.
+
+    Its class may name, as `lasting_faults`, the states of `sim_instruments.faults.lasting` that
+    it can be in, and may have `energised() -> bool` where it can harm.
+    """
 
     def __init__(self, setting: Setting) -> None:
         """Begin to serve."""

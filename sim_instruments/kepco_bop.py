@@ -8,10 +8,11 @@ a list may be armed with the output off; protection cannot be set below 1 % of t
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
+from sim_instruments.faults.lasting import Compliance, Frozen, LastingFault, ListRefused
 from sim_instruments.instrument import Setting
 from sim_instruments.kepco_limits import add_limit_commands
 from sim_instruments.kepco_list import ListMemory, add_list_commands
@@ -37,6 +38,7 @@ class KepcoBop(ScpiDevice):
     """
 
     error_queue_depth = 20
+    lasting_faults: ClassVar = (Frozen.kind, Compliance.kind, ListRefused.kind)
 
     def __init__(self, setting: Setting) -> None:
         super().__init__(f"KEPCO,BIT 802E 36-12,{setting.serial},1.15-1.80")
@@ -47,6 +49,9 @@ class KepcoBop(ScpiDevice):
         self._read_gain = 1.0 + truth.quantity("readback_gain_error", "1")
         self._read_offset_A = truth.quantity("readback_offset", "A")
         self._read_noise_A = truth.quantity("readback_noise", "A")
+        self._shown = {"CURR": 0.0, "VOLT": 0.0}
+        self._faults = setting.faults
+        self._faults.when_changed(Compliance.kind, self._sag)
         self._list = ListMemory()
         self._mode = {"CURR": "FIX", "VOLT": "FIX"}
         self._transient_s = 0.0
@@ -55,7 +60,12 @@ class KepcoBop(ScpiDevice):
         add_limit_commands(self.tree, self._output, setting.clock, self._list_runs)
         add_list_commands(self.tree, self._list, self._output, self._list_runs)
         self._server = LineServer(
-            setting.name, setting.port, setting.clock, setting.world.lock, self._line
+            setting.name,
+            setting.port,
+            setting.clock,
+            setting.world.lock,
+            self._line,
+            setting.faults,
         )
         self._server.begin()
 
@@ -73,6 +83,10 @@ class KepcoBop(ScpiDevice):
     def close(self) -> None:
         """Stop serving."""
         self._server.close()
+
+    def energised(self) -> bool:
+        """Return whether the output is on."""
+        return self._output.on
 
     def operation_condition(self) -> int:
         """Return bit 8 constant voltage, bit 10 constant current, bit 14 list running."""
@@ -210,7 +224,8 @@ class KepcoBop(ScpiDevice):
                     self._mode[kind], self._ends_s = "FIX", np.inf
                     self._output.hold(now)
                 return
-            if self._list_runs() or self._output.mode != kind:
+            refused = self._faults.now(ListRefused.kind) is not None
+            if refused or self._list_runs() or self._output.mode != kind:
                 raise ScpiError(-221)
             passes = [
                 (levels, dwells * self._stretch, cycles)
@@ -240,7 +255,7 @@ class KepcoBop(ScpiDevice):
         now = self._clock.now()
         true_A = self._output.coil.recent_mean(now - FILTER_S, now)
         noise_A = self._read_noise_A * float(self._rng.standard_normal())
-        return scientific(true_A * self._read_gain + self._read_offset_A + noise_A)
+        return self._show("CURR", true_A * self._read_gain + self._read_offset_A + noise_A)
 
     def _measure_voltage(self) -> str:
         now = self._clock.now()
@@ -248,4 +263,13 @@ class KepcoBop(ScpiDevice):
         true_V = coil.mean_level(now - FILTER_S, now) * coil.resistance_ohm
         # The voltmeter is the same converter behind the same filter: its noise scales with range.
         noise_V = self._read_noise_A * RATED["VOLT"] / RATED["CURR"]
-        return scientific(true_V + noise_V * float(self._rng.standard_normal()))
+        return self._show("VOLT", true_V + noise_V * float(self._rng.standard_normal()))
+
+    def _show(self, kind: str, value: float) -> str:
+        if self._faults.now(Frozen.kind) is None:
+            self._shown[kind] = value
+        return scientific(self._shown[kind])
+
+    def _sag(self, time_s: float, fault: LastingFault | None) -> None:
+        volts = fault.voltage_V if isinstance(fault, Compliance) else np.inf
+        self._output.sag(time_s, volts)

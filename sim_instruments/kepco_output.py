@@ -10,6 +10,7 @@ from sim_instruments.truth import Truth
 from sim_instruments.world.currents import CurrentHistory
 
 Array = npt.NDArray[np.float64]
+Pass = tuple[Array, Array, int]
 
 RATED = {"CURR": 12.0, "VOLT": 36.0}
 CONVERTER_STEPS = 2**15
@@ -44,6 +45,8 @@ class Output:
         self.mode = "VOLT"
         self.on = False
         self.tripped = 0
+        self._sagging_V = np.inf
+        self._course: tuple[float, list[Pass]] | None = None
 
     def reset(self, time_s: float) -> None:
         """Go to voltage mode, zero, output off; limits stay as programmed."""
@@ -126,11 +129,13 @@ class Output:
 
     def hold(self, time_s: float) -> None:
         """Drive the fixed set point from now on."""
+        self._course = None
         level = float(self._driven(np.array([self.levels[self.mode]]))[0])
         self.coil.hold(time_s, level if self.on else 0.0)
 
-    def run(self, time_s: float, passes: list[tuple[Array, Array, int]]) -> float:
+    def run(self, time_s: float, passes: list[Pass]) -> float:
         """Drive lists of set points, then the fixed one; returns when the last one ends, in s."""
+        self._course = time_s, passes
         driven = [
             (self._driven(levels) if self.on else np.zeros(levels.shape), dwells, cycles)
             for levels, dwells, cycles in passes
@@ -140,6 +145,15 @@ class Output:
             then = 0.0
         return self.coil.run(time_s, driven, then)
 
+    def sag(self, time_s: float, volts: float) -> None:
+        """Give no more than `volts` from now on, whatever the voltage is set to; a list goes on."""
+        self._sagging_V = volts
+        left = rest_of(self._course[1], time_s - self._course[0]) if self._course else []
+        if left:
+            self.run(time_s, left)
+        else:
+            self.hold(time_s)
+
     def in_voltage_mode(self, time_s: float) -> bool:
         """Return whether the voltage, not the current, is what the supply holds now."""
         level = abs(float(self.coil.level(np.array([time_s]))[0]))
@@ -148,7 +162,7 @@ class Output:
         return level < abs(self.levels["CURR"]) * (1.0 - 1e-9)
 
     def _compliance_A(self) -> float:
-        return self.levels["VOLT"] / self.coil.resistance_ohm
+        return float(min(self.levels["VOLT"], self._sagging_V)) / self.coil.resistance_ohm
 
     def _driven(self, levels: Array) -> Array:
         """Return the levels in A that set points make, after compliance and protection."""
@@ -156,7 +170,9 @@ class Output:
         wanted_A = levels if self.mode == "CURR" else levels / ohm
         if self.mode == "CURR":
             wanted_A = wanted_A * self._gain + self._offset_A
-        bound = self._compliance_A() if self.mode == "CURR" else self.levels["CURR"]
+        bound = self._compliance_A()
+        if self.mode != "CURR":
+            bound = min(self.levels["CURR"], self._sagging_V / ohm)
         driven = np.clip(wanted_A, -bound, bound)
         if self.on:
             self._watch(driven)
@@ -175,3 +191,24 @@ class Output:
             ):
                 self.tripped |= bit
                 self.on = False
+
+
+def rest_of(passes: list[Pass], elapsed_s: float) -> list[Pass]:
+    """Return what is left of lists of (levels, dwells, cycles) after some time; 0: endless."""
+    for number, (levels, dwells, cycles) in enumerate(passes):
+        ends = np.cumsum(dwells)
+        period_s = float(ends[-1])
+        if cycles and elapsed_s >= cycles * period_s:
+            elapsed_s -= cycles * period_s
+            continue
+        done = int(elapsed_s // period_s)
+        within_s = elapsed_s - done * period_s
+        step = int(np.searchsorted(ends, within_s, side="right"))
+        left: list[Pass] = []
+        if step < levels.size:
+            first_s = ends[step] - within_s
+            left.append((levels[step:], np.concatenate(([first_s], dwells[step + 1 :])), 1))
+        if not cycles or cycles > done + 1:
+            left.append((levels, dwells, cycles and cycles - done - 1))
+        return left + passes[number + 1 :]
+    return []

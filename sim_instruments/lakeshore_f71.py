@@ -10,11 +10,12 @@ and loses the oldest, an overloaded axis reads 9.9E37, ranges are 35 mT, 350 mT 
 from __future__ import annotations
 
 from datetime import UTC, datetime, timedelta
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import numpy.typing as npt
 
+from sim_instruments.faults.lasting import Frozen, Overload
 from sim_instruments.instrument import Setting
 from sim_instruments.scpi import ScpiError, boolean, choice, number, one, whole_number
 from sim_instruments.scpi_device import ScpiDevice
@@ -50,6 +51,8 @@ class LakeshoreF71(ScpiDevice):
     the coil frame), `clock_offset` and `clock_error` of its own clock, `probe_temperature`.
     """
 
+    lasting_faults: ClassVar = (Frozen.kind, Overload.kind)
+
     def __init__(self, setting: Setting) -> None:
         super().__init__(f"Lake Shore,F71,{setting.serial},{FIRMWARE}")
         truth = setting.truth
@@ -61,11 +64,17 @@ class LakeshoreF71(ScpiDevice):
         self._clock_offset_s = truth.quantity("clock_offset", "s")
         self._clock_rate = 1.0 + truth.quantity("clock_error", "1")
         self._probe_degC = truth.quantity("probe_temperature", "degC")
+        self._faults = setting.faults
         self._probe_serial = f"{setting.serial}-P"
         self._restore_defaults()
         self._add_commands()
         self._server = LineServer(
-            setting.name, setting.port, setting.clock, setting.world.lock, self._line
+            setting.name,
+            setting.port,
+            setting.clock,
+            setting.world.lock,
+            self._line,
+            setting.faults,
         )
         self._server.begin()
 
@@ -225,7 +234,10 @@ class LakeshoreF71(ScpiDevice):
             limit_T = RANGES_T[-1]
         else:
             limit_T = self._range_T
-        field_T = np.where(np.abs(field_T) > limit_T, OVERLOAD_READING, field_T)
+        beyond = self._faults.during(Overload.kind, edges_s[1:])[:, None]
+        field_T = np.where((np.abs(field_T) > limit_T) | beyond, OVERLOAD_READING, field_T)
+        for k in np.flatnonzero(self._faults.during(Frozen.kind, edges_s[1:])).tolist():
+            field_T[k] = field_T[k - 1] if k else self._last_T
         self._last_T = field_T[-1]
         self._buffer.append(Readings(ticks[1:], field_T))
         while sum(part.ticks.size for part in self._buffer[1:]) >= BUFFER_RECORDS:

@@ -7,6 +7,8 @@ from collections.abc import Callable
 from contextlib import AbstractContextManager, suppress
 from threading import Lock
 
+from sim_instruments.faults.instrument import InstrumentFaults
+from sim_instruments.faults.taps import FrameTap
 from sim_instruments.tcp import TcpServer
 from station.clock import Clock
 
@@ -30,8 +32,9 @@ class SocketcandServer(TcpServer):
         lock: AbstractContextManager[object],
         received: Callable[[int, bytes], None],
         joined: Callable[[], None],
+        faults: InstrumentFaults | None = None,
     ) -> None:
-        super().__init__(name, port)
+        super().__init__(name, port, clock, faults)
         self.channel = channel
         self._wire = clock.wire(self.address)
         self._lock = lock
@@ -39,6 +42,7 @@ class SocketcandServer(TcpServer):
         self._joined = joined
         self._raw: list[socket.socket] = []
         self._sending = Lock()
+        self._tap = FrameTap(faults)
 
     @property
     def clients(self) -> int:
@@ -47,6 +51,24 @@ class SocketcandServer(TcpServer):
 
     def send_frames(self, text: str, count: int) -> None:
         """Send `count` frames, already written as `< frame … >`, to every client in raw mode."""
+        batch = self._tap.leaves(text, self._clock.now())
+        if batch is not None:
+            text, count = "".join(batch.frames), len(batch.frames)
+            for delay_s, frame in batch.late:
+                self.later(delay_s, lambda frame=frame: self._send(frame, 1))  # type: ignore[misc]
+        if count:
+            self._send(text, count)
+        if batch is not None and batch.drops:
+            self.drop_all()
+
+    def drop(self, client: socket.socket) -> None:
+        """End a connection; it gets no frame any more."""
+        with self._sending:
+            if client in self._raw:
+                self._raw.remove(client)
+        super().drop(client)
+
+    def _send(self, text: str, count: int) -> None:
         with self._sending:
             clients = list(self._raw)
             if not clients:
@@ -76,6 +98,10 @@ class SocketcandServer(TcpServer):
                         self._say(client, "< echo >")
                     elif words[0] == "rawmode" and opened:
                         self._enter_raw_mode(client)
+                    elif words[0] == "send" and client in self._dropped:
+                        # On a line that is gone, frames are taken off the wire all the same.
+                        with self._wire.serving(1):
+                            pass
                     elif words[0] == "send" and client in self._raw:
                         with self._wire.serving(1):
                             self._take(client, words[1:])
@@ -105,11 +131,14 @@ class SocketcandServer(TcpServer):
             self._say(client, "< error malformed frame >")
             return
         with self._lock:
-            self._received(identifier, data)
+            drops = self._tap.arrives(identifier, data, self._received, self._clock.now())
+        if drops:
+            self.drop_all()
 
     def _say(self, client: socket.socket, text: str) -> None:
         with self._sending:
-            client.sendall(text.encode("ascii"))
+            if client not in self._dropped:
+                client.sendall(text.encode("ascii"))
 
 
 def frame_text(identifier: int, time_s: float, data_hex: str) -> str:

@@ -3,11 +3,16 @@
 from __future__ import annotations
 
 import os
+import select
 import socket
 from collections.abc import Callable
 from contextlib import AbstractContextManager, suppress
+from itertools import count
 from threading import Lock, Thread
 
+from sim_instruments.faults.instrument import InstrumentFaults
+from sim_instruments.faults.lasting import LastingFault, PortGone
+from sim_instruments.faults.taps import LineTap
 from station.clock import Clock, ClockError, ClockStopped
 
 HOST = "127.0.0.1"
@@ -15,25 +20,26 @@ LONGEST_LINE = 65536
 
 
 class TcpServer:
-    """Accept any number of clients on one port and serve each in a thread of its own."""
+    """Accept any number of clients on one port and serve each in a thread of its own.
 
-    def __init__(self, name: str, port: int) -> None:
+    With `faults` the port can vanish for a while, and a connection can be dropped.
+    """
+
+    def __init__(
+        self, name: str, port: int, clock: Clock, faults: InstrumentFaults | None = None
+    ) -> None:
         self._name = name
-        self._listener = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
-        if os.name == "posix":
-            # On Windows the same option would let a second server steal the port.
-            self._listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        try:
-            self._listener.bind((HOST, port))
-            self._listener.listen()
-        except OSError as error:
-            self._listener.close()
-            told = f"{name} cannot be served on port {port} of {HOST}: {error.strerror}"
-            raise OSError(error.errno, told) from error
+        self._clock = clock
+        self._listener = self._listen(port)
         self.port: int = self._listener.getsockname()[1]
         self._clients: set[socket.socket] = set()
+        self._dropped: set[socket.socket] = set()
         self._guard = Lock()
         self._closed = False
+        self._later = count(1)
+        self._faults = faults
+        if faults is not None:
+            faults.when_changed(PortGone.kind, self._port_changed)
 
     @property
     def address(self) -> str:
@@ -59,10 +65,68 @@ class TcpServer:
                 each.shutdown(socket.SHUT_RDWR)
         self._listener.close()
 
+    def drop(self, client: socket.socket) -> None:
+        """End a connection from this side; what the client still sends is read and forgotten.
+
+        Unread, it would stay in flight, and virtual time would stand still.
+        """
+        with self._guard:
+            self._dropped.add(client)
+        with suppress(OSError):
+            client.shutdown(socket.SHUT_WR)
+
+    def drop_all(self) -> None:
+        """End every connection from this side."""
+        with self._guard:
+            clients = list(self._clients)
+        for client in clients:
+            self.drop(client)
+
+    def later(self, delay_s: float, act: Callable[[], None]) -> None:
+        """Do something after a while, as a participant of its own."""
+
+        def sleep_and_act() -> None:
+            self._clock.sleep_until(due_s)
+            act()
+
+        due_s = self._clock.now() + delay_s
+        self._clock.start(f"{self._name} later {next(self._later):06d}", sleep_and_act)
+
+    def _port_changed(self, time_s: float, fault: LastingFault | None) -> None:
+        assert self._faults is not None
+        if fault is None:
+            with suppress(OSError):  # somebody else took the port meanwhile: it stays gone
+                self._listener = self._listen(self.port)
+                self.begin()
+            return
+        with suppress(OSError):
+            self._listener.shutdown(socket.SHUT_RDWR)
+        self._listener.close()
+        self.drop_all()
+        left_s = fault.end_s - self._clock.now()
+        if left_s < float("inf"):
+            # Nobody may come by to look whether it is time.
+            self.later(max(left_s, 0.0), self._faults.catch_up)
+
+    def _listen(self, port: int) -> socket.socket:
+        listener = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
+        if os.name == "posix":
+            # On Windows the same option would let a second server steal the port.
+            listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            listener.bind((HOST, port))
+            listener.listen()
+        except OSError as error:
+            listener.close()
+            told = f"{self._name} cannot be served on port {port} of {HOST}: {error.strerror}"
+            raise OSError(error.errno, told) from error
+        return listener
+
     def _accept(self) -> None:
+        listener = self._listener
         while True:
             try:
-                client, _ = self._listener.accept()
+                client, _ = listener.accept()
             except OSError:
                 return
             client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
@@ -85,6 +149,7 @@ class TcpServer:
         finally:
             with self._guard:
                 self._clients.discard(client)
+                self._dropped.discard(client)
             client.close()
 
 
@@ -98,23 +163,60 @@ class LineServer(TcpServer):
         clock: Clock,
         lock: AbstractContextManager[object],
         execute: Callable[[bytes], bytes],
+        faults: InstrumentFaults | None = None,
     ) -> None:
-        super().__init__(name, port)
+        super().__init__(name, port, clock, faults)
         self._wire = clock.wire(self.address)
         self._lock = lock
         self._execute = execute
+        self._tap = LineTap(faults)
 
     def serve(self, client: socket.socket) -> None:
         """Read lines ended by LF until the client leaves."""
-        pending = b""
+        pending, free_s = b"", 0.0
         while data := client.recv(65536):
             with self._wire.serving(len(data)):
+                if client in self._dropped:
+                    self._wire.answered(1)
+                    continue
                 *lines, pending = (pending + data).split(b"\n")
                 if len(pending) > LONGEST_LINE:
                     pending = pending[:LONGEST_LINE]
                 for line in lines:
-                    with self._lock:
-                        reply = self._execute(line)
-                    if reply:
-                        client.sendall(reply)
-                        self._wire.answered(len(reply))
+                    free_s = self._answer(client, line, free_s)
+
+    def _answer(self, client: socket.socket, line: bytes, free_s: float) -> float:
+        """Answer one line, not before `free_s`; return when the reply has gone out."""
+        now_s = self._clock.now()
+        with self._lock:
+            reply, drops = self._tap.exchange(line, self._execute, now_s)
+        if drops:
+            self.drop(client)
+        if client in self._dropped:
+            # What comes back is the end of the connection, and the client may see it now.
+            self._wire.answered(1)
+        elif reply is not None:
+            data = reply.body + reply.end
+            free_s = max(free_s, now_s + reply.delay_s)
+            if free_s <= now_s:
+                client.sendall(data)
+                self._wire.answered(len(data))
+            else:
+                self.later(free_s - now_s, lambda: self._send_late(client, data))
+        return free_s
+
+    def _send_late(self, client: socket.socket, data: bytes) -> None:
+        # Who has hung up gets nothing, and a new connection must not be told of it.
+        if not is_closed(client):
+            with suppress(OSError):
+                client.sendall(data)
+                self._wire.answered(len(data))
+
+
+def is_closed(client: socket.socket) -> bool:
+    """Return whether the other side has ended the connection."""
+    try:
+        readable, _, _ = select.select([client], [], [], 0)
+        return bool(readable) and client.recv(1, socket.MSG_PEEK) == b""
+    except (OSError, ValueError):
+        return True

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 from station import registry
 from station.bench import Bench
 from station.clock import Clock, ClockError, system_clock_synchronised, utc_now
+from station.console import tell
 from station.errors import EXIT_ABORTED, EXIT_FAULT, EXIT_INTERLOCK, RecordError, StationError
 from station.evaluation import conclude_run, exit_code_of
 from station.opening import Found, open_instruments
@@ -23,7 +24,7 @@ from station.preflight import look_before_a_run, watch_system_clock
 from station.procedure import Procedure, Prompt
 from station.progress import Progress, how_long
 from station.prompts import Operator
-from station.record.folder import RUN, RunRecord, json_text
+from station.record.folder import EXPORTS, RUN, RunFolder, RunRecord, json_text
 from station.run import Run
 from station.safety import SafeOutcome, make_bench_safe
 from station.signals import AbortSignals
@@ -48,6 +49,7 @@ class Request:
     interactive: bool = False
     quiet: bool = False
     report: bool = True
+    """Whether a report and an HDF5 file are made beside the results."""
     served: Mapping[str, Any] | None = None
     trace: bool = False
 
@@ -148,6 +150,8 @@ def execute(request: Request) -> Outcome:
         note_end(record)
     _evaluate(record, outcome, report=request.report)
     record.seal()
+    if request.report:
+        _export(record)
     if record.faults and outcome.exit_code not in (EXIT_ABORTED, EXIT_INTERLOCK):
         outcome.error = outcome.error or f"not everything was recorded: {record.faults[0]}"
         outcome.exit_code = EXIT_FAULT
@@ -233,6 +237,16 @@ def _failed(run: Run, outcome: Outcome, error: Exception, exit_code: int) -> Non
     outcome.exit_code = exit_code
     trace = "".join(traceback.format_exception(error))
     run.record.note("failed", message=outcome.error, exit_code=exit_code, traceback=trace)
+
+
+def _export(record: RunRecord) -> None:
+    """Leave the raw data as HDF5 for other tools; what cannot be exported now can be later."""
+    from station.exporting.hdf5 import export_hdf5
+
+    try:
+        export_hdf5(RunFolder(record.path), record.path / EXPORTS / f"{record.path.name}.h5")
+    except Exception as error:  # the record itself is complete without it
+        tell(f"not exported: {error}; `station export` does it again")
 
 
 def _evaluate(record: RunRecord, outcome: Outcome, *, report: bool) -> None:

@@ -37,12 +37,15 @@ class Schedule:
         self._next_s = self._due[0][0]
 
     def catch_up(self) -> None:
-        """Do what has become due; `lock` is held."""
-        now_s = self.clock.now()
-        while self._next_s <= now_s:
-            time_s, _, act = heapq.heappop(self._due)
-            self._next_s = self._due[0][0] if self._due else math.inf
-            act(time_s)
+        """Do what has become due."""
+        if self._next_s > self.clock.now():
+            return
+        with self.lock:
+            now_s = self.clock.now()
+            while self._next_s <= now_s:
+                time_s, _, act = heapq.heappop(self._due)
+                self._next_s = self._due[0][0] if self._due else math.inf
+                act(time_s)
 
 
 class InstrumentFaults:
@@ -92,7 +95,9 @@ class InstrumentFaults:
             fault.begin(now_s)
             self._begins(fault, now_s, counted=True)
         lossy = [fault for fault in self._live() if fault.loses_messages]
-        return any([fault.trigger.meets(now_s, message) for fault in lossy])
+        # All are asked, also after one has struck: each counts its own messages.
+        struck = [fault for fault in lossy if fault.trigger.meets(now_s, message)]
+        return bool(struck)
 
     def live(self) -> list[WireFault]:
         """Return the faults that may still change a reply."""

@@ -88,15 +88,15 @@ class FrameTap:
             self._answering = (0, [])
         return any(fault.drops_line for fault in met)
 
-    def leaves(self, frames: list[str], now_s: float) -> Batch | None:
-        """Return what becomes of frames written as `< frame ID TIME DATA >`; None: as they are."""
+    def leaves(self, text: str, now_s: float) -> Batch | None:
+        """Return what becomes of frames `< frame ID TIME DATA >< … >`; None: as they are."""
         thread, met = self._answering
         met = met if thread == get_ident() else []
         live = self._faults.live() if self._faults is not None else []
         if not live and not met:
             return None
         batch, drops = Batch([], [], False), False
-        for frame in frames:
+        for frame in text.split(">")[:-1]:
             _, _, name, time_text, data, _ = frame.split(" ")
             true = reply = Reply(bytes.fromhex(data))
             going: Reply | None = reply

@@ -33,6 +33,8 @@ class LaserGyroBench:
         self.lock = RLock()
         self.version = 0
         self.mounted = True
+        self.gyro_powered = False
+        self._gyro_dark = False
         coils = truth.section("coils")
         sections = [coils.section(axis) for axis in AXES]
         self.pairs = [HelmholtzPair(axis, one) for axis, one in zip(AXES, sections, strict=True)]
@@ -65,7 +67,14 @@ class LaserGyroBench:
 
     def power_gyro(self, time_s: float, on: bool) -> None:
         """Switch the gyro on, which starts its warm-up, or off."""
-        self.gyro.heat.switch(time_s, on)
+        self.gyro_powered = on
+        self.gyro.heat.switch(time_s, on and not self._gyro_dark)
+        self._changed()
+
+    def darken_gyro(self, time_s: float, dark: bool) -> None:
+        """Put the gyro's discharge out, or let it come back, whatever its power does."""
+        self._gyro_dark = dark
+        self.gyro.heat.switch(time_s, self.gyro_powered and not dark)
         self._changed()
 
     def mean_probe_field_mT(self, edges_s: Array) -> Array:
