@@ -95,9 +95,10 @@ class TcpServer:
     def _port_changed(self, time_s: float, fault: LastingFault | None) -> None:
         assert self._faults is not None
         if fault is None:
-            with suppress(OSError):  # somebody else took the port meanwhile: it stays gone
-                self._listener = self._listen(self.port)
-                self.begin()
+            with self._guard, suppress(OSError):  # whoever took the port meanwhile keeps it
+                if not self._closed:
+                    self._listener = self._listen(self.port)
+                    self.begin()
             return
         with suppress(OSError):
             self._listener.shutdown(socket.SHUT_RDWR)

@@ -150,8 +150,8 @@ def execute(request: Request) -> Outcome:
         note_end(record)
     _evaluate(record, outcome, report=request.report)
     record.seal()
-    if request.report:
-        _export(record)
+    if request.report and outcome.error is None and not record.faults:
+        _export(record)  # not on a disk that is full: the HDF5 library crashes there
     if record.faults and outcome.exit_code not in (EXIT_ABORTED, EXIT_INTERLOCK):
         outcome.error = outcome.error or f"not everything was recorded: {record.faults[0]}"
         outcome.exit_code = EXIT_FAULT

@@ -85,19 +85,32 @@ class InstrumentFaults:
         self._schedule.catch_up()
 
     def arrives(self, message: str) -> bool:
-        """Let states begin that wait for this message; return whether it is lost on its way."""
+        """Let begin what waits for this message; return whether it is lost on its way in."""
         self._schedule.catch_up()
         if not self._waiting and not self._wire:
             return False
+        self.is_on_the_line(message)
         now_s = self._clock.now()
-        for fault in [one for one in self._waiting if one.trigger.meets(now_s, message)]:
-            self._waiting.remove(fault)
-            fault.begin(now_s)
-            self._begins(fault, now_s, counted=True)
         lossy = [fault for fault in self._live() if fault.loses_messages]
         # All are asked, also after one has struck: each counts its own messages.
         struck = [fault for fault in lossy if fault.trigger.meets(now_s, message)]
         return bool(struck)
+
+    def is_on_the_line(self, message: str) -> None:
+        """Let states begin that wait for this message, whichever way it goes."""
+        if not self._waiting:
+            return
+        with self._schedule.lock:
+            now_s = self._clock.now()
+            for fault in [one for one in self._waiting if one.trigger.meets(now_s, message)]:
+                self._waiting.remove(fault)
+                fault.begin(now_s)
+                self._begins(fault, now_s, counted=True)
+
+    @property
+    def waited_for(self) -> bool:
+        """Whether a message is waited for to begin a state."""
+        return bool(self._waiting)
 
     def live(self) -> list[WireFault]:
         """Return the faults that may still change a reply."""

@@ -93,11 +93,13 @@ class FrameTap:
         thread, met = self._answering
         met = met if thread == get_ident() else []
         live = self._faults.live() if self._faults is not None else []
-        if not live and not met:
+        if not live and not met and not (self._faults and self._faults.waited_for):
             return None
         batch, drops = Batch([], [], False), False
         for frame in text.split(">")[:-1]:
             _, _, name, time_text, data, _ = frame.split(" ")
+            if self._faults is not None:
+                self._faults.is_on_the_line(name)
             true = reply = Reply(bytes.fromhex(data))
             going: Reply | None = reply
             for fault in [*met, *(one for one in live if one not in met)]:

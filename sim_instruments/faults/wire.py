@@ -132,10 +132,15 @@ class PreviousReply(WireFault):
 
 
 class NotANumber(WireFault):
-    """Every measured value in the reply reads NaN."""
+    """Every measured value in the reply reads `text`: NaN unless said; SCPI's own is 9.91E37."""
 
     kind = "nan"
     protocols = LINES
+    options = ("text",)
+
+    def __init__(self, trigger: Trigger, rng: np.random.Generator, truth: Truth) -> None:
+        super().__init__(trigger, rng, truth)
+        self._text = truth.text("text").encode() if "text" in truth else b"NaN"
 
     def touches(self, reply: Reply) -> bool:
         """Return whether the reply holds a measured value."""
@@ -143,7 +148,7 @@ class NotANumber(WireFault):
 
     def change(self, reply: Reply, previous: Reply | None) -> Reply | None:
         """Return the reply without its values."""
-        return replace(reply, body=MEASURED.sub(b"NaN", reply.body))
+        return replace(reply, body=MEASURED.sub(self._text, reply.body))
 
 
 class LostCommand(WireFault):
