@@ -19,7 +19,7 @@ from station.plan.model import PlanHeader
 from station.record.folder import RunFolder
 from station.runner import Outcome, Request, execute
 
-from .docs_examples import ROOT, Workshop, commands_of, examples, same
+from docs_examples import ROOT, Workshop, commands_of, examples, same
 
 DOCS = ROOT / "docs"
 sys.path.insert(0, str(DOCS / "_ext"))

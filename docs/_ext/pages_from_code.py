@@ -9,6 +9,8 @@ import re
 from collections.abc import Callable
 from typing import Any
 
+import reference_errors
+import reference_bad_input
 import reference_formats
 import reference_keys
 import reference_verbs
@@ -16,12 +18,14 @@ from sphinx.application import Sphinx
 
 PLACE = re.compile(r"^<!-- from code: ([a-z-]+) -->$", re.MULTILINE)
 MAKERS: dict[str, Callable[[], str]] = {
+    "bad-input": reference_bad_input.bad_input,
     "plan-keys": reference_keys.plan_keys,
     "procedures": reference_keys.procedures,
     "bench-keys": reference_keys.bench_keys,
     "drivers": reference_keys.drivers,
     "dataset-keys": reference_keys.dataset_keys,
     "verbs": reference_verbs.verbs,
+    "bad-input": reference_errors.bad_input,
     "exit-codes": reference_verbs.exit_codes,
     "units": reference_verbs.units,
     "flags": reference_formats.flags,

@@ -63,20 +63,27 @@ RUN_FILES = {
     "plan.resolved.yaml": "the plan with every default written out",
     "bench.yaml": "the bench file as it was given",
     "bench.resolved.yaml": "the bench file with every default written out",
-    "run.json": "what differs from one execution to the next: UTC, host, versions, git commit",
+    "run.json": "what differs from one execution to the next: UTC, host, versions, git commit, "
+    "values given with `--set`",
     "events.jsonl": "the log: one JSON object a line, each with the SHA-256 of the line before",
     "raw/SOURCE-NNN.mcap": "raw rows of one source, one file for each process that wrote",
+    "trace/INSTRUMENT.txt": "`run --trace`: every byte of one instrument's line, with its run time",
     "spectrum-AXIS.csv": "rlg-magnetic-sensitivity: the table of step S6",
     "results.json": "the results; a copy of revision 000",
     "report.html": "the report; a copy of revision 000",
     "revisions/NNN/results.json": "the results of one analysis; 000 is the run's own",
     "revisions/NNN/report.html": "its report",
     "revisions/NNN/manifest.json": "SHA-256 of both",
+    "exports/RUN.h5": "the raw data as HDF5, made from the record when the run ends",
     "exports/…": "remade reports and exported data; no manifest covers them",
-    "manifest.json": "SHA-256 of every file but itself, `exports` and `revisions`",
+    "run.lock": "held while a run writes into the folder; in no manifest",
+    "manifest.json": "SHA-256 of every file but itself, `exports`, `revisions` and `run.lock`",
 }
 
 RUN_EVENTS = {
+    "run-started": "the plan's procedure, device and units of work; what `status` reads",
+    "system-clock-unsynchronised": "nothing keeps the computer's clock right: a warning",
+    "system-clock-jumped": "the computer's clock was set while the run went on; no data change",
     "identified": "an instrument answered: instance, maker, model, serial number, firmware",
     "step-started": "a step begins: its number and title",
     "step-finished": "a step is done",
@@ -85,6 +92,7 @@ RUN_EVENTS = {
     "unit-finished": "a unit of work is measured and its raw data are on disk; analysis reads "
     "finished units only",
     "field-on": "rlg-magnetic-sensitivity: a coil was switched on, with amplitude and frequency",
+    "field-off": "rlg-magnetic-sensitivity: a coil was switched off",
     "published-value": "rlg-magnetic-sensitivity: what step S7 gave",
     "failed": "why the run did not finish, with its exit code and the program's traceback",
     "safe-state": "how each instrument came to rest, and whether that was read back",

@@ -1,0 +1,40 @@
+"""Draw the README's picture: run the shipped plan on the simulated bench and plot IA's spectrum.
+
+    python docs/images/make.py
+"""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+
+import matplotlib as mpl
+
+from procedures.rlg_magnetic_sensitivity import spectrum_plot
+from station import registry
+from station.bench import read_bench
+from station.evaluation import evaluate_run
+from station.lookup import BENCHES, PLANS, find
+from station.plan import read_plan
+from station.record.folder import RunFolder
+from station.report.drawing import STYLE, png_bytes
+from station.runner import Request, execute
+
+PICTURE = Path(__file__).parent / "spectrum.png"
+
+
+def main() -> None:
+    plan = read_plan(find(PLANS, "rlg-magnetic-sensitivity"), registry.Procedures())
+    bench = read_bench(find(BENCHES, "sim"), registry.names(registry.DRIVERS))
+    with tempfile.TemporaryDirectory() as parent:
+        outcome = execute(Request(plan, bench, Path(parent), quiet=True, report=False))
+        _, findings = evaluate_run(RunFolder(outcome.folder))
+    analysis, dataset = findings.detail.analysis, findings.detail.dataset
+    lines = [line for line in analysis.lines if line.segment == 0]
+    with mpl.rc_context(STYLE):
+        figure = spectrum_plot.spectrum(analysis.segments[0], lines, dataset.segments[0])
+        PICTURE.write_bytes(png_bytes(figure))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,135 @@
+"""Faults under a whole run: what the operator is told, and that the simulated world ends safe.
+
+The oracle is the world itself, which asks no driver (`SimulatedBench.simulation_report`).
+"""
+
+from __future__ import annotations
+
+import json
+import threading
+from pathlib import Path
+from typing import Any
+
+import pytest
+from test_run_rlg import short_run
+
+from station.record.folder import RunFolder
+from station.runner import Outcome
+
+SUPPLY, GAUSSMETER, BOARD = "coil_supply.y", "gaussmeter", "gyro_acquisition"
+ONE_AXIS = {"parameters/axes": ["NA"], "parameters/duration": "100 s"}
+COUNTS, COMMAND = 0x121, 0x100
+NOTHING_LEFT_A = 0.001
+Entry = dict[str, Any]
+
+
+def run_with(folder: Path, *entries: Entry) -> tuple[Outcome, dict[str, Any]]:
+    """Run one axis with faults; return how it ended and the end state of the world."""
+    report = folder / "world.json"
+    outcome, _ = short_run(
+        folder,
+        plan=ONE_AXIS,
+        bench={"simulation/faults": list(entries), "simulation/report": str(report)},
+    )
+    return outcome, json.loads(report.read_text(encoding="utf-8"))
+
+
+def is_safe(world: dict[str, Any]) -> bool:
+    """Whether no supply is on and none drives a coil."""
+    driven = [abs(coil["driven_A"]) for coil in world["coils"].values()]
+    return not any(world["outputs"].values()) and max(driven) < NOTHING_LEFT_A
+
+
+def entry(instrument: str, fault: str, **when: Any) -> Entry:
+    return {"instrument": instrument, "fault": fault, **when}
+
+
+WHILE_RECORDING: Entry = {"at": "120 s"}
+ENDS_WITH_A_SENTENCE = [
+    (entry(SUPPLY, "no-reply", command="*IDN?"), "coil_supply.y: sent '*IDN?': no answer came"),
+    (entry(SUPPLY, "late", command="LIST:CURR ", nth=5), "coil_supply.y: sent 'LIST:CURR "),
+    (entry(SUPPLY, "garbled", command="STAT:OPER"), "which is no text"),
+    (entry(SUPPLY, "partial", command="OUTP OFF"), "without the end of an answer"),
+    (entry(SUPPLY, "lost-command", command="CURR:MODE LIST"), "coil_supply.y: sent 'CURR:MODE"),
+    (entry(SUPPLY, "nan", command="MEAS:CURR?", count=99), "'NaN' came back where a number"),
+    (entry(SUPPLY, "list-refused", at="0 s"), "'CURR:MODE LIST': it refused with -221"),
+    (entry(SUPPLY, "dropped-connection", command="OUTP ON"), "coil_supply.y: sent 'OUTP ON"),
+    (entry(GAUSSMETER, "wrong-terminator", command="SENS:MODE"), "gaussmeter: sent 'SENS:MODE"),
+    (entry(GAUSSMETER, "previous-reply", command="SENS:MODE"), "gaussmeter: sent 'SENS:MODE DC'"),
+    (entry(GAUSSMETER, "nan", **WHILE_RECORDING), "gaussmeter: read its buffer: '2026-"),
+    (entry(GAUSSMETER, "port-gone", **WHILE_RECORDING), "gaussmeter: sent 'FETC:BUFF:DC?'"),
+    (entry(BOARD, "lost-frame", command=COMMAND), "no BOARD_ACK frame came within 0.5 s"),
+    (entry(BOARD, "partial", command=COUNTS, **WHILE_RECORDING), "is none of its messages"),
+    (entry(BOARD, "silent", **WHILE_RECORDING), "gyro_acquisition: record NA: no sample came"),
+    (entry(BOARD, "dark", at="0 s"), "gyro_acquisition: start channel 1: the board sees no lit"),
+    (entry(BOARD, "port-gone", **WHILE_RECORDING), "gyro_acquisition: "),
+]
+
+
+@pytest.mark.parametrize(
+    ("fault", "sentence"),
+    ENDS_WITH_A_SENTENCE,
+    ids=[f"{one['instrument']} {one['fault']}" for one, _ in ENDS_WITH_A_SENTENCE],
+)
+def test_a_fault_ends_the_run_with_one_sentence_and_a_safe_world(
+    fault: Entry, sentence: str, tmp_path: Path
+) -> None:
+    before = set(threading.enumerate())
+    outcome, world = run_with(tmp_path, fault)
+    assert [one["struck"] > 0 for one in world["faults"]] == [True]
+    assert outcome.exit_code == 3
+    assert outcome.error is not None and sentence in outcome.error
+    assert fault["instrument"] in outcome.error
+    assert "Traceback" not in outcome.error
+    assert is_safe(world), world
+    RunFolder(outcome.folder).finished_units()  # the folder opens
+    left = set(threading.enumerate()) - before
+    for thread in left:
+        thread.join(10)
+    assert not [thread.name for thread in left if thread.is_alive()]
+
+
+def test_a_supply_that_is_gone_is_named_and_nobody_claims_that_it_is_safe(tmp_path: Path) -> None:
+    fault = entry(SUPPLY, "port-gone", command="MEAS:CURR?")
+    outcome, world = run_with(tmp_path, fault)
+    assert outcome.exit_code == 3
+    assert [(one.instrument, one.verified) for one in outcome.unsafe] == [(SUPPLY, False)]
+    # What software cannot promise: nobody reaches the supply any more.
+    assert not is_safe(world)
+
+
+@pytest.mark.parametrize("fault", ["no-reply", "late", "garbled", "dropped-connection"])
+def test_a_supply_that_no_longer_answers_is_switched_off_and_named(
+    fault: str, tmp_path: Path
+) -> None:
+    outcome, world = run_with(tmp_path, entry(SUPPLY, fault, **{"at": "120 s", "for": "10 h"}))
+    assert outcome.exit_code == 3
+    assert [(one.instrument, one.verified) for one in outcome.unsafe] == [(SUPPLY, False)]
+    assert is_safe(world)
+
+
+def test_a_short_gap_in_the_counts_is_flagged_and_the_run_goes_on(tmp_path: Path) -> None:
+    fault = entry(BOARD, "silent", **{"at": "120 s", "for": "3 s"})
+    outcome, world = run_with(tmp_path, fault)
+    assert outcome.exit_code == 0, outcome.error
+    assert outcome.document is not None
+    assert "gap" in {flag.code for flag in outcome.document.flags}
+    assert is_safe(world)
+
+
+def test_a_supply_in_compliance_shows_in_the_measured_field(tmp_path: Path) -> None:
+    outcome, world = run_with(tmp_path, entry(SUPPLY, "compliance", command="CURR:MODE LIST"))
+    assert outcome.document is not None
+    flags = {flag.code for flag in outcome.document.flags}
+    assert "field-differs-from-commanded" in flags
+    assert is_safe(world)
+
+
+def test_the_same_fault_twice_gives_the_same_world(tmp_path: Path) -> None:
+    fault = entry(SUPPLY, "garbled", command="MEAS:CURR?", nth=3)
+    worlds = []
+    for name in ("one", "two"):
+        (tmp_path / name).mkdir()
+        outcome, world = run_with(tmp_path / name, fault)
+        worlds.append((outcome.error, world["faults"], world["coils"]["y"]["largest_slew_A_per_s"]))
+    assert worlds[0] == worlds[1]
