@@ -37,15 +37,16 @@ class CanPulseBoard:
     """A board that counts the pulses of up to three laser gyros against its own clock."""
 
     source = "gyro_acquisition"
+    columns: Mapping[str, str] = COLUMNS
     identifies_on: ClassVar[str] = "socketcand"
     """Where a scan of served instruments may ask `identify`; a bus gives no `*IDN?` to go by."""
 
     def __init__(self, place: Place) -> None:
         self.place = place
-        self.columns = COLUMNS
         self._messages = message_file()
         self._counts = self._messages.get_message_by_name("GYRO_COUNTS_1")
         self._requests = 0
+        self._channel: int | None = None
         names = {one.frame_id: one.name for one in self._messages.messages}
         self._line = CanLine(place, names)
 
@@ -60,15 +61,9 @@ class CanPulseBoard:
     def start(self, sample_interval_s: float, channel: int) -> None:
         """Begin to sample one channel; raises InstrumentError when the board sees no lit gyro."""
         self._command("stop")
-        status = self._status()
+        self._channel = channel
+        self._check_gyro(self._status(), "start")
         bit = 1 << (channel - 1)
-        if not int(status["gyro_present"]) & bit or not int(status["laser_on"]) & bit:
-            raise InstrumentError(
-                self.place.name,
-                f"start channel {channel}",
-                "the board sees no lit gyro there",
-                "check the gyro's cable and power, and the plan's channel",
-            )
         self._command("start", channel_mask=bit, sample_interval_s=sample_interval_s)
         self._counts = self._messages.get_message_by_name(f"GYRO_COUNTS_{channel}")
         interval = f"{COLUMNS['sequence']}, every {sample_interval_s:.9g} s"
@@ -78,7 +73,8 @@ class CanPulseBoard:
     def drain(self) -> Block:
         """Return the count frames that came since the last call."""
         frames = self._line.take(self._counts.frame_id)
-        self._line.take(self._id("BOARD_STATUS"))
+        for frame in self._line.take(self._id("BOARD_STATUS")):
+            self._check_gyro(self._decode(frame), "record")
         decoded = [self._decode(frame) for frame in frames]
         return Block(
             {
@@ -91,11 +87,25 @@ class CanPulseBoard:
 
     def stop(self) -> None:
         """End the sampling."""
+        self._channel = None
         self._command("stop")
 
     def close(self) -> None:
         """Close the line."""
         self._line.close()
+
+    def _check_gyro(self, status: dict[str, Any], attempted: str) -> None:
+        """Raise InstrumentError when the board sees no lit gyro on the channel in use."""
+        if self._channel is None:
+            return
+        bit = 1 << (self._channel - 1)
+        if not int(status["gyro_present"]) & bit or not int(status["laser_on"]) & bit:
+            raise InstrumentError(
+                self.place.name,
+                f"{attempted} channel {self._channel}",
+                "the board sees no lit gyro there",
+                "check the gyro's cable and power, and the plan's channel",
+            )
 
     def _status(self) -> dict[str, Any]:
         self._line.take(self._id("BOARD_STATUS"))

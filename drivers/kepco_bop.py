@@ -9,8 +9,10 @@ that does not know it (-113) keeps its rating as limit, and the bench limit must
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from contextlib import suppress
-from typing import ClassVar
+from functools import partial
+from typing import ClassVar, TypeVar
 
 import numpy as np
 
@@ -18,6 +20,8 @@ from drivers.roles import Identity, Place, SafetyReading
 from drivers.transport.visa_line import ScpiLine, shortened
 from station.errors import InstrumentError
 from station.units import parse_as
+
+Answer = TypeVar("Answer")
 
 LONGEST_MESSAGE = 253
 ERROR_QUERY = ":SYST:ERR?"
@@ -27,6 +31,7 @@ LIST_RUNNING = 1 << 14
 RAMP_STEP_S = 0.05
 SETTLE_S = 0.1
 LOOK_S = 0.01
+TRIES = 3
 LONGEST_HALF_PERIOD_S = 10.5
 """Half a period of the slowest published drive, 0.05 Hz, and a little."""
 
@@ -152,9 +157,9 @@ class KepcoBop:
         """
         try:
             # What was refused before must not be taken for a refusal of what follows.
-            self._line.query(f"*CLS;{ERROR_QUERY}")
+            surely(lambda: self._line.query(f"*CLS;{ERROR_QUERY}"))
             self._ramp_to_zero(deadline_s)
-            self._line.command("OUTP OFF")
+            surely(lambda: self._line.command("OUTP OFF"))
         except InstrumentError:
             with suppress(InstrumentError):
                 self._line.write("OUTP OFF")
@@ -162,22 +167,23 @@ class KepcoBop:
 
     def _ramp_to_zero(self, deadline_s: float) -> None:
         clock = self.place.clock
-        if self._list_runs():
+        if surely(self._list_runs):
             self._leave_list(deadline_s)
-        present_A = self.current_A()
+        present_A = surely(self.current_A)
         steps = math.ceil(abs(present_A) / self._ramp_step_A)
         for step in range(steps - 1, -1, -1):
-            self._line.command(f"CURR {present_A * step / steps:.4f}")
+            set_point = f"CURR {present_A * step / steps:.4f}"
+            surely(partial(self._line.command, set_point))
             clock.sleep(RAMP_STEP_S)
-        self._line.command("CURR:MODE FIX;:CURR 0")
-        while abs(self.current_A()) > self._zero_A and clock.now() < deadline_s:
+        surely(lambda: self._line.command("CURR:MODE FIX;:CURR 0"))
+        while abs(surely(self.current_A)) > self._zero_A and clock.now() < deadline_s:
             clock.sleep(SETTLE_S)
 
     def read_safety(self) -> SafetyReading:
         """Read back output state, list state and current."""
-        output_on = self._line.number("OUTP?") != 0
-        runs = self._list_runs()
-        current_A = self.current_A()
+        output_on = surely(lambda: self._line.number("OUTP?")) != 0
+        runs = surely(self._list_runs)
+        current_A = surely(self.current_A)
         safe = not output_on and not runs and abs(current_A) <= self._zero_A
         return SafetyReading(
             safe,
@@ -198,12 +204,24 @@ class KepcoBop:
         """
         clock = self.place.clock
         until_s = min(clock.now() + LONGEST_HALF_PERIOD_S, deadline_s - SETTLE_S)
-        while abs(self.current_A()) > self._ramp_step_A and clock.now() < until_s:
+        while abs(surely(self.current_A)) > self._ramp_step_A and clock.now() < until_s:
             clock.sleep(LOOK_S)
-        self._line.command("CURR:MODE FIX")
+        surely(lambda: self._line.command("CURR:MODE FIX"))
 
     def _list_runs(self) -> bool:
         return bool(int(self._line.number("STAT:OPER:COND?")) & LIST_RUNNING)
+
+
+def surely(exchange: Callable[[], Answer]) -> Answer:
+    """Return what an exchange brings, tried three times before its error is believed.
+
+    Only for what may be said twice: queries, absolute set-points, modes, the output's state. On the
+    way to rest one lost answer must not end in a coil that is cut off at its full current.
+    """
+    for _ in range(TRIES - 1):
+        with suppress(InstrumentError):
+            return exchange()
+    return exchange()
 
 
 def list_messages(currents_A: np.ndarray) -> list[str]:

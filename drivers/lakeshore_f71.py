@@ -13,6 +13,7 @@ from datetime import datetime
 from typing import ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from drivers.roles import Block, Identity, Place
 from drivers.transport.visa_line import ScpiLine, shortened
@@ -53,6 +54,7 @@ class LakeshoreF71:
         self._averaging_count = max(count, 1)
         self.averaging_s = self._averaging_count * READING_PERIOD_S
         self._first_stamp: datetime | None = None
+        self._newest_s = -math.inf
         self._line = ScpiLine(
             place,
             error_query=":SYST:ERR:ALL?",
@@ -81,6 +83,7 @@ class LakeshoreF71:
         self._line.command(f"SENS:RANG {largest_field_mT * 1e-3:.6g}")
         self._line.query("FETC:BUFF:DC?")
         self._first_stamp = None
+        self._newest_s = -math.inf
 
     def drain(self) -> Block:
         """Return the buffered readings; reading them empties the instrument's buffer."""
@@ -88,11 +91,25 @@ class LakeshoreF71:
         arrival_s = self.place.clock.now()
         records = [record for record in answer.strip().strip('"').split(";") if record]
         rows = np.array([self._row(record) for record in records]).reshape(-1, 5)
+        self._check_rising(rows[:, 0])
         return Block(dict(zip(self.columns, rows.T, strict=True)), np.full(len(rows), arrival_s))
 
     def close(self) -> None:
         """Close the line."""
         self._line.close()
+
+    def _check_rising(self, instrument_time_s: NDArray[np.float64]) -> None:
+        """Raise InstrumentError when stamps do not rise: an answer came twice, or out of turn."""
+        if not len(instrument_time_s):
+            return
+        if not (np.diff(instrument_time_s, prepend=self._newest_s) > 0).all():
+            raise InstrumentError(
+                self.place.name,
+                "read its buffer",
+                "its time stamps run backwards",
+                "check that nobody else talks to the instrument, then run again",
+            )
+        self._newest_s = float(instrument_time_s[-1])
 
     def _row(self, record: str) -> tuple[float, float, float, float, float]:
         fields = record.split(",")

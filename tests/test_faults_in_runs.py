@@ -49,7 +49,7 @@ ENDS_WITH_A_SENTENCE = [
     (entry(SUPPLY, "no-reply", command="*IDN?"), "coil_supply.y: sent '*IDN?': no answer came"),
     (entry(SUPPLY, "late", command="LIST:CURR ", nth=5), "coil_supply.y: sent 'LIST:CURR "),
     (entry(SUPPLY, "garbled", command="STAT:OPER"), "which is no text"),
-    (entry(SUPPLY, "partial", command="OUTP OFF"), "without the end of an answer"),
+    (entry(SUPPLY, "partial", command="OUTP ON"), "without the end of an answer"),
     (entry(SUPPLY, "lost-command", command="CURR:MODE LIST"), "coil_supply.y: sent 'CURR:MODE"),
     (entry(SUPPLY, "nan", command="MEAS:CURR?", count=99), "'NaN' came back where a number"),
     (entry(SUPPLY, "list-refused", at="0 s"), "'CURR:MODE LIST': it refused with -221"),
@@ -87,6 +87,33 @@ def test_a_fault_ends_the_run_with_one_sentence_and_a_safe_world(
     for thread in left:
         thread.join(10)
     assert not [thread.name for thread in left if thread.is_alive()]
+
+
+@pytest.mark.parametrize("fault", ["no-reply", "late", "garbled", "partial", "nan"])
+def test_one_bad_answer_on_the_way_to_rest_cuts_no_coil(fault: str, tmp_path: Path) -> None:
+    outcome, world = run_with(tmp_path, entry(SUPPLY, fault, command="MEAS:CURR?", nth=2))
+    assert world["faults"][0]["struck"] == 1
+    assert outcome.exit_code == 0, outcome.error
+    assert is_safe(world)
+    coil = world["coils"]["y"]
+    largest_step_A = coil["largest_slew_A_per_s"] * coil["time_constant_s"]
+    assert largest_step_A < 0.25  # a ramp's step is 0.1 A; cut at full current it were 2.5 A
+
+
+def test_an_overloaded_gaussmeter_is_flagged(tmp_path: Path) -> None:
+    fault = entry(GAUSSMETER, "overload", **{"at": "120 s", "for": "5 s"})
+    outcome, _ = run_with(tmp_path, fault)
+    assert outcome.document is not None
+    flags = {flag.code: flag for flag in outcome.document.flags}
+    assert flags["overload"].details["count"] >= 40
+
+
+def test_a_gyro_that_goes_dark_ends_the_record(tmp_path: Path) -> None:
+    outcome, world = run_with(tmp_path, entry(BOARD, "dark", **WHILE_RECORDING))
+    assert outcome.exit_code == 3
+    assert outcome.error is not None
+    assert "the board sees no lit gyro" in outcome.error
+    assert is_safe(world)
 
 
 def test_a_supply_that_is_gone_is_named_and_nobody_claims_that_it_is_safe(tmp_path: Path) -> None:

@@ -9,7 +9,6 @@ import re
 from collections.abc import Callable
 from typing import Any
 
-import reference_errors
 import reference_bad_input
 import reference_formats
 import reference_keys
@@ -25,7 +24,6 @@ MAKERS: dict[str, Callable[[], str]] = {
     "drivers": reference_keys.drivers,
     "dataset-keys": reference_keys.dataset_keys,
     "verbs": reference_verbs.verbs,
-    "bad-input": reference_errors.bad_input,
     "exit-codes": reference_verbs.exit_codes,
     "units": reference_verbs.units,
     "flags": reference_formats.flags,

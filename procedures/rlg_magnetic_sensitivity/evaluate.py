@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -16,7 +17,11 @@ from procedures.rlg_magnetic_sensitivity.from_record import (
     dataset_of_run,
     field_alignment,
 )
-from procedures.rlg_magnetic_sensitivity.parameters import RlgParameters, Thresholds
+from procedures.rlg_magnetic_sensitivity.parameters import (
+    COIL_OF_AXIS,
+    RlgParameters,
+    Thresholds,
+)
 from station.results import Estimate, Findings, Flag, Published
 from station.uncertainty import InputQuantity
 
@@ -53,10 +58,21 @@ def findings_of_run(folder: RunFolder, parameters: RlgParameters, bench: Bench) 
     return Findings(
         [*findings.estimates, *absent],
         findings.published,
-        [*findings.flags, *flags],
+        [*findings.flags, *flags, *overload_flags(folder, measured)],
         inputs,
         findings.detail,
     )
+
+
+def overload_flags(folder: RunFolder, axes: Iterable[str]) -> list[Flag]:
+    """Return a flag for each axis during which the gaussmeter said overload."""
+    flags = []
+    for axis in sorted(set(axes) & set(COIL_OF_AXIS)):
+        count = int((folder.rows(GAUSSMETER, axis)["state"] != 0).sum())
+        if count:
+            message = f"The gaussmeter was overloaded in {count} readings of {axis}; they are left out."
+            flags.append(Flag("overload", message, axis, {"count": count}))
+    return flags
 
 
 def findings_of_dataset(raw: RawDataset) -> Findings:

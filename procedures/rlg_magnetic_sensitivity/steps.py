@@ -71,8 +71,10 @@ class SampleCounter:
     def enough(self, newest: Mapping[str, NDArray[Any]]) -> bool:
         """Take the newest row of the board; True once `wanted` intervals have passed."""
         sequence = int(newest[GYRO]["sequence"][0])
-        if self._last is not None:
-            self.counted += (sequence - self._last) % 65536
+        step = 0 if self._last is None else (sequence - self._last) % 65536
+        if step >= 32768:
+            return False  # a late frame: the counter never runs backwards by itself
+        self.counted += step
         self._last = sequence
         return self.counted >= self.wanted
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 import json
 import signal
 import sys
-from threading import Event
+from threading import Event, Thread
+from typing import Any
 
 from station import registry
 from station.cli.validating import read_bench_named
@@ -24,6 +25,8 @@ def serve(bench_name: str, procedure: str, speed: float) -> None:
     clock = RealClock(speed)
     simulation = serve_bench(bench, clock, procedure)
     simulation.make_ready()
+    if not sys.stdin.isatty():
+        Thread(target=answer_lines, args=(simulation,), name="faults", daemon=True).start()
     ended = Event()
     for name in ("SIGINT", "SIGTERM", "SIGHUP"):
         if hasattr(signal, name):
@@ -39,3 +42,10 @@ def serve(bench_name: str, procedure: str, speed: float) -> None:
     finally:
         simulation.close()
         clock.stop()
+
+
+def answer_lines(simulation: Any) -> None:
+    """Inject the fault that each line of standard input describes; `report` asks for the world."""
+    for line in sys.stdin:
+        if line.strip():
+            print(simulation.answer(line), file=sys.stderr, flush=True)

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from station import __version__
-from station.exporting.files import replaced
+from station.exporting.files import Sink, replaced
 from station.exporting.reading import Column, Recording, blocks_of, sources, texts_of
 
 if TYPE_CHECKING:
@@ -34,7 +34,7 @@ def export_hdf5(folder: RunFolder, path: Path) -> None:
     Units of work that were not measured to their end are written too, with `state` `unfinished`.
     Raises RecordError when it cannot be written.
     """
-    with replaced(path) as part, h5py.File(part, "w") as file:
+    with replaced(path) as part, Sink(part) as sink, h5py.File(sink, "w") as file:
         file.attrs.update({"NX_class": "NXroot", "creator": f"station {__version__}"})
         file.attrs["run"] = folder.path.name
         raw = file.create_group("raw")

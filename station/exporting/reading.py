@@ -150,7 +150,7 @@ def blocks_of(folder: RunFolder, source: str) -> Iterator[tuple[Recording, NDArr
 def recording(
     source: str, unit: str, finished: bool, described: Mapping[str, str], rows: NDArray[Any]
 ) -> Recording:
-    """Return what a unit of work of a source holds, from the driver's description of its columns."""
+    """Return what a unit of work of a source holds, as its driver described the columns."""
     names: Sequence[str] = rows.dtype.names or ()
     columns = tuple(
         Column(name, unit_of(described.get(name, "")), described.get(name, name)) for name in names
