@@ -1,6 +1,6 @@
 """Draw the README's picture: run the shipped plan on the simulated bench and plot IA's spectrum.
 
-    python docs/images/make.py
+python docs/images/make.py
 """
 
 from __future__ import annotations
@@ -24,6 +24,7 @@ PICTURE = Path(__file__).parent / "spectrum.png"
 
 
 def main() -> None:
+    """Run the plan and write the picture beside this file."""
     plan = read_plan(find(PLANS, "rlg-magnetic-sensitivity"), registry.Procedures())
     bench = read_bench(find(BENCHES, "sim"), registry.names(registry.DRIVERS))
     with tempfile.TemporaryDirectory() as parent:

@@ -27,12 +27,13 @@ def export_csv(folder: RunFolder, place: Path) -> None:
     """
     place.mkdir(parents=True, exist_ok=True)
     for source in sources(folder):
+        written: list[Path] = []
         with ExitStack() as open_files:
             writers: dict[str, Any] = {}
             for recording, rows in blocks_of(folder, source):
                 if recording.unit not in writers:
                     path = place / file_name(recording)
-                    remove_other_state(path)
+                    written.append(path)
                     part = open_files.enter_context(replaced(path))
                     file = part.open("w", encoding="utf-8", newline="")
                     writers[recording.unit] = csv.writer(
@@ -40,6 +41,8 @@ def export_csv(folder: RunFolder, place: Path) -> None:
                     )
                     writers[recording.unit].writerow(headers(recording))
                 writers[recording.unit].writerows(as_python(rows))
+        for path in written:
+            remove_other_state(path)
 
 
 def file_name(recording: Recording) -> str:

@@ -126,9 +126,8 @@ class State:
         seen = eyes.look(self.instrument, self.quantity)
         name = f"{self.instrument} {self.quantity}"
         if seen.reading is None:
-            return Judgement(
-                False if seen.excused else None, f"{name} {seen.why}", None, self.equals
-            )
+            excused = False if seen.excused else None
+            return Judgement(excused, f"{name} {seen.why}", None, self.equals)
         value = str(seen.reading.value)
         return Judgement(value == self.equals, f"{name} is {value}", value, self.equals)
 

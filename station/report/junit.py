@@ -50,10 +50,11 @@ def junit_of(folder: RunFolder, document: ResultDocument) -> str:
             add_case(suite, document.procedure, data, other)
     for flag in document.flags:
         if flag.code == UNSAFE:
-            add_error(suite, document.procedure, UNSAFE, flag.message)
+            name = f"{UNSAFE} {flag.details['instrument']}"
+            add_error(suite, document.procedure, name, flag.code, flag.message)
     if not any(event.details["complete"] for event in folder.events_of("run-ended")):
         said = "the run did not go through all its steps; what it measured is evaluated here"
-        add_error(suite, document.procedure, INCOMPLETE, said)
+        add_error(suite, document.procedure, INCOMPLETE, INCOMPLETE, said)
     suite.set("tests", str(len(suite.findall("testcase"))))
     suite.set("failures", str(len(suite.findall("testcase/failure"))))
     suite.set("errors", str(len(suite.findall("testcase/error"))))
@@ -95,9 +96,9 @@ def add_case(
         ET.SubElement(case, "error", type=why, message=f"{said}: {why}")
 
 
-def add_error(suite: ET.Element, procedure: str, code: str, message: str) -> None:
+def add_error(suite: ET.Element, procedure: str, name: str, code: str, message: str) -> None:
     """Add a test case that is no result: something that keeps the run from counting as passed."""
-    case = ET.SubElement(suite, "testcase", classname=procedure, name=code)
+    case = ET.SubElement(suite, "testcase", classname=procedure, name=clean(name))
     ET.SubElement(case, "error", type=code, message=clean(message))
 
 
