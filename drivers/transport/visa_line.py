@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from contextlib import suppress
-from functools import lru_cache
 from typing import Any
 
 import pyvisa
@@ -20,9 +19,9 @@ LARGEST_ANSWER_BYTES = 1 << 20
 ENCODING = "ascii"
 
 
-@lru_cache
 def resource_manager(library: str) -> pyvisa.ResourceManager:
     """Return the resource manager of a VISA library, `@py` or the path of the vendor's."""
+    # PyVISA keeps one a library and makes a new one where somebody closed it.
     return pyvisa.ResourceManager(library)
 
 
