@@ -132,7 +132,11 @@ def test_a_plan_that_extends_another_is_still_held_to_what_it_says() -> None:
     [
         ("driver: lakeshore-f71", "driver: lakeshore-f72", "instruments.gaussmeter.driver"),
         ("  gaussmeter:", "  gausmeter:", "instruments"),
-        ("{coil_constant: 0.300 mT/A, coil_resistance: 1.2 ohm}", "{}", "instruments.coil_supply.x.settings"),
+        (
+            "{coil_constant: 0.300 mT/A, coil_resistance: 1.2 ohm}",
+            "{}",
+            "instruments.coil_supply.x.settings",
+        ),
         (", zero_current: 20 mA", "", "instruments.coil_supply.x.limits"),
         ("current: 8 A", "current: 8 V", "instruments.coil_supply.x.limits.current"),
         ("quantity: field", "quantity: filed", "instruments.gaussmeter.calibration"),

@@ -70,7 +70,9 @@ def overload_flags(folder: RunFolder, axes: Iterable[str]) -> list[Flag]:
     for axis in sorted(set(axes) & set(COIL_OF_AXIS)):
         count = int((folder.rows(GAUSSMETER, axis)["state"] != 0).sum())
         if count:
-            message = f"The gaussmeter was overloaded in {count} readings of {axis}; they are left out."
+            message = (
+                f"The gaussmeter was overloaded in {count} readings of {axis}; they are left out."
+            )
             flags.append(Flag("overload", message, axis, {"count": count}))
     return flags
 
