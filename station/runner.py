@@ -78,7 +78,7 @@ class BenchSession:
     """
 
     def __init__(
-        self, bench: Bench, procedure: str | None, served: Mapping[str, Any] | None = None
+        self, bench: Bench, procedure: str, served: Mapping[str, Any] | None = None
     ) -> None:
         self.clock = clock_for(bench, served)
         self._simulation = None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -31,6 +32,9 @@ def test_the_documentation_builds_without_a_warning(tmp_path: Path) -> None:
     )
     assert done.returncode == 0, done.stderr
     assert (tmp_path / "reference" / "bad-input.html").is_file()
+    fetched = re.compile(r"<(?:script|img|link|iframe)[^>]*(?:src|href)=\"(?:https?:)?//")
+    for site in tmp_path.rglob("*.html"):
+        assert not fetched.search(site.read_text(encoding="utf-8")), site.name
 
 
 def test_no_page_loads_anything_from_elsewhere(tmp_path: Path) -> None:

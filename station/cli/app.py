@@ -33,6 +33,8 @@ Overrides = Annotated[
     ),
 ]
 DEFAULT_BENCH = "sim"
+MOUNTED = "rlg-magnetic-sensitivity"
+"""The procedure whose device a simulated bench mounts where nobody says otherwise."""
 
 
 class Kind(StrEnum):
@@ -205,7 +207,7 @@ def identify(
     """Ask every instrument of a bench who it is."""
     from station.cli.identifying import identify_bench
 
-    raise typer.Exit(identify_bench(bench, as_json=json))
+    raise typer.Exit(identify_bench(bench, MOUNTED, as_json=json))
 
 
 @app.command()
@@ -231,7 +233,7 @@ def sim(
     bench: Annotated[str, typer.Argument(help="Simulated bench: path or name.")] = DEFAULT_BENCH,
     procedure: Annotated[
         str, typer.Option(help="The procedure whose device is mounted.")
-    ] = "rlg-magnetic-sensitivity",
+    ] = MOUNTED,
     speed: Annotated[float, typer.Option(help="How many times as fast as real time.")] = 1.0,
 ) -> None:
     """Serve simulated instruments until interrupted."""

@@ -10,10 +10,10 @@ from station.opening import probe
 from station.runner import BenchSession
 
 
-def identify_bench(bench_name: str, *, as_json: bool) -> int:
+def identify_bench(bench_name: str, mounted: str, *, as_json: bool) -> int:
     """Ask every instrument of a bench who it is; exit code 3 when one is missing or wrong."""
     bench = read_bench_named(bench_name)
-    with BenchSession(bench, None) as session, session.clock.participant("run"):
+    with BenchSession(bench, mounted) as session, session.clock.participant("run"):
         rows = [
             probe(instance, bench, session.addresses, session.clock)
             for instance in bench.instruments
