@@ -90,8 +90,7 @@ class BenchSession:
             }
             self.act = lambda prompt_id: f"{prompt_id}: done when the simulated bench was served"
         elif bench.simulation is not None:
-            world = procedure or registry.names(registry.PROCEDURES)[0]
-            self._simulation = serve_bench(bench, self.clock, world)
+            self._simulation = serve_bench(bench, self.clock, procedure)
             instruments = self._simulation.instruments
             self.addresses = {name: str(one["address"]) for name, one in instruments.items()}
             self.act = self._simulation.act
