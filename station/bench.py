@@ -13,8 +13,6 @@ from pydantic import Field, ValidationInfo, field_validator
 from station.calibration import Calibration
 from station.faults import Fault, FaultList, listed, nearest
 from station.fields import Celsius, Degree, Second, StrictModel, Unit, key_of, to_yaml_data
-from station.interlocks.model import InterlockEntry
-from station.interlocks.reading import interlock_faults
 from station.units import UnitError, parse_as
 from station.validation import check_model
 from station.yaml_reading import Document, read_yaml
@@ -58,15 +56,13 @@ def role_of(instance: str) -> str:
 class InstrumentLimits(StrictModel):
     """What an instrument may never exceed on this bench; each is left out where it means nothing.
 
-    `zero_current` is the largest measured current that counts as zero, `heating` the power that a
-    coil may turn into heat for as long as a plan likes.
+    `zero_current` is the largest measured current that counts as zero.
     """
 
     current_A: Annotated[float, Unit("A"), Field(gt=0)] | None = None
     voltage_V: Annotated[float, Unit("V"), Field(gt=0)] | None = None
     slew_A_per_s: Annotated[float, Unit("A/s"), Field(gt=0)] | None = None
     zero_current_A: Annotated[float, Unit("A"), Field(gt=0)] | None = None
-    heating_W: Annotated[float, Unit("W"), Field(gt=0)] | None = None
     field_mT: Annotated[float, Unit("mT"), Field(gt=0)] | None = None
     rate_deg_per_s: Annotated[float, Unit("deg/s"), Field(gt=0)] | None = None
     acceleration_deg_per_s2: Annotated[float, Unit("deg/s^2"), Field(gt=0)] | None = None
@@ -98,7 +94,7 @@ class Instrument(StrictModel):
 
     @cached_property
     def limits(self) -> Mapping[str, float]:
-        """The limits that are given, by key: A, V, A/s, W, mT, deg/s, deg/s^2, deg, degC."""
+        """The limits that are given, by key: A, V, A/s, mT, deg/s, deg/s^2, deg, degC."""
         named = {
             key_of(InstrumentLimits, name): getattr(self.given_limits, name)
             for name in InstrumentLimits.model_fields
@@ -123,7 +119,6 @@ class BenchFile(StrictModel):
     simulation: dict[str, Any] | None = None
     instruments: Annotated[dict[str, Instrument], Field(min_length=1)]
     safe_state: tuple[SafeStep, ...]
-    interlocks: tuple[InterlockEntry, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -196,7 +191,6 @@ def bench_of(document: Document, drivers: Collection[str]) -> Bench:
         for name, entry in instruments.items():
             faults += _instrument_faults(document, name, entry, drivers)
         faults += _safe_state_faults(document, list(instruments))
-        faults += interlock_faults(document, list(instruments))
     if file is None or faults:
         raise FaultList(faults)
     return Bench(file, document)
