@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import select
 import socket
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from contextlib import AbstractContextManager, suppress
 from itertools import count
@@ -19,7 +20,7 @@ HOST = "127.0.0.1"
 LONGEST_LINE = 65536
 
 
-class TcpServer:
+class TcpServer(ABC):
     """Accept any number of clients on one port and serve each in a thread of its own.
 
     With `faults` the port can vanish for a while, and a connection can be dropped.
@@ -50,9 +51,9 @@ class TcpServer:
         """Start to accept clients."""
         Thread(target=self._accept, name=f"{self._name} accept", daemon=True).start()
 
+    @abstractmethod
     def serve(self, client: socket.socket) -> None:
         """Serve one client until it leaves."""
-        raise NotImplementedError
 
     def close(self) -> None:
         """Close the port and all connections."""
