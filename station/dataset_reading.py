@@ -222,6 +222,8 @@ def _header_faults(
 def _numbers(cells: list[str]) -> tuple[NDArray[np.float64], list[int]]:
     """Return the cells as numbers, and the places of those that are no finite number."""
     try:
+        if any("_" in cell for cell in cells):
+            raise ValueError("Python reads 1_000 as a number, nobody else does")
         values = np.array(cells, dtype=np.str_).astype(np.float64)
     except ValueError:
         values = np.array([_number(cell) for cell in cells])
@@ -230,7 +232,7 @@ def _numbers(cells: list[str]) -> tuple[NDArray[np.float64], list[int]]:
 
 def _number(cell: str) -> float:
     try:
-        return float(cell)
+        return math.nan if "_" in cell else float(cell)
     except ValueError:
         return math.nan
 

@@ -62,7 +62,8 @@ class Progress:
 
     def __enter__(self) -> Progress:
         if self._bar is not None:
-            self._bar.start()
+            with suppress(OSError):  # a terminal that is gone ends no run
+                self._bar.start()
         return self
 
     def __exit__(
@@ -72,7 +73,8 @@ class Progress:
         trace: TracebackType | None,
     ) -> None:
         if self._bar is not None:
-            self._bar.stop()
+            with suppress(OSError):
+                self._bar.stop()
 
     def step(self, number: str, title: str, expected_s: float) -> None:
         """Say that a step begins that is expected to take `expected_s` of bench time."""
@@ -90,7 +92,8 @@ class Progress:
         left = span(self._total_s - done_s)
         if self._bar is not None and self._task is not None:
             text = f"{self._title}  {detail}".strip()
-            self._bar.update(self._task, completed=done_s, description=text, left=left)
+            with suppress(OSError):
+                self._bar.update(self._task, completed=done_s, description=text, left=left)
         elif boot_seconds() - self._said_at >= REPEAT_S:
             percent = 100 * done_s / self._total_s
             self.say(f"    {percent:3.0f} %  bench time left {left}  {detail}".rstrip())

@@ -60,6 +60,8 @@ class Operator:
     def ask(self, prompt: Prompt) -> Answer:
         """Put a prompt and return its answer; raises Aborted when the operator says abort."""
         if prompt.id in self._answers:
+            if self._answers[prompt.id].strip().lower() == "abort":
+                raise Aborted(f"the answers file ended the run at the prompt {prompt.id}")
             return Answer(self._answers[prompt.id], "answers file")
         if prompt.physical and self._act is not None:
             return Answer(self._act(prompt.id), "simulated world")

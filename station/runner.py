@@ -27,7 +27,7 @@ from station.prompts import Operator
 from station.record.folder import EXPORTS, RUN, RunFolder, RunRecord, json_text
 from station.run import Run
 from station.safety import SafeOutcome, make_bench_safe
-from station.signals import AbortSignals
+from station.signals import AbortSignals, wishes_held
 from station.simulation import clock_for, serve_bench
 from station.status import RUN_STARTED, what_is_planned
 from station.trace import Trace
@@ -145,12 +145,13 @@ def execute(request: Request) -> Outcome:
             run = Run(plan, bench, clock, record, progress, operator)
             trace = Trace(record.path, clock) if request.trace else None
             _walk(run, procedure, session.addresses, outcome, trace)
-    with suppress(RecordError):  # a full disk was told when the run met it
-        note_end(record)
-    _evaluate(record, outcome, report=request.report)
-    record.seal()
-    if request.report and outcome.error is None and not record.faults:
-        _export(record)  # not on a disk that is full: the HDF5 library crashes there
+    with wishes_held():
+        with suppress(RecordError):  # a full disk was told when the run met it
+            note_end(record)
+        _evaluate(record, outcome, report=request.report)
+        record.seal()
+        if request.report and outcome.error is None and not record.faults:
+            _export(record)  # not on a disk that is full: the HDF5 library crashes there
     if record.faults and outcome.exit_code not in (EXIT_ABORTED, EXIT_INTERLOCK):
         outcome.error = outcome.error or f"not everything was recorded: {record.faults[0]}"
         outcome.exit_code = EXIT_FAULT

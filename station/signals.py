@@ -10,6 +10,7 @@ from types import FrameType, TracebackType
 from typing import Any
 
 from station.clock import Clock
+from station.console import tell
 from station.errors import Aborted
 
 WISHES = ("SIGINT", "SIGTERM", "SIGHUP")
@@ -21,6 +22,21 @@ def wishes_end_a_prompt() -> Iterator[None]:
 
     def heard(number: int, frame: FrameType | None) -> None:
         raise Aborted(f"the run was ended by {signal.Signals(number).name} at a prompt")
+
+    before = {number: signal.signal(number, heard) for number in wishes()}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+@contextmanager
+def wishes_held() -> Iterator[None]:
+    """Let no wish cut short what takes moments and leaves a folder half done."""
+
+    def heard(number: int, frame: FrameType | None) -> None:
+        tell(f"{signal.Signals(number).name}: the results are being written, a moment")
 
     before = {number: signal.signal(number, heard) for number in wishes()}
     try:

@@ -20,6 +20,7 @@ Mask = NDArray[np.bool_]
 _LEAST_INDEPENDENT = 0.05
 # Correct S for 2 S2 B0 when that costs less than this part of u(S), or when S2 is this many u.
 _CHEAP = 0.5
+_SEEN = 1e-4
 _EVIDENT = 3.0
 
 
@@ -106,7 +107,9 @@ def solve(observed: Sequence[Observed | None]) -> Response:
     # d S / d S2 of what the ambient field pretends, through the same gains.
     pretence = gain[:count] @ system.ambient
     spread = np.sqrt(np.maximum(np.diag(covariance), 0.0))
-    seen = np.any(np.abs(system.quadratic) > 0.0, axis=0)
+    # Where an axis's double was not fitted, only noise of its field stands in its column.
+    strength = np.max(np.abs(system.quadratic), axis=0, initial=0.0)
+    seen = (strength > 0.0) & (strength > _SEEN * np.max(strength, initial=0.0))
     cost = np.abs(np.diag(pretence)) * spread[count:]
     evident = np.abs(solution[count:]) > _EVIDENT * spread[count:]
     corrected = seen & ((cost <= _CHEAP * spread[:count]) | evident)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import sys
 
@@ -11,21 +12,23 @@ SHOW_TRACEBACK = "STATION_TRACEBACK"
 def main() -> None:
     """Run the command line and exit with the contract's code."""
     from station.cli.app import app
+    from station.console import tell
     from station.errors import EXIT_ABORTED, EXIT_FAULT, StationError
 
     try:
         app()
     except StationError as error:
-        print(error, file=sys.stderr)
+        tell(str(error))
+        if "--json" in sys.argv:  # a program that asked for a document gets one in every case
+            print(json.dumps({"error": str(error), "exit_code": error.exit_code}))
         sys.exit(error.exit_code)
     except Exception as error:  # a fault of ours must not look like a result outside its limit
         if os.environ.get(SHOW_TRACEBACK):
             raise
-        print(
-            f"a fault of the program: {error!r}; set {SHOW_TRACEBACK}=1 and run again to see where",
-            file=sys.stderr,
+        tell(
+            f"a fault of the program: {error!r}; set {SHOW_TRACEBACK}=1 and run again to see where"
         )
         sys.exit(EXIT_FAULT)
     except KeyboardInterrupt:
-        print("ended by the operator", file=sys.stderr)
+        tell("ended by the operator")
         sys.exit(EXIT_ABORTED)

@@ -6,6 +6,7 @@ import json
 import os
 import sys
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -46,12 +47,18 @@ def run_plan(
     )
     outcome = execute(request)
     say(outcome)
+    with suppress(BrokenPipeError):  # nobody reads on; the run is what it is
+        print_outcome(outcome, plan.procedure, as_json=as_json)
+    return outcome.exit_code
+
+
+def print_outcome(outcome: Outcome, procedure: str, *, as_json: bool) -> None:
+    """Print the results on standard output, as one JSON document or for a person."""
     if as_json:
-        print(json.dumps(document_of(outcome, plan.procedure), indent=1, ensure_ascii=False))
+        print(json.dumps(document_of(outcome, procedure), indent=1, ensure_ascii=False))
     elif outcome.document is not None:
         print_document(outcome.document)
         print(f"report: {outcome.folder / REPORT}")
-    return outcome.exit_code
 
 
 def read_answers(path: Path) -> dict[str, str]:

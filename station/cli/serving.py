@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import signal
 import sys
 from threading import Event, Thread
@@ -17,6 +18,8 @@ from station.simulation import serve_bench
 
 def serve(bench_name: str, procedure: str, speed: float) -> None:
     """Serve a simulated bench until interrupted; the first line says where everything is."""
+    if not 0 < speed < math.inf:
+        raise InputError(f"--speed {speed:g}: give a number above 0, such as 1 or 50")
     bench = read_bench_named(bench_name)
     if bench.simulation is None:
         raise InputError(f"{bench.name} is a real bench: its file has no `simulation`")
