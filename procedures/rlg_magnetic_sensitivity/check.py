@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from procedures.rlg_magnetic_sensitivity.parameters import RlgParameters
-from procedures.rlg_magnetic_sensitivity.steps import coil_supply, instruments
+from procedures.rlg_magnetic_sensitivity.steps import GAUSSMETER, coil_supply, instruments
 from station.procedure import Problem
 from station.units import parse_as
 
@@ -23,6 +23,14 @@ def check(parameters: RlgParameters, bench: Bench) -> Iterator[Problem]:
             yield Problem(
                 ("procedure",), f"the bench {bench.name!r} has no {name}, which this plan needs"
             )
+    gaussmeter = bench.instruments.get(GAUSSMETER)
+    calibration = gaussmeter.calibration if gaussmeter else None
+    if calibration and not calibration.covers("field", parameters.amplitude_mT, "mT"):
+        yield Problem(
+            AMPLITUDE,
+            f"the gaussmeter's calibration record states no uncertainty at "
+            f"{parameters.amplitude_mT:g} mT",
+        )
     for axis in parameters.axes:
         name = coil_supply(axis)
         if name not in bench.instruments:
@@ -36,6 +44,16 @@ def check(parameters: RlgParameters, bench: Bench) -> Iterator[Problem]:
                 f"{parameters.amplitude_mT:g} mT needs {current_A:.3g} A from {name}, "
                 f"the bench allows {allowed_A:g} A",
             )
+        resistance = entry.settings.get("coil_resistance")
+        if resistance is not None:
+            needed_V = current_A * parse_as(str(resistance), "ohm")
+            allowed_V = entry.limits["voltage"]
+            if needed_V > allowed_V:
+                yield Problem(
+                    AMPLITUDE,
+                    f"{parameters.amplitude_mT:g} mT needs {needed_V:.3g} V at {name}'s coil, "
+                    f"the bench allows {allowed_V:g} V",
+                )
         allowed_mT = entry.limits.get("field")
         if allowed_mT is not None and parameters.amplitude_mT > allowed_mT:
             yield Problem(
