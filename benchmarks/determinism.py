@@ -24,7 +24,7 @@ from station import registry
 from station.bench import read_bench
 from station.lookup import BENCHES, PLANS, find
 from station.plan import read_plan
-from station.runner import Request, execute
+from station.runner.execute import Request, execute
 
 
 def main() -> None:

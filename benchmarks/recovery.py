@@ -20,9 +20,9 @@ from station import registry
 from station.bench import bench_of
 from station.lookup import BENCHES, PLANS, find
 from station.plan import read_plan
-from station.runner import Request, execute
+from station.runner.execute import Request, execute
 from station.units import parse_as
-from station.yaml_reading import read_yaml_text
+from station.yaml.reading import read_yaml_text
 
 PROCEDURE = "rlg-magnetic-sensitivity"
 

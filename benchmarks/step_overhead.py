@@ -25,7 +25,7 @@ from campaign_helpers import undirected_run
 
 from station.clock import VirtualClock
 from station.procedure import Step
-from station.progress import Progress
+from station.runner.progress import Progress
 from station.record.folder import RunRecord
 
 

@@ -13,9 +13,11 @@ from pydantic import Field, ValidationInfo, field_validator
 from station.calibration import Calibration
 from station.faults import Fault, FaultList, listed, nearest
 from station.fields import Celsius, Degree, Second, StrictModel, Unit, key_of, to_yaml_data
+from station.safety.interlocks.model import InterlockEntry
+from station.safety.interlocks.reading import interlock_faults
 from station.units import UnitError, parse_as
 from station.validation import check_model
-from station.yaml_reading import Document, read_yaml
+from station.yaml.reading import Document, read_yaml
 
 INSTANCES = (
     "coil_supply.x",
@@ -56,13 +58,15 @@ def role_of(instance: str) -> str:
 class InstrumentLimits(StrictModel):
     """What an instrument may never exceed on this bench; each is left out where it means nothing.
 
-    `zero_current` is the largest measured current that counts as zero.
+    `zero_current` is the largest measured current that counts as zero, `heating` the power that a
+    coil may turn into heat for as long as a plan likes.
     """
 
     current_A: Annotated[float, Unit("A"), Field(gt=0)] | None = None
     voltage_V: Annotated[float, Unit("V"), Field(gt=0)] | None = None
     slew_A_per_s: Annotated[float, Unit("A/s"), Field(gt=0)] | None = None
     zero_current_A: Annotated[float, Unit("A"), Field(gt=0)] | None = None
+    heating_W: Annotated[float, Unit("W"), Field(gt=0)] | None = None
     field_mT: Annotated[float, Unit("mT"), Field(gt=0)] | None = None
     rate_deg_per_s: Annotated[float, Unit("deg/s"), Field(gt=0)] | None = None
     acceleration_deg_per_s2: Annotated[float, Unit("deg/s^2"), Field(gt=0)] | None = None
@@ -94,7 +98,7 @@ class Instrument(StrictModel):
 
     @cached_property
     def limits(self) -> Mapping[str, float]:
-        """The limits that are given, by key: A, V, A/s, mT, deg/s, deg/s^2, deg, degC."""
+        """The limits that are given, by key: A, V, A/s, W, mT, deg/s, deg/s^2, deg, degC."""
         named = {
             key_of(InstrumentLimits, name): getattr(self.given_limits, name)
             for name in InstrumentLimits.model_fields
@@ -119,6 +123,7 @@ class BenchFile(StrictModel):
     simulation: dict[str, Any] | None = None
     instruments: Annotated[dict[str, Instrument], Field(min_length=1)]
     safe_state: tuple[SafeStep, ...]
+    interlocks: tuple[InterlockEntry, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -191,6 +196,7 @@ def bench_of(document: Document, drivers: Collection[str]) -> Bench:
         for name, entry in instruments.items():
             faults += _instrument_faults(document, name, entry, drivers)
         faults += _safe_state_faults(document, list(instruments))
+        faults += interlock_faults(document, list(instruments))
     if file is None or faults:
         raise FaultList(faults)
     return Bench(file, document)

@@ -16,7 +16,7 @@ from pydantic import Field
 from station.faults import Fault, FaultList, listed, nearest
 from station.fields import StrictModel
 from station.validation import check_model
-from station.yaml_reading import Document, read_yaml
+from station.yaml.reading import Document, read_yaml
 
 DATASET_FILE = "dataset.yaml"
 MOST_FAULTS = 20

@@ -64,3 +64,34 @@ class Aborted(StationError):
     """A person ended the run."""
 
     exit_code = EXIT_ABORTED
+
+
+class InterlockTripped(StationError):
+    """A level that the bench file forbids was reached, or could not be read any more.
+
+    `name` is the interlock's, `said` what was seen, `time_s` the run time at which.
+    """
+
+    exit_code = EXIT_INTERLOCK
+
+    def __init__(
+        self,
+        name: str,
+        said: str,
+        time_s: float,
+        *,
+        value: float | str | None = None,
+        limit: str | None = None,
+    ) -> None:
+        super().__init__(f"the interlock {name} tripped at {time_s:.3f} s: {said}")
+        self.name = name
+        self.said = said
+        self.time_s = time_s
+        self.value = value
+        self.limit = limit
+
+
+class NotAcknowledged(StationError):
+    """A bench whose interlock tripped and whose cause nobody has acknowledged yet."""
+
+    exit_code = EXIT_INTERLOCK

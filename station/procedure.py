@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from station.record.folder import RunFolder
     from station.report.parts import Part
     from station.results import Findings, ResultDocument
-    from station.run import Run
+    from station.runner.run import Run
 
 
 @dataclass(frozen=True)

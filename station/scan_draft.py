@@ -9,9 +9,9 @@ from collections.abc import Iterable, Iterator
 from station import registry
 from station.bench import INSTANCES, NEEDED_LIMITS, NEEDED_SETTINGS, role_of
 from station.roles import roles_of
-from station.safety import MadeSafe
+from station.safety.safe_state import MadeSafe
 from station.scan import Seen
-from station.yaml_reading import plain_scalar
+from station.yaml.reading import plain_scalar
 
 FILL_IN = "FILL IN"
 EXAMPLES = {

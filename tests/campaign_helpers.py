@@ -24,15 +24,15 @@ from mcap.stream_reader import StreamReader
 
 from sim_instruments.bench import SimulatedBench
 from station import registry
-from station.acquisition import acquire
+from station.runner.acquisition import acquire
 from station.bench import read_bench
 from station.clock import VirtualClock
-from station.opening import Place
+from station.runner.opening import Place
 from station.plan import read_plan
-from station.progress import Progress
-from station.prompts import Operator
+from station.runner.progress import Progress
+from station.runner.prompts import Operator
 from station.record.folder import RunRecord
-from station.run import Run
+from station.runner.run import Run
 
 PROCEDURE = "rlg-magnetic-sensitivity"
 STREAM_PERIODS_S = {"gyro.a": 0.013, "gyro.b": 0.02, "gyro.c": 0.05, "gyro.d": 0.1}

@@ -10,8 +10,8 @@ import pytest
 
 from station.bench import Bench, bench_of
 from station.calibration import Calibration, NotCalibrated
-from station.yaml_reading import FaultList, read_yaml_text, validate_model
-from station.yaml_writing import yaml_text
+from station.yaml.reading import FaultList, read_yaml_text, validate_model
+from station.yaml.writing import yaml_text
 
 DRIVERS = ("bop", "f71", "pulse-board")
 

@@ -16,7 +16,7 @@ from station.lookup import BENCHES, find
 from station.plan import read_plan
 from station.plan.model import PlanHeader
 from station.record.folder import RunFolder
-from station.runner import Outcome, Request, execute
+from station.runner.execute import Outcome, Request, execute
 
 DOCS = ROOT / "docs"
 sys.path.insert(0, str(DOCS / "_ext"))

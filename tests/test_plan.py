@@ -12,8 +12,8 @@ from station.decision import Limit
 from station.fields import Hertz, Millitesla, StrictModel
 from station.lookup import BENCHES, PLANS, available, find
 from station.plan import Plan, plan_of, read_plan
-from station.yaml_reading import FaultList, read_yaml_text
-from station.yaml_writing import yaml_text
+from station.yaml.reading import FaultList, read_yaml_text
+from station.yaml.writing import yaml_text
 
 
 class ShakeParameters(StrictModel):

@@ -17,8 +17,8 @@ from station.evaluation import read_plan_and_bench
 from station.lookup import BENCHES, find
 from station.plan import plan_of, read_plan
 from station.record.folder import RunFolder
-from station.runner import Request, execute
-from station.yaml_reading import read_yaml_text
+from station.runner.execute import Request, execute
+from station.yaml.reading import read_yaml_text
 
 BASE = """\
 extends: rlg-magnetic-sensitivity

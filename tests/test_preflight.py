@@ -13,13 +13,13 @@ import pytest
 
 from station.clock import RealClock, VirtualClock, system_clock_synchronised
 from station.lookup import BENCHES, find
-from station.preflight import (
+from station.runner.preflight import (
     SystemClockWatch,
     fault_of_output,
     warned_of_clock,
     watch_system_clock,
 )
-from station.progress import how_long
+from station.runner.progress import how_long
 from station.record.folder import RunFolder, RunRecord
 from tests.test_cli import PLAN, station
 

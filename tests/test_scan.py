@@ -19,7 +19,7 @@ from station.clock import RealClock
 from station.conformance.hostile import HostileServer, closed_port
 from station.scan import IDENTIFY, Seen, ask_can, ask_port, modbus_identity, recognised
 from station.scan_draft import draft
-from station.yaml_reading import FaultList
+from station.yaml.reading import FaultList
 
 FILLED_IN = {
     "coil_supply": "    settings: {coil_constant: 0.3 mT/A}\n"

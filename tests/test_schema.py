@@ -16,7 +16,7 @@ from station.cli.app import app
 from station.faults import FaultList
 from station.plan import plan_of
 from station.schema import KINDS, schema_text
-from station.yaml_reading import read_yaml, read_yaml_text
+from station.yaml.reading import read_yaml, read_yaml_text
 
 CONFIG = Path(__file__).parent.parent / "config"
 SHIPPED = [

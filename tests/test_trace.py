@@ -17,10 +17,10 @@ from station.clock import VirtualClock
 from station.conformance.hostile import HostileServer
 from station.errors import InstrumentTimeout
 from station.lookup import BENCHES, find
-from station.opening import Place
+from station.runner.opening import Place
 from station.plan import read_plan
-from station.runner import Outcome, Request, execute
-from station.trace import Trace, readable
+from station.runner.execute import Outcome, Request, execute
+from station.runner.trace import Trace, readable
 from tests.campaign_helpers import file_hashes, short_plan
 
 LINE = re.compile(r" *(?P<time_s>\d+\.\d{6}) (?P<direction>[-><!]) (?P<text>.*)")

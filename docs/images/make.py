@@ -18,7 +18,7 @@ from station.lookup import BENCHES, PLANS, find
 from station.plan import read_plan
 from station.record.folder import RunFolder
 from station.report.drawing import STYLE, png_bytes
-from station.runner import Request, execute
+from station.runner.execute import Request, execute
 
 PICTURE = Path(__file__).parent / "spectrum.png"
 

@@ -17,7 +17,7 @@ from station.procedure import Prompt, Step
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from station.run import Run
+    from station.runner.run import Run
 
 GYRO = "gyro_acquisition"
 GAUSSMETER = "gaussmeter"
@@ -118,7 +118,7 @@ def warm_up(run: Run) -> None:
     from drivers.roles import DutPower, GyroAcquisition
     from procedures.estimation.slope import slope_with_uncertainty
     from procedures.rlg_magnetic_sensitivity.from_record import gyro_rates
-    from station.acquisition import acquire
+    from station.runner.acquisition import acquire
 
     parameters: RlgParameters = run.parameters
     rule = parameters.warm_up
@@ -169,7 +169,7 @@ def drive(run: Run, axis: str) -> None:
 def record(run: Run, axis: str) -> None:
     """S4: N samples of the gyro at tau0, the field measured beside it; then the field goes off."""
     from drivers.roles import CoilSupply, Gaussmeter, GyroAcquisition
-    from station.acquisition import acquire
+    from station.runner.acquisition import acquire
 
     parameters: RlgParameters = run.parameters
     board = run.role(GYRO, GyroAcquisition)

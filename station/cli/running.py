@@ -16,8 +16,8 @@ from station.console import tell
 from station.errors import InputError
 from station.record.folder import REPORT
 from station.results import SCHEMA
-from station.runner import Outcome, Request, execute
-from station.yaml_reading import read_yaml
+from station.runner.execute import Outcome, Request, execute
+from station.yaml.reading import read_yaml
 
 
 def run_plan(

@@ -13,7 +13,7 @@ from station import registry
 from station.cli.validating import read_bench_named
 from station.clock import RealClock
 from station.errors import InputError
-from station.simulation import serve_bench
+from station.runner.simulation import serve_bench
 
 
 def serve(bench_name: str, procedure: str, speed: float) -> None:

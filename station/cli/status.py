@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-from station.progress import span
+from station.runner.progress import span
 from station.status import SENTENCES, Status, newest_run, read_status
 
 RUNS = Path("runs")

@@ -13,7 +13,7 @@ from station.errors import EXIT_DONE, EXIT_WRONG_INPUT
 from station.lookup import BENCHES, PLANS, find
 from station.plan import Plan, read_plan
 from station.plan.resolved import resolved_data, resolved_text
-from station.yaml_reading import Fault, FaultList
+from station.yaml.reading import Fault, FaultList
 
 
 def read_bench_named(name: str) -> Bench:

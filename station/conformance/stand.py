@@ -12,8 +12,8 @@ from station.bench import Bench, role_of
 from station.clock import Clock, RealClock, VirtualClock
 from station.conformance.hostile import moved_to
 from station.errors import InputError, StationError
-from station.opening import Place
-from station.safety import DEFAULT_WITHIN_S, MadeSafe
+from station.runner.opening import Place
+from station.safety.safe_state import DEFAULT_WITHIN_S, MadeSafe
 
 Message = tuple[float, str, bytes]
 """Run time in s, direction, and the bytes."""

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from station.acquisition import POLL_S, to_rows
+from station.runner.acquisition import POLL_S, to_rows
 from station.conformance.stand import Stand
 from station.record.raw import ARRIVAL
 

@@ -10,7 +10,7 @@ from station.faults import Fault
 from station.plan.extends import EXTENDS, layers_of, merged
 from station.plan.overrides import override
 from station.plan.vars import VARS, fill_in, references
-from station.yaml_document import Document
+from station.yaml.document import Document
 
 
 @dataclass(frozen=True)

@@ -11,8 +11,8 @@ from pathlib import Path
 
 from station.faults import FaultList, listed, nearest
 from station.lookup import PLANS, available, find
-from station.yaml_document import Document, Where
-from station.yaml_reading import read_yaml
+from station.yaml.document import Document, Where
+from station.yaml.reading import read_yaml
 
 EXTENDS = "extends"
 _SUFFIX = ".yaml"

@@ -8,7 +8,7 @@ from typing import Any, Protocol
 from station.decision import Limit
 from station.faults import Fault, listed, nearest
 from station.units import UnitError, parse_as
-from station.yaml_reading import Document
+from station.yaml.reading import Document
 
 BOUNDS = ("min", "max", "max_abs")
 

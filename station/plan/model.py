@@ -15,8 +15,8 @@ from station.fields import StrictModel, to_yaml_data
 from station.plan.composition import compose
 from station.plan.limits import LimitedResult, LimitsByAxis, read_limits
 from station.validation import check_model
-from station.yaml_document import Document
-from station.yaml_reading import read_yaml
+from station.yaml.document import Document
+from station.yaml.reading import read_yaml
 
 Words = Annotated[str, Field(min_length=1)]
 NOT_IN_FILE_NAMES = '/\\:*?"<>|'

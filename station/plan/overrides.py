@@ -12,9 +12,9 @@ from typing import Any
 
 from station.faults import Fault, FaultList, dotted
 from station.plan.extends import EXTENDS
-from station.yaml_document import Document, Mark, Where
-from station.yaml_reading import plain_scalar, read_yaml_text
-from station.yaml_text import lookalikes
+from station.yaml.document import Document, Mark, Where
+from station.yaml.reading import plain_scalar, read_yaml_text
+from station.yaml.text import lookalikes
 
 OPTION = "--set"
 _OPENS_YAML = "[{\"'"

@@ -8,9 +8,9 @@ from unicodedata import east_asian_width
 
 from station.faults import dotted
 from station.plan.overrides import OPTION
-from station.yaml_document import Where, leaves
-from station.yaml_reading import read_yaml_text
-from station.yaml_writing import yaml_text
+from station.yaml.document import Where, leaves
+from station.yaml.reading import read_yaml_text
+from station.yaml.writing import yaml_text
 
 if TYPE_CHECKING:
     from station.plan.model import Plan

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from dataclasses import replace
 
 from station.faults import Fault, FaultList, listed, nearest
-from station.yaml_document import Document, Mark, Where, leaves
+from station.yaml.document import Document, Mark, Where, leaves
 
 VARS = "vars"
 REFERENCE = re.compile(r"\$\{([^{}]*)\}")

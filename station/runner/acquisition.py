@@ -12,7 +12,7 @@ from station.errors import InstrumentError
 from station.record.raw import ARRIVAL
 
 if TYPE_CHECKING:
-    from station.run import Run
+    from station.runner.run import Run
 
 POLL_S = 1.037
 """Run time between two looks. It is no multiple of any reading period, so that over a minute some

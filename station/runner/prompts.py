@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from station.clock import Clock
 from station.errors import Aborted, UnansweredPrompt
 from station.procedure import Prompt
-from station.signals import wishes_end_a_prompt
+from station.runner.signals import wishes_end_a_prompt
 
 DONE = "done"
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from station.clock import RealClock, boot_seconds, system_clock_synchronised, utc_now
-from station.disk_space import disk_of, nearest_there
+from station.runner.disk_space import disk_of, nearest_there
 from station.errors import RecordError
 
 if TYPE_CHECKING:

@@ -16,8 +16,8 @@ from yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 
 from station.faults import Fault, FaultList, dotted
 from station.validation import validate_model
-from station.yaml_document import TOP, Document, Mark, Where
-from station.yaml_text import lookalikes
+from station.yaml.document import TOP, Document, Mark, Where
+from station.yaml.text import lookalikes
 
 __all__ = [
     "Document",

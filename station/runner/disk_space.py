@@ -59,7 +59,7 @@ def needed_bytes(forecast: Forecast, bench: Bench, clock: Clock) -> int:
     Rows count with their number and the width of their columns; blocks with what frames them, one
     block at each look at a source, which the clock says how often comes.
     """
-    from station.acquisition import POLL_S
+    from station.runner.acquisition import POLL_S
 
     total = BESIDE_RAW_BYTES
     for recording in forecast.recordings:

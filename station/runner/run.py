@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from station.clock import Clock
 from station.errors import InputError
 from station.procedure import Prompt, Step
-from station.progress import Progress
-from station.prompts import Operator
+from station.runner.progress import Progress
+from station.runner.prompts import Operator
 from station.record.folder import RunFolder, RunRecord
 
 if TYPE_CHECKING:

@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING, Any, Protocol
 from station import registry
 from station.clock import Clock
 from station.errors import InputError, InstrumentError, InstrumentsMissing
+from station.readings import Publisher, Readings, Value
 
 if TYPE_CHECKING:
     from station.bench import Bench
-    from station.trace import Trace
+    from station.runner.trace import Trace
 
 
 class Identity(Protocol):
@@ -47,6 +48,12 @@ class Place:
     limits: Mapping[str, float] = field(default_factory=dict)
     asker: Callable[[str, str], str] | None = None
     trace: Callable[[str, bytes], None] | None = None
+    publisher: Publisher | None = None
+
+    def publish(self, quantity: str, value: Value, unit: str = "") -> None:
+        """Put up a reading for interlocks and panel; nothing happens where nobody looks."""
+        if self.publisher is not None:
+            self.publisher(quantity, value, unit)
 
     def ask(self, prompt_id: str, text: str) -> str:
         """Put a request to the operator and return the answer."""
@@ -85,17 +92,20 @@ def open_one(
     clock: Clock,
     asker: Callable[[str, str], str] | None = None,
     trace: Trace | None = None,
+    readings: Readings | None = None,
 ) -> Probe:
     """Open and identify one instance of a bench; an instrument that answered stays open.
 
-    `addresses` replaces those of the bench file (a simulated bench gives its own).
+    `addresses` replaces those of the bench file (a simulated bench gives its own); what the
+    instrument says is published on `readings`.
     """
     if name not in bench.instruments:
         return Probe(name, False, f"{name}: the bench {bench.name!r} has no such instrument")
     entry = bench.instruments[name]
     address = addresses.get(name, entry.address or "")
     tracer = trace.of(name) if trace else None
-    place = Place(name, address, clock, entry.settings, entry.limits, asker, tracer)
+    publisher = readings.publisher(name) if readings else None
+    place = Place(name, address, clock, entry.settings, entry.limits, asker, tracer, publisher)
     try:
         instrument: Opened = registry.load(registry.DRIVERS, entry.driver)(place)
     except InstrumentError as error:
@@ -133,6 +143,7 @@ def open_instruments(
     clock: Clock,
     asker: Callable[[str, str], str] | None,
     trace: Trace | None = None,
+    readings: Readings | None = None,
 ) -> dict[str, Found]:
     """Open and identify the `wanted` instances of a bench, in the bench file's order.
 
@@ -142,7 +153,7 @@ def open_instruments(
     needed = set(wanted)
     ordered = [name for name in bench.instruments if name in needed]
     ordered += sorted(needed - set(bench.instruments))
-    probes = [open_one(name, bench, addresses, clock, asker, trace) for name in ordered]
+    probes = [open_one(name, bench, addresses, clock, asker, trace, readings) for name in ordered]
     found = {one.name: one.found for one in probes if one.found is not None}
     problems = [one.said for one in probes if not one.ok]
     if problems:

@@ -1,0 +1,32 @@
+"""`station acknowledge`."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict
+
+from station.safety.acknowledgement import acknowledge
+from station.errors import InputError
+from station.lookup import BENCHES, find
+
+
+def acknowledge_bench(name: str, *, as_json: bool) -> None:
+    """Take back the refusal of a bench whose interlock tripped, and say what it was.
+
+    Only the file's place counts, so that a bench file with a fault can be acknowledged too.
+    """
+    bench = find(BENCHES, name)
+    try:
+        trip = acknowledge(bench)
+    except OSError as error:
+        raise InputError(
+            f"the acknowledgement cannot be written: {error}; make the folder of XDG_STATE_HOME "
+            "writable"
+        ) from error
+    if as_json:
+        told = asdict(trip) if trip else None
+        print(json.dumps({"bench": str(bench), "acknowledged": told}, indent=1, ensure_ascii=False))
+    elif trip is None:
+        print(f"{name}: no interlock waits to be acknowledged")
+    else:
+        print(f"{name}: acknowledged: {trip.message} ({trip.tripped_utc}, {trip.run})")

@@ -1,0 +1,1 @@
+"""From a plan and a bench to a sealed run folder."""

@@ -1,0 +1,203 @@
+"""Conditions on the level of quantities, stacked with any, all and not.
+
+A condition keeps no state and knows no clock: it is given eyes, which know how old a reading may
+be and ask the instrument for a fresh one. What cannot be read is neither true nor false, and goes
+through any, all and not as the third value of Kleene's logic: `any` of an unreadable and a true
+one is true, `all` of an unreadable and a false one is false. Whoever acts on a condition takes
+what remains unknown as true.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+from station.readings import Reading
+
+Watched = tuple[str, str]
+"""An instrument and one of its quantities."""
+
+
+class Eyes(Protocol):
+    """Whoever can read a quantity."""
+
+    def look(self, instrument: str, quantity: str) -> Seen:
+        """Return what is to be seen of a quantity now; never raises for an instrument."""
+        ...
+
+
+@dataclass(frozen=True)
+class Seen:
+    """A reading; or none, with the reason why, and whether the instrument may say nothing now."""
+
+    reading: Reading | None
+    why: str = ""
+    excused: bool = False
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """Whether a condition is true, None where that cannot be told; and in words what was seen."""
+
+    true: bool | None
+    said: str
+    value: float | str | None = None
+    limit: str | None = None
+
+
+class Condition(Protocol):
+    """Something that is true or not of a bench at a moment."""
+
+    @property
+    def watched(self) -> frozenset[Watched]:
+        """The quantities that it depends on."""
+        ...
+
+    def judge(self, eyes: Eyes) -> Judgement:
+        """Return whether it is true now."""
+        ...
+
+
+@dataclass(frozen=True)
+class Level:
+    """A number beyond its limits: above `high`, below `low`, or either (`outside`).
+
+    `magnitude`: the sign of the reading is left out.
+    """
+
+    instrument: str
+    quantity: str
+    unit: str
+    low: float = -math.inf
+    high: float = math.inf
+    magnitude: bool = False
+
+    @property
+    def watched(self) -> frozenset[Watched]:
+        """The one quantity."""
+        return frozenset({(self.instrument, self.quantity)})
+
+    @property
+    def limit(self) -> str:
+        """The limit in words: `above 8.2 A`."""
+        if self.low == -math.inf:
+            return f"above {self.high:g} {self.unit}"
+        if self.high == math.inf:
+            return f"below {self.low:g} {self.unit}"
+        return f"outside {self.low:g} {self.unit} to {self.high:g} {self.unit}"
+
+    def judge(self, eyes: Eyes) -> Judgement:
+        """Compare the present reading; no number is unknown."""
+        seen = eyes.look(self.instrument, self.quantity)
+        name = f"{self.instrument} {self.quantity}"
+        if seen.reading is None:
+            return Judgement(
+                False if seen.excused else None, f"{name} {seen.why}", None, self.limit
+            )
+        value = seen.reading.value
+        if isinstance(value, str) or math.isnan(value):
+            return Judgement(None, f"{name} reads {value}, which is no number", None, self.limit)
+        level = abs(value) if self.magnitude else value
+        beyond = level > self.high or level < self.low
+        if beyond:
+            said = f"{name} is {value:.4g} {self.unit}, {self.limit}"
+        else:
+            said = f"{name} is {value:.4g} {self.unit}, not {self.limit}"
+        return Judgement(beyond, said, value, self.limit)
+
+
+@dataclass(frozen=True)
+class State:
+    """A state that an instrument is in: a chain that is open, an output that is on."""
+
+    instrument: str
+    quantity: str
+    equals: str
+
+    @property
+    def watched(self) -> frozenset[Watched]:
+        """The one quantity."""
+        return frozenset({(self.instrument, self.quantity)})
+
+    def judge(self, eyes: Eyes) -> Judgement:
+        """Compare the present state."""
+        seen = eyes.look(self.instrument, self.quantity)
+        name = f"{self.instrument} {self.quantity}"
+        if seen.reading is None:
+            excused = False if seen.excused else None
+            return Judgement(excused, f"{name} {seen.why}", None, self.equals)
+        value = str(seen.reading.value)
+        return Judgement(value == self.equals, f"{name} is {value}", value, self.equals)
+
+
+@dataclass(frozen=True)
+class AnyOf:
+    """True when one of its parts is."""
+
+    parts: Sequence[Condition]
+
+    @property
+    def watched(self) -> frozenset[Watched]:
+        """What its parts watch."""
+        return frozenset().union(*(part.watched for part in self.parts))
+
+    def judge(self, eyes: Eyes) -> Judgement:
+        """Judge the parts in order; the first true one decides."""
+        judged = []
+        for part in self.parts:
+            one = part.judge(eyes)
+            if one.true:
+                return one
+            judged.append(one)
+        unknown = [one for one in judged if one.true is None]
+        return unknown[0] if unknown else Judgement(False, _joined(judged, "and"))
+
+
+@dataclass(frozen=True)
+class AllOf:
+    """True when all of its parts are."""
+
+    parts: Sequence[Condition]
+
+    @property
+    def watched(self) -> frozenset[Watched]:
+        """What its parts watch."""
+        return frozenset().union(*(part.watched for part in self.parts))
+
+    def judge(self, eyes: Eyes) -> Judgement:
+        """Judge the parts in order; the first false one decides."""
+        judged = []
+        for part in self.parts:
+            one = part.judge(eyes)
+            if one.true is False:
+                return one
+            judged.append(one)
+        unknown = [one for one in judged if one.true is None]
+        if unknown:
+            return unknown[0]
+        return Judgement(True, _joined(judged, "and"), judged[-1].value, judged[-1].limit)
+
+
+@dataclass(frozen=True)
+class Not:
+    """True when its part is false."""
+
+    part: Condition
+
+    @property
+    def watched(self) -> frozenset[Watched]:
+        """What its part watches."""
+        return self.part.watched
+
+    def judge(self, eyes: Eyes) -> Judgement:
+        """Turn the part's judgement over; unknown stays unknown."""
+        one = self.part.judge(eyes)
+        turned = None if one.true is None else not one.true
+        limit = f"not {one.limit}" if one.limit else None
+        return Judgement(turned, one.said, one.value, limit)
+
+
+def _joined(judged: Sequence[Judgement], word: str) -> str:
+    return f" {word} ".join(one.said for one in judged)

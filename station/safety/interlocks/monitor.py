@@ -1,0 +1,196 @@
+"""Watch the interlocks of a run, whatever its steps do meanwhile.
+
+One thread takes part in the run's time and looks at each interlock at its own period. A trip ends
+the run at its next wait; a run that does not react in time is brought to rest from here.
+"""
+
+from __future__ import annotations
+
+import _thread
+from collections.abc import Callable, Mapping, Sequence
+
+from station.clock import Clock, ClockError, ClockStopped
+from station.errors import InterlockTripped
+from station.safety.interlocks.conditions import Judgement
+from station.safety.interlocks.quantities import ENERGISED, IDLE_PERIOD_S, quantities_of
+from station.safety.interlocks.reading import Interlock
+from station.safety.interlocks.sight import Sight
+from station.readings import Readings
+
+REACTS_WITHIN_S = 1.5
+"""Run time that a run has to react to a trip; longer than any of its waits is in one piece."""
+MOST_LOOKS_OF_PATIENCE = 10.0
+ROUNDING_S = 1e-9
+
+
+class Watch:
+    """One interlock: when it is looked at next, and since when its condition is true."""
+
+    def __init__(self, interlock: Interlock, eyes: Sight) -> None:
+        self.interlock = interlock
+        self.eyes = eyes
+        self.due_s = 0.0
+        self.since_s: float | None = None
+        self.own_state = [
+            instrument
+            for instrument in sorted(interlock.instruments)
+            if set(ENERGISED) & set(quantities_of(instrument))
+        ]
+
+    def judge(self) -> Judgement:
+        """Look now."""
+        return self.interlock.when.judge(self.eyes)
+
+
+class Monitor:
+    """The interlocks of one run; `trip` is what tripped first, None while all is well."""
+
+    def __init__(
+        self,
+        interlocks: Sequence[Interlock],
+        instruments: Mapping[str, object],
+        readings: Readings,
+        clock: Clock,
+        make_safe: Callable[[], object],
+    ) -> None:
+        self.trip: InterlockTripped | None = None
+        self._clock = clock
+        self._make_safe = make_safe
+        self._watches = [
+            Watch(one, Sight(readings, instruments, clock, one.period_s)) for one in interlocks
+        ]
+        self._energised = {
+            name
+            for name in instruments
+            for quantity, state in ENERGISED.items()
+            if (newest := readings.newest(name, quantity)) and newest.value == state
+        }
+        self._checking = clock.lock("the interlocks")
+        self._stopped = False
+        self._turn = 0
+        readings.on_change(self._changed)
+
+    def check_once(self) -> None:
+        """Look at every interlock now; raises InterlockTripped, before anything is energised.
+
+        No grace is given here: what is wrong already is not going to be made better by a run.
+        """
+        for watch in self._watches:
+            for instrument in watch.own_state:
+                if "output" in quantities_of(instrument):
+                    watch.eyes.look(instrument, "output")
+            judged = watch.judge()
+            if judged.true is not False:
+                self.trip = self._tripped(watch, judged)
+                raise self.trip
+            watch.due_s = self._clock.now() + self._period_s(watch)
+
+    def start(self) -> None:
+        """Begin to watch."""
+        if self._watches:
+            self._turn = 1
+            self._clock.start("interlocks", lambda: self._watch(1))
+
+    def raise_trip(self) -> None:
+        """Raise what tripped, if anything did."""
+        if self.trip is not None:
+            raise self.trip
+
+    def stop(self) -> None:
+        """Watch no more; from now on the bench is being made safe, which nothing delays."""
+        self._stopped = True
+
+    def wait_until_stopped(self) -> None:
+        """Return when no instrument is being asked any more, so that lines may be closed."""
+        with self._checking:
+            pass
+
+    @property
+    def stopped(self) -> bool:
+        """Whether the run itself has begun to make the bench safe."""
+        return self._stopped
+
+    def _watch(self, turn: int) -> None:
+        try:
+            while self.trip is None:
+                self._clock.sleep_until(min(watch.due_s for watch in self._watches))
+                with self._checking:
+                    if self._stopped or turn != self._turn:
+                        return
+                    self._look_where_due()
+        except (ClockStopped, ClockError):
+            raise
+        except Exception as error:  # interlocks that nobody watches any more must end the run
+            said = f"the interlocks cannot be watched any more, a fault of the program: {error!r}"
+            self.trip = InterlockTripped("monitor", said, self._clock.now())
+        self._alarm(self.trip)
+
+    def _look_where_due(self) -> None:
+        for watch in self._watches:
+            now_s = self._clock.now()
+            if self._stopped or watch.due_s > now_s:
+                continue
+            judged = watch.judge()
+            now_s = self._clock.now()
+            watch.due_s = now_s + self._period_s(watch)
+            if judged.true is False:
+                watch.since_s = None
+                continue
+            watch.since_s = now_s if watch.since_s is None else watch.since_s
+            trips_s = watch.since_s + watch.interlock.grace_s
+            if now_s >= trips_s - ROUNDING_S:
+                self.trip = self._tripped(watch, judged)
+                return
+            watch.due_s = min(watch.due_s, trips_s)
+
+    def _tripped(self, watch: Watch, judged: Judgement) -> InterlockTripped:
+        said = judged.said
+        if watch.since_s is not None and watch.interlock.grace_s:
+            said += f", for {self._clock.now() - watch.since_s:.3g} s"
+        return InterlockTripped(
+            watch.interlock.name,
+            said,
+            self._clock.now(),
+            value=judged.value,
+            limit=judged.limit,
+        )
+
+    def _alarm(self, trip: InterlockTripped | None) -> None:
+        """End the run; where it does not react, bring the bench to rest without it."""
+        self._clock.interrupt(trip)
+        self._clock.sleep(self._clock.patience_s(REACTS_WITHIN_S))
+        if self._stopped:
+            return
+        _thread.interrupt_main()  # ends a prompt: a person may take any time to answer
+        self._make_safe()
+
+    def _period_s(self, watch: Watch) -> float:
+        """Return the time to the next look, in s."""
+        period_s = watch.interlock.period_s
+        if watch.interlock.only_while_on and not self._is_on(watch):
+            return max(period_s, IDLE_PERIOD_S)
+        # Where time runs faster than real, looks must not crowd out the run itself.
+        return max(period_s, self._clock.patience_s(period_s) / MOST_LOOKS_OF_PATIENCE)
+
+    def _is_on(self, watch: Watch) -> bool:
+        """Whether what is watched may be energised: itself, or anything where it does not say."""
+        says = set(watch.own_state) == watch.interlock.instruments
+        return bool(self._energised & set(watch.own_state) if says else self._energised)
+
+    def _changed(self, instrument: str, quantity: str, state: str) -> None:
+        """Look at once, and then often, when something becomes energised."""
+        if quantity not in ENERGISED:
+            return
+        if state != ENERGISED[quantity]:
+            self._energised.discard(instrument)
+            return
+        self._energised.add(instrument)
+        if not self._turn or self._stopped or self.trip is not None:
+            return
+        now_s = self._clock.now()
+        for watch in self._watches:
+            if watch.interlock.only_while_on and self._is_on(watch):
+                watch.due_s = min(watch.due_s, now_s)
+        # The thread that sleeps towards a later time returns when it wakes.
+        self._turn = turn = self._turn + 1
+        self._clock.start(f"interlocks {turn}", lambda: self._watch(turn))
