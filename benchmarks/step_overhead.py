@@ -25,8 +25,8 @@ from campaign_helpers import undirected_run
 
 from station.clock import VirtualClock
 from station.procedure import Step
-from station.runner.progress import Progress
 from station.record.folder import RunRecord
+from station.runner.progress import Progress
 
 
 def main() -> None:

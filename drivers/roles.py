@@ -43,6 +43,10 @@ class Place(Protocol):
         """The bench's limits in A, V, A/s, mT, deg/s, degC."""
         ...
 
+    def publish(self, quantity: str, value: float | str, unit: str = "") -> None:
+        """Put up a reading, or the word of a state, for interlocks and panel."""
+        ...
+
     @property
     def trace(self) -> Tracer | None:
         """Who is told what goes over the wire; None where nobody listens, as in most runs."""
@@ -143,6 +147,33 @@ class CoilSupply(Instrument, MadeSafe, Protocol):
 
 
 @runtime_checkable
+class DirectCurrentSupply(Instrument, MadeSafe, Protocol):
+    """A bipolar current source that holds a steady current in its coil."""
+
+    coil_constant_mT_per_A: float
+
+    def programme_limits(self) -> None:
+        """Write the bench file's current and voltage limits into the instrument itself."""
+        ...
+
+    def switch_on(self) -> None:
+        """Switch the output on at zero current."""
+        ...
+
+    def ramp_to(self, current_A: float) -> None:
+        """Go to a current of either sign within the slew limit; return once it reads back."""
+        ...
+
+    def stop(self) -> None:
+        """Bring the current to zero within the slew limit, output off."""
+        ...
+
+    def current_A(self) -> float:
+        """Return the measured output current in A."""
+        ...
+
+
+@runtime_checkable
 class SampledSource(Instrument, Protocol):
     """A source of samples that number or stamp themselves."""
 
@@ -184,6 +215,83 @@ class GyroAcquisition(SampledSource, Protocol):
 
     def stop(self) -> None:
         """End the sampling."""
+        ...
+
+
+@runtime_checkable
+class Multimeter(Instrument, Protocol):
+    """A voltmeter that takes a burst of readings on its own trigger; column `voltage_V`.
+
+    A reading beyond the range is kept as the instrument says it (±9.9e37 V), with `overload` 1.
+    """
+
+    source: str
+    columns: Mapping[str, str]
+
+    def configure(self, largest_V: float, nplc: float) -> float:
+        """Choose range and integration time in power-line cycles; return the range in V."""
+        ...
+
+    def start(self, readings: int) -> None:
+        """Begin a burst of readings; returns at once."""
+        ...
+
+    def fetch(self) -> Block | None:
+        """Return the burst that was started, None while it is being taken."""
+        ...
+
+
+@runtime_checkable
+class Thermometer(Instrument, Protocol):
+    """A thermometer at the device under test; columns `resistance_ohm`, `temperature_degC`."""
+
+    source: str
+    columns: Mapping[str, str]
+
+    def start(self, readings: int) -> None:
+        """Begin a burst of readings; returns at once."""
+        ...
+
+    def fetch(self) -> Block | None:
+        """Return the burst that was started, None while it is being taken."""
+        ...
+
+
+@runtime_checkable
+class RotaryStage(Instrument, MadeSafe, Protocol):
+    """A single-axis table that goes to angles against its own encoder."""
+
+    def programme_limits(self) -> None:
+        """Write the bench file's rate and angle limits into the instrument itself."""
+        ...
+
+    def is_homed(self) -> bool:
+        """Whether the encoder's zero has been found since the stage was switched on."""
+        ...
+
+    def home(self) -> None:
+        """Begin to look for the encoder's zero; `is_moving` tells when it is found."""
+        ...
+
+    def move_to(self, angle_deg: float) -> None:
+        """Begin to turn to an absolute angle; returns at once."""
+        ...
+
+    def is_moving(self) -> bool:
+        """Whether the stage still turns; raises InstrumentError for a fault of the axis."""
+        ...
+
+    def angle_deg(self) -> float:
+        """Return the encoder's angle in deg."""
+        ...
+
+
+@runtime_checkable
+class InterlockChain(Instrument, Protocol):
+    """The hard-wired chain of emergency stops, doors and limit switches, as it can be read."""
+
+    def is_closed(self) -> bool:
+        """Whether the chain is closed, so that the bench may be energised."""
         ...
 
 

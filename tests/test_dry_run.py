@@ -12,12 +12,12 @@ import yaml
 
 from station import registry
 from station.bench import Bench, read_bench
-from station.runner.disk_space import BESIDE_RAW_BYTES, in_bytes, needed_bytes
-from station.runner.dry_run import Extreme, extremes, walk
 from station.faults import FaultList
 from station.lookup import BENCHES, PLANS, find
 from station.plan import Plan, read_plan
 from station.procedure import SetPoint
+from station.runner.disk_space import BESIDE_RAW_BYTES, in_bytes, needed_bytes
+from station.runner.dry_run import Extreme, extremes, walk
 from station.runner.simulation import clock_for
 from tests.test_cli import station
 from tests.test_run_rlg import short_run

@@ -13,6 +13,7 @@ import pytest
 
 from station.clock import RealClock, VirtualClock, system_clock_synchronised
 from station.lookup import BENCHES, find
+from station.record.folder import RunFolder, RunRecord
 from station.runner.preflight import (
     SystemClockWatch,
     fault_of_output,
@@ -20,7 +21,6 @@ from station.runner.preflight import (
     watch_system_clock,
 )
 from station.runner.progress import how_long
-from station.record.folder import RunFolder, RunRecord
 from tests.test_cli import PLAN, station
 
 NAME = "rlg-magnetic-sensitivity"

@@ -17,9 +17,9 @@ from station.clock import VirtualClock
 from station.conformance.hostile import HostileServer
 from station.errors import InstrumentTimeout
 from station.lookup import BENCHES, find
-from station.runner.opening import Place
 from station.plan import read_plan
 from station.runner.execute import Outcome, Request, execute
+from station.runner.opening import Place
 from station.runner.trace import Trace, readable
 from tests.campaign_helpers import file_hashes, short_plan
 

@@ -6,13 +6,13 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
 from pydantic import Field, ValidationInfo, field_validator
-from station.dataset_reading import check_ascending, read_table
-from station.fields import StrictModel, Unit
-from station.yaml.reading import validate_model
 
 from procedures.rlg_magnetic_sensitivity.dataset import Drive, RlgDataset, Segment
 from procedures.rlg_magnetic_sensitivity.from_record import TO_MIDDLE
 from procedures.rlg_magnetic_sensitivity.parameters import Axis
+from station.dataset_reading import check_ascending, read_table
+from station.fields import StrictModel, Unit
+from station.yaml.reading import validate_model
 
 if TYPE_CHECKING:
     from station.dataset_reading import RawDataset

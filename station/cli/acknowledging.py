@@ -5,9 +5,9 @@ from __future__ import annotations
 import json
 from dataclasses import asdict
 
-from station.safety.acknowledgement import acknowledge
 from station.errors import InputError
 from station.lookup import BENCHES, find
+from station.safety.acknowledgement import acknowledge
 
 
 def acknowledge_bench(name: str, *, as_json: bool) -> None:

@@ -6,8 +6,8 @@ import json
 
 from station.cli.validating import read_bench_named
 from station.errors import EXIT_DONE, EXIT_FAULT
-from station.runner.opening import probe
 from station.runner.execute import BenchSession
+from station.runner.opening import probe
 
 
 def identify_bench(bench_name: str, mounted: str, *, as_json: bool) -> int:

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from station.runner.acquisition import POLL_S, to_rows
 from station.conformance.stand import Stand
 from station.record.raw import ARRIVAL
+from station.runner.acquisition import POLL_S, to_rows
 
 RECORDED_S = 60.0
 QUIET_S = 3.0

@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Any
 
 from station import registry
 from station.clock import system_clock_synchronised, utc_now
-from station.runner.disk_space import Disk, disk_of
 from station.faults import FaultList
+from station.runner.disk_space import Disk, disk_of
 from station.runner.preflight import fault_of_output, warned_of_clock
 from station.runner.simulation import clock_for
 from station.units import UnitError, parse_as

@@ -17,20 +17,20 @@ from station.clock import Clock, ClockError, system_clock_synchronised, utc_now
 from station.console import tell
 from station.errors import EXIT_ABORTED, EXIT_FAULT, EXIT_INTERLOCK, RecordError, StationError
 from station.evaluation import conclude_run, exit_code_of
-from station.runner.opening import Found, open_instruments
 from station.plan import Plan
 from station.plan.resolved import resolved_text
-from station.runner.preflight import look_before_a_run, watch_system_clock
 from station.procedure import Procedure, Prompt
+from station.record.folder import EXPORTS, RUN, RunFolder, RunRecord, json_text
+from station.runner.opening import Found, open_instruments
+from station.runner.preflight import look_before_a_run, watch_system_clock
 from station.runner.progress import Progress, how_long
 from station.runner.prompts import Operator
-from station.record.folder import EXPORTS, RUN, RunFolder, RunRecord, json_text
 from station.runner.run import Run
-from station.safety.safe_state import SafeOutcome, make_bench_safe
 from station.runner.signals import AbortSignals, wishes_held
 from station.runner.simulation import clock_for, serve_bench
-from station.status import RUN_STARTED, what_is_planned
 from station.runner.trace import Trace
+from station.safety.safe_state import SafeOutcome, make_bench_safe
+from station.status import RUN_STARTED, what_is_planned
 from station.versions import versions
 from station.yaml.writing import yaml_text
 

@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from station.clock import RealClock, boot_seconds, system_clock_synchronised, utc_now
-from station.runner.disk_space import disk_of, nearest_there
 from station.errors import RecordError
+from station.runner.disk_space import disk_of, nearest_there
 
 if TYPE_CHECKING:
     from station.bench import Bench

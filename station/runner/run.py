@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from station.clock import Clock
 from station.errors import InputError
 from station.procedure import Prompt, Step
+from station.record.folder import RunFolder, RunRecord
 from station.runner.progress import Progress
 from station.runner.prompts import Operator
-from station.record.folder import RunFolder, RunRecord
 
 if TYPE_CHECKING:
     from station.bench import Bench

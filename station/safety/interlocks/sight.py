@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
 from station.clock import Clock, ClockError, ClockStopped
+from station.readings import Reading, Readings, Value
 from station.safety.interlocks.conditions import Seen
 from station.safety.interlocks.quantities import kind_of
-from station.readings import Reading, Readings, Value
 
 YOUNGER = 0.99
 """A reading made at the last look is not fresh at the next, whatever the last bit says."""
