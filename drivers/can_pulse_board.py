@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from functools import lru_cache
 from importlib.resources import files
@@ -12,9 +13,13 @@ import numpy as np
 
 from drivers.roles import Block, Identity, Place
 from drivers.transport.can_line import CanLine, Frame
-from station.errors import InstrumentError, InstrumentTimeout
+from drivers.transport.retry import Repeatable
+from station.errors import InputError, InstrumentError, InstrumentTimeout
 
 ANSWER_WITHIN_S = 0.5
+SHORTEST_SILENCE_S = 3.0
+SILENT_INTERVALS = 3
+NO_SENSOR_DEGC = -327.68
 ENCODED_INTERVAL_PER_S = 1000.0
 ACCEPTED = ("ok",)
 
@@ -38,6 +43,8 @@ class CanPulseBoard:
 
     source = "gyro_acquisition"
     columns: Mapping[str, str] = COLUMNS
+    repeatable: ClassVar[Repeatable] = Repeatable("stop", "identify", "status")
+    """Not the start: counters would begin again at zero, or a board that runs refuse it."""
     identifies_on: ClassVar[str] = "socketcand"
     """Where a scan of served instruments may ask `identify`; a bus gives no `*IDN?` to go by."""
 
@@ -47,6 +54,9 @@ class CanPulseBoard:
         self._counts = self._messages.get_message_by_name("GYRO_COUNTS_1")
         self._requests = 0
         self._channel: int | None = None
+        self._heard_s = 0.0
+        self._silent_after_s = SHORTEST_SILENCE_S
+        self._temperature_degC: float | None = None
         names = {one.frame_id: one.name for one in self._messages.messages}
         self._line = CanLine(place, names)
 
@@ -61,6 +71,8 @@ class CanPulseBoard:
     def start(self, sample_interval_s: float, channel: int) -> None:
         """Begin to sample one channel; raises InstrumentError when the board sees no lit gyro."""
         self._command("stop")
+        self._silent_after_s = max(SHORTEST_SILENCE_S, SILENT_INTERVALS * sample_interval_s)
+        self._heard_s, self._temperature_degC = self.place.clock.now(), None
         self._channel = channel
         self._check_gyro(self._status(), "start")
         bit = 1 << (channel - 1)
@@ -76,6 +88,8 @@ class CanPulseBoard:
         for frame in self._line.take(self._id("BOARD_STATUS")):
             self._check_gyro(self._decode(frame), "record")
         decoded = [self._decode(frame) for frame in frames]
+        if decoded:
+            self._heard(frames[-1], decoded[-1])
         return Block(
             {
                 "sequence": np.array([one["sequence"] for one in decoded], dtype=np.uint16),
@@ -85,6 +99,40 @@ class CanPulseBoard:
             np.array([frame.arrival_s for frame in frames], dtype=float),
         )
 
+    def read_quantity(self, quantity: str) -> float | None:
+        """Return the gyro's `temperature` of the newest sample, degC; None where none can be.
+
+        Samples are looked at and left where they are, for whoever drains them. Raises
+        InstrumentError when the board samples and none has come for a while, or none has one.
+        """
+        if quantity != "temperature":
+            raise InputError(
+                f"{self.place.name}: this board does not measure its {quantity}; take that "
+                "interlock out of the bench file"
+            )
+        if self._channel is None:
+            return None
+        newest = self._line.newest(self._counts.frame_id)
+        if newest is not None:
+            self._heard(newest, self._decode(newest))
+        silent_s = self.place.clock.now() - self._heard_s
+        attempted = "looked for the gyro's temperature"
+        if silent_s > self._silent_after_s:
+            raise InstrumentError(
+                self.place.name,
+                attempted,
+                f"no sample came for {silent_s:.3g} s",
+                "check the board's power, the bus and that the device under test is on",
+            )
+        if self._temperature_degC is not None and math.isnan(self._temperature_degC):
+            raise InstrumentError(
+                self.place.name,
+                attempted,
+                "the samples say that there is no sensor",
+                "check the sensor's cable, or take that interlock out of the bench file",
+            )
+        return self._temperature_degC
+
     def stop(self) -> None:
         """End the sampling."""
         self._channel = None
@@ -93,6 +141,16 @@ class CanPulseBoard:
     def close(self) -> None:
         """Close the line."""
         self._line.close()
+
+    def _heard(self, frame: Frame, told: Mapping[str, Any]) -> None:
+        """Take note of the newest sample."""
+        temperature_degC = float(told["temperature"])
+        self._heard_s = max(self._heard_s, frame.arrival_s)
+        if temperature_degC <= NO_SENSOR_DEGC + 0.005:
+            self._temperature_degC = math.nan
+            return
+        self._temperature_degC = temperature_degC
+        self.place.publish("temperature", temperature_degC, "degC")
 
     def _check_gyro(self, status: dict[str, Any], attempted: str) -> None:
         """Raise InstrumentError when the board sees no lit gyro on the channel in use."""

@@ -9,29 +9,26 @@ that does not know it (-113) keeps its rating as limit, and the bench limit must
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from contextlib import suppress
-from functools import partial
-from typing import ClassVar, TypeVar
+from typing import ClassVar
 
 import numpy as np
 
 from drivers.roles import Identity, Place, SafetyReading
+from drivers.transport.retry import PatientLine, Repeatable
 from drivers.transport.visa_line import ScpiLine, shortened
-from station.errors import InstrumentError
+from station.errors import InputError, InstrumentError
 from station.units import parse_as
-
-Answer = TypeVar("Answer")
 
 LONGEST_MESSAGE = 253
 ERROR_QUERY = ":SYST:ERR?"
+OPERATION = "STAT:OPER:COND?"
 LIST_POINTS = 1000
 DWELL_RANGE_S = (0.0005, 10.0)
 LIST_RUNNING = 1 << 14
 RAMP_STEP_S = 0.05
 SETTLE_S = 0.1
 LOOK_S = 0.01
-TRIES = 3
 LONGEST_HALF_PERIOD_S = 10.5
 """Half a period of the slowest published drive, 0.05 Hz, and a little."""
 
@@ -44,6 +41,14 @@ class KepcoBop:
     """
 
     recognises: ClassVar[str] = r"^KEPCO,[^,]*36-12[^,]*,(?P<serial>[^,]+)"
+    repeatable: ClassVar[Repeatable] = Repeatable(
+        r"\*IDN\?|\*CLS|SYST:ERR\?",
+        r"(CURR|VOLT|OUTP|MEAS:CURR|MEAS:VOLT|STAT:OPER:COND|LIST:CURR:POIN)\?( MAX)?",
+        r"(CURR|VOLT|CURR:LIM) -?[\d.]+",
+        r"FUNC:MODE CURR|CURR:MODE FIX|CURR:RANG 1|OUTP OFF|LIST:CLE",
+    )
+    """Not a list's points, which are appended; nor its start, which begins a period again; nor
+    the output's switching on, which lifts a protection that tripped meanwhile."""
 
     def __init__(self, place: Place) -> None:
         self.place = place
@@ -55,6 +60,7 @@ class KepcoBop:
         self._line = ScpiLine(
             place, error_query=ERROR_QUERY, no_error=lambda answer: answer.startswith("0,")
         )
+        self._patient = PatientLine(self._line, self.repeatable)
 
     def identify(self) -> Identity:
         """Ask `*IDN?`; the answer is maker, model and ratings, serial number, firmware."""
@@ -129,12 +135,13 @@ class KepcoBop:
                 "run again; if it happens again, slow the line down or change its cable",
             )
         self._line.command("OUTP ON")
+        self.place.publish("output", "on")
         return 1.0 / (LIST_POINTS * dwell_s)
 
     def start_sine(self) -> None:
         """Run the uploaded list and prove from the status register that it runs."""
         self._line.command("CURR:MODE LIST")
-        if not self._list_runs():
+        if not list_runs(self._line.number(OPERATION)):
             raise InstrumentError(
                 self.place.name,
                 "started the list",
@@ -148,7 +155,22 @@ class KepcoBop:
 
     def current_A(self) -> float:
         """Return the measured output current in A."""
-        return self._line.number("MEAS:CURR?")
+        return self._published_current_A(self._line.number("MEAS:CURR?"))
+
+    def read_quantity(self, quantity: str) -> float | str:
+        """Return `current` in A, `voltage` in V or the state of `output` now."""
+        if quantity == "current":
+            return self._sure_current_A()
+        if quantity == "voltage":
+            voltage_V = self._patient.number("MEAS:VOLT?")
+            self.place.publish("voltage", voltage_V, "V")
+            return voltage_V
+        if quantity == "output":
+            return "on" if self._output_is_on() else "off"
+        raise InputError(
+            f"{self.place.name}: this supply does not measure its {quantity}; take that interlock "
+            "out of the bench file"
+        )
 
     def make_safe(self, deadline_s: float) -> None:
         """Leave the list near a zero of its sine, ramp what remains, switch the output off.
@@ -157,9 +179,10 @@ class KepcoBop:
         """
         try:
             # What was refused before must not be taken for a refusal of what follows.
-            surely(lambda: self._line.query(f"*CLS;{ERROR_QUERY}"))
+            self._patient.query(f"*CLS;{ERROR_QUERY}")
             self._ramp_to_zero(deadline_s)
-            surely(lambda: self._line.command("OUTP OFF"))
+            self._patient.command("OUTP OFF")
+            self.place.publish("output", "off")
         except InstrumentError:
             with suppress(InstrumentError):
                 self._line.write("OUTP OFF")
@@ -167,23 +190,25 @@ class KepcoBop:
 
     def _ramp_to_zero(self, deadline_s: float) -> None:
         clock = self.place.clock
-        if surely(self._list_runs):
+        if self._list_runs():
             self._leave_list(deadline_s)
-        present_A = surely(self.current_A)
+        present_A, set_A = self._sure_current_A(), self._patient.number("CURR?")
+        if self._ramp_step_A < abs(set_A) < abs(present_A):
+            # It drives more than it is told: told what flows, it would drive more still.
+            present_A = set_A
         steps = math.ceil(abs(present_A) / self._ramp_step_A)
         for step in range(steps - 1, -1, -1):
-            set_point = f"CURR {present_A * step / steps:.4f}"
-            surely(partial(self._line.command, set_point))
+            self._patient.command(f"CURR {present_A * step / steps:.4f}")
             clock.sleep(RAMP_STEP_S)
-        surely(lambda: self._line.command("CURR:MODE FIX;:CURR 0"))
-        while abs(surely(self.current_A)) > self._zero_A and clock.now() < deadline_s:
+        self._patient.command("CURR:MODE FIX;:CURR 0")
+        while abs(self._sure_current_A()) > self._zero_A and clock.now() < deadline_s:
             clock.sleep(SETTLE_S)
 
     def read_safety(self) -> SafetyReading:
         """Read back output state, list state and current."""
-        output_on = surely(lambda: self._line.number("OUTP?")) != 0
-        runs = surely(self._list_runs)
-        current_A = surely(self.current_A)
+        output_on = self._output_is_on()
+        runs = self._list_runs()
+        current_A = self._sure_current_A()
         safe = not output_on and not runs and abs(current_A) <= self._zero_A
         return SafetyReading(
             safe,
@@ -204,24 +229,29 @@ class KepcoBop:
         """
         clock = self.place.clock
         until_s = min(clock.now() + LONGEST_HALF_PERIOD_S, deadline_s - SETTLE_S)
-        while abs(surely(self.current_A)) > self._ramp_step_A and clock.now() < until_s:
+        while abs(self._sure_current_A()) > self._ramp_step_A and clock.now() < until_s:
             clock.sleep(LOOK_S)
-        surely(lambda: self._line.command("CURR:MODE FIX"))
+        self._patient.command("CURR:MODE FIX")
 
     def _list_runs(self) -> bool:
-        return bool(int(self._line.number("STAT:OPER:COND?")) & LIST_RUNNING)
+        return list_runs(self._patient.number(OPERATION))
+
+    def _output_is_on(self) -> bool:
+        is_on = self._patient.number("OUTP?") != 0
+        self.place.publish("output", "on" if is_on else "off")
+        return is_on
+
+    def _sure_current_A(self) -> float:
+        return self._published_current_A(self._patient.number("MEAS:CURR?"))
+
+    def _published_current_A(self, current_A: float) -> float:
+        self.place.publish("current", current_A, "A")
+        return current_A
 
 
-def surely(exchange: Callable[[], Answer]) -> Answer:
-    """Return what an exchange brings, tried three times before its error is believed.
-
-    Only for what may be said twice: queries, absolute set-points, modes, the output's state. On the
-    way to rest one lost answer must not end in a coil that is cut off at its full current.
-    """
-    for _ in range(TRIES - 1):
-        with suppress(InstrumentError):
-            return exchange()
-    return exchange()
+def list_runs(operation: float) -> bool:
+    """Return whether the operation condition register says that a list runs."""
+    return bool(int(operation) & LIST_RUNNING)
 
 
 def list_messages(currents_A: np.ndarray) -> list[str]:

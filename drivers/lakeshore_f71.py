@@ -2,7 +2,8 @@
 
 Sources: F71 manual and the maker's Python client for the buffer format and the error query. Not
 confirmed in a primary source: which instant of the averaging the time stamp means; the bench
-file's `timestamp` says it and the laboratory must have established it.
+file's `timestamp` says it and the laboratory must have established it; and that `FETC:DC?` without
+a parameter gives the newest magnitude and leaves the buffer alone.
 """
 
 from __future__ import annotations
@@ -16,11 +17,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.roles import Block, Identity, Place
+from drivers.transport.retry import PatientLine, Repeatable
 from drivers.transport.visa_line import ScpiLine, shortened
-from station.errors import InstrumentError
+from station.errors import InputError, InstrumentError
 from station.units import parse_as
 
 READING_PERIOD_S = 0.01
+OVERLOAD_T = 9e37
 TIMESTAMPS = ("interval-start", "interval-middle", "interval-end")
 
 
@@ -31,6 +34,11 @@ class LakeshoreF71:
     """
 
     recognises: ClassVar[str] = r"^Lake ?Shore[^,]*,F71,(?P<serial>[^,/]+)"
+    repeatable: ClassVar[Repeatable] = Repeatable(
+        r"\*IDN\?|FETC:DC\?|SYST:ERR:ALL\?",
+        r"SENS:MODE DC|UNIT:FIELD TESLA|SENS:AVER:COUN \d+|SENS:RANG [\d.e+-]+",
+    )
+    """Not the buffer: reading empties it, and what was lost on its way is lost."""
     source = "gaussmeter"
     columns: ClassVar[Mapping[str, str]] = {
         "instrument_time_s": "s by the instrument's clock, from its first stamp of the run",
@@ -55,12 +63,14 @@ class LakeshoreF71:
         self.averaging_s = self._averaging_count * READING_PERIOD_S
         self._first_stamp: datetime | None = None
         self._newest_s = -math.inf
+        self._gives_tesla = False
         self._line = ScpiLine(
             place,
             error_query=":SYST:ERR:ALL?",
             no_error=lambda answer: "no error" in answer.lower(),
             answer_end="\r\n",
         )
+        self._patient = PatientLine(self._line, self.repeatable)
 
     def identify(self) -> Identity:
         """Ask `*IDN?`: maker, model, serial number, options and firmware."""
@@ -79,6 +89,7 @@ class LakeshoreF71:
         """Select DC mode, tesla, averaging and the range, and empty the buffer."""
         self._line.command("SENS:MODE DC")
         self._line.command("UNIT:FIELD TESLA")
+        self._gives_tesla = True
         self._line.command(f"SENS:AVER:COUN {self._averaging_count}")
         self._line.command(f"SENS:RANG {largest_field_mT * 1e-3:.6g}")
         self._line.query("FETC:BUFF:DC?")
@@ -92,11 +103,35 @@ class LakeshoreF71:
         records = [record for record in answer.strip().strip('"').split(";") if record]
         rows = np.array([self._row(record) for record in records]).reshape(-1, 5)
         self._check_rising(rows[:, 0])
+        if len(rows):
+            self._publish_field(float(np.linalg.norm(rows[-1, 1:4])))
         return Block(dict(zip(self.columns, rows.T, strict=True)), np.full(len(rows), arrival_s))
+
+    def read_quantity(self, quantity: str) -> float:
+        """Return the magnitude of the `field` now, mT; infinite where it is beyond the range.
+
+        The buffer, which a step may be recording, stays as it is.
+        """
+        if quantity != "field":
+            raise InputError(
+                f"{self.place.name}: the driver of this gaussmeter does not read its {quantity}; "
+                "take that interlock out of the bench file"
+            )
+        if not self._gives_tesla:
+            # Before the first start it is as somebody left it, perhaps in gauss.
+            self._patient.command("SENS:MODE DC")
+            self._patient.command("UNIT:FIELD TESLA")
+            self._gives_tesla = True
+        return self._publish_field(self._patient.number("FETC:DC?"))
 
     def close(self) -> None:
         """Close the line."""
         self._line.close()
+
+    def _publish_field(self, magnitude_T: float) -> float:
+        field_mT = magnitude_T * 1e3 if abs(magnitude_T) < OVERLOAD_T else math.inf
+        self.place.publish("field", field_mT, "mT")
+        return field_mT
 
     def _check_rising(self, instrument_time_s: NDArray[np.float64]) -> None:
         """Raise InstrumentError when stamps do not rise: an answer came twice, or out of turn."""

@@ -16,6 +16,7 @@ from sim_instruments.faults.reading import read_fault
 from sim_instruments.instrument import Setting, SimulatedInstrument
 from sim_instruments.seeds import generator
 from sim_instruments.truth import SimulationError, Truth
+from sim_instruments.world.base import World
 from sim_instruments.world.extremes import coil_report
 from sim_instruments.world.laser_gyro_bench import LaserGyroBench
 from station.clock import Clock
@@ -23,7 +24,7 @@ from station.clock import Clock
 Maker = Callable[[Setting], SimulatedInstrument]
 
 LARGEST_PORT = 65535
-WORLDS: dict[str, Callable[[Truth], LaserGyroBench]] = {"rlg-magnetic-sensitivity": LaserGyroBench}
+WORLDS: dict[str, Callable[[Truth], World]] = {"rlg-magnetic-sensitivity": LaserGyroBench}
 
 
 def installed_simulators() -> dict[str, Maker]:
@@ -128,7 +129,8 @@ class SimulatedBench:
         """Return the state of the simulated world now, as plain data for an oracle.
 
         `time_s`; `coils` by axis (see `coil_report`); `outputs`: which instrument that can harm is
-        energised; `gyro_powered`; `faults`: each with how often and when it struck.
+        energised; `dut_powered`, under its older name `gyro_powered` too; `faults`: each with how
+        often and when it struck.
         """
         with self._world.lock:
             self._schedule.catch_up()
@@ -143,7 +145,8 @@ class SimulatedBench:
                     for name, one in self._served.items()
                     if hasattr(one, "energised")
                 },
-                "gyro_powered": self._world.gyro_powered,
+                "dut_powered": self._world.dut_powered,
+                "gyro_powered": self._world.dut_powered,
                 "faults": [
                     {
                         "instrument": name,

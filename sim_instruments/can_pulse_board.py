@@ -12,12 +12,13 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from sim_instruments.faults.lasting import Dark, Frozen, LastingFault, Silent
+from sim_instruments.faults.lasting import Dark, Frozen, LastingFault, Overheating, Silent
 from sim_instruments.instrument import Setting
-from sim_instruments.pulse_sampler import PulseSampler
+from sim_instruments.pulse_sampler import NO_SENSOR, OpenInputs, PulseSampler
 from sim_instruments.socketcand import SocketcandServer, frame_text
 from sim_instruments.tcp import HOST
 from sim_instruments.truth import SimulationError
+from sim_instruments.world.laser_gyro_bench import LaserGyroBench
 
 COMMAND, ACK, STATUS, IDENTITY, FIRST_COUNTS = 0x100, 0x101, 0x110, 0x111, 0x121
 START, STOP, IDENTIFY, REPORT_STATUS = 1, 2, 3, 4
@@ -28,18 +29,17 @@ FIRMWARE_MAJOR, FIRMWARE_MINOR, HARDWARE_REVISION, PROTOCOL_VERSION = 1, 2, 1, 1
 SHORTEST, LONGEST = 10, 100_000  # sample interval in units of 0.1 ms
 STATUS_PERIOD_S = 1.0
 SHORTEST_BATCH_S = 0.1
-NO_SENSOR = -32768
 SEQUENCE_DIGITS = 4
 
 
 class CanPulseBoard:
-    """The board with the gyro of the simulated world on one of its channels.
+    """The board, with the gyro of the simulated world on one of its channels where it has one.
 
     Truth (`simulator` mapping): `channel` of the bus, `clock_error` of the board's clock: by how
     much its intervals are too long.
     """
 
-    lasting_faults: ClassVar = (Frozen.kind, Silent.kind, Dark.kind)
+    lasting_faults: ClassVar = (Frozen.kind, Silent.kind, Dark.kind, Overheating.kind)
 
     def __init__(self, setting: Setting) -> None:
         truth = setting.truth
@@ -52,10 +52,13 @@ class CanPulseBoard:
             )
         self._serial = int(setting.serial)
         self._stretch = 1.0 + truth.quantity("clock_error", "1")
-        self._gyro_bit = 1 << (self._world.gyro.channel - 1)
+        self._gyro_bench = self._world if isinstance(self._world, LaserGyroBench) else None
+        self._gyro_bit = 1 << (self._gyro_bench.gyro.channel - 1) if self._gyro_bench else 0
         if self._gyro_bit >= 1 << CHANNELS:
             raise SimulationError("simulation.gyro.channel: the pulse board has channels 1 to 3")
-        self._sampler = PulseSampler(self._world, self._rng)
+        self._sampler = (
+            PulseSampler(self._gyro_bench, self._rng) if self._gyro_bench else OpenInputs()
+        )
         self._acquisition = 0
         self._running = False
         self._mask = 0
@@ -65,6 +68,7 @@ class CanPulseBoard:
         self._closed = False
         self._faults = setting.faults
         self._faults.when_changed(Dark.kind, self._darken)
+        self._faults.when_changed(Overheating.kind, self._overheat)
         self._last_shown = bytes(8).hex()
         self._server = SocketcandServer(
             setting.name,
@@ -199,7 +203,13 @@ class CanPulseBoard:
         return shown, (~self._faults.during(Silent.kind, times)).tolist()
 
     def _darken(self, time_s: float, fault: LastingFault | None) -> None:
-        self._world.darken_gyro(time_s, fault is not None)
+        if self._gyro_bench is not None:
+            self._gyro_bench.darken_gyro(time_s, fault is not None)
+
+    def _overheat(self, time_s: float, fault: LastingFault | None) -> None:
+        if self._gyro_bench is not None:
+            rise_K = fault.rise_K if isinstance(fault, Overheating) else 0.0
+            self._gyro_bench.overheat_gyro(time_s, rise_K)
 
     def _someone_listens(self) -> None:
         # Not before: with a thread asleep and nobody else there, virtual time would run away.
@@ -220,8 +230,9 @@ class CanPulseBoard:
                 self._send_status()
 
     def _send_status(self) -> None:
-        present = self._gyro_bit if self._world.mounted else 0
-        laser = self._gyro_bit if self._world.gyro.heat.is_on else 0
+        bench = self._gyro_bench
+        present = self._gyro_bit if bench and bench.mounted else 0
+        laser = self._gyro_bit if bench and bench.gyro.heat.is_on else 0
         flags = int(self._running) | (self._mask << 4 if self._running else 0)
         lamps = present | laser << 4
         data = struct.pack(

@@ -9,7 +9,7 @@ import numpy as np
 
 from sim_instruments.faults.instrument import InstrumentFaults
 from sim_instruments.truth import Truth
-from sim_instruments.world.laser_gyro_bench import LaserGyroBench
+from sim_instruments.world.base import World
 from station.clock import Clock
 
 
@@ -20,7 +20,7 @@ class Setting:
     name: str
     serial: str
     truth: Truth
-    world: LaserGyroBench
+    world: World
     clock: Clock
     rng: np.random.Generator
     port: int

@@ -12,7 +12,13 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from sim_instruments.faults.lasting import Compliance, Frozen, LastingFault, ListRefused
+from sim_instruments.faults.lasting import (
+    Compliance,
+    Frozen,
+    LastingFault,
+    ListRefused,
+    Overdrive,
+)
 from sim_instruments.instrument import Setting
 from sim_instruments.kepco_limits import add_limit_commands
 from sim_instruments.kepco_list import ListMemory, add_list_commands
@@ -38,7 +44,7 @@ class KepcoBop(ScpiDevice):
     """
 
     error_queue_depth = 20
-    lasting_faults: ClassVar = (Frozen.kind, Compliance.kind, ListRefused.kind)
+    lasting_faults: ClassVar = (Frozen.kind, Compliance.kind, ListRefused.kind, Overdrive.kind)
 
     def __init__(self, setting: Setting) -> None:
         super().__init__(f"KEPCO,BIT 802E 36-12,{setting.serial},1.15-1.80")
@@ -52,6 +58,7 @@ class KepcoBop(ScpiDevice):
         self._shown = {"CURR": 0.0, "VOLT": 0.0}
         self._faults = setting.faults
         self._faults.when_changed(Compliance.kind, self._sag)
+        self._faults.when_changed(Overdrive.kind, self._overdrive)
         self._list = ListMemory()
         self._mode = {"CURR": "FIX", "VOLT": "FIX"}
         self._transient_s = 0.0
@@ -273,3 +280,7 @@ class KepcoBop(ScpiDevice):
     def _sag(self, time_s: float, fault: LastingFault | None) -> None:
         volts = fault.voltage_V if isinstance(fault, Compliance) else np.inf
         self._output.sag(time_s, volts)
+
+    def _overdrive(self, time_s: float, fault: LastingFault | None) -> None:
+        factor = fault.factor if isinstance(fault, Overdrive) else 1.0
+        self._output.overdrive(time_s, factor)

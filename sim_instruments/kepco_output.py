@@ -46,6 +46,7 @@ class Output:
         self.on = False
         self.tripped = 0
         self._sagging_V = np.inf
+        self._overdrive = 1.0
         self._course: tuple[float, list[Pass]] | None = None
 
     def reset(self, time_s: float) -> None:
@@ -148,6 +149,14 @@ class Output:
     def sag(self, time_s: float, volts: float) -> None:
         """Give no more than `volts` from now on, whatever the voltage is set to; a list goes on."""
         self._sagging_V = volts
+        self._drive_again(time_s)
+
+    def overdrive(self, time_s: float, factor: float) -> None:
+        """Drive so many times the current that is set from now on; a list goes on."""
+        self._overdrive = factor
+        self._drive_again(time_s)
+
+    def _drive_again(self, time_s: float) -> None:
         left = rest_of(self._course[1], time_s - self._course[0]) if self._course else []
         if left:
             self.run(time_s, left)
@@ -169,7 +178,7 @@ class Output:
         ohm = self.coil.resistance_ohm
         wanted_A = levels if self.mode == "CURR" else levels / ohm
         if self.mode == "CURR":
-            wanted_A = wanted_A * self._gain + self._offset_A
+            wanted_A = (wanted_A * self._gain + self._offset_A) * self._overdrive
         bound = self._compliance_A()
         if self.mode != "CURR":
             bound = min(self.levels["CURR"], self._sagging_V / ohm)

@@ -15,6 +15,7 @@ from sim_instruments.world.laser_gyro_bench import LaserGyroBench
 FIRST_AHEAD, MOST_AHEAD = 8, 1024
 LONGEST_AHEAD_S = 60.0
 HEX_DIGITS = 16
+NO_SENSOR = -32768
 FRAME = np.dtype([("sequence", "<u2"), ("counts", "<i4"), ("temperature", "<i2")])
 
 
@@ -93,3 +94,30 @@ class PulseSampler:
         text = frames.tobytes().hex()
         self._hex = [text[k : k + HEX_DIGITS] for k in range(0, len(text), HEX_DIGITS)]
         self._used = 0
+
+
+class OpenInputs:
+    """A board to which no gyro is connected: samples are numbered, and nothing is counted."""
+
+    overflowed = False
+
+    def __init__(self) -> None:
+        self._begin_s = 0.0
+        self._samples = 0
+        self.interval_s = 0.0
+
+    def begin(self, time_s: float, interval_s: float) -> None:
+        """Start an acquisition: counters and sequence at zero."""
+        self._begin_s, self.interval_s, self._samples = time_s, interval_s, 0
+
+    def time_s(self, sample: int) -> float:
+        """Return the run time at which interval `sample` (from 1) ends."""
+        return self._begin_s + sample * self.interval_s
+
+    def frames_hex(self, count: int) -> list[str]:
+        """Return the data of the next `count` samples' frames, in hexadecimal."""
+        frames = np.zeros(count, dtype=FRAME)
+        frames["sequence"] = np.arange(self._samples + 1, self._samples + count + 1) & 0xFFFF
+        frames["temperature"] = NO_SENSOR
+        self._samples += count
+        return [frame.tobytes().hex() for frame in frames]

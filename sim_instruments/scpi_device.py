@@ -35,6 +35,10 @@ class StatusGroup:
         self.condition()
         return bool(self._event & self.enable)
 
+    def latch(self, bits: int) -> None:
+        """Latch events that the condition does not show."""
+        self._event |= bits
+
     def clear(self) -> None:
         """Clear the latched events."""
         self._event = 0

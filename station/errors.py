@@ -60,6 +60,10 @@ class RecordError(StationError):
     """A run folder that cannot be written, read or trusted."""
 
 
+class PauseRefused(StationError):
+    """An instrument that cannot be left alone now; the run goes on."""
+
+
 class Aborted(StationError):
     """A person ended the run."""
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from datetime import date
 from pathlib import Path
@@ -11,9 +11,10 @@ from typing import TYPE_CHECKING, Any
 
 from station import registry
 from station.bench import Bench
+from station.console import span
 from station.errors import EXIT_DONE, EXIT_OUTSIDE_LIMIT, EXIT_UNDETERMINED
 from station.record.files import write_whole_file
-from station.record.folder import REPORT, RESULTS, RunFolder
+from station.record.folder import REPORT, RESULTS, RESUMED, RunFolder
 from station.record.manifest import write_manifest
 from station.recorded import left_unverified, read_plan_and_bench, used_instruments
 from station.results import Findings, Flag, ResultDocument, conclude
@@ -46,6 +47,7 @@ def flags_of_run(folder: RunFolder, bench: Bench) -> list[Flag]:
         flags.append(
             Flag("simulated", "The bench is simulated: these numbers say nothing of a real device.")
         )
+    flags.extend(flags_of_gaps(folder))
     run_on = date.fromisoformat(folder.run_facts()["started_utc"][:10])
     used = used_instruments(folder)
     for name, entry in bench.instruments.items():
@@ -66,6 +68,27 @@ def flags_of_run(folder: RunFolder, bench: Bench) -> list[Flag]:
         for name, said in left_unverified(folder, bench).items()
     )
     return flags
+
+
+def flags_of_gaps(folder: RunFolder) -> Iterator[Flag]:
+    """Yield a flag for each time the run was gone on with, and where its software had changed."""
+    for event in folder.events_of(RESUMED):
+        details = event.details
+        before = ", ".join(details["units_finished"]) or "nothing"
+        yield Flag(
+            "resumed",
+            f"The run stopped at {details['stopped_s']:.0f} s of run time and was gone on with "
+            f"{span(details['silent_s'])} later; finished by then: {before}.",
+            details={"stopped_s": details["stopped_s"], "gap_s": details["silent_s"]},
+        )
+        changed = details["software_changed"]
+        if changed:
+            listed = ", ".join(f"{name} {old} → {new}" for name, (old, new) in changed.items())
+            yield Flag(
+                "software-changed",
+                f"The run was gone on with by other software than it began with: {listed}.",
+                details={"changed": changed},
+            )
 
 
 def conclude_run(path: Path, *, report: bool = True) -> ResultDocument:

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 
 from station import registry
 from station.bench import Bench, read_bench, role_of
+from station.guardian.log import guardian_events, latest_safe_state
 from station.plan import Plan, read_plan
 from station.record.folder import RunFolder
 
@@ -30,10 +31,11 @@ def used_instruments(folder: RunFolder) -> list[str]:
 def left_unverified(folder: RunFolder, bench: Bench) -> Mapping[str, str]:
     """Return the instruments whose safe state was not verified, and what is known of each.
 
-    A run that was killed left no word of its safe state: then it is all those of the bench's list.
+    A run that was killed left no word of its safe state. Where its guardian did not act in its
+    place, it is all those of the bench's list.
     """
-    safe_states = list(folder.events_of("safe-state"))
-    if not safe_states:
+    outcomes = latest_safe_state(folder.events, guardian_events(folder.path))
+    if outcomes is None:
         listed = {name for name, _ in bench.safe_order()}
         return {
             name: NEVER_REACHED
@@ -42,6 +44,6 @@ def left_unverified(folder: RunFolder, bench: Bench) -> Mapping[str, str]:
         }
     return {
         outcome["instrument"]: outcome["read_back"]
-        for outcome in safe_states[-1].details["outcomes"]
+        for outcome in outcomes
         if not outcome["verified"]
     }

@@ -12,10 +12,18 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from station.clock import utc_now
+from station.control.spans import is_paused, paused_s
 from station.errors import InputError
+from station.guardian.log import (
+    SAFE_STATE,
+    guardian_events,
+    last_word_of_guardian,
+    latest_safe_state,
+)
 from station.locks import is_held
+from station.record.creation import EVENTS
 from station.record.events import Event, read_events
-from station.record.folder import EVENTS
+from station.record.folder import RESUMED
 from station.record.manifest import LOCK
 
 if TYPE_CHECKING:
@@ -25,9 +33,10 @@ if TYPE_CHECKING:
 
 RUN_STARTED = "run-started"
 STAMP_LENGTH = len("20260301T081500Z")
-State = Literal["running", "evaluating", "finished", "failed", "interrupted"]
+State = Literal["running", "paused", "evaluating", "finished", "failed", "interrupted"]
 SENTENCES: dict[State, str] = {
     "running": "running",
+    "paused": "paused between two units of work",
     "evaluating": "measured to its end, being evaluated",
     "finished": "finished",
     "failed": "ended before its end",
@@ -101,11 +110,12 @@ def read_status(folder: Path) -> Status:
     state = state_of(events, held)
     planned = next((event.details for event in events if event.kind == RUN_STARTED), {})
     now_s = events[-1].time_s if events else 0.0
-    if state == "running" and planned.get("speed"):
+    if state in ("running", "paused") and planned.get("speed"):
         age_s = utc_now().timestamp() - log.stat().st_mtime
         now_s += max(age_s, 0.0) * planned["speed"]
     step = next((event for event in reversed(events) if event.kind == "step-started"), None)
-    safe = [one for event in of_kind(events, "safe-state") for one in event.details["outcomes"]]
+    of_guardian = guardian_events(folder)
+    safe = latest_safe_state(events, of_guardian)
     return Status(
         run=str(folder),
         state=state,
@@ -121,7 +131,7 @@ def read_status(folder: Path) -> Status:
         run_time_s=round(now_s, 3),
         remaining_s=remaining_s(planned.get("steps"), events, now_s) if planned else None,
         bench_safe=all(one["verified"] for one in safe) if safe else None,
-        message=last_message(events),
+        message=last_message(events, of_guardian),
     )
 
 
@@ -130,11 +140,19 @@ def of_kind(events: Sequence[Event], kind: str) -> list[Event]:
     return [event for event in events if event.kind == kind]
 
 
+def since_it_went_on(events: Sequence[Event]) -> Sequence[Event]:
+    """Return the events of the run's last process."""
+    return events[max((k for k, one in enumerate(events) if one.kind == RESUMED), default=0) :]
+
+
 def state_of(events: Sequence[Event], held: bool) -> State:
     """Return the state of a run whose lock is held, or not."""
-    ended = of_kind(events, "run-ended")
+    last = since_it_went_on(events)
+    ended = of_kind(last, "run-ended")
+    if not ended and held:
+        return "paused" if is_paused(last) else "running"
     if not ended:
-        return "running" if held else "interrupted"
+        return "interrupted"
     if not ended[-1].details["complete"]:
         return "failed"
     return "evaluating" if held else "finished"
@@ -146,6 +164,7 @@ def remaining_s(
     """Return the bench time in s that the steps not done yet are expected to take."""
     if steps is None:
         return None
+    events = since_it_went_on(events)
     if of_kind(events, "run-ended"):
         return 0.0
     started_s = {e.details["step"]: e.time_s for e in of_kind(events, "step-started")}
@@ -155,18 +174,38 @@ def remaining_s(
         number, expected_s = step["step"], float(step["expected_s"])
         if number in finished:
             continue
-        gone_s = now_s - started_s[number] if number in started_s else 0.0
+        gone_s = 0.0
+        if number in started_s:
+            gone_s = now_s - started_s[number] - paused_s(events, started_s[number], now_s)
         left_s += max(expected_s - gone_s, 0.0)
     return round(left_s, 3)
 
 
-def last_message(events: Sequence[Event]) -> str:
-    """Return the last thing the log has to say to a person; a failure outlives what follows it."""
-    failed = of_kind(events, "failed")
+def last_message(events: Sequence[Event], of_guardian: Sequence[Event] = ()) -> str:
+    """Return the last thing the logs have to say to a person; a failure outlives what follows it.
+
+    Where the guardian of a dead run acted, that is the last thing.
+    """
+    last = last_word_of_guardian(events, of_guardian)
+    if last is not None:
+        return guardian_in_words(last)
+    failed = of_kind(since_it_went_on(events), "failed")
     if failed:
         return str(failed[-1].details["message"])
     told = [event for event in events if event.kind != RUN_STARTED]
     return in_words(told[-1]) if told else "nothing yet"
+
+
+def guardian_in_words(event: Event) -> str:
+    """Return how far the guardian of a dead run came, as a short text."""
+    if event.kind != SAFE_STATE:
+        return "the guardian is making the bench safe"
+    outcomes = event.details["outcomes"]
+    unverified = [one for one in outcomes if not one["verified"]]
+    said = "; ".join(f"{one['instrument']} {one['read_back']}" for one in unverified or outcomes)
+    if unverified:
+        return f"the guardian could not verify as safe: {said}"
+    return f"the guardian made the bench safe and read it back: {said}"
 
 
 def in_words(event: Event) -> str:
@@ -188,5 +227,8 @@ def in_words(event: Event) -> str:
             return f"{details['unit']} is recorded"
         case "run-ended":
             return "all steps are done"
+        case "paused" | "pause-refused":
+            said = details.get("devices") or details.get("reasons") or {}
+            return ": ".join([event.kind, "; ".join(f"{who} {what}" for who, what in said.items())])
     plain = (f"{key} {value}" for key, value in details.items() if not isinstance(value, list))
     return f"{event.kind}: {', '.join(plain)}" if details else event.kind

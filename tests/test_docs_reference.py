@@ -16,7 +16,8 @@ from station.lookup import BENCHES, find
 from station.plan import read_plan
 from station.plan.model import PlanHeader
 from station.record.folder import RunFolder
-from station.runner.execute import Outcome, Request, execute
+from station.runner.execute import Request, execute
+from station.runner.outcome import Outcome
 
 DOCS = ROOT / "docs"
 sys.path.insert(0, str(DOCS / "_ext"))

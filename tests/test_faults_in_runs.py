@@ -14,7 +14,7 @@ import pytest
 from test_run_rlg import short_run
 
 from station.record.folder import RunFolder
-from station.runner.execute import Outcome
+from station.runner.outcome import Outcome
 
 SUPPLY, GAUSSMETER, BOARD = "coil_supply.y", "gaussmeter", "gyro_acquisition"
 ONE_AXIS = {"parameters/axes": ["NA"], "parameters/duration": "100 s"}

@@ -19,7 +19,8 @@ from station.lookup import BENCHES, PLANS, find
 from station.plan import read_plan
 from station.record.folder import RunFolder
 from station.record.raw import read_raw
-from station.runner.execute import Outcome, Request, execute
+from station.runner.execute import Request, execute
+from station.runner.outcome import Outcome
 
 PROCEDURE = "rlg-magnetic-sensitivity"
 SEEDS = (0, 1, 2)

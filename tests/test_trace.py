@@ -18,8 +18,9 @@ from station.conformance.hostile import HostileServer
 from station.errors import InstrumentTimeout
 from station.lookup import BENCHES, find
 from station.plan import read_plan
-from station.runner.execute import Outcome, Request, execute
+from station.runner.execute import Request, execute
 from station.runner.opening import Place
+from station.runner.outcome import Outcome
 from station.runner.trace import Trace, readable
 from tests.campaign_helpers import file_hashes, short_plan
 

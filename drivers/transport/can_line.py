@@ -104,6 +104,19 @@ class CanLine:
             raise self._broken(self._dead)
         return taken
 
+    def newest(self, identifier: int) -> Frame | None:
+        """Return the last received frame of `identifier` that nobody has taken yet, and keep it.
+
+        Raises InstrumentError when the line is gone.
+        """
+        with self._frames_lock:
+            found = next(
+                (one for one in reversed(self._frames) if one.identifier == identifier), None
+            )
+        if found is None and self._dead is not None:
+            raise self._broken(self._dead)
+        return found
+
     def wait_for(self, identifier: int, deadline_s: float) -> list[Frame]:
         """Return the frames of `identifier` as soon as there are any, or none at run time."""
         while not (frames := self.take(identifier)) and self._clock.now() < deadline_s:

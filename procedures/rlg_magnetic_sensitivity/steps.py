@@ -121,6 +121,8 @@ def warm_up(run: Run) -> None:
     from station.runner.acquisition import acquire
 
     parameters: RlgParameters = run.parameters
+    if all(run.is_finished(axis) for axis in parameters.axes):
+        return
     rule = parameters.warm_up
     run.role(POWER, DutPower).switch_on()
     board = run.role(GYRO, GyroAcquisition)
@@ -155,6 +157,10 @@ def drive(run: Run, axis: str) -> None:
     from drivers.roles import CoilSupply, Gaussmeter
 
     parameters: RlgParameters = run.parameters
+    if run.is_finished(axis):
+        run.progress.say(f"    {axis}: measured before the run was interrupted")
+        return
+    run.may_pause()
     supply = run.role(coil_supply(axis), CoilSupply)
     run.role(GAUSSMETER, Gaussmeter).start(FIELD_HEADROOM * parameters.amplitude_mT)
     amplitude_A = parameters.amplitude_mT / supply.coil_constant_mT_per_A
@@ -172,6 +178,8 @@ def record(run: Run, axis: str) -> None:
     from station.runner.acquisition import acquire
 
     parameters: RlgParameters = run.parameters
+    if run.is_finished(axis):
+        return
     board = run.role(GYRO, GyroAcquisition)
     gaussmeter = run.role(GAUSSMETER, Gaussmeter)
     board.drain()

@@ -11,6 +11,9 @@ from typing import ClassVar
 from sim_instruments.faults.trigger import Trigger
 from sim_instruments.truth import SimulationError, Truth
 
+CONTACTS = ("e-stop", "door")
+"""The contacts of the simulated interlock chain."""
+
 
 class LastingFault:
     """One state that begins at a time or at a message and ends after a while, or never."""
@@ -70,6 +73,46 @@ class ListRefused(LastingFault):
     kind = "list-refused"
 
 
+class Overdrive(LastingFault):
+    """The supply drives `factor` times the current that it is told, 3.5 unless said."""
+
+    kind = "overdrive"
+    options = ("factor",)
+
+    def __init__(self, trigger: Trigger, truth: Truth) -> None:
+        super().__init__(trigger, truth)
+        self.factor = truth.quantity("factor", "1") if "factor" in truth else 3.5
+        if self.factor <= 0:
+            raise SimulationError(f"{truth.where}.factor: must be positive")
+
+
+class Overheating(LastingFault):
+    """The device under test is `rise` warmer than it should be, 60 K unless said."""
+
+    kind = "overheating"
+    options = ("rise",)
+
+    def __init__(self, trigger: Trigger, truth: Truth) -> None:
+        super().__init__(trigger, truth)
+        self.rise_K = truth.quantity("rise", "K") if "rise" in truth else 60.0
+
+
+class ChainOpen(LastingFault):
+    """A `contact` of the interlock chain is open: `e-stop`, unless said, or `door`."""
+
+    kind = "chain-open"
+    options = ("contact",)
+
+    def __init__(self, trigger: Trigger, truth: Truth) -> None:
+        super().__init__(trigger, truth)
+        self.contact = truth.text("contact") if "contact" in truth else CONTACTS[0]
+        if self.contact not in CONTACTS:
+            raise SimulationError(
+                f"{truth.where}.contact: the chain has no '{self.contact}' "
+                f"(it has: {', '.join(CONTACTS)})"
+            )
+
+
 class Silent(LastingFault):
     """The board goes on sampling and sends no sample."""
 
@@ -84,7 +127,18 @@ class Dark(LastingFault):
 
 LASTING_FAULTS: dict[str, type[LastingFault]] = {
     fault.kind: fault
-    for fault in (PortGone, Frozen, Overload, Compliance, ListRefused, Silent, Dark)
+    for fault in (
+        PortGone,
+        Frozen,
+        Overload,
+        Compliance,
+        ListRefused,
+        Overdrive,
+        Overheating,
+        ChainOpen,
+        Silent,
+        Dark,
+    )
 }
 
 EVERYWHERE = (PortGone.kind,)

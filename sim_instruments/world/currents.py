@@ -9,6 +9,7 @@ change of i.
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from collections.abc import Callable, Sequence
 
 import numpy as np
@@ -135,7 +136,10 @@ class Staircase:
 
 
 class CurrentHistory:
-    """What one supply has done, does, and will do if nobody intervenes."""
+    """What one supply has done, does, and will do if nobody intervenes.
+
+    `changed_s` is when the supply last intervened: what lies before it stays as it is.
+    """
 
     def __init__(
         self, resistance_ohm: float, inductance_H: float, changed: Callable[[], None]
@@ -143,7 +147,9 @@ class CurrentHistory:
         self.resistance_ohm = resistance_ohm
         self.tau_s = inductance_H / resistance_ohm
         self._changed = changed
+        self.changed_s = LONG_AGO_S
         self._pieces: list[Hold | Staircase] = [Hold(LONG_AGO_S, 0.0, 0.0, self.tau_s)]
+        self._starts = [LONG_AGO_S]
         # Integral of the level up to the start of each piece.
         self._level_integrals = [0.0]
 
@@ -210,8 +216,10 @@ class CurrentHistory:
 
     def breakpoints(self, first_s: float, last_s: float) -> Array:
         """Return the times between two times at which the level changes, in s."""
-        found = [piece.breakpoints(first_s, last_s) for piece in self._pieces]
-        starts = np.array([piece.start_s for piece in self._pieces])
+        first = max(bisect_right(self._starts, first_s) - 1, 0)
+        last = bisect_right(self._starts, last_s)
+        found = [piece.breakpoints(first_s, last_s) for piece in self._pieces[first:last]]
+        starts = np.array(self._starts[first:last])
         inside = starts[(starts > first_s) & (starts < last_s)]
         return np.concatenate([inside, *found])
 
@@ -220,11 +228,14 @@ class CurrentHistory:
         gained = float(last.level_integral(np.array([piece.start_s]))[0])
         self._level_integrals.append(self._level_integrals[-1] + gained)
         self._pieces.append(piece)
+        self._starts.append(piece.start_s)
 
     def _cut(self, time_s: float) -> None:
+        self.changed_s = time_s
         while len(self._pieces) > 1 and self._pieces[-1].start_s >= time_s:
             # A piece that begins at this very time has had no effect yet.
             self._pieces.pop()
+            self._starts.pop()
             self._level_integrals.pop()
 
     def _current_now(self, time_s: float) -> float:
@@ -233,17 +244,20 @@ class CurrentHistory:
     def _by_piece(
         self, time_s: Array, of: Callable[[Hold | Staircase, int, Array], Array]
     ) -> Array:
-        starts = np.array([piece.start_s for piece in self._pieces])
-        index = np.clip(np.searchsorted(starts, time_s, side="right") - 1, 0, None)
-        first, last = int(index.min()), int(index.max())
+        # A campaign makes tens of thousands of pieces, and mostly the last one is asked for.
+        first = max(bisect_right(self._starts, time_s.min()) - 1, 0)
+        last = max(bisect_right(self._starts, time_s.max()) - 1, 0)
         if first == last:
             return of(self._pieces[first], first, time_s)
-        values = np.empty(time_s.shape)
-        for k in range(first, last + 1):
-            here = index == k
-            if here.any():
-                values[here] = of(self._pieces[k], k, time_s[here])
-        return values
+        starts = np.array(self._starts[first : last + 1])
+        times = time_s.ravel()
+        index = np.clip(np.searchsorted(starts, times, side="right") - 1, 0, None)
+        order = np.argsort(index, kind="stable")
+        values = np.empty(times.shape)
+        for here in np.split(order, np.flatnonzero(np.diff(index[order])) + 1):
+            k = first + int(index[here[0]])
+            values[here] = of(self._pieces[k], k, times[here])
+        return values.reshape(time_s.shape)
 
 
 def mean_products(histories: Sequence[CurrentHistory], edges_s: Array) -> Array:

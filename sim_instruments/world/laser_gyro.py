@@ -94,6 +94,7 @@ class LaserGyro:
         self.heat = Heat(warm_up.quantity("time_constant", "s"))
         self._ambient_degC = warm_up.quantity("ambient_temperature", "degC")
         self._rise_K = warm_up.quantity("temperature_rise", "K")
+        self._overheated_since_s, self._overheated_K = [LONG_AGO_S], [0.0]
         self.sensitivity = np.array(truth.quantities("magnetic_sensitivity", GYRO_AXES, "deg/h/mT"))
         # A unit of its own for deg/h/mT² is not in the unit table: per mT stands in the name.
         self.quadratic = np.array(
@@ -102,7 +103,14 @@ class LaserGyro:
 
     def temperature_degC(self, time_s: Array) -> Array:
         """Return the gyro's temperature at each time."""
-        return np.asarray(self._ambient_degC + self._rise_K * self.heat.warmth(time_s))
+        k = np.searchsorted(self._overheated_since_s, time_s, side="right") - 1
+        extra_K = np.array(self._overheated_K)[np.clip(k, 0, None)]
+        return np.asarray(self._ambient_degC + self._rise_K * self.heat.warmth(time_s) + extra_K)
+
+    def overheat(self, time_s: float, rise_K: float) -> None:
+        """Be `rise_K` warmer than the warm-up says from `time_s` on; the rate is as before."""
+        self._overheated_since_s.append(time_s)
+        self._overheated_K.append(rise_K)
 
     def steady_angle_arcsec(
         self, edges_s: Array, field_mT: Array, field_squared_mT2: Array

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from threading import RLock
+from typing import ClassVar
 
 import numpy as np
 import numpy.typing as npt
 
 from sim_instruments.truth import SimulationError, Truth
+from sim_instruments.world.base import coil_currents, coil_named
 from sim_instruments.world.coils import (
     AXES,
     HelmholtzPair,
@@ -27,7 +29,7 @@ class LaserGyroBench:
     again from there. `lock` is held by whoever reads or changes the world.
     """
 
-    preparations = ("mount", "connect-cables", "dut-power-on")
+    preparations: ClassVar[tuple[str, ...]] = ("mount", "connect-cables", "dut-power-on")
 
     def __init__(self, truth: Truth) -> None:
         self.lock = RLock()
@@ -38,14 +40,9 @@ class LaserGyroBench:
         coils = truth.section("coils")
         sections = [coils.section(axis) for axis in AXES]
         self.pairs = [HelmholtzPair(axis, one) for axis, one in zip(AXES, sections, strict=True)]
-        self.currents = {
-            axis: CurrentHistory(
-                one.quantity("resistance", "ohm"),
-                one.quantity("inductance", "mH") * 1e-3,
-                self._changed,
-            )
-            for axis, one in zip(AXES, sections, strict=True)
-        }
+        self.currents = coil_currents(truth, self._changed)
+        # A strong coil, where the bench has one, stands elsewhere and is not felt here.
+        self._felt = [self.currents[axis] for axis in AXES]
         self.ambient_mT = np.array(truth.quantities("ambient_field", AXES, "mT"))
         probe_m = np.array(truth.quantities("probe_position", AXES, "mm")) * 1e-3
         self.probe_mT_per_A = field_matrix_mT_per_A(self.pairs, probe_m)
@@ -60,10 +57,12 @@ class LaserGyroBench:
 
     def coil(self, axis: str) -> CurrentHistory:
         """Return the coil of an axis; SimulationError when there is none."""
-        if axis not in self.currents:
-            known = ", ".join(self.currents)
-            raise SimulationError(f"there is no coil '{axis}' in this world (coils: {known})")
-        return self.currents[axis]
+        return coil_named(self.currents, axis)
+
+    @property
+    def dut_powered(self) -> bool:
+        """Whether the gyro is switched on."""
+        return self.gyro_powered
 
     def power_gyro(self, time_s: float, on: bool) -> None:
         """Switch the gyro on, which starts its warm-up, or off."""
@@ -77,6 +76,11 @@ class LaserGyroBench:
         self.gyro.heat.switch(time_s, self.gyro_powered and not dark)
         self._changed()
 
+    def overheat_gyro(self, time_s: float, rise_K: float) -> None:
+        """Make the gyro warmer than it should be, as by a blocked cooling; 0 ends it."""
+        self.gyro.overheat(time_s, rise_K)
+        self._changed()
+
     def mean_probe_field_mT(self, edges_s: Array) -> Array:
         """Return the mean field at the probe between neighbouring times, shape (intervals, 3)."""
         return np.asarray(self.ambient_mT + self._mean_currents(edges_s) @ self.probe_mT_per_A.T)
@@ -87,7 +91,7 @@ class LaserGyroBench:
         field = self.gyro_ambient_mT + mean_A @ self.gyro_mT_per_A.T
         squared = np.zeros_like(field)
         if self.gyro.quadratic.any():
-            products = mean_products(list(self.currents.values()), edges_s)
+            products = mean_products(self._felt, edges_s)
             matrix, ambient = self.gyro_mT_per_A, self.gyro_ambient_mT
             coil = field - ambient
             squared = (
@@ -117,9 +121,7 @@ class LaserGyroBench:
         )
 
     def _mean_currents(self, edges_s: Array) -> Array:
-        return np.column_stack(
-            [history.mean_current(edges_s) for history in self.currents.values()]
-        )
+        return np.column_stack([history.mean_current(edges_s) for history in self._felt])
 
     def _changed(self) -> None:
         self.version += 1

@@ -16,7 +16,8 @@ from station.evaluation import (
     write_results,
     write_revision,
 )
-from station.record.folder import EVENTS, REPORT, RESULTS, RunFolder
+from station.record.creation import EVENTS
+from station.record.folder import REPORT, RESULTS, RunFolder
 from station.results import ResultDocument
 
 

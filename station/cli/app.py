@@ -145,6 +145,42 @@ def run(
 
 
 @app.command()
+def resume(
+    folder: Annotated[Path, typer.Argument(metavar="RUN", help="Run folder.")],
+    bench: Annotated[
+        str | None, typer.Option("--bench", help="Bench file, where addresses have changed.")
+    ] = None,
+    served: Annotated[
+        Path | None, typer.Option(help="File with the first line of a running `station sim`.")
+    ] = None,
+    answers: Annotated[
+        Path | None, typer.Option(help="YAML file of prompt ids and answers.")
+    ] = None,
+    non_interactive: Annotated[
+        bool, typer.Option("--non-interactive", help="Ask nobody; CI=true implies it.")
+    ] = False,
+    trace: Annotated[
+        bool, typer.Option("--trace", help="Write every byte on the wires into the run folder.")
+    ] = False,
+    json: Json = False,
+) -> None:
+    """Go on with an interrupted or a paused run."""
+    from station.cli.resuming import resume_run
+
+    raise typer.Exit(
+        resume_run(
+            folder,
+            bench,
+            served=served,
+            answers=answers,
+            non_interactive=non_interactive,
+            trace=trace,
+            as_json=json,
+        )
+    )
+
+
+@app.command()
 def analyse(
     data: Annotated[Path, typer.Argument(help="Run folder, dataset folder or dataset.yaml.")],
     output: Annotated[

@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING
 from station import registry
 from station.cli.running import read_served
 from station.cli.validating import read_bench_named, read_plan_for
+from station.console import span
 from station.errors import EXIT_DONE
 from station.runner.disk_space import in_bytes
 from station.runner.dry_run import DryRun, Extreme, walk
-from station.runner.progress import span
 
 if TYPE_CHECKING:
     from station.bench import Bench

@@ -6,16 +6,20 @@ import json
 
 from station.cli.validating import read_bench_named
 from station.errors import EXIT_DONE, EXIT_FAULT
-from station.runner.execute import BenchSession
+from station.runner.instrument_locks import InstrumentLocks
 from station.runner.opening import probe
+from station.runner.session import BenchSession
 
 
 def identify_bench(bench_name: str, mounted: str, *, as_json: bool) -> int:
     """Ask every instrument of a bench who it is; exit code 3 when one is missing or wrong."""
     bench = read_bench_named(bench_name)
+    locks = InstrumentLocks("`station identify`")
     with BenchSession(bench, mounted) as session, session.clock.participant("run"):
         rows = [
-            probe(instance, bench, session.addresses, session.clock)
+            probe(
+                instance, bench, session.addresses, session.clock, None if session.here else locks
+            )
             for instance in bench.instruments
         ]
     if as_json:

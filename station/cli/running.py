@@ -16,7 +16,8 @@ from station.console import tell
 from station.errors import InputError
 from station.record.folder import REPORT
 from station.results import SCHEMA
-from station.runner.execute import Outcome, Request, execute
+from station.runner.execute import Request, execute
+from station.runner.outcome import Outcome
 from station.yaml.reading import read_yaml
 
 
@@ -35,20 +36,29 @@ def run_plan(
     """Run a plan, say how it ended, and return the exit code."""
     bench = read_bench_named(bench_name)
     plan = read_plan_for(plan_name, bench, overrides)
-    asked = not non_interactive and os.environ.get("CI", "").lower() != "true"
     request = Request(
         plan,
         bench,
         output,
         answers=read_answers(answers) if answers else {},
-        interactive=asked and sys.stdin.isatty(),
+        interactive=may_ask(non_interactive=non_interactive),
         served=read_served(served) if served else None,
         trace=trace,
     )
-    outcome = execute(request)
+    return told(execute(request), plan.procedure, as_json=as_json)
+
+
+def may_ask(*, non_interactive: bool) -> bool:
+    """Whether a person can be asked: there is a terminal, and nobody said otherwise."""
+    in_ci = os.environ.get("CI", "").lower() == "true"
+    return not non_interactive and not in_ci and sys.stdin.isatty()
+
+
+def told(outcome: Outcome, procedure: str, *, as_json: bool) -> int:
+    """Say how a run ended and print its results; return the exit code."""
     say(outcome)
     with suppress(BrokenPipeError):  # nobody reads on; the run is what it is
-        print_outcome(outcome, plan.procedure, as_json=as_json)
+        print_outcome(outcome, procedure, as_json=as_json)
     return outcome.exit_code
 
 
@@ -90,6 +100,9 @@ def say(outcome: Outcome) -> None:
             f"NOT VERIFIED: {one.instrument} could not be proven safe ({one.read_back}); "
             "switch it off by hand"
         )
+    for one in outcome.safe:
+        if one.skipped:
+            tell(f"{one.instrument}: {one.skipped}")
     if outcome.safe and not outcome.unsafe:
         tell("the bench is safe, read back from every instrument that can harm")
     tell(f"run folder: {outcome.folder}")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-from station.runner.progress import span
+from station.console import span
 from station.status import SENTENCES, Status, newest_run, read_status
 
 RUNS = Path("runs")
@@ -36,7 +36,7 @@ def rows(status: Status) -> list[tuple[str, str]]:
         ("units of work", f"{done}{of} finished{listed}"),
         ("run time", span(status.run_time_s)),
     ]
-    if status.state == "running" and status.remaining_s is not None:
+    if status.state in ("running", "paused") and status.remaining_s is not None:
         found.append(("bench time left", f"about {span(status.remaining_s)}"))
     if status.bench_safe is not None:
         verified = "safe, read back from every instrument that can harm"

@@ -47,9 +47,9 @@ class Participant:
 class Turns:
     """The scheduler of the virtual clock; every method but `take` needs `mutex` held."""
 
-    def __init__(self) -> None:
+    def __init__(self, began_s: float = 0.0) -> None:
         self.mutex = Lock()
-        self.now = 0.0
+        self.now = began_s
         self.running: Participant | None = None
         self.waiting: list[Participant] = []
         self.in_flight = 0

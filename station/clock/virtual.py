@@ -16,10 +16,10 @@ READ_TIMEOUT_S = 0.05
 
 
 class VirtualClock(Clock):
-    """Run time that costs no real time beyond the work done in it."""
+    """Run time that costs no real time beyond the work done in it; it begins at `began_s`."""
 
-    def __init__(self) -> None:
-        self._turns = Turns()
+    def __init__(self, began_s: float = 0.0) -> None:
+        self._turns = Turns(began_s)
         self._watchdog = Watchdog(self._turns)
         self._wires: dict[str, VirtualWire] = {}
         self._mine = local()

@@ -134,13 +134,23 @@ def source_of(path: Path) -> str:
     return path.stem.rpartition("-")[0]
 
 
+def segment_of(path: Path) -> int:
+    """Return the number of the process that wrote a raw file."""
+    return int(path.stem.rpartition("-")[2])
+
+
 def blocks_of(folder: RunFolder, source: str) -> Iterator[tuple[Recording, NDArray[Any]]]:
-    """Yield the blocks of a source, each with the unit of work it belongs to, as recorded."""
+    """Yield the blocks of a source, each with the unit of work it belongs to, as recorded.
+
+    Of a unit that a resumed run measured again, only the segment that finished it is given.
+    """
     finished = folder.finished_units()
     known: dict[str, Recording] = {}
     files = sorted((folder.path / "raw").glob("*.mcap"))
     for path in (file for file in files if source_of(file) == source):
         for unit, described, rows in read_blocks(path):
+            if unit in finished and int(finished[unit].get("segment", 0)) != segment_of(path):
+                continue
             if unit not in known:
                 known[unit] = recording(source, unit, unit in finished, described, rows)
             if len(rows):

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import re
-import shutil
 import sys
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
@@ -13,8 +12,9 @@ from typing import TYPE_CHECKING, Any
 from station.clock import Clock, utc_now
 from station.errors import RecordError
 from station.locks import FileLock
+from station.record.creation import EVENTS, RAW, folder_with_head
 from station.record.events import Event, EventLog, read_events
-from station.record.files import sync_folder, write_whole_file
+from station.record.files import write_whole_file
 from station.record.manifest import LOCK, write_manifest
 
 if TYPE_CHECKING:
@@ -22,12 +22,11 @@ if TYPE_CHECKING:
 
     from station.record.raw import RawFile
 
-EVENTS = "events.jsonl"
 RUN = "run.json"
 RESULTS = "results.json"
 REPORT = "report.html"
 EXPORTS = "exports"
-MOST_OF_ONE_NAME = 1000
+RESUMED = "resumed"
 
 
 class RunRecord:
@@ -47,7 +46,21 @@ class RunRecord:
     ) -> None:
         stamp = utc_now().strftime("%Y%m%dT%H%M%SZ")
         safe_serial = re.sub(r"[^A-Za-z0-9._-]+", "_", serial)
-        self.path = folder_with_head(parent, f"{stamp}-{procedure}-{safe_serial}", head or {})
+        name = f"{stamp}-{procedure}-{safe_serial}"
+        self._open(folder_with_head(parent, name, head or {}), clock)
+
+    @classmethod
+    def go_on(cls, path: Path, clock: Clock) -> RunRecord:
+        """Open the folder of a run that ended before its end, to write new segments into it.
+
+        Raises RecordError where a process is at work on it, or its log was altered.
+        """
+        record = cls.__new__(cls)
+        record._open(path, clock)
+        return record
+
+    def _open(self, path: Path, clock: Clock) -> None:
+        self.path = path
         self.faults: list[str] = []
         """What could not be written while the bench was being made safe, and after."""
         self.after_unit: Callable[[], None] | None = None
@@ -56,6 +69,8 @@ class RunRecord:
         self._lock = run_lock(self.path)
         self._events = EventLog(self.path / EVENTS)
         self._raw: dict[str, RawFile] = {}
+        self.segment = next_segment(path / RAW)
+        """The number of this process's raw files; no process writes one of another."""
 
     def event(self, kind: str, *, durable: bool = True, **details: Any) -> None:
         """Append an event at the present run time.
@@ -81,15 +96,14 @@ class RunRecord:
         if source not in self._raw:
             from station.record.raw import RawFile
 
-            path = self.path / "raw" / f"{source}-000.mcap"
-            self._raw[source] = RawFile(path, source, columns)
+            self._raw[source] = RawFile(raw_file(self.path, source, self.segment), source, columns)
         self._raw[source].write(unit, rows)
 
     def finish_unit(self, unit: str, **details: Any) -> None:
         """Bring a unit's raw data to disk, then say that it is finished."""
         for file in self._raw.values():
             file.sync()
-        self.event("unit-finished", unit=unit, **details)
+        self.event("unit-finished", unit=unit, segment=self.segment, **details)
         if self.after_unit is not None:
             self.after_unit()
 
@@ -114,12 +128,18 @@ class RunRecord:
 
 
 class RunFolder:
-    """The folder of a run as it is read back, by analysis, report and status."""
+    """The folder of a run as it is read back, by analysis, report and status.
 
-    def __init__(self, path: Path) -> None:
+    A resumed run may have begun a unit in one segment and finished it in a later one: only rows
+    of the segment that finished it count. `segment` is that of the process which reads what it
+    has just written of a unit that is not finished yet.
+    """
+
+    def __init__(self, path: Path, segment: int | None = None) -> None:
         if not (path / EVENTS).is_file():
             raise RecordError(f"{path} is no run folder: it holds no {EVENTS}")
         self.path = path
+        self._segment = segment
         self.events: tuple[Event, ...] = tuple(read_events(path / EVENTS))
         self._rows: dict[tuple[str, str], NDArray[Any]] = {}
 
@@ -140,6 +160,11 @@ class RunFolder:
         """Yield the events of one kind."""
         return (event for event in self.events if event.kind == kind)
 
+    def of_last_process(self, kind: str) -> list[Event]:
+        """Return the events of one kind since the run was begun, or last gone on with."""
+        since = max((k for k, one in enumerate(self.events) if one.kind == RESUMED), default=0)
+        return [event for event in self.events[since:] if event.kind == kind]
+
     def rows(self, source: str, unit: str) -> NDArray[Any]:
         """Return a unit's raw rows of one source as a structured array, shape (rows,).
 
@@ -150,12 +175,27 @@ class RunFolder:
         from station.record.raw import read_raw
 
         if (source, unit) not in self._rows:
-            files = sorted((self.path / "raw").glob(f"{source}-*.mcap"))
-            blocks = [block for file in files for block in read_raw(file, unit)]
+            blocks: list[NDArray[Any]] = []
+            for segment in self._segments_of(unit):
+                file = raw_file(self.path, source, segment)
+                blocks = list(read_raw(file, unit)) if file.is_file() else []
+                if blocks:
+                    break
             if not blocks:
                 raise RecordError(f"{self.path}: no raw data of {source} for {unit}")
             self._rows[source, unit] = np.concatenate(blocks)
         return self._rows[source, unit]
+
+    def _segments_of(self, unit: str) -> list[int]:
+        """Return where to look for a unit's rows: this process's own, then where it was finished.
+
+        A unit that was never finished is looked for from the newest segment on.
+        """
+        finished = self.finished_units().get(unit)
+        own = [] if self._segment is None else [self._segment]
+        if finished is not None:
+            return [*own, int(finished.get("segment", 0))]
+        return [*own, *reversed(range(next_segment(self.path / RAW)))]
 
     def new_revision(self) -> Path:
         """Return a fresh folder for a re-analysis; earlier ones stay as they are."""
@@ -167,6 +207,17 @@ class RunFolder:
         return revision
 
 
+def raw_file(folder: Path, source: str, segment: int) -> Path:
+    """Return the raw file of a source that one process of a run writes."""
+    return folder / RAW / f"{source}-{segment:03d}.mcap"
+
+
+def next_segment(raw: Path) -> int:
+    """Return the number after those of the raw files that are there, 0 where there are none."""
+    numbers = [int(path.stem.rpartition("-")[2]) for path in raw.glob("*-[0-9][0-9][0-9].mcap")]
+    return max(numbers, default=-1) + 1
+
+
 def run_lock(folder: Path) -> FileLock:
     """Take the lock that says that a process is at work on a run; raises RecordError."""
     try:
@@ -176,66 +227,6 @@ def run_lock(folder: Path) -> FileLock:
             f"cannot lock {folder / LOCK}: {error.strerror or error}; choose another place, on a "
             "local disk, with --output"
         ) from error
-
-
-def new_folder(parent: Path, name: str) -> Path:
-    """Create and return `parent/name`, or `name-2`, `name-3` where that exists already.
-
-    Raises RecordError when the parent cannot be written.
-    """
-    for number in range(1, MOST_OF_ONE_NAME):
-        path = parent / numbered(name, number)
-        try:
-            path.mkdir(parents=True)
-        except FileExistsError:
-            continue
-        except OSError as error:
-            raise RecordError(
-                f"cannot create the run folder {path}: {error.strerror}; "
-                "choose another place with --output"
-            ) from error
-        return path
-    raise RecordError(f"{parent} holds a thousand runs of this second; choose another --output")
-
-
-def folder_with_head(parent: Path, name: str, head: Mapping[str, str]) -> Path:
-    """Create `parent/name` that holds `head` (texts by file name) from its first moment on.
-
-    It is built beside its place, under a name that begins with a dot, and then moved there: a run
-    that was killed at its very beginning leaves no folder that does not open.
-    """
-    being_built = new_folder(parent, f".new-{name}")
-    try:
-        (being_built / "raw").mkdir()
-        for file, text in {**head, EVENTS: ""}.items():
-            write_whole_file(being_built / file, text.encode())
-        place = moved(being_built, parent, name)
-        sync_folder(parent)
-    except BaseException:
-        shutil.rmtree(being_built, ignore_errors=True)
-        raise
-    return place
-
-
-def moved(folder: Path, parent: Path, name: str) -> Path:
-    """Move a folder to the first free one of `parent/name`, `name-2`, `name-3`."""
-    for number in range(1, MOST_OF_ONE_NAME):
-        place = parent / numbered(name, number)
-        if place.exists():
-            continue
-        try:
-            folder.rename(place)
-        except OSError:
-            if place.exists():  # another run was faster
-                continue
-            raise
-        return place
-    raise RecordError(f"{parent} holds a thousand runs of this second; choose another --output")
-
-
-def numbered(name: str, number: int) -> str:
-    """Return `name`, `name-2`, `name-3` …"""
-    return name if number == 1 else f"{name}-{number}"
 
 
 def json_text(data: Mapping[str, Any]) -> str:

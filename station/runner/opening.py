@@ -10,6 +10,7 @@ from station import registry
 from station.clock import Clock
 from station.errors import InputError, InstrumentError, InstrumentsMissing
 from station.readings import Publisher, Readings, Value
+from station.runner.instrument_locks import InstrumentLocks
 
 if TYPE_CHECKING:
     from station.bench import Bench
@@ -93,11 +94,12 @@ def open_one(
     asker: Callable[[str, str], str] | None = None,
     trace: Trace | None = None,
     readings: Readings | None = None,
+    locks: InstrumentLocks | None = None,
 ) -> Probe:
     """Open and identify one instance of a bench; an instrument that answered stays open.
 
     `addresses` replaces those of the bench file (a simulated bench gives its own); what the
-    instrument says is published on `readings`.
+    instrument says is published on `readings`; `locks` keep other processes away from it.
     """
     if name not in bench.instruments:
         return Probe(name, False, f"{name}: the bench {bench.name!r} has no such instrument")
@@ -107,6 +109,8 @@ def open_one(
     publisher = readings.publisher(name) if readings else None
     place = Place(name, address, clock, entry.settings, entry.limits, asker, tracer, publisher)
     try:
+        if locks is not None and address:
+            locks.take(name, address)
         instrument: Opened = registry.load(registry.DRIVERS, entry.driver)(place)
     except InstrumentError as error:
         return Probe(name, False, str(error))
@@ -128,9 +132,15 @@ def open_one(
     return Probe(name, True, said, found)
 
 
-def probe(name: str, bench: Bench, addresses: Mapping[str, str], clock: Clock) -> Probe:
+def probe(
+    name: str,
+    bench: Bench,
+    addresses: Mapping[str, str],
+    clock: Clock,
+    locks: InstrumentLocks | None = None,
+) -> Probe:
     """Ask one instance of a bench who it is, and close it again."""
-    opened = open_one(name, bench, addresses, clock)
+    opened = open_one(name, bench, addresses, clock, locks=locks)
     if opened.found is not None:
         opened.found.instrument.close()
     return opened
@@ -144,6 +154,7 @@ def open_instruments(
     asker: Callable[[str, str], str] | None,
     trace: Trace | None = None,
     readings: Readings | None = None,
+    locks: InstrumentLocks | None = None,
 ) -> dict[str, Found]:
     """Open and identify the `wanted` instances of a bench, in the bench file's order.
 
@@ -153,7 +164,9 @@ def open_instruments(
     needed = set(wanted)
     ordered = [name for name in bench.instruments if name in needed]
     ordered += sorted(needed - set(bench.instruments))
-    probes = [open_one(name, bench, addresses, clock, asker, trace, readings) for name in ordered]
+    probes = [
+        open_one(name, bench, addresses, clock, asker, trace, readings, locks) for name in ordered
+    ]
     found = {one.name: one.found for one in probes if one.found is not None}
     problems = [one.said for one in probes if not one.ok]
     if problems:

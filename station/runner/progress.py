@@ -8,20 +8,10 @@ from contextlib import contextmanager, suppress
 from types import TracebackType
 
 from station.clock import Clock, boot_seconds
-from station.console import tell
+from station.console import span, tell
 
 REPEAT_S = 2.0
 """Real time between two lines of progress where the output is no terminal."""
-
-
-def span(seconds: float) -> str:
-    """Return a span of time for a person: `45 s`, `12 min 30 s`, `5 h 10 min`."""
-    whole = round(max(seconds, 0.0))
-    if whole < 60:
-        return f"{whole} s"
-    if whole < 3600:
-        return f"{whole // 60} min {whole % 60:02d} s"
-    return f"{whole // 3600} h {whole % 3600 // 60:02d} min"
 
 
 def how_long(expected_s: float, clock: Clock) -> str:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from station.clock import Clock
@@ -21,6 +22,18 @@ Role = TypeVar("Role")
 WAIT_SLICE_S = 1.0
 
 
+@dataclass(frozen=True)
+class Past:
+    """What earlier processes of the same run left: units they finished, prompts that still hold.
+
+    `finished` maps each unit to the details of its event; `answered` each prompt id to its answer,
+    none where the acts must be done again (a simulated world that ended with its process).
+    """
+
+    finished: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    answered: Mapping[str, str] = field(default_factory=dict)
+
+
 class Run:
     """One execution of a plan, as its steps see it."""
 
@@ -32,15 +45,19 @@ class Run:
         record: RunRecord,
         progress: Progress,
         operator: Operator,
+        past: Past | None = None,
     ) -> None:
         self.plan = plan
         self.bench = bench
         self.clock = clock
         self.record = record
         self.progress = progress
+        self.past = past or Past()
         self.instruments: Mapping[str, object] = {}
         self.handed_on: dict[str, Any] = {}
         """What one step leaves for the next; nothing that results are computed from."""
+        self.before_unit: Callable[[Run], None] | None = None
+        """What is looked at before a unit of work begins: whether somebody wishes a pause."""
         self._operator = operator
         self._step_began_s = clock.now()
 
@@ -71,12 +88,24 @@ class Run:
         step.body(self)
         self.record.event("step-finished", durable=False, step=step.number)
 
+    def is_finished(self, unit: str) -> bool:
+        """Whether an earlier process of this run finished a unit of work: it stays as it is.
+
+        The steps of a resumed run are walked again; what they measured is not measured again.
+        """
+        return unit in self.past.finished
+
     @contextmanager
     def unit(self, name: str, **details: Any) -> Iterator[None]:
         """Measure one unit of work; it is finished once its event is on disk."""
         self.record.event("unit-started", durable=False, unit=name)
         yield
         self.record.finish_unit(name, **details)
+
+    def may_pause(self) -> None:
+        """Pause here where somebody wishes it: between units of work, before conditions are set."""
+        if self.before_unit is not None:
+            self.before_unit(self)
 
     def wait(self, seconds: float, detail: str = "") -> None:
         """Let run time pass, with progress."""
@@ -90,12 +119,23 @@ class Run:
         self.progress.at(self.clock.now() - self._step_began_s, detail)
 
     def ask(self, prompt_id: str, text: str) -> str:
-        """Ask the operator for an act or an answer; both are recorded."""
+        """Ask the operator for an act or an answer; both are recorded.
+
+        What was answered in an earlier process of this run still holds, and is not asked again.
+        """
+        if prompt_id in self.past.answered:
+            return self.past.answered[prompt_id]
+        return self.ask_again(prompt_id, text)
+
+    def ask_again(self, prompt_id: str, text: str, of: str = "step") -> str:
+        """Ask the operator, whatever was answered before; `of` a step or a driver."""
         with self.progress.paused():
             answer = self._operator.ask(Prompt(prompt_id, text))
-        self.record.event("prompt", id=prompt_id, text=text, answer=answer.text, by=answer.by)
+        self.record.event(
+            "prompt", id=prompt_id, text=text, answer=answer.text, by=answer.by, of=of
+        )
         return answer.text
 
     def read_back(self) -> RunFolder:
         """Return the folder as it is on disk now: nothing is analysed from memory."""
-        return RunFolder(self.record.path)
+        return RunFolder(self.record.path, self.record.segment)

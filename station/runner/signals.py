@@ -12,6 +12,7 @@ from typing import Any
 from station.clock import Clock
 from station.console import tell
 from station.errors import Aborted
+from station.safety.safe_state import Hurry
 
 WISHES = ("SIGINT", "SIGTERM", "SIGHUP")
 
@@ -52,9 +53,10 @@ def wishes() -> list[int]:
 
 
 class AbortSignals:
-    """End the run at its next wait; once the bench is being made safe, say so and go on."""
+    """End the run at its next wait; once the bench is being made safe, only hurry that."""
 
     def __init__(self, clock: Clock) -> None:
+        self.hurry = Hurry(clock)
         self._clock = clock
         self._making_safe = False
         self._before: dict[int, Any] = {}
@@ -74,7 +76,7 @@ class AbortSignals:
             signal.signal(number, handler)
 
     def hold(self) -> None:
-        """From now on the bench is made safe: no wish interrupts that."""
+        """From now on the bench is made safe: no wish ends that."""
         self._making_safe = True
         self._clock.interrupt(None)
 
@@ -83,6 +85,10 @@ class AbortSignals:
         self._clock.raise_failure()
         name = signal.Signals(number).name
         if self._making_safe:
-            sys.stderr.write(f"\n{name}: the bench is being made safe; that is never skipped\n")
+            sys.stderr.write(
+                f"\n{name}: the bench is being made safe; that is never skipped, its waits are "
+                "cut short\n"
+            )
+            self.hurry.ask()
             return
         self._clock.interrupt(Aborted(f"the run was ended by {name}"))

@@ -6,22 +6,25 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 from station import registry
-from station.clock import Clock, RealClock, VirtualClock
+from station.clock import Clock, RealClock, VirtualClock, utc_now
 from station.errors import InputError, StationError
 
 if TYPE_CHECKING:
     from station.bench import Bench
 
 
-def clock_for(bench: Bench, served: Mapping[str, Any] | None = None) -> Clock:
+def clock_for(bench: Bench, served: Mapping[str, Any] | None = None, began_s: float = 0.0) -> Clock:
     """Return a clock: real for a real bench, virtual for one simulated here.
 
-    `served`, the first line of a `station sim`, gives that bench's own clock.
+    `served`, the first line of a `station sim`, gives that bench's own clock. The others begin at
+    run time `began_s`: where a run goes on, after its last event.
     """
     if served is not None:
         time = served["clock"]
         return RealClock(float(time["speed"]), float(time["epoch_unix"]))
-    return RealClock() if bench.simulation is None else VirtualClock()
+    if bench.simulation is not None:
+        return VirtualClock(began_s)
+    return RealClock(1.0, utc_now().timestamp() - began_s) if began_s else RealClock()
 
 
 def serve_bench(bench: Bench, clock: Clock, procedure: str) -> Any:

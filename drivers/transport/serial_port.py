@@ -1,0 +1,168 @@
+"""Serial ports, and TCP ports of serial servers, as bytes in and out."""
+
+from __future__ import annotations
+
+import socket
+from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import Any, Protocol
+from urllib.parse import urlsplit
+
+import serial
+
+from drivers.roles import Place
+from station.errors import InstrumentError
+
+CONNECT_DEADLINE_S = 2.0
+WRITE_DEADLINE_S = 0.5
+LARGEST_READ_BYTES = 1 << 16
+
+
+@dataclass(frozen=True)
+class Framing:
+    """How bytes go over a serial line; a TCP port knows none of it."""
+
+    baud_rate: int
+    data_bits: int = 8
+    parity: str = "N"
+    stop_bits: float = 1
+    hardware_handshake: bool = False
+
+
+class Port(Protocol):
+    """Bytes in and out; OSError once it is broken."""
+
+    def read(self, timeout_s: float) -> bytes:
+        """Return what has come, or what comes first within a real time; empty for nothing."""
+        ...
+
+    def write(self, data: bytes) -> None:
+        """Put bytes on the line."""
+        ...
+
+    def close(self) -> None:
+        """Give the port back."""
+        ...
+
+
+class SocketPort:
+    """`socket://host:port`, without the pauses in which pyserial opens and closes its own."""
+
+    def __init__(self, host: str, port: int) -> None:
+        self._socket = socket.create_connection((host, port), CONNECT_DEADLINE_S)
+        self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+
+    def read(self, timeout_s: float) -> bytes:
+        """Return what has come, or what comes first within a real time; empty for nothing."""
+        self._socket.settimeout(timeout_s)
+        try:
+            data = self._socket.recv(LARGEST_READ_BYTES)
+        except (TimeoutError, BlockingIOError):
+            return b""
+        if not data:
+            raise ConnectionResetError("the other side closed the connection")
+        return data
+
+    def write(self, data: bytes) -> None:
+        """Put bytes on the line."""
+        self._socket.settimeout(WRITE_DEADLINE_S)
+        self._socket.sendall(data)
+
+    def close(self) -> None:
+        """Give the port back."""
+        with suppress(OSError):
+            self._socket.shutdown(socket.SHUT_RDWR)
+        self._socket.close()
+
+
+class DevicePort:
+    """Whatever pyserial opens by name: `COM3`, `/dev/ttyUSB0`, `rfc2217://host:port`."""
+
+    def __init__(self, name: str, framing: Framing) -> None:
+        self._port: Any = serial.serial_for_url(
+            name,
+            baudrate=framing.baud_rate,
+            bytesize=framing.data_bits,
+            parity=framing.parity,
+            stopbits=framing.stop_bits,
+            rtscts=framing.hardware_handshake,
+            write_timeout=WRITE_DEADLINE_S,
+            exclusive=True,
+        )
+
+    def read(self, timeout_s: float) -> bytes:
+        """Return what has come, or what comes first within a real time; empty for nothing."""
+        self._port.timeout = timeout_s
+        first = bytes(self._port.read(1))
+        return first + bytes(self._port.read(self._port.in_waiting)) if first else b""
+
+    def write(self, data: bytes) -> None:
+        """Put bytes on the line."""
+        self._port.write(data)
+
+    def close(self) -> None:
+        """Give the port back."""
+        self._port.close()
+
+
+def open_port(address: str, framing: Framing) -> Port:
+    """Open a port by the address of a bench file; raises OSError or ValueError.
+
+    `ASRL/dev/ttyUSB0::INSTR` and `ASRL3::INSTR`, as VISA names ports, are taken, too.
+    """
+    parts = urlsplit(address)
+    if parts.scheme == "socket":
+        if not parts.hostname or not parts.port:
+            raise ValueError("write socket://host:port")
+        return SocketPort(parts.hostname, parts.port)
+    name = address
+    if address.upper().startswith("ASRL"):
+        name = address[4:].split("::")[0]
+        name = f"COM{name}" if name.isdigit() else name
+    if not name:
+        raise ValueError("no port is named")
+    return DevicePort(name, framing)
+
+
+def wire_address(address: str) -> str:
+    """Return `host:port` of a socket address, else the address itself."""
+    parts = urlsplit(address)
+    return parts.netloc if parts.scheme == "socket" else address
+
+
+def framing_of(place: Place, default: Framing) -> Framing:
+    """Return the framing that a bench file's settings give, `default` where they say nothing.
+
+    Raises InstrumentError for a setting that is none.
+    """
+    settings: Mapping[str, Any] = place.settings
+    try:
+        handshake = settings.get("hardware_handshake", default.hardware_handshake)
+        if not isinstance(handshake, bool):
+            raise ValueError(f"hardware_handshake is {handshake!r}")
+        framing = Framing(
+            int(settings.get("baud_rate", default.baud_rate)),
+            int(settings.get("data_bits", default.data_bits)),
+            str(settings.get("parity", default.parity)).upper()[:1],
+            float(settings.get("stop_bits", default.stop_bits)),
+            handshake,
+        )
+        if framing.baud_rate <= 0 or framing.data_bits not in (5, 6, 7, 8):
+            raise ValueError(f"{framing.baud_rate} Bd, {framing.data_bits} data bits")
+        if framing.parity not in ("N", "E", "O") or framing.stop_bits not in (1, 1.5, 2):
+            raise ValueError(f"parity {framing.parity}, {framing.stop_bits:g} stop bits")
+    except (TypeError, ValueError) as error:
+        raise InstrumentError(
+            place.name,
+            "read the bench file",
+            f"the serial settings are wrong ({one_line(error)})",
+            "write baud_rate as a number, data_bits 5 to 8, parity N, E or O, stop_bits 1 or 2, "
+            "hardware_handshake true or false",
+        ) from error
+    return framing
+
+
+def one_line(error: BaseException) -> str:
+    """Return what an error says, in one line."""
+    return " ".join(str(error).split())

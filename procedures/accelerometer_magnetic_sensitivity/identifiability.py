@@ -1,0 +1,123 @@
+"""Which of the thirteen coefficients a plan determines, alone or together, and that in words."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from procedures.estimation.orthogonal import split_columns
+
+from .model import COEFFICIENTS, Names, accelerations, field_scales, model_columns
+
+Array = NDArray[np.float64]
+
+SMALLEST_RMS = 1e-6
+"""A column is dependent when its part orthogonal to the kept ones has an rms below this."""
+
+SMALLEST_TERM = 5e-6
+"""What a dependent column may seem to have of a kept one by the tolerance above."""
+
+
+@dataclass(frozen=True)
+class Identifiability:
+    """What a plan determines.
+
+    `terms` maps each kept coefficient to the combination that it really measures, in the units of
+    the coefficients: {"K0": {"K0": 1, "Kpp": 1}}. `folded` are the others; of them `unexcited`
+    stand in no combination, because their columns are zero.
+    """
+
+    terms: Mapping[str, Mapping[str, float]]
+    folded: tuple[str, ...]
+    unexcited: tuple[str, ...]
+
+    @property
+    def kept(self) -> tuple[str, ...]:
+        """The kept coefficients, in the order of the columns."""
+        return tuple(self.terms)
+
+    @property
+    def rank(self) -> int:
+        """How many independent combinations the plan determines."""
+        return len(self.terms)
+
+    @property
+    def alone(self) -> tuple[str, ...]:
+        """The coefficients that are determined alone."""
+        return tuple(name for name, terms in self.terms.items() if len(terms) == 1)
+
+    @property
+    def not_alone(self) -> tuple[str, ...]:
+        """The coefficients that are not: folded ones, and kept ones that stand for several."""
+        return tuple(name for name in COEFFICIENTS if name not in self.alone)
+
+
+def judge(plane: Names, theta_deg: Array, field_T: Array) -> Identifiability:
+    """Judge the commanded rows of a plan, each argument of shape (rows,).
+
+    Thirteen columns, accelerations in g, field over its largest magnitude, nuisance terms aside;
+    in the order of `COEFFICIENTS` each is kept that is independent of those kept before it; the
+    others fold into the kept ones.
+    """
+    if not len(theta_deg):
+        return Identifiability({}, COEFFICIENTS, COEFFICIENTS)
+    largest_T = float(np.max(np.abs(field_T))) or 1.0
+    acceleration_g = accelerations(plane, np.radians(theta_deg))
+    columns = model_columns(acceleration_g, field_T / largest_T)
+    split = split_columns(columns, SMALLEST_RMS)
+    scale = field_scales(largest_T)
+    terms: dict[str, dict[str, float]] = {}
+    for row, index in enumerate(split.kept):
+        own: dict[str, float] = {COEFFICIENTS[index]: 1.0}
+        for j, name in enumerate(COEFFICIENTS):
+            share = float(split.folds[row, j])
+            if j not in split.kept and abs(share) > SMALLEST_TERM:
+                # c_j X_j = c_j F f_i, both columns over their scales: F s_j / s_i in true units.
+                own[name] = _tidy(round(share, 9) * float(scale[j] / scale[index]))
+        terms[COEFFICIENTS[index]] = own
+    folded = tuple(name for name in COEFFICIENTS if name not in terms)
+    held = {name for own in terms.values() for name in own}
+    return Identifiability(terms, folded, tuple(name for name in folded if name not in held))
+
+
+def _tidy(value: float) -> float:
+    return float(f"{value:.12g}")
+
+
+def combination_text(terms: Mapping[str, float]) -> str:
+    """Return a combination as people write it: `K0 + Kpp`, `Kii − Kpp`, `Km + 0.05 Kmm`."""
+    text = ""
+    for name, share in terms.items():
+        size = "" if abs(abs(share) - 1.0) < 1e-9 else f"{abs(share):.4g} "
+        sign = ("−" if share < 0 else "") if not text else (" − " if share < 0 else " + ")
+        text += f"{sign}{size}{name}"
+    return text
+
+
+def describe(found: Identifiability) -> tuple[str, ...]:
+    """Return in sentences what a plan determines and what it does not, and why."""
+    together = [combination_text(own) for own in found.terms.values() if len(own) > 1]
+    said = [
+        f"{found.rank} of the thirteen combinations are determined.",
+        f"Alone: {listed(found.alone)}." if found.alone else "No coefficient is determined alone.",
+    ]
+    if together:
+        said.append(f"Only together: {listed(together)}.")
+    if found.unexcited:
+        said.append(
+            f"Not at all: {listed(found.unexcited)}; their terms are zero, or the same, throughout."
+        )
+    if {"K0", "Koo", "Kpp"} & set(found.not_alone) and found.rank:
+        said.append(
+            "At rest the three accelerations always make 1 g (Ai² + Ao² + Ap² = 1): K0 and the "
+            "square terms can never all be told apart without a centrifuge."
+        )
+    return tuple(said)
+
+
+def listed(names: Sequence[str]) -> str:
+    """Return names as a list in a sentence."""
+    return names[0] if len(names) == 1 else ", ".join(names[:-1]) + " and " + names[-1]

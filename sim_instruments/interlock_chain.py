@@ -1,0 +1,67 @@
+"""A reader of a hard-wired interlock chain: emergency stop and door in series, asked by lines.
+
+`*IDN?`, `CHAIN?` (CLOSED or OPEN), `CHAIN:LIST?` (the open contacts, or NONE) and the error queue
+of SCPI. A contact opens by the fault `chain-open`, at a time, at a message, or while the bench is
+served.
+"""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar
+
+from sim_instruments.faults.lasting import CONTACTS, ChainOpen
+from sim_instruments.instrument import Setting
+from sim_instruments.scpi_device import ScpiDevice
+from sim_instruments.tcp import HOST, LineServer
+
+FIRMWARE = "1.0"
+
+
+class InterlockChain(ScpiDevice):
+    """The chain of the simulated laboratory: closed unless a fault opens a contact."""
+
+    lasting_faults: ClassVar = (ChainOpen.kind,)
+
+    def __init__(self, setting: Setting) -> None:
+        super().__init__(f"house-made,interlock chain reader,{setting.serial},{FIRMWARE}")
+        self._clock = setting.clock
+        self._faults = setting.faults
+        self.tree.add("CHAIN?", self._answer(lambda: "OPEN" if self._open() else "CLOSED"))
+        self.tree.add("CHAIN:LIST?", self._answer(lambda: ",".join(self._open()) or "NONE"))
+        self._server = LineServer(
+            setting.name,
+            setting.port,
+            setting.clock,
+            setting.world.lock,
+            self._line,
+            setting.faults,
+        )
+        self._server.begin()
+
+    def describe(self) -> dict[str, Any]:
+        """Return what `station sim` prints about this instrument."""
+        port = self._server.port
+        return {
+            "model": "interlock chain reader",
+            "protocol": "scpi",
+            "address": f"TCPIP::{HOST}::{port}::SOCKET",
+            "host": HOST,
+            "port": port,
+        }
+
+    def close(self) -> None:
+        """Stop serving."""
+        self._server.close()
+
+    def _open(self) -> list[str]:
+        now_s = self._clock.now()
+        opened = {
+            fault.contact
+            for fault in self._faults.all
+            if isinstance(fault, ChainOpen) and fault.lasts(now_s)
+        }
+        return [name for name in CONTACTS if name in opened]
+
+    def _line(self, line: bytes) -> bytes:
+        reply = self.execute(line.decode("ascii", "replace").strip())
+        return b"" if reply is None else reply.encode("ascii") + b"\n"

@@ -1,0 +1,161 @@
+"""The running process's side of the local channel: requests come in, each gets its answer.
+
+Messages are small JSON texts, never pickles. The threads here take no part in the run's time.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from multiprocessing import AuthenticationError
+from multiprocessing.connection import (
+    Client,
+    Connection,
+    Listener,
+    answer_challenge,
+    deliver_challenge,
+)
+from pathlib import Path
+from threading import Event, Lock, Thread
+from typing import Any
+
+from station.control.place import PRIVATE_FILE, Place, places
+
+LONGEST_MESSAGE = 65536
+BACKLOG = 8
+LOOKS_EVERY_S = 0.1
+"""Real time between two looks whether who asked is still there."""
+LEAVES_WITHIN_S = 1.0
+BROKEN = (OSError, EOFError, ValueError, AuthenticationError)
+
+
+class Incoming:
+    """One request: it is answered once, by whichever thread knows the answer."""
+
+    def __init__(self, asked: str) -> None:
+        self.asked = asked
+        self.meanwhile: Mapping[str, Any] | None = None
+        """What who asks is told at once where the answer takes its time."""
+        self.withdrawn = False
+        """Whether who asked has gone before there was an answer."""
+        self.final: Mapping[str, Any] = {}
+        self._answered = Event()
+        self._lock = Lock()
+
+    def answer(self, **told: Any) -> None:
+        """Give the answer; the first one counts."""
+        with self._lock:
+            if not self._answered.is_set():
+                self.final = told
+                self._answered.set()
+
+    def wait(self, seconds: float) -> bool:
+        """Wait in real time; whether there is an answer."""
+        return self._answered.wait(seconds)
+
+
+class Channel:
+    """Listen for requests to the run of a folder until `close`; `take` gets each of them.
+
+    Raises OSError where the system gives no place to listen at.
+    """
+
+    def __init__(self, folder: Path, take: Callable[[Incoming], None]) -> None:
+        self._take = take
+        self._closed = False
+        self._lock = Lock()
+        self._talks: dict[Thread, Incoming | None] = {}
+        self.place, self._key, self._listener = listening(folder)
+        self._thread = Thread(target=self._accept, name="control", daemon=True)
+        self._thread.start()
+
+    def close(self) -> None:
+        """Listen no more, and remove the files; who still waits is told that the run ends."""
+        self._closed = True
+        with suppress(*BROKEN):  # wakes the thread that waits for somebody to come
+            Client(self.place.address, self.place.family).close()
+        self._thread.join(LEAVES_WITHIN_S)
+        with suppress(OSError):
+            self._listener.close()
+        self.place.remove()
+        with self._lock:
+            talks = dict(self._talks)
+        for thread, incoming in talks.items():
+            if incoming is not None:
+                incoming.answer(outcome="ended", said="the run ends first")
+            thread.join(LEAVES_WITHIN_S)
+
+    def _accept(self) -> None:
+        while not self._closed:
+            try:
+                connection = self._listener.accept()
+            except BROKEN:
+                Event().wait(LOOKS_EVERY_S)  # such as no file handle left: others may become free
+                continue
+            if self._closed:
+                connection.close()
+                return
+            thread = Thread(target=self._talk, args=(connection,), name="control-talk", daemon=True)
+            with self._lock:
+                self._talks[thread] = None
+            thread.start()
+
+    def _talk(self, connection: Connection) -> None:
+        from threading import current_thread
+
+        try:
+            with connection:
+                incoming = self._proven(connection)
+                with self._lock:
+                    self._talks[current_thread()] = incoming
+                self._take(incoming)
+                answer_in_time(connection, incoming)
+        except BROKEN:  # who asked has gone, or is not who may ask
+            return
+        finally:
+            with self._lock:
+                self._talks.pop(current_thread(), None)
+
+    def _proven(self, connection: Connection) -> Incoming:
+        """Return the request of somebody who has the key."""
+        deliver_challenge(connection, self._key)
+        answer_challenge(connection, self._key)
+        request = json.loads(connection.recv_bytes(LONGEST_MESSAGE))
+        if not isinstance(request, dict):
+            raise ValueError("no request")
+        return Incoming(str(request.get("ask")))
+
+
+def answer_in_time(connection: Connection, incoming: Incoming) -> None:
+    """Send the answer once there is one; who leaves before has withdrawn the request."""
+    if not incoming.wait(0.0) and incoming.meanwhile is not None:
+        send(connection, incoming.meanwhile, final=False)
+    while not incoming.wait(LOOKS_EVERY_S):
+        if connection.poll(0.0):  # nothing more is to come, so this is the end of the connection
+            incoming.withdrawn = True
+            return
+    send(connection, incoming.final, final=True)
+
+
+def send(connection: Connection, told: Mapping[str, Any], *, final: bool) -> None:
+    """Send a message as JSON text."""
+    text = json.dumps({"final": final, **told}, ensure_ascii=False)
+    connection.send_bytes(text.encode())
+
+
+def listening(folder: Path) -> tuple[Place, bytes, Listener]:
+    """Return the first place that the system gives, its key, and who listens there."""
+    refused = OSError("there is no folder that only this user can open")
+    for place in places(folder):
+        try:
+            key = place.prepare()
+            listener = Listener(place.address, place.family, BACKLOG)
+            if place.family == "AF_UNIX":
+                Path(place.address).chmod(PRIVATE_FILE)
+        except OSError as error:
+            refused = error
+            place.remove()
+            continue
+        return place, key, listener
+    raise refused

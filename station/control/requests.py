@@ -1,0 +1,247 @@
+"""The run's side of the channel: what others wish, and what the run does about it.
+
+The channel's threads only note a wish. An abort ends the run at its next wait, as Ctrl-C does; a
+pause waits until the run comes to the place between two units of work.
+"""
+
+from __future__ import annotations
+
+import _thread
+import signal
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from threading import Event, Lock, main_thread
+from types import TracebackType
+from typing import TYPE_CHECKING
+
+from station.clock import Clock
+from station.console import tell
+from station.control.channel import Channel, Incoming
+from station.control.pausing import ask_devices
+from station.errors import Aborted
+
+if TYPE_CHECKING:
+    from station.runner.run import Run
+
+LOOKS_EVERY_S = 0.1
+"""Real time between two looks of a paused run."""
+ENDED_FROM_OUTSIDE = "the run was ended by `station abort`"
+ENDS_FIRST = "the run ends first"
+
+
+class PauseRequest:
+    """The wish of one terminal, or of several, that the run pauses before its next unit."""
+
+    def __init__(self, control: Control, wishes: list[Incoming]) -> None:
+        self._control = control
+        self._wishes = wishes
+
+    @property
+    def withdrawn(self) -> bool:
+        """Whether everybody who asked has gone."""
+        return all(one.withdrawn for one in self._wishes)
+
+    def acknowledge(self, said: Mapping[str, str]) -> None:
+        """Say that the run is paused, and what each device does meanwhile."""
+        self._control.now_paused(said)
+        for one in self._wishes:
+            one.answer(outcome="paused", devices=dict(said))
+
+    def refuse(self, reasons: Mapping[str, str]) -> None:
+        """Say why the run goes on, by the name of each device that refuses."""
+        for one in self._wishes:
+            one.answer(outcome="refused", devices=dict(reasons))
+
+
+class Control:
+    """What other terminals ask of a run; a context that lasts until the bench is made safe.
+
+    A run that nobody asks anything does exactly what it would do without.
+    """
+
+    def __init__(self, folder: Path, clock: Clock) -> None:
+        self._folder = folder
+        self._clock = clock
+        self._channel: Channel | None = None
+        self._lock = Lock()
+        self._wakes = Event()
+        self._waiting: list[Incoming] = []
+        self._paused: Mapping[str, str] | None = None
+        self._goes_on = False
+        self._ending = False
+        self._abort: Aborted | None = None
+        self._person_asked = False
+
+    def __enter__(self) -> Control:
+        try:
+            self._channel = Channel(self._folder, self._take)
+        except OSError as error:
+            tell(f"WARNING: `station pause` and `station abort` cannot reach this run: {error}")
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.hold()
+        if self._channel is not None:
+            self._channel.close()
+
+    def hold(self) -> None:
+        """From now on the bench is made safe: no wish interrupts that."""
+        with self._lock:
+            self._ending = True
+            for one in self._waiting:
+                one.answer(outcome="ended", said=ENDS_FIRST)
+            self._waiting.clear()
+            if self._abort is not None:
+                self._clock.interrupt(None)
+
+    @contextmanager
+    def asking(self) -> Iterator[None]:
+        """Say that a person is being asked: an abort then ends the prompt, as Ctrl-C does."""
+        with self._lock:
+            self._person_asked = True
+        try:
+            yield
+        except Aborted as error:
+            if self._abort is not None:
+                raise self._abort from error
+            raise
+        finally:
+            with self._lock:
+                self._person_asked = False
+                if self._abort is not None and not self._ending:
+                    self._clock.interrupt(self._abort)  # whatever woke the prompt said less
+
+    def between_units(self, run: Run) -> None:
+        """Pause before a unit of work where somebody asks for it.
+
+        Raises what ends the run meanwhile: an abort, a signal, an interlock.
+        """
+        while (request := self.pause_wanted()) is not None:
+            self._pause(run, request)
+
+    def pause_wanted(self) -> PauseRequest | None:
+        """Take the wish to pause, if there is one; every call may be the only one to get it."""
+        if not self._waiting:
+            return None
+        with self._lock:
+            wishes = [one for one in self._waiting if not one.withdrawn]
+            self._waiting.clear()
+        return PauseRequest(self, wishes) if wishes else None
+
+    def now_paused(self, said: Mapping[str, str]) -> None:
+        """From now on the run waits for somebody to let it go on."""
+        with self._lock:
+            self._paused, self._goes_on = said, False
+            self._wakes.clear()
+
+    def wait_for_go_on(self, clock: Clock) -> None:
+        """Wait until somebody lets the run go on; raises what ends it instead.
+
+        Time goes on meanwhile, so that interlocks are watched. Virtual time stands still: it would
+        come to the end of all days.
+        """
+        speed: float | None = getattr(clock, "speed", None)
+        try:
+            with clock.waiting_for_person():
+                while not self._goes_on:
+                    if speed is None:
+                        self._wakes.wait(LOOKS_EVERY_S)
+                        clock.sleep(0.0)  # raises what ends the run
+                    else:
+                        clock.sleep(LOOKS_EVERY_S * speed)
+        finally:
+            with self._lock:
+                self._paused, self._goes_on = None, False
+
+    def _pause(self, run: Run, request: PauseRequest) -> None:
+        run.progress.say("a pause was asked for")
+        run.record.event("pause-requested", durable=False)
+        words = ask_devices(run.instruments)
+        if words.refused or request.withdrawn:
+            reasons = words.refused or {"operator": "took the request back"}
+            run.record.event("pause-refused", durable=False, reasons=reasons)
+            request.refuse(reasons)
+            run.progress.say(f"not paused: {in_words(reasons)}")
+            return
+        began_s = self._clock.now()
+        run.record.event("paused", devices=words.acknowledged)
+        request.acknowledge(words.acknowledged)
+        run.progress.say(
+            f"paused ({in_words(words.acknowledged)}); `station resume {self._folder}` goes on, "
+            f"`station abort {self._folder}` or Ctrl-C ends the run"
+        )
+        self.wait_for_go_on(self._clock)
+        run.record.event("went-on", paused_s=round(self._clock.now() - began_s, 6))
+        run.progress.say("the run goes on")
+
+    def _take(self, incoming: Incoming) -> None:
+        """Note a wish; called by the channel's threads."""
+        with self._lock:
+            match incoming.asked:
+                case "abort":
+                    self._wish_to_abort(incoming)
+                case "pause":
+                    self._wish_to_pause(incoming)
+                case "go-on":
+                    self._wish_to_go_on(incoming)
+                case "status":
+                    incoming.answer(
+                        outcome="status",
+                        paused=self._paused is not None,
+                        devices=dict(self._paused or {}),
+                        pause_requested=bool(self._waiting),
+                        ending=self._ending,
+                    )
+                case other:
+                    incoming.answer(outcome="unknown", said=f"nobody knows how to {other!r}")
+
+    def _wish_to_abort(self, incoming: Incoming) -> None:
+        if self._ending:
+            incoming.answer(outcome="ending", said="the run has ended; the bench is made safe")
+            return
+        self._abort = Aborted(ENDED_FROM_OUTSIDE)
+        self._clock.interrupt(self._abort)
+        self._wakes.set()
+        incoming.answer(outcome="ending", said="the run ends; the bench is made safe")
+        if self._person_asked:
+            end_prompt()
+
+    def _wish_to_pause(self, incoming: Incoming) -> None:
+        if self._ending or self._abort is not None:
+            incoming.answer(outcome="ended", said=ENDS_FIRST)
+        elif self._paused is not None and not self._goes_on:
+            incoming.answer(outcome="paused", devices=dict(self._paused))
+        else:
+            incoming.meanwhile = {"said": "the run pauses before its next unit of work"}
+            self._waiting.append(incoming)
+
+    def _wish_to_go_on(self, incoming: Incoming) -> None:
+        if self._paused is None and not self._waiting:
+            incoming.answer(outcome="not-paused")
+            return
+        for one in self._waiting:
+            one.answer(outcome="refused", devices={"operator": "let the run go on"})
+        self._waiting.clear()
+        self._goes_on = self._paused is not None
+        self._wakes.set()
+        incoming.answer(outcome="goes-on")
+
+
+def in_words(words: Mapping[str, str]) -> str:
+    """Return what each device said, in one line."""
+    return "; ".join(f"{name}: {word}" for name, word in words.items()) or "nothing can harm"
+
+
+def end_prompt() -> None:
+    """Wake the main thread from a read of the terminal, as Ctrl-C does."""
+    ident = main_thread().ident
+    if ident is not None and hasattr(signal, "pthread_kill"):
+        signal.pthread_kill(ident, signal.SIGINT)
+    else:  # heard when the read ends: Windows wakes it for a key only
+        _thread.interrupt_main()

@@ -1,0 +1,74 @@
+"""A new run folder: whole from its first moment, whatever happens while it is made."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Mapping
+from pathlib import Path
+
+from station.errors import RecordError
+from station.record.files import sync_folder, write_whole_file
+
+EVENTS = "events.jsonl"
+RAW = "raw"
+MOST_OF_ONE_NAME = 1000
+
+
+def new_folder(parent: Path, name: str) -> Path:
+    """Create and return `parent/name`, or `name-2`, `name-3` where that exists already.
+
+    Raises RecordError when the parent cannot be written.
+    """
+    for number in range(1, MOST_OF_ONE_NAME):
+        path = parent / numbered(name, number)
+        try:
+            path.mkdir(parents=True)
+        except FileExistsError:
+            continue
+        except OSError as error:
+            raise RecordError(
+                f"cannot create the run folder {path}: {error.strerror}; "
+                "choose another place with --output"
+            ) from error
+        return path
+    raise RecordError(f"{parent} holds a thousand runs of this second; choose another --output")
+
+
+def folder_with_head(parent: Path, name: str, head: Mapping[str, str]) -> Path:
+    """Create `parent/name` that holds `head` (texts by file name) from its first moment on.
+
+    It is built beside its place, under a name that begins with a dot, and then moved there: a run
+    that was killed at its very beginning leaves no folder that does not open.
+    """
+    being_built = new_folder(parent, f".new-{name}")
+    try:
+        (being_built / RAW).mkdir()
+        for file, text in {**head, EVENTS: ""}.items():
+            write_whole_file(being_built / file, text.encode())
+        place = moved(being_built, parent, name)
+        sync_folder(parent)
+    except BaseException:
+        shutil.rmtree(being_built, ignore_errors=True)
+        raise
+    return place
+
+
+def moved(folder: Path, parent: Path, name: str) -> Path:
+    """Move a folder to the first free one of `parent/name`, `name-2`, `name-3`."""
+    for number in range(1, MOST_OF_ONE_NAME):
+        place = parent / numbered(name, number)
+        if place.exists():
+            continue
+        try:
+            folder.rename(place)
+        except OSError:
+            if place.exists():  # another run was faster
+                continue
+            raise
+        return place
+    raise RecordError(f"{parent} holds a thousand runs of this second; choose another --output")
+
+
+def numbered(name: str, number: int) -> str:
+    """Return `name`, `name-2`, `name-3` …"""
+    return name if number == 1 else f"{name}-{number}"

@@ -1,0 +1,29 @@
+"""How a run ended."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from station.errors import EXIT_FAULT
+
+if TYPE_CHECKING:
+    from station.results import ResultDocument
+    from station.safety.safe_state import SafeOutcome
+
+
+@dataclass
+class Outcome:
+    """How a run ended: its folder, the exit code, results or what went wrong, the safe state."""
+
+    folder: Path
+    exit_code: int = EXIT_FAULT
+    document: ResultDocument | None = None
+    error: str | None = None
+    safe: list[SafeOutcome] = field(default_factory=list)
+
+    @property
+    def unsafe(self) -> list[SafeOutcome]:
+        """Instruments whose safe state could not be verified."""
+        return [outcome for outcome in self.safe if not outcome.verified]

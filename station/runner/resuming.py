@@ -1,0 +1,217 @@
+"""Go on with a run that ended before its end, from its last finished unit of work."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from station import registry
+from station.bench import Bench
+from station.clock import RealClock, utc_now
+from station.console import span
+from station.errors import InputError
+from station.plan import Plan
+from station.procedure import Procedure, Prompt
+from station.record.creation import EVENTS
+from station.record.folder import RESULTS, RESUMED, RUN, RunFolder, RunRecord
+from station.recorded import read_plan_and_bench, used_instruments
+from station.runner.execute import all_prompts, conclude, sha256_of
+from station.runner.outcome import Outcome
+from station.runner.preflight import watch_system_clock
+from station.runner.progress import Progress, how_long
+from station.runner.prompts import Operator
+from station.runner.run import Past, Run
+from station.runner.session import RESUME, BenchSession
+from station.runner.trace import Trace
+from station.runner.walking import Walk
+from station.safety.acknowledgement import refuse_until_acknowledged
+from station.status import RUN_STARTED
+from station.versions import versions
+
+AS_BEFORE = Prompt(
+    RESUME,
+    "The run goes on where it stopped. Check that the device under test, its cables and the "
+    "instruments are as they were.",
+)
+SOFTWARE = ("station", "git_commit", "python", "packages")
+SAME_INSTRUMENT = ("driver", "serial", "settings", "limits", "calibration")
+
+
+@dataclass(frozen=True)
+class ResumeRequest:
+    """What the command line asks for; `bench` replaces the one in the folder."""
+
+    folder: Path
+    bench: Bench | None = None
+    answers: Mapping[str, str] = field(default_factory=dict)
+    interactive: bool = False
+    quiet: bool = False
+    report: bool = True
+    served: Mapping[str, Any] | None = None
+    trace: bool = False
+
+
+def resume(request: ResumeRequest) -> Outcome:
+    """Measure what is left of a run, and evaluate the whole.
+
+    Raises InputError when there is nothing to go on with, when plan or bench are not those the run
+    began with, or when a prompt would stay unanswered; NotAcknowledged as `execute`.
+    """
+    folder = RunFolder(request.folder)
+    refuse_what_was_altered(folder)
+    plan, recorded_bench = read_plan_and_bench(folder)
+    bench = request.bench or recorded_bench
+    procedure = registry.procedure(plan.procedure)
+    refuse_another_bench(folder, recorded_bench, bench)
+    facts = folder.run_facts()
+    bench_file = bench.path if request.bench else Path(facts.get("bench_file", bench.path))
+    refuse_until_acknowledged(bench_file)
+    if is_measured(folder):
+        return evaluate_only(folder, report=request.report)
+    stopped_s = folder.events[-1].time_s
+    silent_s = real_seconds_since(folder.path / EVENTS)
+    began_s = stopped_s if bench.simulation is not None else stopped_s + silent_s
+    with BenchSession(bench, plan.procedure, request.served, began_s) as session:
+        clock = session.clock
+        operator = Operator(
+            clock, request.answers, interactive=request.interactive, act=session.act_again
+        )
+        past = past_of(folder, again=session.here)
+        asked = [one for one in all_prompts(procedure, plan, bench) if one.id not in past.answered]
+        operator.check([AS_BEFORE, *asked])
+        record = RunRecord.go_on(folder.path, clock)
+        outcome = Outcome(record.path)
+        expected_s = procedure.duration_s(plan.parameters)
+        with Progress(expected_s, quiet=request.quiet) as progress:
+            changed = software_changes(facts)
+            record.event(
+                RESUMED,
+                stopped_s=stopped_s,
+                gap_s=round(max(clock.now() - stopped_s, 0.0), 3),
+                silent_s=round(silent_s, 3),
+                segment=record.segment,
+                units_finished=list(past.finished),
+                software_changed=changed,
+            )
+            add_software(record, facts)
+            for line in sentences(record.path, procedure, plan, past, silent_s, changed):
+                progress.say(line)
+            progress.say(f"bench {bench.name}, {how_long(expected_s, clock)} for a whole run")
+            watch_system_clock(record, clock)
+            run = Run(plan, bench, clock, record, progress, operator, past)
+            trace = Trace(record.path, clock) if request.trace else None
+            Walk(run, procedure, session, bench_file, trace, first=AS_BEFORE).go(outcome)
+    conclude(record, outcome, report=request.report)
+    return outcome
+
+
+def evaluate_only(folder: RunFolder, *, report: bool) -> Outcome:
+    """Evaluate a run that was measured to its end and then interrupted; raises InputError."""
+    if (folder.path / RESULTS).is_file():
+        raise InputError(f"{folder.path} is finished; `station analyse` computes its results again")
+    record = RunRecord.go_on(folder.path, RealClock())
+    record.close()
+    outcome = Outcome(record.path, exit_code=0)
+    conclude(record, outcome, report=report)
+    return outcome
+
+
+def refuse_what_was_altered(folder: RunFolder) -> None:
+    """Raise InputError where the resolved plan or bench is not the one the run began with."""
+    began = next(folder.events_of(RUN_STARTED), None)
+    if began is None:
+        raise InputError(f"{folder.path} never began; start it with `station run`")
+    for name, digest in began.details.get("sha256", {}).items():
+        if sha256_of((folder.path / name).read_text(encoding="utf-8")) != digest:
+            raise InputError(
+                f"{folder.path / name} was changed since the run began, so what is left would not "
+                "be measured as what there is; start a new run with `station run`"
+            )
+
+
+def refuse_another_bench(folder: RunFolder, recorded: Bench, bench: Bench) -> None:
+    """Raise InputError that names every instrument which is not the one the run began with."""
+    different = []
+    for name in used_instruments(folder):
+        if name not in bench.instruments:
+            different.append(f"{name} is missing")
+            continue
+        before, now = (vars(one.instruments[name]) for one in (recorded, bench))
+        keys = [key for key in SAME_INSTRUMENT if before.get(key) != now.get(key)]
+        if keys:
+            different.append(f"{name}: another {', another '.join(keys)}")
+    if different:
+        listed = "".join(f"\n  - {one}" for one in dict.fromkeys(different))
+        raise InputError(
+            f"{bench.path} is not the bench this run began on; only addresses may differ:{listed}"
+        )
+
+
+def is_measured(folder: RunFolder) -> bool:
+    """Whether every step was done and only the evaluation is missing."""
+    ended = folder.of_last_process("run-ended")
+    return bool(ended) and bool(ended[-1].details["complete"])
+
+
+def past_of(folder: RunFolder, *, again: bool) -> Past:
+    """Return what the folder holds already; `again`: the acts of a person must be done again."""
+    answered = {
+        event.details["id"]: event.details["answer"]
+        for event in folder.events_of("prompt")
+        if not again and event.details.get("of") != "driver"
+    }
+    return Past(folder.finished_units(), answered)
+
+
+def real_seconds_since(file: Path) -> float:
+    """Return the real time in s since a file was last written."""
+    return max(utc_now().timestamp() - file.stat().st_mtime, 0.0)
+
+
+def software_changes(facts: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what of the software is not as it was: name to [before, now]."""
+    now = versions()
+    before = {key: facts.get(key) for key in SOFTWARE}
+    pairs = dict(flat_pairs(before, {key: now.get(key) for key in SOFTWARE}))
+    return {name: list(pair) for name, pair in pairs.items() if pair[0] != pair[1]}
+
+
+def flat_pairs(
+    before: Mapping[str, Any], now: Mapping[str, Any]
+) -> Iterator[tuple[str, tuple[Any, Any]]]:
+    """Yield each name with its value before and now; the names of `packages` stand alone."""
+    for key in now:
+        if isinstance(now[key], Mapping):
+            yield from flat_pairs(before.get(key) or {}, now[key])
+        else:
+            yield key, (before.get(key), now[key])
+
+
+def add_software(record: RunRecord, facts: Mapping[str, Any]) -> None:
+    """Add to run.json with which software, and when, the run went on."""
+    resumed = [
+        *facts.get("resumed", []),
+        {"resumed_utc": utc_now().isoformat(timespec="seconds"), **versions()},
+    ]
+    record.write_json(RUN, json.loads(json.dumps({**facts, "resumed": resumed})))
+
+
+def sentences(
+    folder: Path,
+    procedure: Procedure,
+    plan: Plan,
+    past: Past,
+    silent_s: float,
+    changed: Mapping[str, Any],
+) -> Iterator[str]:
+    """Yield what the operator should know before the run goes on."""
+    yield f"{procedure.title}: {plan.dut.model} {plan.dut.serial}"
+    yield f"goes on in {folder}, {span(silent_s)} after its last sign of life"
+    done = ", ".join(past.finished) or "nothing"
+    yield f"finished already, not measured again: {done}"
+    if changed:
+        listed = ", ".join(f"{name} {old} → {new}" for name, (old, new) in changed.items())
+        yield f"WARNING: the software has changed since the run began: {listed}"

@@ -1,0 +1,76 @@
+"""A bench that can be opened: a real one, one simulated here, or one that is served elsewhere."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from types import TracebackType
+from typing import Any
+
+from station.bench import Bench
+from station.clock import Clock
+from station.runner.simulation import clock_for, serve_bench
+
+RESUME = "resume"
+"""The prompt that asks a person whether a bench is as it was."""
+
+
+class BenchSession:
+    """The clock and the addresses of a bench, for as long as it is in use.
+
+    `addresses` are those of simulated instruments; `act` does a physical act in their world, None
+    where a person must. `served` is the first line of `station sim`. `began_s` is the run time at
+    which a bench on virtual time begins: that of the log's last event where a run goes on.
+    """
+
+    def __init__(
+        self,
+        bench: Bench,
+        procedure: str,
+        served: Mapping[str, Any] | None = None,
+        began_s: float = 0.0,
+    ) -> None:
+        self.real = bench.simulation is None and served is None
+        self.here = bench.simulation is not None and served is None
+        """Whether the bench is simulated in this process, and ends with it."""
+        self.clock: Clock = clock_for(bench, served, began_s)
+        self._simulation = None
+        self.addresses: dict[str, str] = {}
+        self.act: Callable[[str], str] | None = None
+        if served is not None:
+            self.addresses = {
+                name: str(one["address"]) for name, one in served["instruments"].items()
+            }
+            self.act = lambda prompt_id: f"{prompt_id}: done when the simulated bench was served"
+        elif self.here:
+            self._simulation = serve_bench(bench, self.clock, procedure)
+            instruments = self._simulation.instruments
+            self.addresses = {name: str(one["address"]) for name, one in instruments.items()}
+            self.act = self._simulation.act
+
+    @property
+    def act_again(self) -> Callable[[str], str] | None:
+        """As `act`, for a run that goes on: a world that began anew is made ready first."""
+        if self._simulation is None or self.act is None:
+            return self.act
+        prepared, act = self._simulation.make_ready, self.act
+
+        def acted(prompt_id: str) -> str:
+            if prompt_id != RESUME:
+                return act(prompt_id)
+            prepared()
+            return "The simulated bench began anew and was prepared as before."
+
+        return acted
+
+    def __enter__(self) -> BenchSession:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        if self._simulation is not None:
+            self._simulation.close()
+        self.clock.stop()

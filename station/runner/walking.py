@@ -1,0 +1,163 @@
+"""One process of a run on an open bench: open, watch, walk the steps, bring the bench to rest."""
+
+from __future__ import annotations
+
+import traceback
+from contextlib import ExitStack, suppress
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from station.clock import ClockError
+from station.console import tell
+from station.errors import EXIT_FAULT, InterlockTripped, StationError
+from station.readings import Readings
+from station.runner.instrument_locks import InstrumentLocks
+from station.runner.opening import Found, open_instruments
+from station.runner.outcome import Outcome
+from station.runner.run import Run
+from station.runner.session import BenchSession
+from station.runner.signals import AbortSignals
+from station.runner.trace import Trace
+from station.safety.acknowledgement import remember_trip
+from station.safety.interlocks.monitor import Monitor
+from station.safety.interlocks.reading import interlocks_of, watched_in_a_run
+from station.safety.safe_state import make_bench_safe
+
+if TYPE_CHECKING:
+    from station.procedure import Procedure, Prompt
+    from station.safety.safe_state import SafeOutcome
+
+
+class Walk:
+    """The steps of a procedure on a bench, from the first byte to the last line closed.
+
+    `bench_file` is the bench file as the operator named it: a trip is remembered for that. `first`
+    is asked before the first step.
+    """
+
+    def __init__(
+        self,
+        run: Run,
+        procedure: Procedure,
+        session: BenchSession,
+        bench_file: Path,
+        trace: Trace | None,
+        first: Prompt | None = None,
+    ) -> None:
+        self._first = first
+        self._run = run
+        self._procedure = procedure
+        self._session = session
+        self._bench_file = bench_file
+        self._trace = trace
+        self._readings = Readings(run.clock)
+        self._found: dict[str, Found] = {}
+        self._monitor: Monitor | None = None
+        self._locks = InstrumentLocks(f"the run {run.record.path.resolve()}")
+
+    def go(self, outcome: Outcome) -> None:
+        """Do every step; the bench comes to rest in every case. `outcome` says how it went."""
+        run = self._run
+        with ExitStack() as stack:
+            stack.enter_context(run.clock.participant("run"))
+            signals = stack.enter_context(AbortSignals(run.clock))
+            try:
+                self._open()
+                self._watch(signals)
+                if self._first is not None:
+                    run.ask_again(self._first.id, self._first.text)
+                for step in self._procedure.steps:
+                    run.do(step)
+                outcome.exit_code = 0
+            except Exception as error:  # a bug in a step must still leave a safe bench
+                self._failed(outcome, error)
+            finally:
+                signals.hold()
+                if self._monitor is not None:
+                    self._monitor.stop()
+                outcome.safe = self._make_safe(signals)
+                run.clock.interrupt(None)
+                run.record.note("safe-state", outcomes=[one.to_data() for one in outcome.safe])
+                self._close()
+                run.record.note("run-ended", complete=outcome.error is None)
+                run.record.close()
+        if outcome.unsafe:
+            outcome.exit_code = EXIT_FAULT
+
+    def _open(self) -> None:
+        """Open and identify what the plan needs and what its interlocks look at."""
+        run, bench = self._run, self._run.bench
+        needed = self._procedure.instruments(run.parameters)
+        self._interlocks = watched_in_a_run(interlocks_of(bench), needed)
+        watched = {name for one in self._interlocks for name in one.instruments}
+        self._found = open_instruments(
+            bench,
+            {*needed, *watched},
+            self._session.addresses,
+            run.clock,
+            self._ask_for_driver,
+            self._trace,
+            self._readings,
+            None if self._session.here else self._locks,
+        )
+        run.instruments = {name: one.instrument for name, one in self._found.items()}
+        for name, one in self._found.items():
+            run.record.event("identified", instrument=name, **vars(one.identity))
+
+    def _ask_for_driver(self, prompt_id: str, text: str) -> str:
+        return self._run.ask_again(prompt_id, text, of="driver")
+
+    def _watch(self, signals: AbortSignals) -> None:
+        """Look at every interlock once, then watch them beside the steps."""
+        self._monitor = Monitor(
+            self._interlocks,
+            self._run.instruments,
+            self._readings,
+            self._run.clock,
+            lambda: self._make_safe(signals),
+        )
+        self._monitor.check_once()
+        self._monitor.start()
+
+    def _make_safe(self, signals: AbortSignals) -> list[SafeOutcome]:
+        run = self._run
+        return make_bench_safe(run.instruments, run.bench.safe_order(), run.clock, signals.hurry)
+
+    def _close(self) -> None:
+        if self._monitor is not None:
+            self._monitor.wait_until_stopped()
+        for one in self._found.values():
+            with suppress(Exception):  # a line that is gone keeps no other from being closed
+                one.instrument.close()
+        self._locks.release()
+        if self._trace is not None:
+            self._trace.close()
+
+    def _failed(self, outcome: Outcome, error: Exception) -> None:
+        """Note what ended the run; where an interlock tripped, that was it."""
+        if self._monitor is not None and self._monitor.trip is not None:
+            error = self._monitor.trip
+        if isinstance(error, InterlockTripped):
+            self._tripped(error)
+        known = isinstance(error, StationError | ClockError)
+        outcome.error = str(error) if known else f"a fault of the program: {error!r}"
+        outcome.exit_code = error.exit_code if isinstance(error, StationError) else EXIT_FAULT
+        trace = "".join(traceback.format_exception(error))
+        self._run.record.note(
+            "failed", message=outcome.error, exit_code=outcome.exit_code, traceback=trace
+        )
+
+    def _tripped(self, trip: InterlockTripped) -> None:
+        """Record a trip, and keep the bench from being used until a person acknowledges it."""
+        self._run.record.note(
+            "interlock-tripped",
+            interlock=trip.name,
+            said=trip.said,
+            value=trip.value,
+            limit=trip.limit,
+            tripped_s=round(trip.time_s, 6),
+        )
+        try:
+            remember_trip(self._bench_file, trip, self._run.record.path)
+        except OSError as error:
+            tell(f"the trip could not be noted ({error}): this bench will not be refused")

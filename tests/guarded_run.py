@@ -1,0 +1,49 @@
+"""A small run in a process of its own: it drives coils under a guardian until it is killed.
+
+python guarded_run.py SERVED PARENT FREQUENCY_HZ AMPLITUDE_A COIL…
+
+It says `energised` once the sines run, then measures a current every 0.1 s and never ends.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+from campaign_helpers import PROCEDURE, shipped_plan_and_bench
+
+from station.clock import RealClock
+from station.guardian.watched import Guardian
+from station.record.folder import RunRecord
+from station.runner.execute import head_of
+from station.runner.opening import open_instruments
+
+
+def main(served: Path, parent: Path, frequency_Hz: float, amplitude_A: float, *coils: str) -> None:
+    head = json.loads(served.read_text(encoding="utf-8").splitlines()[0])
+    clock = RealClock(head["clock"]["speed"], head["clock"]["epoch_unix"])
+    addresses = {name: one["address"] for name, one in head["instruments"].items()}
+    plan, bench = shipped_plan_and_bench()
+    record = RunRecord(parent, PROCEDURE, "SN-1", clock, head_of(plan, bench, clock))
+    guardian = Guardian(record.path, None, addresses, clock, instruments=[*coils, "gaussmeter"])
+    found = open_instruments(bench, [*coils, "gaussmeter"], addresses, clock, None)
+    for name, one in found.items():
+        record.event("identified", instrument=name, **vars(one.identity))
+    guardian.watch([*coils, "gaussmeter"])
+    supplies: list[Any] = [found[name].instrument for name in coils]
+    for supply in supplies:
+        supply.programme_limits()
+        supply.load_sine(frequency_Hz, amplitude_A)
+    for supply in supplies:
+        supply.start_sine()
+    print("energised", flush=True)
+    while True:
+        supplies[0].current_A()
+        clock.sleep(0.1)
+
+
+if __name__ == "__main__":
+    place, runs, frequency, amplitude, *names = sys.argv[1:]
+    main(Path(place), Path(runs), float(frequency), float(amplitude), *names)
