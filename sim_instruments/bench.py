@@ -16,6 +16,7 @@ from sim_instruments.faults.reading import read_fault
 from sim_instruments.instrument import Setting, SimulatedInstrument
 from sim_instruments.seeds import generator
 from sim_instruments.truth import SimulationError, Truth
+from sim_instruments.world.accelerometer_bench import AccelerometerBench
 from sim_instruments.world.base import World
 from sim_instruments.world.extremes import coil_report
 from sim_instruments.world.laser_gyro_bench import LaserGyroBench
@@ -24,7 +25,10 @@ from station.clock import Clock
 Maker = Callable[[Setting], SimulatedInstrument]
 
 LARGEST_PORT = 65535
-WORLDS: dict[str, Callable[[Truth], World]] = {"rlg-magnetic-sensitivity": LaserGyroBench}
+WORLDS: dict[str, Callable[[Truth], World]] = {
+    "rlg-magnetic-sensitivity": LaserGyroBench,
+    "accelerometer-magnetic-sensitivity": AccelerometerBench,
+}
 
 
 def installed_simulators() -> dict[str, Maker]:

@@ -143,10 +143,9 @@ class Converter:
         ends_s = starts_s + self.aperture_s(function)
         true = self._input(function, starts_s, ends_s)
         limits = np.array([function.limit(one) for one in function.ranges])
+        chosen = np.full(len(true), function.ranges.index(function.range))
         if function.autorange:
             chosen = np.minimum(np.searchsorted(limits, np.abs(true)), len(limits) - 1)
-        else:
-            chosen = np.full(len(true), function.ranges.index(function.range))
         ranges = np.array(function.ranges)[chosen]
         relative = self._noise * self.resolution(function) / RESOLUTION[CYCLES.index(1.0)]
         values = true + relative * ranges * self._rng.standard_normal(len(true))
@@ -158,6 +157,15 @@ class Converter:
         function.range = float(ranges[-1])
         self._last = float(values[-1])
         return values
+
+    def range_now(self, function: Function, now_s: float) -> float:
+        """Return the range that holds what was at the input just now."""
+        start_s = max(now_s - self.aperture_s(function), 0.0)
+        if start_s == now_s:
+            return function.range
+        true = float(self._input(function, np.array([start_s]), np.array([now_s]))[0])
+        holding = [one for one in function.ranges if abs(true) <= function.limit(one)]
+        return holding[0] if holding else function.ranges[-1]
 
     def _input(self, function: Function, starts_s: Array, ends_s: Array) -> Array:
         edges_s = np.column_stack([starts_s, ends_s]).ravel()

@@ -9,7 +9,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from sim_instruments.keysight_converter import APERTURES_S, CYCLES, Converter, Function, functions
+from sim_instruments.keysight_converter import (
+    APERTURES_S,
+    CYCLES,
+    RESOLUTION,
+    Converter,
+    Function,
+    functions,
+)
 from sim_instruments.scpi import CommandTree, ScpiError, boolean, number, one
 
 HEADERS = {
@@ -100,9 +107,7 @@ class Sense:
 
         lowest, highest = function.ranges[0], function.ranges[-1]
         tree.add(f"{header}:RANGe[:UPPer]", setter(self._set_range))
-        tree.add(
-            f"{header}:RANGe[:UPPer]?", lambda p: limits(p, function.range, lowest, highest)
-        )
+        tree.add(f"{header}:RANGe[:UPPer]?", lambda p: limits(p, function.range, lowest, highest))
         tree.add(f"{header}:RANGe:AUTO", setter(self._set_autorange))
         tree.add(f"{header}:RANGe:AUTO?", lambda _: str(int(function.autorange)))
         if header.endswith(":AC"):
@@ -158,12 +163,7 @@ class Sense:
     def _set_autorange(self, function: Function, text: str) -> None:
         function.autorange = text.upper() != "ONCE" and boolean(text)
         if text.upper() == "ONCE":
-            value = self._converter.read(
-                Function(**{**vars(function), "autorange": True}), _array(self._now_s())
-            )[0]
-            limits = [function.limit(one) for one in function.ranges]
-            holding = [k for k, limit in enumerate(limits) if abs(value) <= limit]
-            function.range = function.ranges[holding[0] if holding else -1]
+            function.range = self._converter.range_now(function, self._now_s())
 
     def _set_cycles(self, function: Function, text: str) -> None:
         wanted = numeric(text, CYCLES[0], CYCLES[-1], 10.0)
@@ -178,7 +178,9 @@ class Sense:
         function.aperture_s = self._converter.aperture_s(function) if boolean(text) else None
 
     def _set_resolution(self, function: Function, text: str) -> None:
-        best = {cycles: _resolution(self._converter, function, cycles) for cycles in CYCLES}
+        best = {
+            c: relative * function.range for c, relative in zip(CYCLES, RESOLUTION, strict=True)
+        }
         wanted = numeric(text, min(best.values()), max(best.values()), best[10.0])
         function.cycles = next(c for c in CYCLES if best[c] <= wanted * (1 + 1e-6))
         function.aperture_s = None

@@ -156,7 +156,7 @@ class TcpServer(ABC):
 
 
 class LineServer(TcpServer):
-    """Pass each line to an instrument and send back what it replies."""
+    """Pass each line, which ends with `end`, to an instrument and send back what it replies."""
 
     def __init__(
         self,
@@ -166,22 +166,25 @@ class LineServer(TcpServer):
         lock: AbstractContextManager[object],
         execute: Callable[[bytes], bytes],
         faults: InstrumentFaults | None = None,
+        *,
+        end: bytes = b"\n",
     ) -> None:
         super().__init__(name, port, clock, faults)
+        self._end = end
         self._wire = clock.wire(self.address)
         self._lock = lock
         self._execute = execute
         self._tap = LineTap(faults)
 
     def serve(self, client: socket.socket) -> None:
-        """Read lines ended by LF until the client leaves."""
+        """Read lines until the client leaves."""
         pending, free_s = b"", 0.0
         while data := client.recv(65536):
             with self._wire.serving(len(data)):
                 if client in self._dropped:
                     self._wire.answered(1)
                     continue
-                *lines, pending = (pending + data).split(b"\n")
+                *lines, pending = (pending + data).split(self._end)
                 if len(pending) > LONGEST_LINE:
                     pending = pending[:LONGEST_LINE]
                 for line in lines:

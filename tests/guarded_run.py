@@ -9,23 +9,29 @@ from __future__ import annotations
 
 import json
 import sys
+from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-from campaign_helpers import PROCEDURE, shipped_plan_and_bench
-
+from station import registry
+from station.bench import read_bench
 from station.clock import RealClock
 from station.guardian.watched import Guardian
+from station.plan import read_plan
 from station.record.folder import RunRecord
 from station.runner.execute import head_of
 from station.runner.opening import open_instruments
+
+PROCEDURE = "rlg-magnetic-sensitivity"
 
 
 def main(served: Path, parent: Path, frequency_Hz: float, amplitude_A: float, *coils: str) -> None:
     head = json.loads(served.read_text(encoding="utf-8").splitlines()[0])
     clock = RealClock(head["clock"]["speed"], head["clock"]["epoch_unix"])
     addresses = {name: one["address"] for name, one in head["instruments"].items()}
-    plan, bench = shipped_plan_and_bench()
+    config = Path(str(files("config")))
+    plan = read_plan(config / "plans" / f"{PROCEDURE}.yaml", registry.Procedures())
+    bench = read_bench(config / "benches" / "sim.yaml", registry.names(registry.DRIVERS))
     record = RunRecord(parent, PROCEDURE, "SN-1", clock, head_of(plan, bench, clock))
     guardian = Guardian(record.path, None, addresses, clock, instruments=[*coils, "gaussmeter"])
     found = open_instruments(bench, [*coils, "gaussmeter"], addresses, clock, None)

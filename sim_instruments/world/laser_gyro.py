@@ -18,7 +18,7 @@ GYRO_AXES = ("IA", "NA", "LA")
 
 
 class Heat:
-    """How warm the switched-on gyro is: 0 cold, 1 in its final state; first order."""
+    """How warm the switched-on device is: 0 cold, 1 in its final state; first order."""
 
     def __init__(self, tau_s: float) -> None:
         self.tau_s = tau_s
@@ -30,7 +30,7 @@ class Heat:
 
     @property
     def is_on(self) -> bool:
-        """Whether the gyro is switched on now."""
+        """Whether the device is switched on now."""
         return self._on[-1] > 0.5
 
     def switch(self, time_s: float, on: bool) -> None:

@@ -236,6 +236,31 @@ def status(
 
 
 @app.command()
+def pause(
+    run: Annotated[Path, typer.Argument(metavar="RUN", help="Run folder.")],
+    json: Json = False,
+) -> None:
+    """Pause a run before its next unit of work."""
+    from station.cli.controlling import pause_run
+
+    raise typer.Exit(pause_run(run, as_json=json))
+
+
+@app.command()
+def abort(
+    run: Annotated[Path, typer.Argument(metavar="RUN", help="Run folder.")],
+    timeout: Annotated[
+        float, typer.Option(help="Wait so many seconds until the bench is safe.")
+    ] = 120.0,
+    json: Json = False,
+) -> None:
+    """End a run; its bench is made safe first."""
+    from station.cli.controlling import abort_run
+
+    raise typer.Exit(abort_run(run, timeout, as_json=json))
+
+
+@app.command()
 def identify(
     bench: Annotated[str, typer.Argument(help="Bench file: a path, or a name.")] = DEFAULT_BENCH,
     json: Json = False,

@@ -8,19 +8,20 @@ from pathlib import Path
 from typing import Any
 
 from station.clock import RealClock, boot_seconds
-from station.console import tell
+from station.console import span, tell
 from station.control.client import ask
 from station.errors import EXIT_DONE, EXIT_FAULT, EXIT_WRONG_INPUT
+from station.guardian.log import guardian_events, latest_safe_state
 from station.locks import is_held
-from station.record.events import Event, read_events
-from station.record.folder import EVENTS
+from station.record.creation import EVENTS
+from station.record.events import read_events
 from station.record.manifest import LOCK
-from station.runner.progress import span
-from station.status import read_status
+from station.status import RUN_STARTED, Status, read_status, remaining_s
 
 REPEATS_EVERY_S = 10.0
 """Real time between two words of progress."""
 LOOKS_EVERY_S = 0.1
+GUARDIAN_WITHIN_S = 30.0
 EXITS = {"paused": EXIT_DONE, "refused": EXIT_FAULT, "ended": EXIT_WRONG_INPUT}
 
 
@@ -42,13 +43,14 @@ class Waiting:
             tell(self.sentence())
 
     def sentence(self) -> str:
-        """Return what the run does now and how long it is expected to take."""
+        """Return what the run does now, and how long the step it is in may still take."""
         self._said_at = boot_seconds()
         status = read_status(self._run)
-        step = f"step {status.step}" if status.step else "opening the bench"
-        if status.step_remaining_s is None:
-            return f"    {step}: {status.message}"
-        return f"    {step}, at most about {span(status.step_remaining_s)}: {status.message}"
+        if status.step is None:
+            return f"    {status.message}"
+        left_s = real_rest_of_step_s(self._run, status)
+        left = f", expected to take another {span(left_s)} at most" if left_s else ""
+        return f"    step {status.step}{left}: {status.message}"
 
 
 def pause_run(run: Path, *, as_json: bool) -> int:
@@ -73,23 +75,44 @@ def pause_run(run: Path, *, as_json: bool) -> int:
     return exit_code
 
 
+def real_rest_of_step_s(run: Path, status: Status) -> float | None:
+    """Return the real time in s that the present step is expected to take still.
+
+    None where it is not known, as on virtual time. A unit of work ends with its step, or before.
+    """
+    events = list(read_events(run / EVENTS))
+    planned = next((event.details for event in events if event.kind == RUN_STARTED), {})
+    speed, steps = planned.get("speed"), planned.get("steps", [])
+    present = [one for one in steps if one["step"] == status.step]
+    left_s = remaining_s(present, events, status.run_time_s)
+    return left_s / speed if speed and present and left_s is not None else None
+
+
 def abort_run(run: Path, timeout_s: float, *, as_json: bool) -> int:
     """End a run, wait until its bench has been made safe, and return the exit code."""
-    log = run / EVENTS
-    before = len(list(read_events(log))) if log.is_file() else 0
     tell(str(ask(run, "abort").get("said")))
     until_s = boot_seconds() + timeout_s
-    while is_held(run / LOCK):
-        if boot_seconds() > until_s:
-            return say_how_it_ended(run, [], f"not ended within {timeout_s:g} s", as_json=as_json)
+    while is_held(run / LOCK) and boot_seconds() < until_s:
         RealClock().sleep(LOOKS_EVERY_S)
-    events = list(read_events(log))[before:]
-    return say_how_it_ended(run, events, read_status(run).message, as_json=as_json)
+    # A process that died instead of ending leaves the bench to its guardian.
+    until_s = min(until_s, boot_seconds() + GUARDIAN_WITHIN_S)
+    while (outcomes := left_safe(run)) is None and boot_seconds() < until_s:
+        RealClock().sleep(LOOKS_EVERY_S)
+    message = read_status(run).message
+    if is_held(run / LOCK):
+        message, outcomes = f"not ended within {timeout_s:g} s ({message})", None
+    return say_how_it_ended(run, message, outcomes, as_json=as_json)
 
 
-def say_how_it_ended(run: Path, events: list[Event], message: str, *, as_json: bool) -> int:
-    """Say how the bench was left, from the log; return 0 where that was verified, else 3."""
-    outcomes = safe_outcomes(run, events)
+def left_safe(run: Path) -> list[dict[str, Any]] | None:
+    """Return how each instrument came to rest; None where no log tells it, or not yet."""
+    return latest_safe_state(tuple(read_events(run / EVENTS)), guardian_events(run))
+
+
+def say_how_it_ended(
+    run: Path, message: str, outcomes: list[dict[str, Any]] | None, *, as_json: bool
+) -> int:
+    """Say how the bench was left; return 0 where every instrument was read back as safe, else 3."""
     unverified = [one for one in outcomes or () if not one["verified"]]
     safe = outcomes is not None and not unverified
     exit_code = EXIT_DONE if safe else EXIT_FAULT
@@ -103,21 +126,10 @@ def say_how_it_ended(run: Path, events: list[Event], message: str, *, as_json: b
     if safe:
         print("the bench is safe, read back from every instrument that can harm")
     elif outcomes is None:
-        tell("NOT VERIFIED: the run left no word of how its bench was left; look at it now")
+        tell("NOT VERIFIED: no word of how the bench was left; look at it now")
     for one in unverified:
-        tell(
-            f"NOT VERIFIED: {one['instrument']} could not be proven safe; switch it off by hand"
-        )
+        tell(f"NOT VERIFIED: {one['instrument']} could not be proven safe; switch it off by hand")
     return exit_code
-
-
-def safe_outcomes(run: Path, events: list[Event]) -> list[dict[str, Any]] | None:
-    """Return how each instrument came to rest, as the last word after the wish says it.
-
-    None where there is no word: the run's process died, or has not come so far.
-    """
-    said = [event for event in events if event.kind == "safe-state"]
-    return list(said[-1].details["outcomes"]) if said else None
 
 
 def print_json(data: dict[str, Any], exit_code: int) -> None:

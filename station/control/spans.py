@@ -32,5 +32,5 @@ def is_paused(events: Sequence[Event]) -> bool:
 
 def paused_s(events: Sequence[Event], since_s: float, now_s: float) -> float:
     """Return how much of the run time from `since_s` to `now_s` was spent paused, in s."""
-    return sum(end_s - max(begin_s, since_s) for begin_s, end_s in spans(events, now_s)
-               if end_s > since_s)  # fmt: skip
+    ended = (one for one in spans(events, now_s) if one[1] > since_s)
+    return sum(end_s - max(began_s, since_s) for began_s, end_s in ended)

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -16,6 +16,7 @@ from station.runner.prompts import Operator
 
 if TYPE_CHECKING:
     from station.bench import Bench
+    from station.control.requests import Control
     from station.plan import Plan
 
 Role = TypeVar("Role")
@@ -56,8 +57,8 @@ class Run:
         self.instruments: Mapping[str, object] = {}
         self.handed_on: dict[str, Any] = {}
         """What one step leaves for the next; nothing that results are computed from."""
-        self.before_unit: Callable[[Run], None] | None = None
-        """What is looked at before a unit of work begins: whether somebody wishes a pause."""
+        self.control: Control | None = None
+        """What other terminals ask of this run, None where nobody can."""
         self._operator = operator
         self._step_began_s = clock.now()
 
@@ -104,8 +105,8 @@ class Run:
 
     def may_pause(self) -> None:
         """Pause here where somebody wishes it: between units of work, before conditions are set."""
-        if self.before_unit is not None:
-            self.before_unit(self)
+        if self.control is not None:
+            self.control.between_units(self)
 
     def wait(self, seconds: float, detail: str = "") -> None:
         """Let run time pass, with progress."""
@@ -129,7 +130,8 @@ class Run:
 
     def ask_again(self, prompt_id: str, text: str, of: str = "step") -> str:
         """Ask the operator, whatever was answered before; `of` a step or a driver."""
-        with self.progress.paused():
+        asking = self.control.asking() if self.control is not None else nullcontext()
+        with self.progress.paused(), asking:
             answer = self._operator.ask(Prompt(prompt_id, text))
         self.record.event(
             "prompt", id=prompt_id, text=text, answer=answer.text, by=answer.by, of=of

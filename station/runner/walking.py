@@ -9,7 +9,9 @@ from typing import TYPE_CHECKING
 
 from station.clock import ClockError
 from station.console import tell
+from station.control.requests import Control
 from station.errors import EXIT_FAULT, InterlockTripped, StationError
+from station.guardian.watched import Guardian
 from station.readings import Readings
 from station.runner.instrument_locks import InstrumentLocks
 from station.runner.opening import Found, open_instruments
@@ -52,6 +54,7 @@ class Walk:
         self._trace = trace
         self._readings = Readings(run.clock)
         self._found: dict[str, Found] = {}
+        self._guardian: Guardian | None = None
         self._monitor: Monitor | None = None
         self._locks = InstrumentLocks(f"the run {run.record.path.resolve()}")
 
@@ -61,7 +64,9 @@ class Walk:
         with ExitStack() as stack:
             stack.enter_context(run.clock.participant("run"))
             signals = stack.enter_context(AbortSignals(run.clock))
+            run.control = stack.enter_context(Control(run.record.path, run.clock))
             try:
+                self._guard()
                 self._open()
                 self._watch(signals)
                 if self._first is not None:
@@ -73,16 +78,35 @@ class Walk:
                 self._failed(outcome, error)
             finally:
                 signals.hold()
+                run.control.hold()
                 if self._monitor is not None:
                     self._monitor.stop()
                 outcome.safe = self._make_safe(signals)
                 run.clock.interrupt(None)
                 run.record.note("safe-state", outcomes=[one.to_data() for one in outcome.safe])
+                if self._guardian is not None:
+                    self._guardian.dismiss()
                 self._close()
                 run.record.note("run-ended", complete=outcome.error is None)
                 run.record.close()
         if outcome.unsafe:
             outcome.exit_code = EXIT_FAULT
+
+    def _guard(self) -> None:
+        """Start the process that makes the bench safe if this one dies.
+
+        Raises GuardianFailed. A bench that is simulated in this process ends with it.
+        """
+        if not self._session.here:
+            self._guardian = Guardian(
+                self._run.record.path,
+                None,
+                self._session.addresses,
+                self._run.clock,
+                instruments=self._procedure.instruments(self._run.parameters),
+                wait=False,
+                on_lost=self._run.progress.say,
+            )
 
     def _open(self) -> None:
         """Open and identify what the plan needs and what its interlocks look at."""
@@ -116,6 +140,8 @@ class Walk:
             self._run.clock,
             lambda: self._make_safe(signals),
         )
+        if self._guardian is not None:
+            self._guardian.watch(list(self._found))
         self._monitor.check_once()
         self._monitor.start()
 

@@ -1,0 +1,39 @@
+"""White noise that belongs to time itself: the same whoever looks, how often and in which order."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+Array = npt.NDArray[np.float64]
+
+CELL_S = 1e-3
+BLOCK = 1024
+
+
+class WhiteNoise:
+    """Noise whose mean over T has the standard deviation `in_one_second` / sqrt(T / 1 s).
+
+    White up to the 500 Hz of its cells: the mean over less than 1 ms is no noisier than over 1 ms.
+    """
+
+    def __init__(self, in_one_second: float, rng: np.random.Generator) -> None:
+        self._step = in_one_second * np.sqrt(CELL_S)
+        self._key = rng.integers(0, 2**63, size=2).astype(np.uint64)
+
+    def mean(self, edges_s: Array) -> Array:
+        """Return the mean between neighbouring times, shape (intervals,)."""
+        if self._step == 0.0:
+            return np.zeros(edges_s.size - 1)
+        cells = edges_s / CELL_S
+        first = int(np.floor(cells[0] / BLOCK))
+        last = int(np.floor(cells[-1] / BLOCK))
+        steps = self._step * np.concatenate([self._block(k) for k in range(first, last + 1)])
+        walk = np.concatenate(([0.0], np.cumsum(steps)))
+        at = np.interp(cells - first * BLOCK, np.arange(walk.size), walk)
+        return np.diff(at) / np.diff(edges_s)
+
+    def _block(self, number: int) -> Array:
+        counter = np.array([0, 0, 0, number % 2**64], dtype=np.uint64)
+        rng = np.random.Generator(np.random.Philox(key=self._key, counter=counter))
+        return rng.standard_normal(BLOCK)

@@ -1,0 +1,141 @@
+"""A served bench whose world can be asked, and small runs under a guardian to end on it."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from campaign_helpers import only_run, station_command
+
+SCRIPT = Path(__file__).parent / "guarded_run.py"
+ROOT = Path(__file__).parent.parent
+GIVES_UP_AFTER_S = 90.0
+NEAR_ZERO_A = 0.02
+ENVIRONMENT = {**os.environ, "PYTHONPATH": str(ROOT)}
+
+
+@dataclass
+class World:
+    """A simulated bench in another process, and its own account of what is energised."""
+
+    process: subprocess.Popen[str]
+    head: Path
+    speed: float
+    epoch_unix: float
+
+    def report(self) -> dict[str, Any]:
+        """Ask the simulated world for its state; no instrument is asked."""
+        assert self.process.stdin is not None and self.process.stderr is not None
+        self.process.stdin.write("report\n")
+        self.process.stdin.flush()
+        for line in self.process.stderr:
+            if line.startswith("{"):
+                state: dict[str, Any] = json.loads(line)
+                return state
+        raise AssertionError("the simulated bench has ended")
+
+    def inject(self, **fault: Any) -> None:
+        """Bring a fault into the bench."""
+        assert self.process.stdin is not None and self.process.stderr is not None
+        self.process.stdin.write(json.dumps(fault) + "\n")
+        self.process.stdin.flush()
+        said = self.process.stderr.readline()
+        assert "injected at" in said, said
+
+    def bench_s(self, unix_s: float) -> float:
+        """Return the bench time of a moment."""
+        return (unix_s - self.epoch_unix) * self.speed
+
+    def is_at_rest(self) -> bool:
+        """Whether nothing is energised and no coil carries a current."""
+        state = self.report()
+        currents = [coil["current_A"] for coil in state["coils"].values()]
+        return not any(state["outputs"].values()) and max(map(abs, currents)) < NEAR_ZERO_A
+
+
+@contextmanager
+def world(folder: Path, speed: float = 1.0, bench: str = "sim") -> Iterator[World]:
+    """Serve a simulated bench until exit."""
+    head = folder / "served.json"
+    with head.open("w", encoding="utf-8") as output:
+        process = subprocess.Popen(
+            station_command("sim", bench, "--speed", str(speed)),
+            stdin=subprocess.PIPE,
+            stdout=output,
+            stderr=subprocess.PIPE,
+            text=True,
+            encoding="utf-8",
+        )
+    try:
+        until(lambda: head.read_text(encoding="utf-8").endswith("\n"))
+        clock = json.loads(head.read_text(encoding="utf-8").splitlines()[0])["clock"]
+        yield World(process, head, float(clock["speed"]), float(clock["epoch_unix"]))
+    finally:
+        process.kill()
+        process.communicate()
+
+
+@dataclass
+class GuardedRun:
+    """A run under a guardian, its coils energised; standard error is the guardian's, too."""
+
+    process: subprocess.Popen[str]
+    folder: Path
+
+    def end_by(self, number: signal.Signals) -> float:
+        """End or stop the run's process and return the Unix time of it."""
+        unix_s = time.time()
+        self.process.send_signal(number)
+        return unix_s
+
+    def wait_for_guardian(self) -> str:
+        """Wait until the run is dead and its guardian has ended; return what both said."""
+        _, said = self.process.communicate(timeout=GIVES_UP_AFTER_S)
+        return said
+
+    def guardian_log(self) -> list[dict[str, Any]]:
+        """Return the events of the guardian."""
+        log = self.folder / "guardian.jsonl"
+        return [json.loads(line) for line in log.read_text(encoding="utf-8").splitlines()]
+
+
+def start_run(
+    world: World,
+    parent: Path,
+    *coils: str,
+    frequency_Hz: float = 0.5,
+    amplitude_A: float = 5.0,
+) -> GuardedRun:
+    """Start a run that drives sines through coils, and wait until it does."""
+    process = subprocess.Popen(
+        [sys.executable, str(SCRIPT), str(world.head), str(parent)]
+        + [str(frequency_Hz), str(amplitude_A), *(coils or ("coil_supply.x",))],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        encoding="utf-8",
+        env=ENVIRONMENT,
+    )
+    assert process.stdout is not None
+    if process.stdout.readline() != "energised\n":
+        raise AssertionError(process.communicate()[1])
+    folder = only_run(parent)
+    assert folder is not None
+    return GuardedRun(process, folder)
+
+
+def until(true: Any) -> None:
+    """Wait until something is true."""
+    began = time.monotonic()
+    while not true():
+        assert time.monotonic() - began < GIVES_UP_AFTER_S, "what is waited for did not come"
+        time.sleep(0.01)
