@@ -14,6 +14,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from drivers.kepco_steady import SteadyCurrent
 from drivers.roles import Identity, Place, SafetyReading
 from drivers.transport.retry import PatientLine, Repeatable
 from drivers.transport.visa_line import ScpiLine, shortened
@@ -34,10 +35,11 @@ LONGEST_HALF_PERIOD_S = 10.5
 
 
 class KepcoBop:
-    """A coil supply whose sine is a list of fixed currents, repeated by the card until stopped.
+    """A coil supply: a sine as a list that the card repeats until stopped, or a steady current.
 
-    Settings: `coil_constant` (mT/A). Limits: `current` A, `voltage` V, `slew` A/s, and
-    `zero_current` A, the largest measured current that counts as zero.
+    Settings: `coil_constant` (mT/A); for a steady current, `coil_resistance` (ohm) and
+    `coil_inductance` (mH), which say how long it takes to settle. Limits: `current` A,
+    `voltage` V, `slew` A/s, and `zero_current` A, the largest measured current that counts as zero.
     """
 
     recognises: ClassVar[str] = r"^KEPCO,[^,]*36-12[^,]*,(?P<serial>[^,]+)"
@@ -61,6 +63,7 @@ class KepcoBop:
             place, error_query=ERROR_QUERY, no_error=lambda answer: answer.startswith("0,")
         )
         self._patient = PatientLine(self._line, self.repeatable)
+        self._steady = SteadyCurrent(place, self._line, self.current_A)
 
     def identify(self) -> Identity:
         """Ask `*IDN?`; the answer is maker, model and ratings, serial number, firmware."""
@@ -149,6 +152,14 @@ class KepcoBop:
                 "look at the supply's display for a fault, clear it and run again",
             )
 
+    def switch_on(self) -> None:
+        """Switch the output on at zero current."""
+        self._steady.switch_on()
+
+    def ramp_to(self, current_A: float) -> None:
+        """Go to a current of either sign within the slew limit; return once it reads back."""
+        self._steady.ramp_to(current_A)
+
     def stop(self) -> None:
         """Bring the current to zero within the slew limit and switch the output off."""
         self.make_safe(self.place.clock.now() + 60.0)
@@ -193,8 +204,9 @@ class KepcoBop:
         if self._list_runs():
             self._leave_list(deadline_s)
         present_A, set_A = self._sure_current_A(), self._patient.number("CURR?")
-        if self._ramp_step_A < abs(set_A) < abs(present_A):
-            # It drives more than it is told: told what flows, it would drive more still.
+        if abs(set_A) > self._ramp_step_A:
+            # What it drives follows what it is told, also where it reads back something else:
+            # in compliance, frozen, or beyond its set-point.
             present_A = set_A
         steps = math.ceil(abs(present_A) / self._ramp_step_A)
         for step in range(steps - 1, -1, -1):

@@ -10,7 +10,8 @@ the middle of a burst end it. Only DC volts and resistance are connected; other 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Iterator
+from contextlib import AbstractContextManager, contextmanager
 from typing import Any, ClassVar
 
 import numpy as np
@@ -18,8 +19,8 @@ import numpy as np
 from sim_instruments.faults.lasting import Frozen, Overload
 from sim_instruments.instrument import Setting
 from sim_instruments.keysight_converter import Array, Converter
-from sim_instruments.keysight_sense import Sense, numeric
-from sim_instruments.keysight_trigger import MOST_SAMPLES, TriggerSystem
+from sim_instruments.keysight_sense import Sense
+from sim_instruments.keysight_trigger import TriggerSystem, add_trigger_commands
 from sim_instruments.scpi import ScpiError, boolean, choice, one, whole_number
 from sim_instruments.scpi_device import ScpiDevice
 from sim_instruments.tcp import HOST, LineServer
@@ -46,12 +47,12 @@ class Keysight34465A(ScpiDevice):
         self._converter = Converter(setting)
         self._trigger = TriggerSystem()
         self._readings: list[Array] = []
-        self._changed_since, self._overflowed = True, False
-        self._display: str | None = None
+        self._changed_since, self._overflowed, self._overload_told = True, False, False
+        self._display, self._lit = '""', True
         self._sense = Sense(self._converter, self._settings_changed, self._clock.now)
         self._sense.add_to(self.tree)
         self._add_measuring()
-        self._add_triggering()
+        add_trigger_commands(self.tree, self._trigger, self._settings_changed, self._least_period_s)
         self._add_system()
         self._server = LineServer(
             setting.name, setting.port, setting.clock, self._lock, self._line, setting.faults
@@ -148,63 +149,6 @@ class Keysight34465A(ScpiDevice):
         self.tree.add(f"CONFigure{header}", configure)
         self.tree.add(f"MEASure{header}?", measure)
 
-    def _add_triggering(self) -> None:
-        trigger = self._trigger
-
-        def setting(header: str, take: Callable[[str], None], tell: Callable[[], str]) -> None:
-            def handler(parameters: list[str]) -> None:
-                take(one(parameters))
-                self._settings_changed()
-
-            self.tree.add(header, handler)
-            self.tree.add(f"{header}?", lambda _: tell())
-
-        def set_(name: str, read: Callable[[str], Any]) -> Callable[[str], None]:
-            return lambda text: setattr(trigger, name, read(text))
-
-        def whole(text: str) -> int:
-            return round(numeric(text, 1, MOST_SAMPLES, 1))
-
-        sources = {"IMM": "IMM", "IMMEDIATE": "IMM", "BUS": "BUS", "EXT": "EXT", "EXTERNAL": "EXT"}
-        sources |= {"INT": "INT", "INTERNAL": "INT"}
-        slopes = {"POS": "POS", "POSITIVE": "POS", "NEG": "NEG", "NEGATIVE": "NEG"}
-        paces = {"IMM": "", "IMMEDIATE": "", "TIM": "TIM", "TIMER": "TIM"}
-        setting(
-            "TRIGger:SOURce", set_("source", lambda t: choice(t, sources)), lambda: trigger.source
-        )
-        setting("TRIGger:SLOPe", set_("slope", lambda t: choice(t, slopes)), lambda: trigger.slope)
-        setting(
-            "TRIGger:LEVel",
-            set_("level_V", lambda t: numeric(t, -1000, 1000, 0)),
-            lambda: f"{trigger.level_V:+.8E}",
-        )
-        setting(
-            "TRIGger:COUNt",
-            set_("triggers", lambda t: float("inf") if t.upper().startswith("INF") else whole(t)),
-            lambda: f"{min(trigger.triggers, 9.9e37):+.8E}",
-        )
-        setting(
-            "TRIGger:DELay",
-            set_("delay_s", lambda t: numeric(t, 0, 3600, 1)),
-            lambda: f"{trigger.pause_s():+.8E}",
-        )
-        setting(
-            "TRIGger:DELay:AUTO",
-            set_("delay_s", lambda t: None if boolean(t) else trigger.pause_s()),
-            lambda: str(int(trigger.delay_s is None)),
-        )
-        setting("SAMPle:COUNt", set_("samples", whole), lambda: f"{trigger.samples:+d}")
-        setting("SAMPle:COUNt:PRETrigger", lambda t: none_of(whole_number(t, 0, 0)), lambda: "+0")
-        setting(
-            "SAMPle:SOURce",
-            set_("timed", lambda t: bool(choice(t, paces))),
-            lambda: "TIM" if trigger.timed else "IMM",
-        )
-        setting("SAMPle:TIMer", set_("timer_s", self._timer), lambda: f"{trigger.timer_s:+.8E}")
-        self.tree.add(
-            "SAMPle:TIMer?", lambda p: f"{self._timer(p[0]) if p else trigger.timer_s:+.8E}"
-        )
-
     def _add_system(self) -> None:
         add, answer, do = self.tree.add, self._answer, self._do
         add("SYSTem:ERRor[:NEXT]?", answer(lambda: signed(self.errors.pop())))
@@ -213,20 +157,25 @@ class Keysight34465A(ScpiDevice):
         add("SYSTem:LICense:CATalog?", answer(lambda: '"' + OPTIONS.replace(",", '","') + '"'))
         add("*OPT?", answer(lambda: OPTIONS))
         add("ROUTe:TERMinals?", answer(lambda: "FRON"))
-        add("FORMat[:DATA]", lambda p: none_of(choice(p[0] if p else "", {"ASC": "", "ASCII": ""})))
+        add("FORMat[:DATA]", self._set_format)
         add("FORMat[:DATA]?", answer(lambda: "ASC,9"))
-        add("DISPlay[:STATe]", lambda p: none_of(boolean(one(p))))
-        add("DISPlay[:STATe]?", answer(lambda: "1"))
+        add("DISPlay[:STATe]", self._light)
+        add("DISPlay[:STATe]?", answer(lambda: str(int(self._lit))))
         add("DISPlay:TEXT[:DATA]", self._show)
-        add("DISPlay:TEXT[:DATA]?", answer(lambda: self._display or '""'))
+        add("DISPlay:TEXT[:DATA]?", answer(lambda: self._display))
         add("DISPlay:TEXT:CLEar", do(lambda: self._show(['""'])))
+
+    def _set_format(self, parameters: list[str]) -> None:
+        choice(parameters[0] if parameters else "", {"ASC": "ASC", "ASCII": "ASC"})
+
+    def _light(self, parameters: list[str]) -> None:
+        self._lit = boolean(one(parameters))
 
     def _show(self, parameters: list[str]) -> None:
         self._display = one(parameters)
 
-    def _timer(self, text: str) -> float:
-        least_s = self._trigger.least_period_s(self._converter.busy_s(self._sense.chosen))
-        return numeric(text, min(least_s, 3600.0), 3600.0, 1.0)
+    def _least_period_s(self) -> float:
+        return self._trigger.least_period_s(self._converter.busy_s(self._sense.chosen))
 
     def _initiate(self) -> None:
         self._trigger.initiate(self._clock.now(), self._converter.busy_s(self._sense.chosen))
@@ -238,12 +187,8 @@ class Keysight34465A(ScpiDevice):
         while not self._trigger.idle:
             if self._trigger.waiting:
                 raise ScpiError(-214)
-            # The world goes on meanwhile, and other clients are served.
-            self._lock.release()
-            try:
+            with left(self._lock):  # the world goes on meanwhile, and others are served
                 self._clock.sleep_until(self._trigger.end_s)
-            finally:
-                self._lock.acquire()
             self.before_each()
 
     def _operation_complete_when_idle(self) -> str:
@@ -284,6 +229,16 @@ class Keysight34465A(ScpiDevice):
         return f"#{len(length)}{length}{text}"
 
 
+@contextmanager
+def left(lock: AbstractContextManager[object]) -> Iterator[None]:
+    """Be outside a lock that is held once, and come back to it."""
+    lock.__exit__(None, None, None)
+    try:
+        yield
+    finally:
+        lock.__enter__()
+
+
 def told(values: Array) -> str:
     """Return readings as the meter writes them."""
     return ",".join(f"{value:+.8E}" for value in values.tolist())
@@ -292,7 +247,3 @@ def told(values: Array) -> str:
 def signed(error: str) -> str:
     """Return an entry of the error queue with the sign of its number."""
     return error if error.startswith("-") else f"+{error}"
-
-
-def none_of(_: object) -> None:
-    """Take something in that changes nothing here."""

@@ -17,7 +17,7 @@ from sim_instruments.keysight_converter import (
     Function,
     functions,
 )
-from sim_instruments.scpi import CommandTree, ScpiError, boolean, number, one
+from sim_instruments.scpi import CommandTree, ScpiError, boolean, numeric, one
 
 HEADERS = {
     "VOLT": "VOLTage[:DC]",
@@ -33,16 +33,6 @@ NAMES = {
     "RESISTANCE": "RES",
     "FRESISTANCE": "FRES",
 }
-
-
-def numeric(text: str, lowest: float, highest: float, default: float) -> float:
-    """Return a number or what MIN, MAX, DEF stand for; ScpiError -222 beyond the limits."""
-    words = {"MIN": lowest, "MAX": highest, "DEF": default, "MINIMUM": lowest, "MAXIMUM": highest}
-    word = text.upper()
-    value = words[word] if word in words else number(text)
-    if not lowest <= value <= highest:
-        raise ScpiError(-222)
-    return value
 
 
 def unquoted(text: str) -> str:

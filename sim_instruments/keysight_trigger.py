@@ -9,11 +9,14 @@ automatic delay, and what the instrument needs between two readings.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from sim_instruments.scpi import ScpiError
+from sim_instruments.scpi import CommandTree, ScpiError, boolean, choice, numeric, one
+from sim_instruments.scpi import whole_number as whole
 
 Array = npt.NDArray[np.float64]
 
@@ -36,7 +39,7 @@ class TriggerSystem:
         self.triggers = 1.0
         self.samples = 1
         self.delay_s: float | None = None
-        self.timed, self.timer_s = False, 1.0
+        self.timed, self.timer_s, self.before = False, 1.0, 0
         self.abort()
 
     def abort(self) -> None:
@@ -97,13 +100,76 @@ class TriggerSystem:
             ended = (now_s - self._begin_s - self._busy_s) / self._period_s + ROUNDING
             new = min(math.floor(ended) + 1, self._planned) - self._taken
         if new <= 0:
-            return np.empty(0), 0
+            return np.empty(0, dtype=np.float64), 0
         self._taken += new
         first = self._taken - min(new, room)
-        return self._begin_s + self._period_s * np.arange(first, self._taken), new
+        numbers = np.arange(first, self._taken, dtype=np.float64)
+        return self._begin_s + self._period_s * numbers, new
 
     def _start(self, now_s: float, readings: int) -> None:
         self._begin_s = now_s + self.pause_s()
         period_s = self.least_period_s(self._busy_s)
         self._period_s = max(period_s, self.timer_s) if self.timed else period_s
         self._planned, self._taken = readings, 0
+
+
+SOURCES = {"IMM": "IMM", "IMMEDIATE": "IMM", "BUS": "BUS", "EXT": "EXT", "EXTERNAL": "EXT"}
+SOURCES |= {"INT": "INT", "INTERNAL": "INT"}
+SLOPES = {"POS": "POS", "POSITIVE": "POS", "NEG": "NEG", "NEGATIVE": "NEG"}
+PACES = {"IMM": "", "IMMEDIATE": "", "TIM": "TIM", "TIMER": "TIM"}
+
+
+def add_trigger_commands(
+    tree: CommandTree,
+    trigger: TriggerSystem,
+    changed: Callable[[], None],
+    least_period_s: Callable[[], float],
+) -> None:
+    """Add the commands TRIGger and SAMPle to a device's; `changed` is called after each change."""
+
+    def add(header: str, name: str, read: Callable[[str], Any], tell: Callable[[], str]) -> None:
+        def handler(parameters: list[str]) -> None:
+            setattr(trigger, name, read(one(parameters)))
+            changed()
+
+        tree.add(header, handler)
+        tree.add(f"{header}?", lambda _: tell())
+
+    def count(text: str) -> int:
+        return round(numeric(text, 1, MOST_SAMPLES, 1))
+
+    def many(text: str) -> float:
+        return math.inf if text.upper() in ("INF", "INFINITY") else count(text)
+
+    def delay(text: str) -> float | None:
+        return None if boolean(text) else trigger.pause_s()
+
+    def interval(text: str) -> float:
+        return numeric(text, min(least_period_s(), 3600.0), 3600.0, 1.0)
+
+    add("TRIGger:SOURce", "source", lambda t: choice(t, SOURCES), lambda: trigger.source)
+    add("TRIGger:SLOPe", "slope", lambda t: choice(t, SLOPES), lambda: trigger.slope)
+    add("TRIGger:LEVel", "level_V", level, lambda: f"{trigger.level_V:+.8E}")
+    add("TRIGger:COUNt", "triggers", many, lambda: f"{min(trigger.triggers, 9.9e37):+.8E}")
+    add("TRIGger:DELay", "delay_s", pause, lambda: f"{trigger.pause_s():+.8E}")
+    add("TRIGger:DELay:AUTO", "delay_s", delay, lambda: str(int(trigger.delay_s is None)))
+    add("SAMPle:COUNt", "samples", count, lambda: f"{trigger.samples:+d}")
+    add("SAMPle:COUNt:PRETrigger", "before", lambda t: whole(t, 0, 0), lambda: "+0")
+    add("SAMPle:SOURce", "timed", paced, lambda: "TIM" if trigger.timed else "IMM")
+    add("SAMPle:TIMer", "timer_s", interval, lambda: f"{trigger.timer_s:+.8E}")
+    tree.add("SAMPle:TIMer?", lambda p: f"{interval(p[0]) if p else trigger.timer_s:+.8E}")
+
+
+def level(text: str) -> float:
+    """Return the level of an internal trigger in V."""
+    return numeric(text, -1000.0, 1000.0, 0.0)
+
+
+def pause(text: str) -> float:
+    """Return a trigger delay in s."""
+    return numeric(text, 0.0, 3600.0, 1.0)
+
+
+def paced(text: str) -> bool:
+    """Return whether a sample timer paces the readings."""
+    return choice(text, PACES) == "TIM"

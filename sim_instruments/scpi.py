@@ -176,6 +176,16 @@ def whole_number(text: str, minimum: int, maximum: int) -> int:
     return value
 
 
+def numeric(text: str, lowest: float, highest: float, default: float) -> float:
+    """Return a number or what MIN, MAX, DEF stand for; ScpiError -222 beyond the limits."""
+    words = {"MIN": lowest, "MAX": highest, "DEF": default, "MINIMUM": lowest, "MAXIMUM": highest}
+    word = text.upper()
+    value = words[word] if word in words else number(text)
+    if not lowest <= value <= highest:
+        raise ScpiError(-222)
+    return value
+
+
 def choice(text: str, names: dict[str, str]) -> str:
     """Return what a word stands for, `names` holding short and long forms; ScpiError -224."""
     word = text.upper()

@@ -99,6 +99,11 @@ def not_told(parameters: Any) -> tuple[str, ...]:
     return ()
 
 
+def every_axis(parameters: Any) -> Mapping[str, tuple[str, ...]]:
+    """Return nothing: a run of the procedure measures every axis of every result."""
+    return {}
+
+
 def no_forecast(parameters: Any, bench: Bench) -> Forecast:
     """Return no set-point and no row, for a procedure that does not tell them beforehand."""
     return Forecast()
@@ -115,6 +120,7 @@ class Procedure:
     report(findings, document): plots and tables of its own;
     units(parameters): the units of work that a run of the plan will finish, in order;
     forecast(parameters, bench): what a run will command and record; opens nothing;
+    measured_axes(parameters): the axes of those results of which a plan may leave some out;
     assumptions: what its numbers do not say;
     conditions(): model of an imported dataset's `conditions`, for the JSON Schema.
     """
@@ -133,6 +139,7 @@ class Procedure:
     report: Callable[[Findings, ResultDocument], Sequence[Part]]
     units: Callable[[Any], tuple[str, ...]] = not_told
     forecast: Callable[[Any, Bench], Forecast] = no_forecast
+    measured_axes: Callable[[Any], Mapping[str, tuple[str, ...]]] = every_axis
     assumptions: tuple[str, ...] = ()
     conditions: Callable[[], type[StrictModel]] | None = None
 

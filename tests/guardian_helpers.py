@@ -55,11 +55,14 @@ class World:
         """Return the bench time of a moment."""
         return (unix_s - self.epoch_unix) * self.speed
 
-    def is_at_rest(self) -> bool:
-        """Whether nothing is energised and no coil carries a current."""
+    def at_rest(self, axes: str = "xy") -> bool:
+        """Whether the supplies of these coils are off and the coils carry no current."""
         state = self.report()
-        currents = [coil["current_A"] for coil in state["coils"].values()]
-        return not any(state["outputs"].values()) and max(map(abs, currents)) < NEAR_ZERO_A
+        return all(
+            not state["outputs"][f"coil_supply.{axis}"]
+            and abs(state["coils"][axis]["current_A"]) < NEAR_ZERO_A
+            for axis in axes
+        )
 
 
 @contextmanager
@@ -116,9 +119,9 @@ def start_run(
     amplitude_A: float = 5.0,
 ) -> GuardedRun:
     """Start a run that drives sines through coils, and wait until it does."""
+    what = (world.head, parent, frequency_Hz, amplitude_A, *(coils or ("coil_supply.x",)))
     process = subprocess.Popen(
-        [sys.executable, str(SCRIPT), str(world.head), str(parent)]
-        + [str(frequency_Hz), str(amplitude_A), *(coils or ("coil_supply.x",))],
+        [sys.executable, str(SCRIPT), *map(str, what)],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,

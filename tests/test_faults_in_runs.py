@@ -54,8 +54,8 @@ ENDS_WITH_A_SENTENCE = [
     (entry(SUPPLY, "nan", command="MEAS:CURR?", count=99), "'NaN' came back where a number"),
     (entry(SUPPLY, "list-refused", at="0 s"), "'CURR:MODE LIST': it refused with -221"),
     (entry(SUPPLY, "dropped-connection", command="OUTP ON"), "coil_supply.y: sent 'OUTP ON"),
-    (entry(GAUSSMETER, "wrong-terminator", command="SENS:MODE"), "gaussmeter: sent 'SENS:MODE"),
-    (entry(GAUSSMETER, "previous-reply", command="SENS:MODE"), "gaussmeter: sent 'SENS:MODE DC'"),
+    (entry(GAUSSMETER, "wrong-terminator", command="SENS:AVER"), "gaussmeter: sent 'SENS:AVER"),
+    (entry(GAUSSMETER, "previous-reply", **WHILE_RECORDING), "its time stamps run backwards"),
     (entry(GAUSSMETER, "nan", **WHILE_RECORDING), "gaussmeter: read its buffer: '2026-"),
     (entry(GAUSSMETER, "port-gone", **WHILE_RECORDING), "gaussmeter: sent 'FETC:BUFF:DC?'"),
     (entry(BOARD, "lost-frame", command=COMMAND), "no BOARD_ACK frame came within 0.5 s"),
@@ -117,7 +117,7 @@ def test_a_gyro_that_goes_dark_ends_the_record(tmp_path: Path) -> None:
 
 
 def test_a_supply_that_is_gone_is_named_and_nobody_claims_that_it_is_safe(tmp_path: Path) -> None:
-    fault = entry(SUPPLY, "port-gone", command="MEAS:CURR?")
+    fault = entry(SUPPLY, "port-gone", **WHILE_RECORDING)
     outcome, world = run_with(tmp_path, fault)
     assert outcome.exit_code == 3
     assert [(one.instrument, one.verified) for one in outcome.unsafe] == [(SUPPLY, False)]

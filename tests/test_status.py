@@ -91,6 +91,7 @@ def test_a_run_in_another_process_is_told_while_it_goes_on_and_after_it_was_kill
         finally:
             process.kill()
             process.wait()
+        until(lambda: read_status(folder).bench_safe is not None)
     assert (first.state, first.running, first.bench_safe) == ("running", True, None)
     assert first.step_title == "Switch the gyro on and warm it up"
     # The warm-up writes no event for a minute: the time that passes is told all the same.
@@ -98,11 +99,11 @@ def test_a_run_in_another_process_is_told_while_it_goes_on_and_after_it_was_kill
     assert first.remaining_s is not None and second.remaining_s is not None
     assert 0 < second.remaining_s < first.remaining_s
     killed = read_status(folder)
-    assert (killed.state, killed.running, killed.bench_safe) == ("interrupted", False, None)
+    assert (killed.state, killed.running, killed.bench_safe) == ("interrupted", False, True)
     assert killed.units_finished == ()
     said = station("status", folder).stdout
     assert "its process is gone" in said
-    assert "NOT made safe" in said
+    assert "the guardian made the bench safe and read it back" in said
 
 
 def test_a_half_written_last_line_changes_nothing(copy: Path) -> None:

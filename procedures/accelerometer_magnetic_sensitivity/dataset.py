@@ -37,6 +37,8 @@ class AccelerometerDataset:
     noise_group: NDArray[np.int64] | None = None
     evenly_timed: bool = False
     """Whether rows were taken at equal intervals, so that a longer one is a gap."""
+    gravity_g: float = 1.0
+    """Local gravity in g; 1 where accelerations are in units of the local g."""
 
     def __len__(self) -> int:
         """Return the number of rows."""

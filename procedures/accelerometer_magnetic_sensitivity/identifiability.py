@@ -55,7 +55,9 @@ class Identifiability:
         return tuple(name for name in COEFFICIENTS if name not in self.alone)
 
 
-def judge(plane: Names, theta_deg: Array, field_T: Array) -> Identifiability:
+def judge(
+    plane: Names, theta_deg: Array, field_T: Array, gravity_g: float = 1.0
+) -> Identifiability:
     """Judge the commanded rows of a plan, each argument of shape (rows,).
 
     Thirteen columns, accelerations in g, field over its largest magnitude, nuisance terms aside;
@@ -65,7 +67,7 @@ def judge(plane: Names, theta_deg: Array, field_T: Array) -> Identifiability:
     if not len(theta_deg):
         return Identifiability({}, COEFFICIENTS, COEFFICIENTS)
     largest_T = float(np.max(np.abs(field_T))) or 1.0
-    acceleration_g = accelerations(plane, np.radians(theta_deg))
+    acceleration_g = accelerations(plane, np.radians(theta_deg), gravity_g)
     columns = model_columns(acceleration_g, field_T / largest_T)
     split = split_columns(columns, SMALLEST_RMS)
     scale = field_scales(largest_T)

@@ -43,20 +43,20 @@ PLANES = ("io", "ip", "op", "level")
 """The plane of IA, OA, PA that gravity turns in; `level`: the axis of rotation is vertical."""
 
 
-def accelerations(plane: Names, theta_rad: Array) -> Array:
+def accelerations(plane: Names, theta_rad: Array, gravity_g: float = 1.0) -> Array:
     """Return Ai, Ao, Ap in g as columns (n, 3).
 
     The axis of rotation is horizontal and theta the angle of the table: `io` turns about PA with
     Ai = sin, Ao = cos; `ip` about OA with Ai = sin, Ap = cos; `op` about IA with Ao = sin,
-    Ap = cos. In `level` it is vertical: Ap = 1 whatever theta.
+    Ap = cos. In `level` it is vertical: Ap = 1 whatever theta. All times the local gravity.
     """
     sine, cosine = np.sin(theta_rad), np.cos(theta_rad)
-    return _by_plane(plane, sine, cosine, 1.0)
+    return gravity_g * _by_plane(plane, sine, cosine, 1.0)
 
 
-def accelerations_by_angle(plane: Names, theta_rad: Array) -> Array:
+def accelerations_by_angle(plane: Names, theta_rad: Array, gravity_g: float = 1.0) -> Array:
     """Return the derivatives of Ai, Ao, Ap by theta, g/rad, as columns (n, 3)."""
-    return _by_plane(plane, np.cos(theta_rad), -np.sin(theta_rad), 0.0)
+    return gravity_g * _by_plane(plane, np.cos(theta_rad), -np.sin(theta_rad), 0.0)
 
 
 def _by_plane(plane: Names, first: Array, second: Array, level: float) -> Array:

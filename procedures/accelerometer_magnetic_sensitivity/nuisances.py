@@ -72,21 +72,9 @@ def slow_terms(
 
 
 def separable(fixed: Array, terms: Candidates, kept: Mask) -> Candidates:
-    """Return the slow terms that the kept rows tell from the fixed columns and from each other.
-
-    Of the drift only an unbroken row of orders, the lowest first.
-    """
+    """Return the slow terms that the kept rows tell from the fixed columns and from each other."""
     taken = independent_of(fixed[kept], terms.columns[kept], INDEPENDENT_PART)
-    names = [terms.names[j] for j in taken]
-    unbroken: list[str] = []
-    order = 1
-    for name in names:
-        if name.startswith("drift"):
-            if name != drift_name(order):
-                break
-            order += 1
-        unbroken.append(name)
-    return terms.only(tuple(unbroken))
+    return terms.only(tuple(terms.names[j] for j in taken))
 
 
 def chosen(

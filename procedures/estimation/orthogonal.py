@@ -148,8 +148,9 @@ def keep_inliers(
     # A least-absolute fit goes exactly through as many rows as it has columns.
     sigma = MAD_TO_SIGMA * float(np.median(np.sort(size)[columns:]))
     fresh = size <= 2.0 * threshold * sigma if sigma > 0.0 else kept
-    for _ in range(rounds):
-        if not _carried(design, fresh) or bool(np.array_equal(fresh, kept)) and _ > 0:
+    for turn in range(rounds):
+        settled = turn > 0 and bool(np.array_equal(fresh, kept))
+        if settled or not _carried(design, fresh):
             break
         kept = fresh
         fit = solve_by_qr(design[kept], data[kept], weight[kept])

@@ -67,6 +67,7 @@ PROCEDURE = Procedure(
     conditions=conditions,
     units=units,
     forecast=forecast,
+    measured_axes=lambda parameters: {"magnetic_sensitivity": tuple(parameters.axes)},
     assumptions=(
         "The probe's axes stand along the coils' normals and the gyro's axes along both; what they "
         "differ is in the results as far as the measured cross components tell it.",

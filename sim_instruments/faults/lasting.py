@@ -125,6 +125,35 @@ class Dark(LastingFault):
     kind = "dark"
 
 
+class FollowingError(LastingFault):
+    """A turning axis does not keep up: its controller trips and switches the motor off."""
+
+    kind = "following-error"
+
+
+class EncoderJump(LastingFault):
+    """The encoder of an axis reads `angle` too much, 0.05 deg unless said."""
+
+    kind = "encoder-jump"
+    options = ("angle",)
+
+    def __init__(self, trigger: Trigger, truth: Truth) -> None:
+        super().__init__(trigger, truth)
+        self.angle_deg = truth.quantity("angle", "deg") if "angle" in truth else 0.05
+
+
+class Stuck(LastingFault):
+    """An axis is blocked where it stands; its controller counts on and notices nothing."""
+
+    kind = "stuck"
+
+
+class EmergencyStop(LastingFault):
+    """The emergency stop of a motion controller is pressed, and stays so."""
+
+    kind = "emergency-stop"
+
+
 LASTING_FAULTS: dict[str, type[LastingFault]] = {
     fault.kind: fault
     for fault in (
@@ -138,6 +167,10 @@ LASTING_FAULTS: dict[str, type[LastingFault]] = {
         ChainOpen,
         Silent,
         Dark,
+        FollowingError,
+        EncoderJump,
+        Stuck,
+        EmergencyStop,
     )
 }
 

@@ -9,6 +9,7 @@ change of i.
 
 from __future__ import annotations
 
+import math
 from bisect import bisect_right
 from collections.abc import Callable, Sequence
 
@@ -79,6 +80,8 @@ class Staircase:
         gain = float(self._from_rest[-1])
         self._steady = gain / (1.0 - self._cycle_decay)
         self._first = current_A
+        # The same numbers for one moment at a time, which arrays make slow.
+        self._steps = [one.tolist() for one in (self._edges, self._charges, self._from_rest)]
 
     @staticmethod
     def _response_from_rest(levels_A: Array, decays: Array) -> Array:
@@ -133,6 +136,19 @@ class Staircase:
     def settled(self, time_s: float) -> float | None:
         """Return None: a staircase never comes to rest."""
         return None
+
+    def at(self, time_s: float) -> tuple[float, float]:
+        """Return current in A and integral of the level from the start in A s, at one moment."""
+        edges, charges, from_rest = self._steps
+        local = max(time_s - self.start_s, 0.0)
+        cycle = math.floor(local / self._period)
+        within = min(max(local - cycle * self._period, 0.0), self._period)
+        step = min(bisect_right(edges, within), len(edges) - 1) - 1
+        first = self._steady + (self._first - self._steady) * self._cycle_decay**cycle
+        at_step = from_rest[step] + first * math.exp(-edges[step] / self._tau)
+        level, inside = float(self._levels[step]), within - edges[step]
+        current = level + (at_step - level) * math.exp(-inside / self._tau)
+        return current, cycle * charges[-1] + charges[step] + level * inside
 
 
 class CurrentHistory:
@@ -204,6 +220,9 @@ class CurrentHistory:
 
     def mean_level(self, first_s: float, last_s: float) -> float:
         """Return the mean level between two times, in A; times R it is the terminal voltage."""
+        piece = self._pieces[-1]
+        if isinstance(piece, Staircase) and piece.start_s <= first_s:
+            return (piece.at(last_s)[1] - piece.at(first_s)[1]) / (last_s - first_s)
         integral = self.level_integral(np.array([first_s, last_s]))
         return float(integral[1] - integral[0]) / (last_s - first_s)
 
@@ -212,6 +231,10 @@ class CurrentHistory:
         settled = self._pieces[-1].settled(first_s)
         if settled is not None:
             return settled
+        piece = self._pieces[-1]
+        if isinstance(piece, Staircase) and piece.start_s <= first_s:
+            (first_A, first_As), (last_A, last_As) = piece.at(first_s), piece.at(last_s)
+            return (last_As - first_As - self.tau_s * (last_A - first_A)) / (last_s - first_s)
         return float(self.mean_current(np.array([first_s, last_s]))[0])
 
     def breakpoints(self, first_s: float, last_s: float) -> Array:

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from station import registry
 from station.bench import Bench, read_bench
 from station.errors import EXIT_DONE, EXIT_WRONG_INPUT
+from station.faults import listed
 from station.lookup import BENCHES, PLANS, find
 from station.plan import Plan, read_plan
 from station.plan.resolved import resolved_data, resolved_text
@@ -29,9 +30,20 @@ def read_plan_for(name: str, bench: Bench, overrides: Sequence[str] = ()) -> Pla
         plan.fault(problem.where, problem.what)
         for problem in procedure.check(plan.parameters, bench)
     ]
+    faults += limits_never_held(plan, procedure.measured_axes(plan.parameters))
     if faults:
         raise FaultList(faults)
     return plan
+
+
+def limits_never_held(plan: Plan, measured: Mapping[str, tuple[str, ...]]) -> Iterator[Fault]:
+    """Yield a fault for each limit that names an axis which the plan does not measure."""
+    given = plan.document.data.get("limits") or {}
+    for name, axes in measured.items():
+        for axis in given.get(name) or {}:
+            if (name, axis) in plan.limits and axis not in axes:
+                what = f"is not measured by this plan; it measures {listed(axes)}"
+                yield plan.document.fault(("limits", name, axis), what, at_key=True)
 
 
 def validate_plans(

@@ -195,7 +195,7 @@ class Control:
                         outcome="status",
                         paused=self._paused is not None,
                         devices=dict(self._paused or {}),
-                        pause_requested=bool(self._waiting),
+                        pause_requested=any(not one.withdrawn for one in self._waiting),
                         ending=self._ending,
                     )
                 case other:

@@ -39,7 +39,7 @@ def main() -> int:
         return 3
     os.write(answers, line_of({"ready": True}))
     os.close(answers)
-    why, watched = watch_until_end(pipe)
+    why, watched = watch_until_end(pipe, takeover.prepare)
     if why is None or not watched:
         return 0
     return takeover.take_over(why, watched, runner)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -37,10 +37,18 @@ class Takeover:
         self._clock = RealClock(instructions.speed, instructions.epoch_unix)
         self._locks = InstrumentLocks(f"the guardian of {self._folder}")
         self._harmless: set[str] = set()
-        for name in instructions.instruments or self._bench.instruments:
-            driver = registry.load(registry.DRIVERS, self._bench.instruments[name].driver)
-            if isinstance(driver, type) and not issubclass(driver, MadeSafe):
-                self._harmless.add(name)
+        self.prepare(instructions.instruments or self._bench.instruments)
+
+    def prepare(self, names: Iterable[str]) -> None:
+        """Import the drivers of instruments, and find out which of them have no safe state.
+
+        Raises InputError where a driver cannot be loaded.
+        """
+        for name in names:
+            if name in self._bench.instruments:
+                driver = registry.load(registry.DRIVERS, self._bench.instruments[name].driver)
+                if isinstance(driver, type) and not issubclass(driver, MadeSafe):
+                    self._harmless.add(name)
 
     def take_over(self, why: str, watched: Sequence[str], runner: RunnerProcess) -> int:
         """End the run's process, make what it had safe, and return the exit code."""
@@ -77,7 +85,8 @@ class Takeover:
             if probe.ok and probe.found is not None:
                 opened[name] = probe.found.instrument
                 continue
-            outcomes[name] = SafeOutcome(name, False, probe.said, self._clock.now() - began_s)
+            said = probe.said.removeprefix(f"{name}: ")
+            outcomes[name] = SafeOutcome(name, False, said, self._clock.now() - began_s)
             if probe.found is not None:  # another instrument stands there: not ours to touch
                 with suppress(Exception):
                     probe.found.instrument.close()

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable, Sequence
+from contextlib import suppress
 from io import FileIO
 from queue import Empty, SimpleQueue
 from threading import Thread
 
+from station.errors import StationError
 from station.guardian.messages import DISMISS, WATCH
 
 SILENT_FOR_S = 5.0
@@ -15,10 +18,13 @@ PIPE_ENDED = "the run's process ended before it had made the bench safe"
 STANDS_STILL = f"the run's process gave no sign of life for {SILENT_FOR_S:g} s of real time"
 
 
-def watch_until_end(pipe: FileIO) -> tuple[str | None, list[str]]:
+def watch_until_end(
+    pipe: FileIO, prepare: Callable[[Sequence[str]], None]
+) -> tuple[str | None, list[str]]:
     """Return why the bench must be made safe, None where nothing is to be done, and what of it.
 
-    A run that stands still before it has anything to watch is waited for.
+    `prepare` is called with what is to be watched from then on. A run that stands still before it
+    has anything to watch is waited for.
     """
     lines: SimpleQueue[bytes] = SimpleQueue()
     Thread(target=_read, args=(pipe, lines), name="pipe", daemon=True).start()
@@ -42,6 +48,8 @@ def watch_until_end(pipe: FileIO) -> tuple[str | None, list[str]]:
             return None, []
         if message["say"] == WATCH:
             watched += [name for name in message["instruments"] if name not in watched]
+            with suppress(StationError):  # an instrument without its driver is found out later
+                prepare(watched)
 
 
 def _read(pipe: FileIO, lines: SimpleQueue[bytes]) -> None:

@@ -34,8 +34,6 @@ from station.status import RUN_STARTED, what_is_planned
 from station.versions import versions
 from station.yaml.writing import yaml_text
 
-PLAN, BENCH = "plan.resolved.yaml", "bench.resolved.yaml"
-
 
 @dataclass(frozen=True)
 class Request:
@@ -78,8 +76,7 @@ def execute(request: Request) -> Outcome:
             progress.say(f"bench {bench.name}, {how_long(expected_s, clock)}")
             progress.say(f"recorded in {record.path}")
             planned = what_is_planned(plan, procedure, clock)
-            hashes = {name: sha256_of(head[name]) for name in (PLAN, BENCH)}
-            record.event(RUN_STARTED, **planned, sha256=hashes)
+            record.event(RUN_STARTED, **planned, sha256=content_hashes(plan, bench))
             for one in warned:
                 progress.say(f"WARNING: {one.sentence}")
                 record.event(one.kind, message=one.sentence)
@@ -135,15 +132,19 @@ def head_of(plan: Plan, bench: Bench, clock: Clock) -> dict[str, str]:
     return {
         "plan.yaml": plan.text,
         "bench.yaml": bench.text,
-        PLAN: resolved_text(plan),
-        BENCH: yaml_text(bench.to_yaml_data()),
+        "plan.resolved.yaml": resolved_text(plan),
+        "bench.resolved.yaml": yaml_text(bench.to_yaml_data()),
         RUN: json_text(facts),
     }
 
 
-def sha256_of(text: str) -> str:
-    """Return the SHA-256 of a text in hexadecimal."""
-    return hashlib.sha256(text.encode()).hexdigest()
+def content_hashes(plan: Plan, bench: Bench) -> dict[str, str]:
+    """Return the SHA-256 of what the resolved plan and bench say, whatever file it stands in."""
+    contents = {"plan": plan.to_yaml_data(), "bench": bench.to_yaml_data()}
+    return {
+        name: hashlib.sha256(json.dumps(data, sort_keys=True, default=str).encode()).hexdigest()
+        for name, data in contents.items()
+    }
 
 
 def export(record: RunRecord) -> None:

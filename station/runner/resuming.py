@@ -18,7 +18,7 @@ from station.procedure import Procedure, Prompt
 from station.record.creation import EVENTS
 from station.record.folder import RESULTS, RESUMED, RUN, RunFolder, RunRecord
 from station.recorded import read_plan_and_bench, used_instruments
-from station.runner.execute import all_prompts, conclude, sha256_of
+from station.runner.execute import all_prompts, conclude, content_hashes
 from station.runner.outcome import Outcome
 from station.runner.preflight import watch_system_clock
 from station.runner.progress import Progress, how_long
@@ -61,8 +61,8 @@ def resume(request: ResumeRequest) -> Outcome:
     began with, or when a prompt would stay unanswered; NotAcknowledged as `execute`.
     """
     folder = RunFolder(request.folder)
-    refuse_what_was_altered(folder)
     plan, recorded_bench = read_plan_and_bench(folder)
+    refuse_what_was_altered(folder, plan, recorded_bench)
     bench = request.bench or recorded_bench
     procedure = registry.procedure(plan.procedure)
     refuse_another_bench(folder, recorded_bench, bench)
@@ -119,15 +119,16 @@ def evaluate_only(folder: RunFolder, *, report: bool) -> Outcome:
     return outcome
 
 
-def refuse_what_was_altered(folder: RunFolder) -> None:
+def refuse_what_was_altered(folder: RunFolder, plan: Plan, bench: Bench) -> None:
     """Raise InputError where the resolved plan or bench is not the one the run began with."""
     began = next(folder.events_of(RUN_STARTED), None)
     if began is None:
         raise InputError(f"{folder.path} never began; start it with `station run`")
+    now = content_hashes(plan, bench)
     for name, digest in began.details.get("sha256", {}).items():
-        if sha256_of((folder.path / name).read_text(encoding="utf-8")) != digest:
+        if now[name] != digest:
             raise InputError(
-                f"{folder.path / name} was changed since the run began, so what is left would not "
+                f"the {name} in {folder.path} was changed since the run began: what is left would not "
                 "be measured as what there is; start a new run with `station run`"
             )
 

@@ -1,0 +1,323 @@
+"""How close the accelerometer estimator comes to the Cramer-Rao bound, case by case.
+
+    python benchmarks/accelerometer_estimator.py [--runs 2000] [--case NAME]
+    python benchmarks/accelerometer_estimator.py --recursion [--samples 1000000]
+
+Seeds are 0 .. runs-1 of each case. One JSON object per case on standard output: for every
+coefficient or combination that the plan determines the root mean square error over the bound with
+its standard error, bias over the bound, coverage of the 95 % interval and the mean square of
+error/u; the same ratio for the published finite-memory solution; the largest ratio less two
+standard errors. The bound is sigma^2 (X'X)^-1 with the columns of encoder offset, misalignment and,
+where there are any, temperature and drift (Legendre 1 to 3) in X, over all rows of the plan: rows
+that are missing or wild are the estimator's loss, not the bound's.
+
+--recursion walks a long record through the finite memory and holds it against the QR solution of
+the same windows: largest relative difference of a coefficient, and the seconds a million rows cost
+in the first and in the last tenth, for two window lengths.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import stdtrit
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+from procedures.accelerometer_magnetic_sensitivity.analysis import analyse
+from procedures.accelerometer_magnetic_sensitivity.dataset import AccelerometerDataset
+from procedures.accelerometer_magnetic_sensitivity.finite_memory import FiniteMemory, column_scale
+from procedures.accelerometer_magnetic_sensitivity.identifiability import judge
+
+Array = NDArray[np.float64]
+
+NAMES = ("K0", "Ki", "Kii", "Kiii", "Kio", "Kip", "Koo", "Kpp", "Km", "Kmm", "Kim", "Kom", "Kpm")
+TRUTH = dict(
+    zip(
+        NAMES,
+        (3.9e-3, 1.00007, 15e-6, 12e-6, -14e-6, -6e-6, 11e-6, -5e-6, 0.0135, 0.12, 0.015, -0.005)
+        + (-0.0024,),
+        strict=True,
+    )
+)
+NOISE_V = 3e-6
+INTERVAL_S = 10.0
+ONE_SIDED = (0.0, 0.01, 0.02, 0.03, 0.04, 0.05)
+TWO_SIDED = (-0.05, 0.0, 0.05)
+ARCSEC = np.pi / 648000.0
+
+
+@dataclass(frozen=True)
+class Case:
+    """One plan and what disturbs it."""
+
+    name: str
+    planes: tuple[str, ...] = ("io", "ip", "op")
+    angles: int = 24
+    fields_T: tuple[float, ...] = ONE_SIDED
+    passes: int = 1
+    shuffled: bool = False
+    offset_arcsec: float = 0.0
+    drift_V_per_h: float = 0.0
+    warm_up_V: float = 0.0
+    outliers: float = 0.0
+    missing: float = 0.0
+    warming_K: float = 0.0
+
+    def points(self) -> tuple[NDArray[np.str_], Array, Array]:
+        """Return plane, angle in deg and field in T of each row of the plan, in order."""
+        angle_deg = 360.0 * np.arange(self.angles) / self.angles
+        rows = [
+            (plane, float(angle), field)
+            for number in range(self.passes)
+            for plane in self.planes
+            for angle in angle_deg
+            for field in self.fields_T[:: -1 if number % 2 else 1]
+        ]
+        order = np.arange(len(rows))
+        if self.shuffled:
+            np.random.default_rng(5).shuffle(order)
+        plane, angle, field = zip(*(rows[n] for n in order), strict=True)
+        return np.array(plane), np.array(angle), np.array(field)
+
+
+DISTURBED = {
+    "offset_arcsec": 10.0,
+    "drift_V_per_h": 20e-6,
+    "warm_up_V": 30e-6,
+    "outliers": 0.03,
+    "missing": 0.08,
+}
+CASES = (
+    Case("white, three planes"),
+    Case("white, one plane", planes=("io",), angles=72),
+    Case("white, two planes, efficient", ("io", "ip"), 9, TWO_SIDED, passes=2),
+    Case("white, two planes, fields 0 and B", ("io", "ip"), 24, (0.0, 0.05)),
+    Case("disturbed, three planes, as published", **DISTURBED),  # type: ignore[arg-type]
+    Case("disturbed, three planes, shuffled", shuffled=True, **DISTURBED),  # type: ignore[arg-type]
+    Case("disturbed, one plane, shuffled", ("io",), 72, shuffled=True, **DISTURBED),  # type: ignore[arg-type]
+    Case("disturbed, efficient, palindrome", ("io", "ip"), 9, TWO_SIDED, passes=8, **DISTURBED),  # type: ignore[arg-type]
+    Case("1 K warmer in the course, shuffled", warming_K=1.0, shuffled=True),
+)
+
+
+def axes_g(plane: NDArray[np.str_], theta: Array) -> tuple[Array, Array, Array]:
+    """Return Ai, Ao, Ap of each row."""
+    s, c = np.sin(theta), np.cos(theta)
+    i = np.where((plane == "io") | (plane == "ip"), s, 0.0)
+    o = np.where(plane == "io", c, np.where(plane == "op", s, 0.0))
+    p = np.where((plane == "ip") | (plane == "op"), c, 0.0)
+    return i, o, p
+
+
+def output_V(plane: NDArray[np.str_], theta: Array, field: Array) -> Array:
+    """Return the output without noise."""
+    i, o, p = axes_g(plane, theta)
+    k = TRUTH
+    still = k["K0"] + k["Ki"] * i + k["Kii"] * i**2 + k["Kiii"] * i**3 + k["Kio"] * i * o
+    still = still + k["Kip"] * i * p + k["Koo"] * o**2 + k["Kpp"] * p**2
+    return (
+        still
+        + k["Km"] * field
+        + k["Kmm"] * field**2
+        + (k["Kim"] * i + k["Kom"] * o + k["Kpm"] * p) * field
+    )
+
+
+def columns(case: Case) -> dict[str, Array]:
+    """Return the columns of the plan by the name of their coefficient; nuisances begin with `_`."""
+    plane, angle_deg, field = case.points()
+    theta = np.radians(angle_deg)
+    i, o, p = axes_g(plane, theta)
+    one = np.ones(len(field))
+    stack = (one, i, i**2, i**3, i * o, i * p, o**2, p**2, field, field**2, i * field, o * field)
+    found = dict(zip(NAMES, (*stack, p * field), strict=True))
+    turned = axes_g(plane, theta + 0.5 * np.pi)[0] * (plane != "op")
+    found.update({"_offset": turned, "_Ko": o, "_Kp": p})
+    part = np.linspace(-1.0, 1.0, len(field))
+    if case.warming_K:
+        found.update({"_K0_T": part, "_Ki_T": i * part})
+    if case.drift_V_per_h or case.warm_up_V:
+        for order in (1, 2, 3):
+            found[f"_drift{order}"] = np.polynomial.legendre.Legendre.basis(order)(part)
+    for name in found:
+        if name.startswith("_drift") or name.endswith("_T"):
+            found[name] = found[name] - (found[name].mean() if name != "_Ki_T" else 0.0)
+    return found
+
+
+def bound(case: Case, kept: tuple[str, ...]) -> Array:
+    """Return the bound of each kept coefficient with the nuisance columns beside."""
+    table = columns(case)
+    design = np.column_stack([table[name] for name in kept])
+    for name, column in table.items():
+        if name.startswith("_"):
+            left = column - design @ np.linalg.lstsq(design, column, rcond=None)[0]
+            if np.linalg.norm(left) > 1e-6 * np.sqrt(len(column)):
+                design = np.column_stack((design, column))
+    scale = np.linalg.norm(design, axis=0)
+    inverse = np.linalg.inv((design / scale).T @ (design / scale)) / np.outer(scale, scale)
+    return NOISE_V * np.sqrt(np.diag(inverse))[: len(kept)]
+
+
+def recorded(case: Case, seed: int) -> tuple[AccelerometerDataset, dict[str, float]]:
+    """Simulate one record; return it and what K0 and Ki are as their means over its rows."""
+    generator = np.random.default_rng([seed, 3])
+    plane, angle_deg, field = case.points()
+    count = len(field)
+    time_s = INTERVAL_S * np.arange(count)
+    measured = field + 1e-6 * generator.standard_normal(count)
+    theta = np.radians(angle_deg) + case.offset_arcsec * ARCSEC
+    drift = case.drift_V_per_h * time_s / 3600.0 - case.warm_up_V * np.exp(-time_s / 1500.0)
+    warmer = case.warming_K * (1.0 - np.exp(-time_s / 1500.0))
+    i = axes_g(plane, theta)[0]
+    output = output_V(plane, theta, measured) + drift
+    output = output + 50e-6 * warmer + 120e-6 * TRUTH["Ki"] * i * warmer
+    output = output + NOISE_V * generator.standard_normal(count)
+    wild = generator.random(count) < case.outliers
+    size = 10.0 ** generator.uniform(-4.0, -1.0, count) * generator.choice([-1.0, 1.0], count)
+    output = output + np.where(wild, size, 0.0)
+    there = generator.random(count) >= case.missing
+    temperature = 23.0 + warmer + 1e-3 * generator.standard_normal(count)
+    dataset = AccelerometerDataset(
+        time_s=time_s[there],
+        plane=plane[there],
+        theta_deg=angle_deg[there],
+        theta_commanded_deg=angle_deg[there],
+        field_T=measured[there],
+        field_commanded_T=field[there],
+        output_V=output[there],
+        temperature_degC=temperature[there],
+        evenly_timed=True,
+    )
+    mean_K = float(warmer[there].mean())
+    means = {
+        "K0": TRUTH["K0"] + float(drift[there].mean()) + 50e-6 * mean_K,
+        "Ki": TRUTH["Ki"] * (1.0 + 120e-6 * mean_K),
+    }
+    return dataset, means
+
+
+def measure(case: Case, runs: int) -> dict[str, object]:
+    """Run one case and summarise it."""
+    found = judge(*case.points())
+    kept = found.kept
+    limit = bound(case, kept)
+    errors, units = np.zeros((runs, len(kept))), np.zeros((runs, len(kept)))
+    published, factors, orders = np.zeros((runs, len(kept))), np.zeros(runs), np.zeros(runs)
+    flags: dict[str, int] = {}
+    for seed in range(runs):
+        dataset, means = recorded(case, seed)
+        analysis = analyse(dataset)
+        true = {**TRUTH, **means}
+        own = {one.name: one for one in analysis.estimates}
+        paper = {one.name: one.value for one in analysis.published}
+        for k, name in enumerate(kept):
+            truth = sum(share * true[part] for part, share in found.terms[name].items())
+            value, u = own[name].value, own[name].standard_uncertainty
+            if value is None or u is None:
+                raise RuntimeError(f"{case.name}: seed {seed} leaves {name} undetermined")
+            errors[seed, k], units[seed, k] = value - truth, u
+            published[seed, k] = (paper[name] or np.nan) - truth
+        freedom = own[kept[0]].degrees_of_freedom
+        factors[seed] = stdtrit(freedom if freedom is not None else 1e9, 0.975)
+        orders[seed] = analysis.drift_order
+        for code in {flag.code for flag in analysis.flags}:
+            flags[code] = flags.get(code, 0) + 1
+    square = (errors / limit) ** 2
+    ratio = np.sqrt(square.mean(axis=0))
+    error = square.std(axis=0) / np.sqrt(runs) / (2.0 * ratio)
+    paper_ratio = np.sqrt(np.mean((published / limit) ** 2, axis=0))
+    pulls = errors / units
+    inside = np.mean(np.abs(pulls) <= factors[:, None], axis=0)
+    rows = {
+        name: {
+            "bound": float(f"{limit[k]:.3g}"),
+            "best_rmse_over_bound": round(float(ratio[k]), 3),
+            "standard_error": round(float(error[k]), 3),
+            "bias_over_bound": round(float(errors[:, k].mean() / limit[k]), 3),
+            "coverage_95": round(float(inside[k]), 4),
+            "mean_square_pull": round(float(np.mean(pulls[:, k] ** 2)), 3),
+            "finite_memory_rmse_over_bound": round(float(paper_ratio[k]), 2),
+        }
+        for k, name in enumerate(kept)
+    }
+    return {
+        "case": case.name,
+        "rows": len(case.points()[0]),
+        "runs": runs,
+        "largest_ratio_less_two_standard_errors": round(float(np.max(ratio - 2.0 * error)), 3),
+        "coverage_95": [round(float(inside.min()), 4), round(float(inside.max()), 4)],
+        "drift_orders": [float(orders.min()), float(np.median(orders)), float(orders.max())],
+        "flags": flags,
+        "coefficients": rows,
+    }
+
+
+def recursion(samples: int) -> dict[str, object]:
+    """Walk a long record through the finite memory; compare with QR at 50 places."""
+    case = Case("long")
+    kept = judge(*case.points()).kept
+    table = columns(case)
+    cycle = np.column_stack([table[name] for name in kept])
+    truth = np.array([TRUTH[name] for name in kept])
+    generator = np.random.default_rng(0)
+    result: dict[str, object] = {"samples": samples}
+    for window in (len(cycle), 8 * len(cycle)):
+        memory = FiniteMemory(column_scale(cycle), window)
+        recent = np.zeros(window)
+        worst, seconds = 0.0, []
+        tenth = max(samples // 10, 1)
+        # Compared just before the window is solved anew, where rounding is largest.
+        places = {window * k - 1 for k in np.linspace(3, samples // window, 50).astype(int)}
+        for n in range(samples):
+            if n % tenth == 0:
+                start = time.process_time()
+            row = cycle[n % len(cycle)]
+            value = float(row @ truth + NOISE_V * generator.standard_normal())
+            recent[n % window] = value
+            memory.push(row, value)
+            if n in places and memory.estimate is not None:
+                rows = cycle[np.arange(n + 1 - window, n + 1) % len(cycle)]
+                data = recent[np.arange(n + 1 - window, n + 1) % window]
+                scale = column_scale(rows)
+                q, r = np.linalg.qr(rows / scale)
+                exact = np.linalg.solve(r, q.T @ data)
+                exact = (exact + np.linalg.solve(r, q.T @ (data - rows / scale @ exact))) / scale
+                worst = max(worst, float(np.max(np.abs(memory.estimate / exact - 1.0))))
+            if n % tenth == tenth - 1:
+                seconds.append(time.process_time() - start)
+        result[f"window {window}"] = {
+            "largest_relative_difference": float(f"{worst:.2g}"),
+            "first_tenth_us_a_sample": round(1e6 * seconds[0] / tenth, 1),
+            "last_tenth_us_a_sample": round(1e6 * seconds[-1] / tenth, 1),
+            "windows_lost": memory.lost,
+            "solved_anew": memory.resolved,
+        }
+    return result
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description="Accelerometer estimator against its bound.")
+    parser.add_argument("--runs", type=int, default=2000)
+    parser.add_argument("--case", help="only the cases whose name contains this")
+    parser.add_argument("--recursion", action="store_true", help="only the long recursion")
+    parser.add_argument("--samples", type=int, default=1_000_000)
+    options = parser.parse_args()
+    if options.recursion:
+        print(json.dumps(recursion(options.samples)), flush=True)
+        return
+    for case in CASES:
+        if options.case is None or options.case in case.name:
+            print(json.dumps(measure(case, options.runs)), flush=True)
+
+
+if __name__ == "__main__":
+    main()

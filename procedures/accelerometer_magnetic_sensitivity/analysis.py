@@ -1,0 +1,183 @@
+"""The analysis of an accelerometer's magnetic sensitivity: a pure function of the dataset."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .dataset import AccelerometerDataset
+from .findings import (
+    AccelerometerAnalysis,
+    AnalysisSettings,
+    Estimate,
+    LeftOut,
+    Nuisance,
+    Path,
+)
+from .flags import data_flags, result_flags
+from .identifiability import Identifiability, judge
+from .model import COEFFICIENTS, FIELD_POWER, UNITS, accelerations, model_columns
+from .nuisances import unit_of
+from .published import finite_memory_path, published_values
+from .screening import screen
+from .solution import Rows, Solution, solve_rows
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+__all__ = ["AccelerometerAnalysis", "AnalysisSettings", "analyse"]
+
+BEYOND = "beyond {:g} sigma from the fit"
+
+
+def analyse(
+    dataset: AccelerometerDataset, settings: AnalysisSettings | None = None
+) -> AccelerometerAnalysis:
+    """Estimate the thirteen coefficients, or the combinations that the plan determines.
+
+    What the plan determines is judged on its commanded rows; then the kept coefficients are solved
+    from all usable rows together with nuisance terms, field as measured, angle from the encoder.
+    Beside it stands the finite-memory solution of the source document's step (8). Deterministic;
+    raises nothing for poor data: what they do not determine is None and flagged.
+    """
+    settings = settings or AnalysisSettings()
+    usable, left_out = screen(dataset)
+    found = judge(
+        dataset.plane[usable],
+        dataset.theta_commanded_deg[usable],
+        dataset.field_commanded_T[usable],
+        dataset.gravity_g,
+    )
+    solution: Solution | None = None
+    if found.rank and int(usable.sum()) > found.rank:
+        solution = solve_rows(_rows(dataset, usable), found.kept, settings)
+        if solution.degrees_of_freedom < 1:
+            solution = None
+    residual_V = np.full(len(dataset), np.nan)
+    used = np.zeros(len(dataset), dtype=bool)
+    if solution is not None:
+        residual_V[usable] = solution.residual_V
+        used[usable] = solution.kept
+        far = np.flatnonzero(usable)[~solution.kept]
+        reason = BEYOND.format(settings.outlier)
+        left_out = tuple(
+            sorted((*left_out, *(LeftOut(int(row), reason) for row in far)), key=lambda x: x.row)
+        )
+    estimates = _estimates(found, solution)
+    path = _path(dataset, usable, found, settings)
+    drift = _drift_order(solution)
+    lag_one = _lag_one(residual_V[used]) if solution is not None else None
+    flags = data_flags(dataset, left_out, settings)
+    flags += result_flags(found, estimates, drift, lag_one, int(used.sum()), settings)
+    count = found.rank if solution is not None else 0
+    return AccelerometerAnalysis(
+        identifiability=found,
+        estimates=estimates,
+        covariance=solution.covariance[:count, :count] if solution else np.zeros((0, 0)),
+        published=published_values(path),
+        nuisances=_nuisances(solution, found.rank),
+        not_separable=solution.not_separable if solution else (),
+        left_out=left_out,
+        flags=tuple(flags),
+        used=used,
+        residual_V=residual_V,
+        noise_V=solution.noise_V if solution else None,
+        lag_one_correlation=lag_one,
+        condition=solution.condition if solution else None,
+        drift_order=drift,
+        path=path,
+    )
+
+
+def _rows(dataset: AccelerometerDataset, usable: Mask) -> Rows:
+    temperature, group = dataset.temperature_degC, dataset.noise_group
+    return Rows(
+        time_s=dataset.time_s[usable],
+        plane=dataset.plane[usable],
+        theta_rad=np.radians(dataset.theta_deg[usable]),
+        field_T=dataset.field_T[usable],
+        output_V=dataset.output_V[usable],
+        temperature_degC=None if temperature is None else temperature[usable],
+        noise_group=None if group is None else group[usable],
+        gravity_g=dataset.gravity_g,
+    )
+
+
+def _estimates(found: Identifiability, solution: Solution | None) -> tuple[Estimate, ...]:
+    """Return all thirteen in order, null where they are folded or nothing could be solved."""
+    values: dict[str, float] = {}
+    if solution is not None:
+        values = {name: float(solution.coefficients[j]) for j, name in enumerate(found.kept)}
+    estimates = []
+    for name in COEFFICIENTS:
+        if solution is None or name not in values:
+            estimates.append(Estimate(name, UNITS[name], None, None, None, {}, {}))
+            continue
+        place = found.kept.index(name)
+        estimates.append(
+            Estimate(
+                name=name,
+                unit=UNITS[name],
+                value=values[name],
+                standard_uncertainty=float(np.sqrt(solution.covariance[place, place])),
+                degrees_of_freedom=float(solution.degrees_of_freedom),
+                terms=found.terms[name],
+                sensitivities=_sensitivities(name, values),
+            )
+        )
+    return tuple(estimates)
+
+
+def _sensitivities(name: str, values: dict[str, float]) -> dict[str, float]:
+    """Return the derivatives of a coefficient by errors of field and output that the data hide.
+
+    A gaussmeter that reads B (1 + g) + o makes Km too small by the part g and moves Km by
+    -2 Kmm o, K0 by -Km o, Ki by -Kim o; a voltmeter's gain is in every coefficient.
+    """
+    found = {"voltage_gain": values[name]}
+    if name in FIELD_POWER:
+        found["field_gain"] = -FIELD_POWER[name] * values[name]
+    if name == "K0":
+        found["voltage_offset_V"] = 1.0
+    for higher, lower, factor in (("Km", "K0", 1), ("Kmm", "Km", 2), ("Kim", "Ki", 1)):
+        if name == lower and higher in values:
+            found["field_offset_T"] = -factor * values[higher]
+    return found
+
+
+def _path(
+    dataset: AccelerometerDataset, usable: Mask, found: Identifiability, settings: AnalysisSettings
+) -> Path | None:
+    rows = np.flatnonzero(usable)
+    places = [COEFFICIENTS.index(name) for name in found.kept]
+    theta_rad = np.radians(dataset.theta_deg[rows])
+    acceleration_g = accelerations(dataset.plane[rows], theta_rad, dataset.gravity_g)
+    columns = model_columns(acceleration_g, dataset.field_T[rows])[:, places]
+    return finite_memory_path(
+        columns, dataset.output_V[rows], found.kept, rows.astype(np.int64), settings.window
+    )
+
+
+def _nuisances(solution: Solution | None, rank: int) -> tuple[Nuisance, ...]:
+    if solution is None:
+        return ()
+    return tuple(
+        Nuisance(
+            name,
+            float(solution.coefficients[j]),
+            float(np.sqrt(solution.covariance[j, j])),
+            unit_of(name),
+        )
+        for j, name in enumerate(solution.names)
+        if j >= rank
+    )
+
+
+def _drift_order(solution: Solution | None) -> int:
+    names = solution.names if solution is not None else ()
+    return max((int(n.removeprefix("drift ")) for n in names if n.startswith("drift ")), default=0)
+
+
+def _lag_one(residuals: Array) -> float | None:
+    square = float(residuals @ residuals)
+    return float(residuals[1:] @ residuals[:-1]) / square if square > 0.0 else None

@@ -1,0 +1,53 @@
+"""What a plan will determine and how well, before anything moves."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from procedures.estimation.orthogonal import independent_of, solve_by_qr
+
+from .identifiability import Identifiability, judge
+from .model import COEFFICIENTS, Names, accelerations, accelerations_by_angle, model_columns
+from .nuisances import INDEPENDENT_PART
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Expectation:
+    """What a plan determines; `standard_uncertainty` of each kept coefficient in its own unit.
+
+    It is None where the plan has no more points than coefficients.
+    """
+
+    identifiability: Identifiability
+    standard_uncertainty: Mapping[str, float | None]
+
+
+def expected_uncertainty(
+    plane: Names, theta_deg: Array, field_T: Array, noise_V: float
+) -> Expectation:
+    """Return the Cramer-Rao bounds of a plan's points, each argument (rows,).
+
+    `noise_V` is the standard deviation of a point's output. Encoder offset and misalignment are in
+    the bound wherever they are independent of the kept columns, as they are in the solution; drift
+    and temperature are not known beforehand.
+    """
+    found = judge(plane, theta_deg, field_T)
+    places = [COEFFICIENTS.index(name) for name in found.kept]
+    theta_rad = np.radians(theta_deg)
+    acceleration_g = accelerations(plane, theta_rad)
+    columns = model_columns(acceleration_g, field_T)[:, places]
+    change = accelerations_by_angle(plane, theta_rad)
+    other = np.column_stack((change[:, 0], acceleration_g[:, 1], acceleration_g[:, 2]))
+    taken = independent_of(columns, other, INDEPENDENT_PART)
+    design = np.column_stack((columns, other[:, list(taken)]))
+    if len(theta_deg) <= design.shape[1]:
+        return Expectation(found, dict.fromkeys(found.kept))
+    inverse = solve_by_qr(design, np.zeros(len(theta_deg))).inverse_normal
+    size = noise_V * np.sqrt(np.diag(inverse))
+    return Expectation(found, {name: float(size[j]) for j, name in enumerate(found.kept)})

@@ -1,0 +1,148 @@
+"""What the reader must know about a dataset and its analysis, one flag a sentence."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from .dataset import AccelerometerDataset
+from .findings import AnalysisSettings, Estimate, Flag, LeftOut
+from .identifiability import Identifiability, describe, listed
+from .model import COEFFICIENTS
+
+MAGNETIC = ("Km", "Kmm", "Kim", "Kom", "Kpm")
+MOST_LISTED = 12
+
+
+def data_flags(
+    dataset: AccelerometerDataset, left_out: Sequence[LeftOut], settings: AnalysisSettings
+) -> list[Flag]:
+    """Return the flags on the rows: overload, rejected ones, gaps, and the field that was made."""
+    flags: list[Flag] = []
+    overloaded = np.flatnonzero(dataset.overloaded)
+    if len(overloaded):
+        flags.append(
+            Flag(
+                "overload",
+                f"The voltmeter was overloaded in {len(overloaded)} rows (the first is row "
+                f"{overloaded[0]}, counted from 0); they are left out.",
+                count=len(overloaded),
+                details={"rows": [int(row) for row in overloaded]},
+            )
+        )
+    rejected = [one for one in left_out if not dataset.overloaded[one.row]]
+    if rejected:
+        reasons = list(dict.fromkeys(one.reason for one in rejected))
+        shown = ", ".join(str(one.row) for one in rejected[:MOST_LISTED])
+        more = " and more" if len(rejected) > MOST_LISTED else ""
+        flags.append(
+            Flag(
+                "outliers-rejected",
+                f"{len(rejected)} of {len(dataset)} rows were left out ({'; '.join(reasons)}): "
+                f"rows {shown}{more}, counted from 0.",
+                count=len(rejected),
+                details={"rows": [one.row for one in rejected]},
+            )
+        )
+    return flags + _gap(dataset, settings) + _field(dataset, left_out, settings)
+
+
+def _gap(dataset: AccelerometerDataset, settings: AnalysisSettings) -> list[Flag]:
+    if not dataset.evenly_timed or len(dataset) < 3:
+        return []
+    steps_s = np.diff(dataset.time_s)
+    nominal_s = float(np.median(steps_s))
+    gaps = int(np.sum(steps_s > settings.gap * nominal_s))
+    if not gaps:
+        return []
+    longest_s = float(steps_s.max())
+    missing = int(np.sum(np.rint(steps_s / nominal_s) - 1.0))
+    message = (
+        f"The rows have {gaps} gap{'s' if gaps > 1 else ''}, the longest {longest_s:g} s for a "
+        f"nominal interval of {nominal_s:g} s; the solution does not mind."
+    )
+    details = {"missing_samples": missing, "longest_s": longest_s}
+    return [Flag("gap", message, count=gaps, details=details)]
+
+
+def _field(
+    dataset: AccelerometerDataset, left_out: Sequence[LeftOut], settings: AnalysisSettings
+) -> list[Flag]:
+    good = np.ones(len(dataset), dtype=bool)
+    good[[one.row for one in left_out]] = False
+    commanded, measured = dataset.field_commanded_T[good], dataset.field_T[good]
+    driven = commanded != 0.0
+    if not bool(driven.any()):
+        return []
+    largest_T = float(np.max(np.abs(commanded)))
+    levels = np.unique(commanded[driven])
+    off = np.array([float(np.median(measured[commanded == one] - one)) for one in levels])
+    worst = int(np.argmax(np.abs(off)))
+    part = float(off[worst]) / largest_T
+    if abs(part) <= settings.field_differs:
+        return []
+    message = (
+        f"Where {levels[worst]:.5g} T was commanded, {levels[worst] + off[worst]:.5g} T was "
+        f"measured, off by {100.0 * part:+.2g} % of the largest field; the result uses the "
+        "measured field."
+    )
+    details = {"relative_difference": part}
+    return [Flag("field-differs-from-commanded", message, details=details)]
+
+
+def result_flags(
+    found: Identifiability,
+    estimates: Sequence[Estimate],
+    drift_order: int,
+    lag_one: float | None,
+    rows: int,
+    settings: AnalysisSettings,
+) -> list[Flag]:
+    """Return the flags on the solution: what it cannot tell, drift, what the model leaves."""
+    flags: list[Flag] = []
+    undetermined = [one.name for one in estimates if one.value is None]
+    wanting = [n for n in COEFFICIENTS if n in found.not_alone or n in undetermined]
+    if wanting:
+        if set(undetermined) - set(found.folded):
+            message = f"{rows} usable rows are too few for {found.rank} coefficients."
+        else:
+            message = " ".join(describe(found))
+        flags.append(Flag("not-identifiable", message, details={"coefficients": wanting}))
+    if drift_order:
+        flags.append(
+            Flag(
+                "drift-removed",
+                f"The output drifted; a polynomial in time of order {drift_order} with zero mean "
+                "over the rows was fitted with the coefficients and removed.",
+                details={"order": drift_order},
+            )
+        )
+    # With few rows a correlation as large as the threshold is no rarity.
+    if lag_one is not None and lag_one > max(settings.model_too_stiff, 3.0 / np.sqrt(rows)):
+        flags.append(
+            Flag(
+                "model-too-stiff",
+                f"Neighbouring residuals are correlated by {lag_one:.2f}: the model does not "
+                "follow the output.",
+                details={"lag_one_correlation": lag_one},
+            )
+        )
+    weak = [
+        one.name
+        for one in estimates
+        if one.name in MAGNETIC
+        and one.value is not None
+        and one.standard_uncertainty is not None
+        and abs(one.value) < settings.not_significant * one.standard_uncertainty
+    ]
+    if weak:
+        flags.append(
+            Flag(
+                "not-significant",
+                f"{listed(weak)} cannot be told from zero: the magnitude is below "
+                f"{settings.not_significant:g} standard uncertainties.",
+                details={"coefficients": weak},
+            )
+        )
+    return flags

@@ -1,0 +1,84 @@
+"""From an imported dataset folder to the dataset of the analysis."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated, Any
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+from procedures.accelerometer_magnetic_sensitivity.commanded import commanded_angles
+from procedures.accelerometer_magnetic_sensitivity.dataset import AccelerometerDataset
+from procedures.accelerometer_magnetic_sensitivity.model import PLANES
+from station.dataset_reading import MOST_FAULTS, Table, check_ascending, read_table
+from station.faults import Fault, FaultList, listed, nearest
+from station.fields import StrictModel, Unit
+from station.yaml.reading import validate_model
+
+if TYPE_CHECKING:
+    from station.dataset_reading import RawDataset
+
+COLUMNS = ("t_s", "plane", "theta_deg", "field_commanded_T", "field_T", "output_V")
+TEMPERATURE = "temperature_degC"
+EVEN = 0.01
+MOSTLY = 0.6
+
+
+class Conditions(StrictModel):
+    """The conditions of an accelerometer dataset."""
+
+    local_gravity_g: Annotated[float, Unit("g"), Field(gt=0)] = 1.0
+
+
+def dataset_of_import(raw: RawDataset) -> AccelerometerDataset:
+    """Return the rows of an imported folder; FaultList names file, row and reason."""
+    conditions = validate_model(raw.document, Conditions, at=("conditions",))
+    raw.require_files(("samples",))
+    path = raw.file("samples")
+    table = read_table(path, COLUMNS, (TEMPERATURE,), text=("plane",))
+    check_ascending(path, table, "t_s")
+    _check_planes(table)
+    plane = np.array([str(name).strip() for name in table["plane"]])
+    time_s = np.asarray(table["t_s"], dtype=np.float64)
+    return AccelerometerDataset(
+        time_s=time_s,
+        plane=plane,
+        theta_deg=table["theta_deg"],
+        theta_commanded_deg=_commanded(plane, table["theta_deg"]),
+        field_T=table["field_T"],
+        field_commanded_T=table["field_commanded_T"],
+        output_V=table["output_V"],
+        temperature_degC=table.get(TEMPERATURE),
+        evenly_timed=_even(time_s),
+        gravity_g=conditions.local_gravity_g,
+    )
+
+
+def _commanded(plane: NDArray[Any], theta_deg: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the plan's angles, each plane's own; where the axis is vertical they mean nothing."""
+    found = theta_deg.copy()
+    for name in np.unique(plane):
+        inside = plane == name
+        found[inside] = 0.0 if name == "level" else commanded_angles(theta_deg[inside])
+    return found
+
+
+def _even(time_s: NDArray[np.float64]) -> bool:
+    steps_s = np.diff(time_s)
+    if len(steps_s) < 2:
+        return False
+    usual_s = float(np.median(steps_s))
+    return float(np.mean(np.abs(steps_s - usual_s) <= EVEN * usual_s)) >= MOSTLY
+
+
+def _check_planes(table: Table) -> None:
+    faults = []
+    for line, name in zip(table.lines, table["plane"], strict=True):
+        plane = str(name).strip()
+        if plane not in PLANES:
+            hint = nearest(plane, PLANES)
+            what = f"there is no plane '{plane}'; there are {listed(PLANES)}"
+            faults.append(Fault(str(table.path), line, 1, "plane", what, hint and f"'{hint}'"))
+    if faults:
+        raise FaultList(faults[:MOST_FAULTS])

@@ -1,0 +1,42 @@
+"""What `validate` says of a plan that has no fault: what it determines, and how well."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from procedures.accelerometer_magnetic_sensitivity.expected import (
+    Expectation,
+    expected_uncertainty,
+)
+from procedures.accelerometer_magnetic_sensitivity.identifiability import (
+    combination_text,
+    describe,
+)
+from procedures.accelerometer_magnetic_sensitivity.model import UNITS
+from procedures.accelerometer_magnetic_sensitivity.parameters import AccelerometerParameters
+from station.report.numbers import format_number
+
+T_PER_MT = 1e-3
+
+
+def expectation(parameters: AccelerometerParameters) -> Expectation:
+    """Return what the points of a plan determine, with the bounds of their uncertainties."""
+    points = parameters.points
+    return expected_uncertainty(
+        np.array([point.plane for point in points]),
+        np.array([point.angle_deg for point in points]),
+        np.array([point.field_mT for point in points]) * T_PER_MT,
+        parameters.point_noise_V,
+    )
+
+
+def outlook(parameters: AccelerometerParameters) -> tuple[str, ...]:
+    """Return in lines what a plan determines, what it does not, and how well."""
+    expected = expectation(parameters)
+    found = expected.identifiability
+    lines = [f"{len(parameters.points)} points. {' '.join(describe(found))}"]
+    for name, terms in found.terms.items():
+        u = expected.standard_uncertainty[name]
+        text = "undetermined: too few points" if u is None else f"u = {format_number(u, 2)}"
+        lines.append(f"{combination_text(terms)}: {text} {UNITS[name] if u is not None else ''}")
+    return tuple(line.rstrip() for line in lines)

@@ -1,0 +1,284 @@
+"""Where the fault campaign puts its faults: every kind, instrument and step of every shipped plan.
+
+A plan joins by lying in `config/plans` and being valid on the simulated bench, an instrument by
+being opened in a run of it, a fault by being declared for its simulator. Where a fault is put is
+learnt from one run without faults: when each step began, and how many messages each instrument
+had been sent by then.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import yaml
+from campaign_helpers import RawContent, raw_content
+
+from sim_instruments.faults.catalogue import applicable_faults
+from sim_instruments.faults.wire import CAN, MEASURED, WIRE_FAULTS
+from station import registry
+from station.bench import Bench, read_bench
+from station.cli.validating import problems_on_bench
+from station.faults import FaultList
+from station.lookup import BENCHES, PLANS, available, find
+from station.plan import Plan, read_plan
+from station.procedure import Step
+from station.record.folder import RunFolder, RunRecord
+from station.runner.execute import conclude, head_of
+from station.runner.outcome import Outcome
+from station.runner.progress import Progress
+from station.runner.prompts import Operator
+from station.runner.run import Run
+from station.runner.session import BenchSession
+from station.runner.trace import Trace
+from station.runner.walking import Walk
+from station.status import RUN_STARTED, what_is_planned
+
+BENCH = "sim"
+SHORT_FORMS: Mapping[str, tuple[str, ...]] = {
+    "rlg-magnetic-sensitivity": (
+        "parameters.frequency=0.2 Hz",
+        "parameters.duration=50 s",
+        "parameters.axes=[IA, NA]",
+        "parameters.settle=5 s",
+        "parameters.warm_up.slope_limit=40 deg/h^2",
+        "parameters.warm_up.window=30 s",
+        "parameters.warm_up.at_most=5 min",
+    ),
+}
+"""What makes a procedure's plan short; without an entry a plan runs as it is shipped."""
+
+FIRST, MIDDLE, LASTING = "first message", "middle", "from the middle on"
+LONG = "100 h"
+BOARD_COMMANDS = {"can-pulse-board": 0x100}
+"""The frame by which a driver commands its instrument on a bus that others use as well."""
+
+
+@dataclass(frozen=True)
+class Case:
+    """One fault at one place of one plan's run."""
+
+    plan: str
+    instrument: str
+    kind: str
+    step: str
+    placement: str
+
+    @property
+    def role(self) -> str:
+        """The role that the instrument plays."""
+        return self.instrument.partition(".")[0]
+
+    def __str__(self) -> str:
+        return f"{self.plan} {self.instrument} {self.kind} {self.step} {self.placement}"
+
+
+@dataclass(frozen=True)
+class Mark:
+    """The beginning of a step: when, and how many messages went out and measurements came in."""
+
+    step: str
+    time_s: float
+    sent: Mapping[str, int]
+    measured: Mapping[str, int]
+
+
+@dataclass(frozen=True)
+class Reference:
+    """A run without faults: how it went, where its steps began, what it recorded."""
+
+    folder: Path
+    outcome: Outcome
+    world: dict[str, Any]
+    marks: tuple[Mark, ...]
+    """One for each step and one for the end of the last."""
+    raw: Mapping[str, RawContent]
+    instruments: Mapping[str, tuple[str, str]]
+    """Protocol and driver of each simulated instrument that the run opened."""
+
+    def begins(self, step: str) -> int:
+        """Return the place of a step's mark."""
+        return next(k for k, mark in enumerate(self.marks) if mark.step == step)
+
+    def entry(self, case: Case) -> dict[str, Any] | None:
+        """Return the fault of a case as a bench file has it, None where it finds no place."""
+        here, after = self.marks[(k := self.begins(case.step))], self.marks[k + 1]
+        protocol, driver = self.instruments[case.instrument]
+        on_wire = case.kind in WIRE_FAULTS
+        fault: dict[str, Any] = {"instrument": case.instrument, "fault": case.kind}
+        if case.placement == FIRST:
+            counted = (here.sent, after.sent)
+            if case.kind == "nan":
+                counted = (here.measured, after.measured)
+            before, by_then = (one.get(case.instrument, 0) for one in counted)
+            if by_then == before:
+                return None
+            if protocol in CAN:
+                fault["command"] = BOARD_COMMANDS[driver]
+            return {**fault, "nth": before + 1}
+        if case.placement == LASTING and not on_wire:
+            return None
+        fault["at"] = f"{(here.time_s + after.time_s) / 2:.6f} s"
+        return {**fault, "for": LONG} if case.placement == LASTING else fault
+
+
+def bench_data() -> dict[str, Any]:
+    """Return the data of the simulated bench."""
+    data: dict[str, Any] = yaml.safe_load(find(BENCHES, BENCH).read_text(encoding="utf-8"))
+    return data
+
+
+def read_bench_at(path: Path) -> Bench:
+    """Return the bench of a file."""
+    return read_bench(path, registry.names(registry.DRIVERS))
+
+
+def short(plan: str) -> Plan:
+    """Return a shipped plan in its short form; raises FaultList."""
+    path = find(PLANS, plan)
+    name = yaml.safe_load(path.read_text(encoding="utf-8")).get("procedure", "")
+    return read_plan(path, registry.Procedures(), SHORT_FORMS.get(str(name), ()))
+
+
+def plans() -> list[str]:
+    """Return the shipped plans that are valid on the simulated bench."""
+    bench = read_bench_at(find(BENCHES, BENCH))
+    return [name for name, _ in available(PLANS) if is_valid(name, bench)]
+
+
+def is_valid(name: str, bench: Bench) -> bool:
+    """Whether a plan, in its short form, can run on a bench."""
+    try:
+        return not list(problems_on_bench(short(name), bench))
+    except FaultList:
+        return False
+
+
+def all_cases(plan: str, reference: Reference) -> Iterator[tuple[Case, dict[str, Any]]]:
+    """Yield every case of a plan with its fault; what two cases have in common comes once."""
+    seen: set[str] = set()
+    for instrument, (protocol, driver) in reference.instruments.items():
+        for kind in applicable_faults(protocol, driver):
+            for mark in reference.marks[:-1]:
+                for placement in (FIRST, MIDDLE, LASTING):
+                    case = Case(plan, instrument, kind, mark.step, placement)
+                    entry = reference.entry(case)
+                    if entry is not None and repr(entry) not in seen:
+                        seen.add(repr(entry))
+                        yield case, entry
+
+
+def covering_cases(plan: str) -> list[Case]:
+    """Return a few cases of a plan: every kind once a role, every step, every placement.
+
+    Chosen without a run. The instrument of a role is the last that the plan uses, so that it
+    still is energised where the others are not any more.
+    """
+    bench = bench_data()["instruments"]
+    read = short(plan)
+    procedure = registry.procedure(read.procedure)
+    used = [*procedure.instruments(read.parameters), "interlock_chain"]
+    by_role = {name.partition(".")[0]: name for name in used if name in bench}
+    steps = [step.number for step in procedure.steps]
+    lengthy = [one.number for one in procedure.steps if one.duration_s(read.parameters) > 1.0]
+    cases: list[Case] = []
+    for name in by_role.values():
+        for kind in applicable_faults(protocol_of(bench[name]["driver"]), bench[name]["driver"]):
+            placement = (MIDDLE, LASTING, FIRST)[len(cases) % 3]
+            if placement == LASTING and kind not in WIRE_FAULTS:
+                placement = MIDDLE
+            step = lengthy[len(cases) // 2 % len(lengthy)]
+            cases.append(Case(plan, name, kind, step, placement))
+    covered = {case.step for case in cases}
+    some = list(by_role.values())
+    for number, step in enumerate(one for one in steps if one not in covered):
+        name = some[number % len(some)]
+        kinds = applicable_faults(protocol_of(bench[name]["driver"]), bench[name]["driver"])
+        if kinds:
+            cases.append(Case(plan, name, kinds[number % len(kinds)], step, FIRST))
+    return cases
+
+
+def protocol_of(driver: str) -> str:
+    """Return the protocol that the simulator of a driver speaks, empty without one."""
+    found = registry.names(registry.SIMULATORS)
+    if driver not in found:
+        return ""
+    return str(getattr(registry.load(registry.SIMULATORS, driver), "protocol", "scpi"))
+
+
+def reference_run(plan_name: str, folder: Path) -> Reference:
+    """Run a plan without faults and note where its steps begin."""
+    folder.mkdir(parents=True, exist_ok=True)
+    world, bench_file = folder / "world.json", folder / "bench.yaml"
+    data = bench_data()
+    data["simulation"]["report"] = str(world)
+    bench_file.write_text(yaml.safe_dump(data), encoding="utf-8")
+    plan, bench = short(plan_name), read_bench_at(bench_file)
+    procedure = registry.procedure(plan.procedure)
+    marks: list[Mark] = []
+    with BenchSession(bench, plan.procedure) as session:
+        clock = session.clock
+        described = session._simulation.instruments  # type: ignore[attr-defined]
+        record = RunRecord(
+            folder / "runs", plan.procedure, plan.dut.serial, clock, head_of(plan, bench, clock)
+        )
+        outcome = Outcome(record.path)
+        trace = Trace(record.path, clock)
+
+        def mark(step: str) -> None:
+            counts = {name: traffic(trace.folder / f"{name}.txt") for name in described}
+            sent = {name: count for name, (count, _) in counts.items()}
+            measured = {name: count for name, (_, count) in counts.items()}
+            marks.append(Mark(step, clock.now(), sent, measured))
+
+        def marked(step: Step) -> Step:
+            def body(run: Run) -> None:
+                mark(step.number)
+                step.body(run)
+
+            return replace(step, body=body)
+
+        steps = [*map(marked, procedure.steps), Step("end", "", lambda run: mark(""), lambda _: 0)]
+        operator = Operator(clock, {}, interactive=False, act=session.act)
+        with Progress(1.0, quiet=True) as progress:
+            planned = what_is_planned(plan, procedure, clock)
+            record.event(RUN_STARTED, **planned, sha256={})
+            run = Run(plan, bench, clock, record, progress, operator)
+            walked = replace(procedure, steps=steps)
+            Walk(run, walked, session, bench.path, trace).go(outcome)
+    conclude(record, outcome, report=False)
+    assert outcome.exit_code in (0, 1, 6), (outcome.exit_code, outcome.error)
+    opened = {one.details["instrument"] for one in RunFolder(record.path).events_of("identified")}
+    return Reference(
+        record.path,
+        outcome,
+        yaml.safe_load(world.read_text(encoding="utf-8")),
+        tuple(marks),
+        {file.name: raw_content(file) for file in sorted((record.path / "raw").iterdir())},
+        {
+            name: (str(one["protocol"]), bench.instruments[name].driver)
+            for name, one in described.items()
+            if name in opened
+        },
+    )
+
+
+def traffic(trace: Path) -> tuple[int, int]:
+    """Return how many messages a trace has that were sent, and that came with a measurement."""
+    sent = measured = 0
+    for line in trace.read_text(encoding="utf-8").splitlines() if trace.is_file() else ():
+        found = re.match(r"\s*[\d.]+ ([<>]) (.*)", line)
+        if found:
+            sent += found[1] == ">"
+            measured += found[1] == "<" and bool(MEASURED.search(found[2].encode()))
+    return sent, measured
+
+
+def neighbours(reference: Reference) -> Iterator[tuple[Mark, Mark]]:
+    """Yield the beginning and the end of each step."""
+    return pairwise(reference.marks)

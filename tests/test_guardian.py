@@ -1,0 +1,274 @@
+"""A run that is killed or stands still leaves a safe bench: its guardian sees to that.
+
+What is safe is asked of the simulated world, in another process. The long form, with the
+distribution of the times, is `benchmarks/guardian.py`.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import signal
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from threading import Event as Flag
+
+import pytest
+from campaign_helpers import whole_events
+from guardian_helpers import GuardedRun, World, start_run, until, world
+
+from station import registry
+from station.bench import read_bench
+from station.clock import RealClock, VirtualClock
+from station.guardian import takeover
+from station.guardian.log import GUARDIAN_LOG, guardian_events, latest_safe_state
+from station.guardian.messages import Instructions
+from station.guardian.takeover import Takeover
+from station.guardian.watched import Guardian, GuardianFailed
+from station.lookup import find
+from station.record.events import Event
+from station.record.folder import RunFolder
+from station.record.manifest import MANIFEST, write_manifest
+from station.recorded import left_unverified, read_plan_and_bench
+from station.status import read_status
+from station.yaml.writing import yaml_text
+
+if sys.platform != "linux":
+    pytest.skip("SIGKILL, SIGSTOP and /proc; not verified elsewhere", allow_module_level=True)
+
+HALF_PERIOD_S = 1.0
+SETTLES_S = 0.3
+"""Half a period of 0.5 Hz, the longest wait for a zero of the sine, and what follows it."""
+COILS = ("coil_supply.x", "coil_supply.y")
+
+
+@pytest.fixture(scope="module")
+def bench(tmp_path_factory: pytest.TempPathFactory) -> Iterator[World]:
+    with world(tmp_path_factory.mktemp("world")) as served:
+        yield served
+
+
+@pytest.fixture(scope="module", autouse=True)
+def standing_still(
+    bench: World, tmp_path_factory: pytest.TempPathFactory
+) -> tuple[GuardedRun, float]:
+    """A run on a coil of its own that is stopped at once: what it shows takes 5 s to come."""
+    run = start_run(bench, tmp_path_factory.mktemp("still"), "coil_supply.z")
+    return run, run.end_by(signal.SIGSTOP)
+
+
+def guardian_of(run: GuardedRun) -> int:
+    """Return the number of the guardian's process."""
+    children = Path(f"/proc/{run.process.pid}/task/{run.process.pid}/children")
+    return int(children.read_text(encoding="utf-8").split()[0])
+
+
+def verified_after_s(run: GuardedRun, bench: World, killed_s: float) -> float:
+    """Return the real time from the end of a run to the verified safe state, from the log."""
+    last = run.guardian_log()[-1]
+    assert last["event"] == "safe-state"
+    assert all(one["verified"] for one in last["outcomes"]), last
+    return (last["t_s"] - bench.bench_s(killed_s)) / bench.speed
+
+
+@dataclass(frozen=True)
+class Killed:
+    """A run that was killed while its coil carried a large current, and what was said then."""
+
+    run: GuardedRun
+    after_s: float
+    said: str
+    at_rest: bool
+
+
+@pytest.fixture(scope="module")
+def killed(bench: World, tmp_path_factory: pytest.TempPathFactory) -> Killed:
+    run = start_run(bench, tmp_path_factory.mktemp("killed"))
+    until(lambda: abs(bench.report()["coils"]["x"]["current_A"]) > 4.0)
+    killed_s = run.end_by(signal.SIGKILL)
+    said = run.wait_for_guardian()
+    return Killed(run, verified_after_s(run, bench, killed_s), said, bench.at_rest("x"))
+
+
+def test_a_killed_run_leaves_its_coil_at_zero_and_its_output_off(killed: Killed) -> None:
+    assert killed.at_rest
+    assert killed.after_s < 2.0 + HALF_PERIOD_S + SETTLES_S
+    told = "the bench is safe, read back from every instrument: coil_supply.x output off"
+    assert told in killed.said
+
+
+def test_status_and_analysis_learn_what_the_guardian_did(killed: Killed) -> None:
+    status = read_status(killed.run.folder)
+    assert (status.state, status.bench_safe) == ("interrupted", True)
+    assert "the guardian made the bench safe" in status.message
+    folder = RunFolder(killed.run.folder)
+    assert not left_unverified(folder, read_plan_and_bench(folder)[1])
+
+
+def test_the_guardian_writes_a_chained_log_that_a_manifest_covers(
+    killed: Killed, tmp_path: Path
+) -> None:
+    folder = shutil.copytree(killed.run.folder, tmp_path / "run")
+    gone, made_safe = guardian_events(folder)
+    assert (gone.kind, made_safe.kind) == ("runner-gone", "safe-state")
+    assert made_safe.details["after_events"] == len(whole_events(folder))
+    write_manifest(folder)
+    manifest = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))
+    assert GUARDIAN_LOG in manifest["files"]
+
+
+def test_what_ends_a_terminal_does_not_end_the_guardian(bench: World, tmp_path: Path) -> None:
+    run = start_run(bench, tmp_path, *COILS)
+    guardian = guardian_of(run)
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        os.kill(guardian, number)
+    assert os.getsid(guardian) != os.getsid(run.process.pid)
+    run.end_by(signal.SIGKILL)
+    run.wait_for_guardian()
+    assert bench.at_rest()
+    names = [one["instrument"] for one in run.guardian_log()[-1]["outcomes"]]
+    assert names == list(COILS), "what cannot harm is left alone"
+
+
+def test_a_supply_that_is_gone_for_a_while_keeps_no_other_from_being_made_safe(
+    bench: World, tmp_path: Path
+) -> None:
+    run = start_run(bench, tmp_path, *COILS)
+    bench.inject(instrument="coil_supply.x", fault="port-gone", **{"for": "0.6 s"})
+    run.end_by(signal.SIGKILL)
+    run.wait_for_guardian()
+    states = [event["outcomes"] for event in run.guardian_log() if event["event"] == "safe-state"]
+    assert [one["verified"] for one in states[0]] == [False, True]
+    assert [one["verified"] for one in states[-1]] == [True, True]
+    assert bench.at_rest()
+
+
+def test_what_could_not_be_verified_is_said_by_name(
+    killed: Killed,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capfd: pytest.CaptureFixture[str],
+) -> None:
+    path = shutil.copytree(killed.run.folder, tmp_path / "run")
+    (path / GUARDIAN_LOG).unlink()
+    monkeypatch.setattr(takeover, "PAUSES_S", (0.0,))
+    nobody = {"coil_supply.x": "TCPIP::127.0.0.1::1::SOCKET"}
+    instructions = Instructions(
+        str(path), str(path / "bench.resolved.yaml"), [], nobody, 0, 1.0, 0.0
+    )
+    assert Takeover(instructions).take_over("It died.", ["coil_supply.x"], NobodyLeft()) == 3
+    assert "NOT VERIFIED as safe; go to the bench" in capfd.readouterr().err
+    folder = RunFolder(path)
+    left = left_unverified(folder, read_plan_and_bench(folder)[1])
+    assert list(left) == ["coil_supply.x"]
+    assert "Connection refused" in left["coil_supply.x"]
+    assert read_status(path).bench_safe is False
+    assert "could not verify as safe: coil_supply.x" in read_status(path).message
+
+
+class NobodyLeft:
+    """The process of a run that has ended long ago."""
+
+    def end(self, within_s: float) -> bool:
+        return True
+
+
+@pytest.fixture
+def folder(bench: World, tmp_path: Path) -> Path:
+    """A run folder's resolved bench."""
+    shipped = read_bench(find("benches", "sim"), registry.names(registry.DRIVERS))
+    text = yaml_text(shipped.to_yaml_data())
+    (tmp_path / "bench.resolved.yaml").write_text(text, encoding="utf-8")
+    return tmp_path
+
+
+def test_a_dismissed_guardian_ends_and_leaves_no_word(folder: Path) -> None:
+    guardian = Guardian(folder, None, {}, RealClock(), wait=False)
+    guardian.wait_ready()
+    guardian.watch(["coil_supply.x"])
+    guardian.dismiss()
+    guardian.dismiss()
+    assert not (folder / GUARDIAN_LOG).exists()
+
+
+def test_a_guardian_that_ends_too_early_is_told_and_watches_nothing_more(folder: Path) -> None:
+    lost, said = Flag(), []
+
+    def tell(text: str) -> None:
+        said.append(text)
+        lost.set()
+
+    guardian = Guardian(folder, None, {}, RealClock(), on_lost=tell)
+    child = Path(f"/proc/{os.getpid()}/task/{os.getpid()}/children").read_text(encoding="utf-8")
+    os.kill(int(child.split()[-1]), signal.SIGKILL)
+    assert lost.wait(20.0)
+    assert "nothing makes the bench safe" in said[0]
+    with pytest.raises(GuardianFailed, match="has ended"):
+        guardian.watch(["coil_supply.x"])
+    guardian.dismiss()
+
+
+def test_a_guardian_that_cannot_read_its_bench_says_so_before_anything_is_energised(
+    tmp_path: Path,
+) -> None:
+    with pytest.raises(GuardianFailed, match=r"cannot do its work: .*bench\.resolved\.yaml"):
+        Guardian(tmp_path, None, {}, RealClock())
+
+
+def test_a_world_in_the_same_process_has_no_guardian(tmp_path: Path) -> None:
+    with pytest.raises(GuardianFailed, match="ends with it"):
+        Guardian(tmp_path, None, {}, VirtualClock())
+
+
+def outcome(verified: bool, read_back: str = "") -> dict[str, object]:
+    return {"instrument": "coil_supply.x", "verified": verified, "read_back": read_back}
+
+
+def of_run(*kinds: str, safe: bool = True) -> list[Event]:
+    return [
+        Event(0.0, kind, {"outcomes": [outcome(safe)]} if kind == "safe-state" else {})
+        for kind in kinds
+    ]
+
+
+def of_guardian(after_events: int, *, safe: bool) -> Event:
+    return Event(0.0, "safe-state", {"after_events": after_events, "outcomes": [outcome(safe)]})
+
+
+def test_the_guardians_word_counts_until_instruments_are_opened_again() -> None:
+    killed = of_run("run-started", "identified")
+    word = of_guardian(2, safe=False)
+    assert latest_safe_state(killed, [word]) == [outcome(False)]
+    resumed = [*killed, *of_run("resumed")]
+    assert latest_safe_state(resumed, [word]) == [outcome(False)]
+    opened = [*resumed, *of_run("identified")]
+    assert latest_safe_state(opened, [word]) is None
+    ended = [*opened, *of_run("safe-state")]
+    assert latest_safe_state(ended, [word]) == [outcome(True)]
+
+
+def test_a_resumed_run_that_opened_nothing_changes_nothing_about_the_bench() -> None:
+    resumed = of_run("identified", "resumed")
+    nothing = Event(0.0, "safe-state", {"outcomes": []})
+    word = of_guardian(1, safe=False)
+    assert latest_safe_state([*resumed, nothing], [word]) == [outcome(False)]
+    assert latest_safe_state([nothing], []) == []
+
+
+def test_a_guardian_that_acts_after_the_runs_own_safe_state_has_the_last_word() -> None:
+    own = of_run("identified", "safe-state")
+    assert latest_safe_state(own, [of_guardian(2, safe=False)]) == [outcome(False)]
+
+
+def test_a_run_that_stands_still_is_ended_and_its_bench_made_safe(
+    bench: World, standing_still: tuple[GuardedRun, float]
+) -> None:
+    run, stopped_s = standing_still
+    said = run.wait_for_guardian()
+    assert run.process.returncode == -signal.SIGKILL
+    assert bench.at_rest("z")
+    assert verified_after_s(run, bench, stopped_s) < 7.0 + HALF_PERIOD_S + SETTLES_S
+    assert "gave no sign of life for 5 s" in said
