@@ -38,15 +38,22 @@ from procedures.accelerometer_magnetic_sensitivity.identifiability import judge
 
 Array = NDArray[np.float64]
 
-NAMES = ("K0", "Ki", "Kii", "Kiii", "Kio", "Kip", "Koo", "Kpp", "Km", "Kmm", "Kim", "Kom", "Kpm")
-TRUTH = dict(
-    zip(
-        NAMES,
-        (3.9e-3, 1.00007, 15e-6, 12e-6, -14e-6, -6e-6, 11e-6, -5e-6, 0.0135, 0.12, 0.015, -0.005)
-        + (-0.0024,),
-        strict=True,
-    )
-)
+TRUTH = {
+    "K0": 3.9e-3,
+    "Ki": 1.00007,
+    "Kii": 15e-6,
+    "Kiii": 12e-6,
+    "Kio": -14e-6,
+    "Kip": -6e-6,
+    "Koo": 11e-6,
+    "Kpp": -5e-6,
+    "Km": 0.0135,
+    "Kmm": 0.12,
+    "Kim": 0.015,
+    "Kom": -0.005,
+    "Kpm": -0.0024,
+}
+NAMES = tuple(TRUTH)
 NOISE_V = 3e-6
 INTERVAL_S = 10.0
 ONE_SIDED = (0.0, 0.01, 0.02, 0.03, 0.04, 0.05)

@@ -122,7 +122,7 @@ def ended(
     if not (run.folder / "guardian.jsonl").is_file():
         return {**line, "guardian_acted": False, "kept": line["at_rest"]}
     last = run.guardian_log()[-1]
-    zero_s = max(bench.report()["coils"][axis]["at_zero_since_s"] or np.inf for axis in axes)
+    since_s = [bench.report()["coils"][axis]["at_zero_since_s"] for axis in axes]
     verified_s = (last["t_s"] - signal_s) / bench.speed
     safe_state_s = sum(one["took_s"] for one in last.get("outcomes", ())) / bench.speed
     driven = sum(f"coil_supply.{axis}" in line["was_energised"] for axis in axes)
@@ -134,7 +134,9 @@ def ended(
         "guardian_acted": True,
         "attempts": last.get("attempt"),
         "verified": verified,
-        "to_zero_s": round(max((zero_s - signal_s) / bench.speed, 0.0), 4),
+        "to_zero_s": None
+        if None in since_s
+        else round(max((max(since_s) - signal_s) / bench.speed, 0.0), 4),
         "to_verified_s": round(verified_s, 4),
         "safe_state_s": round(safe_state_s, 4),
         "before_s": round(verified_s - safe_state_s, 4),
@@ -157,7 +159,7 @@ def summary(lines: list[dict[str, Any]]) -> dict[str, Any]:
 
     def spread(key: str) -> list[float] | None:
         """Return the least, the median, the 90th percentile and the largest."""
-        values = [line[key] for line in acted]
+        values = [line[key] for line in acted if line[key] is not None]
         return np.quantile(values, [0.0, 0.5, 0.9, 1.0]).round(4).tolist() if values else None
 
     return {

@@ -10,22 +10,25 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, replace
-from itertools import pairwise
+from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import yaml
 from campaign_helpers import RawContent, raw_content
 
+from sim_instruments.bench import WORLDS, SimulatedBench
 from sim_instruments.faults.catalogue import applicable_faults
-from sim_instruments.faults.wire import CAN, MEASURED, WIRE_FAULTS
+from sim_instruments.faults.wire import LINES, MEASURED, WIRE_FAULTS
 from station import registry
 from station.bench import Bench, read_bench
-from station.cli.validating import problems_on_bench
+from station.cli.validating import read_plan_for
+from station.clock import VirtualClock
 from station.faults import FaultList
 from station.lookup import BENCHES, PLANS, available, find
-from station.plan import Plan, read_plan
+from station.plan import Plan
 from station.procedure import Step
 from station.record.folder import RunFolder, RunRecord
 from station.runner.execute import conclude, head_of
@@ -77,14 +80,28 @@ class Case:
         return f"{self.plan} {self.instrument} {self.kind} {self.step} {self.placement}"
 
 
+class Traffic(NamedTuple):
+    """How many messages were sent, how many were answered, how many of those with a measurement."""
+
+    sent: int = 0
+    answered: int = 0
+    measured: int = 0
+
+    def met_by(self, kind: str, protocol: str) -> int:
+        """Return how many of them a fault of a kind would have counted."""
+        fault = WIRE_FAULTS.get(kind)
+        if kind == "nan":
+            return self.measured
+        return self.answered if fault and fault.needs_reply and protocol in LINES else self.sent
+
+
 @dataclass(frozen=True)
 class Mark:
-    """The beginning of a step: when, and how many messages went out and measurements came in."""
+    """The beginning of a step: when, and what had been on each instrument's wire by then."""
 
     step: str
     time_s: float
-    sent: Mapping[str, int]
-    measured: Mapping[str, int]
+    traffic: Mapping[str, Traffic]
 
 
 @dataclass(frozen=True)
@@ -111,13 +128,13 @@ class Reference:
         on_wire = case.kind in WIRE_FAULTS
         fault: dict[str, Any] = {"instrument": case.instrument, "fault": case.kind}
         if case.placement == FIRST:
-            counted = (here.sent, after.sent)
-            if case.kind == "nan":
-                counted = (here.measured, after.measured)
-            before, by_then = (one.get(case.instrument, 0) for one in counted)
+            before, by_then = (
+                mark.traffic.get(case.instrument, Traffic()).met_by(case.kind, protocol)
+                for mark in (here, after)
+            )
             if by_then == before:
                 return None
-            if protocol in CAN:
+            if protocol not in LINES:
                 fault["command"] = BOARD_COMMANDS[driver]
             return {**fault, "nth": before + 1}
         if case.placement == LASTING and not on_wire:
@@ -137,25 +154,20 @@ def read_bench_at(path: Path) -> Bench:
     return read_bench(path, registry.names(registry.DRIVERS))
 
 
-def short(plan: str) -> Plan:
-    """Return a shipped plan in its short form; raises FaultList."""
-    path = find(PLANS, plan)
-    name = yaml.safe_load(path.read_text(encoding="utf-8")).get("procedure", "")
-    return read_plan(path, registry.Procedures(), SHORT_FORMS.get(str(name), ()))
+def short(plan: str, bench: Bench) -> Plan:
+    """Return a shipped plan in its short form; raises FaultList where it cannot run."""
+    name = yaml.safe_load(find(PLANS, plan).read_text(encoding="utf-8")).get("procedure", "")
+    return read_plan_for(plan, bench, SHORT_FORMS.get(str(name), ()))
 
 
 def plans() -> list[str]:
-    """Return the shipped plans that are valid on the simulated bench."""
-    bench = read_bench_at(find(BENCHES, BENCH))
-    return [name for name, _ in available(PLANS) if is_valid(name, bench)]
-
-
-def is_valid(name: str, bench: Bench) -> bool:
-    """Whether a plan, in its short form, can run on a bench."""
-    try:
-        return not list(problems_on_bench(short(name), bench))
-    except FaultList:
-        return False
+    """Return the shipped plans that are valid on the simulated bench and have a world there."""
+    bench, found = read_bench_at(find(BENCHES, BENCH)), []
+    for name, _ in available(PLANS):
+        with suppress(FaultList):
+            if short(name, bench).procedure in WORLDS:
+                found.append(name)
+    return found
 
 
 def all_cases(plan: str, reference: Reference) -> Iterator[tuple[Case, dict[str, Any]]]:
@@ -178,37 +190,39 @@ def covering_cases(plan: str) -> list[Case]:
     Chosen without a run. The instrument of a role is the last that the plan uses, so that it
     still is energised where the others are not any more.
     """
-    bench = bench_data()["instruments"]
-    read = short(plan)
+    bench = read_bench_at(find(BENCHES, BENCH))
+    read = short(plan, bench)
     procedure = registry.procedure(read.procedure)
+    simulated = served(read.procedure)
     used = [*procedure.instruments(read.parameters), "interlock_chain"]
-    by_role = {name.partition(".")[0]: name for name in used if name in bench}
-    steps = [step.number for step in procedure.steps]
+    by_role = {name.partition(".")[0]: name for name in used if name in simulated}
+    kinds = {
+        name: applicable_faults(simulated[name], bench.instruments[name].driver)
+        for name in by_role.values()
+    }
     lengthy = [one.number for one in procedure.steps if one.duration_s(read.parameters) > 1.0]
     cases: list[Case] = []
-    for name in by_role.values():
-        for kind in applicable_faults(protocol_of(bench[name]["driver"]), bench[name]["driver"]):
+    for name, possible in kinds.items():
+        for kind in possible:
             placement = (MIDDLE, LASTING, FIRST)[len(cases) % 3]
             if placement == LASTING and kind not in WIRE_FAULTS:
                 placement = MIDDLE
             step = lengthy[len(cases) // 2 % len(lengthy)]
             cases.append(Case(plan, name, kind, step, placement))
     covered = {case.step for case in cases}
-    some = list(by_role.values())
-    for number, step in enumerate(one for one in steps if one not in covered):
-        name = some[number % len(some)]
-        kinds = applicable_faults(protocol_of(bench[name]["driver"]), bench[name]["driver"])
-        if kinds:
-            cases.append(Case(plan, name, kinds[number % len(kinds)], step, FIRST))
+    left = [one.number for one in procedure.steps if one.number not in covered]
+    for number, step in enumerate(left):
+        name = list(kinds)[number % len(kinds)]
+        cases.append(Case(plan, name, kinds[name][number % len(kinds[name])], step, FIRST))
     return cases
 
 
-def protocol_of(driver: str) -> str:
-    """Return the protocol that the simulator of a driver speaks, empty without one."""
-    found = registry.names(registry.SIMULATORS)
-    if driver not in found:
-        return ""
-    return str(getattr(registry.load(registry.SIMULATORS, driver), "protocol", "scpi"))
+@lru_cache
+def served(procedure: str) -> Mapping[str, str]:
+    """Return the simulated instruments of a procedure's bench with their protocols."""
+    simulated = SimulatedBench(bench_data(), VirtualClock(), procedure)
+    simulated.close()
+    return {name: str(one["protocol"]) for name, one in simulated.instruments.items()}
 
 
 def reference_run(plan_name: str, folder: Path) -> Reference:
@@ -218,7 +232,8 @@ def reference_run(plan_name: str, folder: Path) -> Reference:
     data = bench_data()
     data["simulation"]["report"] = str(world)
     bench_file.write_text(yaml.safe_dump(data), encoding="utf-8")
-    plan, bench = short(plan_name), read_bench_at(bench_file)
+    bench = read_bench_at(bench_file)
+    plan = short(plan_name, bench)
     procedure = registry.procedure(plan.procedure)
     marks: list[Mark] = []
     with BenchSession(bench, plan.procedure) as session:
@@ -232,9 +247,7 @@ def reference_run(plan_name: str, folder: Path) -> Reference:
 
         def mark(step: str) -> None:
             counts = {name: traffic(trace.folder / f"{name}.txt") for name in described}
-            sent = {name: count for name, (count, _) in counts.items()}
-            measured = {name: count for name, (_, count) in counts.items()}
-            marks.append(Mark(step, clock.now(), sent, measured))
+            marks.append(Mark(step, clock.now(), counts))
 
         def marked(step: Step) -> Step:
             def body(run: Run) -> None:
@@ -268,17 +281,13 @@ def reference_run(plan_name: str, folder: Path) -> Reference:
     )
 
 
-def traffic(trace: Path) -> tuple[int, int]:
-    """Return how many messages a trace has that were sent, and that came with a measurement."""
-    sent = measured = 0
+def traffic(trace: Path) -> Traffic:
+    """Return what a trace says was on its wire."""
+    sent = answered = measured = 0
     for line in trace.read_text(encoding="utf-8").splitlines() if trace.is_file() else ():
         found = re.match(r"\s*[\d.]+ ([<>]) (.*)", line)
         if found:
             sent += found[1] == ">"
+            answered += found[1] == "<"
             measured += found[1] == "<" and bool(MEASURED.search(found[2].encode()))
-    return sent, measured
-
-
-def neighbours(reference: Reference) -> Iterator[tuple[Mark, Mark]]:
-    """Yield the beginning and the end of each step."""
-    return pairwise(reference.marks)
+    return Traffic(sent, answered, measured)

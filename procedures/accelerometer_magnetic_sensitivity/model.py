@@ -72,10 +72,9 @@ def model_columns(acceleration_g: Array, field: Array) -> Array:
     """Return the thirteen columns (n, 13), in the order of `COEFFICIENTS`, for a field (n,)."""
     i, o, p = acceleration_g.T
     one = np.ones(len(field))
-    return np.column_stack(
-        (one, i, i**2, i**3, i * o, i * p, o**2, p**2)
-        + (field, field**2, i * field, o * field, p * field)
-    )
+    still = (one, i, i**2, i**3, i * o, i * p, o**2, p**2)
+    magnetic = (field, field**2, i * field, o * field, p * field)
+    return np.column_stack((*still, *magnetic))
 
 
 def model_columns_by_angle(acceleration_g: Array, change_g_per_rad: Array, field: Array) -> Array:
@@ -83,10 +82,10 @@ def model_columns_by_angle(acceleration_g: Array, change_g_per_rad: Array, field
     i, o, p = acceleration_g.T
     di, do, dp = change_g_per_rad.T
     zero = np.zeros(len(field))
-    return np.column_stack(
-        (zero, di, 2 * i * di, 3 * i**2 * di, di * o + i * do, di * p + i * dp)
-        + (2 * o * do, 2 * p * dp, zero, zero, di * field, do * field, dp * field)
-    )
+    still = (zero, di, 2 * i * di, 3 * i**2 * di, di * o + i * do, di * p + i * dp)
+    square = (2 * o * do, 2 * p * dp)
+    magnetic = (zero, zero, di * field, do * field, dp * field)
+    return np.column_stack((*still, *square, *magnetic))
 
 
 def field_scales(largest_T: float, names: Sequence[str] = COEFFICIENTS) -> Array:

@@ -20,7 +20,7 @@ class OrthogonalFit:
     """A least-squares solution of X b = y with weights.
 
     `inverse_normal` is (X'WX)^-1; `residuals` are y - X b, not weighted; `leverage` (n,) is the
-    diagonal of the weighted hat matrix; `condition` is that of the columns scaled to equal length.
+    diagonal of the weighted hat matrix; `triangle` is R of the weighted, scaled columns.
     """
 
     coefficients: Array
@@ -28,7 +28,13 @@ class OrthogonalFit:
     residuals: Array
     leverage: Array
     sum_of_squares: float
-    condition: float
+    triangle: Array
+
+    @property
+    def condition(self) -> float:
+        """The condition number of the columns scaled to equal length."""
+        singular = np.linalg.svd(self.triangle, compute_uv=False)
+        return float(singular[0] / singular[-1]) if singular[-1] > 0.0 else float("inf")
 
 
 def solve_by_qr(design: Array, data: Array, root_weight: Array | None = None) -> OrthogonalFit:
@@ -49,14 +55,13 @@ def solve_by_qr(design: Array, data: Array, root_weight: Array | None = None) ->
     coefficients = scaled / scale
     residuals = data - design @ coefficients
     weighted = residuals if root_weight is None else residuals * root_weight
-    singular = np.linalg.svd(r, compute_uv=False)
     return OrthogonalFit(
         coefficients=coefficients,
         inverse_normal=(inverse @ inverse.T) / np.outer(scale, scale),
         residuals=residuals,
         leverage=np.einsum("ij,ij->i", q, q),
         sum_of_squares=float(weighted @ weighted),
-        condition=float(singular[0] / singular[-1]) if singular[-1] > 0.0 else float("inf"),
+        triangle=r,
     )
 
 
@@ -121,11 +126,17 @@ def least_absolute(design: Array, data: Array, rounds: int = 12) -> Array:
 
     Least squares again and again, each row weighted by one over the root of its last residual.
     """
-    residuals = solve_by_qr(design, data).residuals
+    q = np.linalg.qr(design)[0]
+    residuals = data - q @ (q.T @ data)
     for _ in range(rounds):
         size = np.abs(residuals)
         floor = max(1e-3 * float(np.median(size)), 1e-12 * float(np.max(np.abs(data)) or 1.0))
-        residuals = solve_by_qr(design, data, 1.0 / np.sqrt(np.maximum(size, floor))).residuals
+        weight = 1.0 / np.sqrt(np.maximum(size, floor))
+        # Columns that are orthonormal without the weights are near enough to it with them.
+        weighted = q * weight[:, None]
+        normal = weighted.T @ weighted
+        coefficients = np.linalg.solve(normal, weighted.T @ (data * weight))
+        residuals = data - q @ coefficients
     return residuals
 
 
@@ -156,7 +167,7 @@ def keep_inliers(
         fit = solve_by_qr(design[kept], data[kept], weight[kept])
         residuals = (data - design @ fit.coefficients) * weight
         scaled = design * weight[:, None]
-        spread = np.einsum("ij,jk,ik->i", scaled, fit.inverse_normal, scaled)
+        spread = np.einsum("ij,ij->i", scaled @ fit.inverse_normal, scaled)
         expected = np.sqrt(np.where(kept, np.maximum(1.0 - spread, 1e-12), 1.0 + spread))
         alone = kept & (spread > 1.0 - 1e-6)
         relative = np.where(alone, 0.0, residuals / expected)
@@ -173,7 +184,8 @@ def _carried(design: Array, kept: Mask) -> bool:
     if int(kept.sum()) < columns + 3:
         return False
     sizes = np.linalg.norm(design, axis=0)
-    singular = np.linalg.svd(design[kept] / np.where(sizes > 0, sizes, 1.0), compute_uv=False)
+    triangle = np.linalg.qr(design[kept] / np.where(sizes > 0, sizes, 1.0), mode="r")
+    singular = np.linalg.svd(triangle, compute_uv=False)
     return bool(singular[-1] > 1e-7 * singular[0])
 
 

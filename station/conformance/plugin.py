@@ -19,6 +19,9 @@ PACKAGE = "station.conformance"
 CLAIMS = {"made_safe": "make_safe", "sampled_source": "drain"}
 """Fixtures for whatever has a verb; the other fixtures bear the name of a role."""
 
+ROLES = ("coil_supply", "dut_power", "rotary_stage")
+"""Fixtures for the instrument of a role."""
+
 ENERGISES = "energises: current may flow; on a real bench only with --station-energise"
 
 
@@ -77,7 +80,7 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     kept: list[pytest.Item] = []
     left_out: list[pytest.Item] = []
     for item in items:
-        wanted = set(getattr(item, "fixturenames", ())) & {*CLAIMS, "coil_supply", "dut_power"}
+        wanted = set(getattr(item, "fixturenames", ())) & {*CLAIMS, *ROLES}
         concerned = all(
             hasattr(driver, CLAIMS[one]) if one in CLAIMS else one == role_of(name)
             for one in wanted
@@ -138,4 +141,10 @@ def coil_supply(instrument: Any) -> Any:
 @pytest.fixture
 def dut_power(instrument: Any) -> Any:
     """Give a supply of the device under test."""
+    return instrument
+
+
+@pytest.fixture
+def rotary_stage(instrument: Any) -> Any:
+    """Give a rotary stage."""
     return instrument

@@ -128,8 +128,8 @@ def refuse_what_was_altered(folder: RunFolder, plan: Plan, bench: Bench) -> None
     for name, digest in began.details.get("sha256", {}).items():
         if now[name] != digest:
             raise InputError(
-                f"the {name} in {folder.path} was changed since the run began: what is left would not "
-                "be measured as what there is; start a new run with `station run`"
+                f"the {name} in {folder.path} was changed since the run began: what is left would "
+                "not be measured as what there is; start a new run with `station run`"
             )
 
 
