@@ -105,6 +105,7 @@ class SteadyCurrent:
             clock.sleep(look_s)
 
     def _not_reached(self, attempted: str, read_A: float, agree: bool) -> InstrumentError:
+        read_A = round(read_A, 3) + 0.0  # no minus before a zero
         if not self._is_on():
             return self._error(
                 attempted,
@@ -114,7 +115,7 @@ class SteadyCurrent:
         if agree:
             return self._error(
                 attempted,
-                f"it still moves, at {read_A:.4f} A",
+                f"it still moves, at {read_A:.3f} A",
                 "check settings.coil_inductance and coil_resistance, and the coil's cable",
             )
         if int(self._line.number("STAT:OPER:COND?")) & VOLTAGE_MODE:

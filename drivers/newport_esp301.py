@@ -21,6 +21,8 @@ from station.errors import InstrumentError
 from station.units import parse_as
 
 STAGE = re.compile(r"\s*([^,\s][^,]*?)\s*,\s*S/?N\s*(\S+)\s*")
+AXES = range(1, 4)
+HOME_MODES = range(1, 7)
 LOOK_S = 0.05
 STILL_S = 0.1
 
@@ -28,12 +30,13 @@ STILL_S = 0.1
 class NewportEsp301:
     """A rotary stage that turns to absolute angles once its encoder's zero was found.
 
-    Limits: `rate` deg/s and `acceleration` deg/s^2 are needed, `angle_low` and `angle_high` deg go
-    into the controller where they are given. Settings: `axis` (1 to 3, 1 unless said),
-    `in_position` (how far the encoder may be from the commanded angle at rest, 0.002 deg unless
-    said), `home_mode` (the controller's OR, 1 unless said: home switch and index), `home_within`
-    (120 s unless said), and those of a serial line: `baud_rate`, `data_bits`, `parity`,
-    `stop_bits`, `hardware_handshake`.
+    Limits: `rate` deg/s and `acceleration` deg/s^2; `angle_low` and `angle_high` deg go into the
+    controller where they are given.
+
+    Settings: `axis` (1 to 3, 1 unless said), `in_position` (how far the encoder may be from the
+    commanded angle at rest, 0.002 deg unless said), `home_mode` (the controller's OR, 1 unless
+    said: home switch and index), `home_within` (120 s unless said), and those of a serial line:
+    `baud_rate`, `data_bits`, `parity`, `stop_bits`, `hardware_handshake`.
 
     Errors are told by the controller only when asked for, so every command asks in the same line.
     The zero counts as found only when this program has had it looked for, and no longer once the
@@ -51,10 +54,21 @@ class NewportEsp301:
     def __init__(self, place: Place) -> None:
         self.place = place
         settings = place.settings
-        self._axis = int(settings.get("axis", 1))
-        self._in_position_deg = parse_as(settings.get("in_position", "0.002 deg"), "deg")
-        self._home_mode = int(settings.get("home_mode", 1))
-        self._home_within_s = parse_as(settings.get("home_within", "120 s"), "s")
+        try:
+            self._axis = int(settings.get("axis", 1))
+            self._in_position_deg = parse_as(settings.get("in_position", "0.002 deg"), "deg")
+            self._home_mode = int(settings.get("home_mode", 1))
+            self._home_within_s = parse_as(settings.get("home_within", "120 s"), "s")
+            if self._axis not in AXES or self._home_mode not in HOME_MODES:
+                raise ValueError(f"axis {self._axis}, home_mode {self._home_mode}")
+        except (TypeError, ValueError) as error:
+            raise InstrumentError(
+                place.name,
+                "read the bench file",
+                f"its settings are wrong ({error})",
+                "write axis as 1, 2 or 3, home_mode as 1 to 6, in_position and home_within with "
+                "their units",
+            ) from error
         self._limits_written = False
         self._homed = False
         self._homing = False

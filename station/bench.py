@@ -43,7 +43,10 @@ INSTANCES = (
 """The places of a bench: a role, and which one of it where there are several."""
 
 # What must be said of a role before it may be energised.
-NEEDED_LIMITS = {"coil_supply": ("current", "voltage", "slew", "zero_current")}
+NEEDED_LIMITS = {
+    "coil_supply": ("current", "voltage", "slew", "zero_current"),
+    "rotary_stage": ("rate", "acceleration"),
+}
 NEEDED_SETTINGS = {"coil_supply": {"coil_constant": "mT/A"}}
 
 Words = Annotated[str, Field(min_length=1)]
@@ -58,14 +61,16 @@ def role_of(instance: str) -> str:
 class InstrumentLimits(StrictModel):
     """What an instrument may never exceed on this bench; each is left out where it means nothing.
 
-    `zero_current` is the largest measured current that counts as zero, `heating` the power that a
-    coil may turn into heat for as long as a plan likes.
+    `zero_current` is the largest measured current that counts as zero, `rms_current` the largest
+    effective current, `heating` the power that a coil may turn into heat for as long as a plan
+    likes.
     """
 
     current_A: Annotated[float, Unit("A"), Field(gt=0)] | None = None
     voltage_V: Annotated[float, Unit("V"), Field(gt=0)] | None = None
     slew_A_per_s: Annotated[float, Unit("A/s"), Field(gt=0)] | None = None
     zero_current_A: Annotated[float, Unit("A"), Field(gt=0)] | None = None
+    rms_current_A: Annotated[float, Unit("A"), Field(gt=0)] | None = None
     heating_W: Annotated[float, Unit("W"), Field(gt=0)] | None = None
     field_mT: Annotated[float, Unit("mT"), Field(gt=0)] | None = None
     rate_deg_per_s: Annotated[float, Unit("deg/s"), Field(gt=0)] | None = None
@@ -74,6 +79,7 @@ class InstrumentLimits(StrictModel):
     angle_high_deg: Degree | None = None
     temperature_low_degC: Celsius | None = None
     temperature_high_degC: Celsius | None = None
+    temperature_slew_degC_per_min: Annotated[float, Unit("degC/min"), Field(gt=0)] | None = None
 
     @field_validator("angle_high_deg", "temperature_high_degC")
     @classmethod

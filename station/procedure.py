@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from station.errors import InputError
@@ -64,7 +64,9 @@ class SetPoint:
     """What a step commands of an instrument: in words, and the largest values that it sets.
 
     `rms_current_A` is what heats a coil, the effective current of a current that changes; None
-    where it is `current_A` itself. What a set-point does not concern is None.
+    where it is `current_A` itself. `duty` is the part of the time in which the current flows, None
+    where it always does. `temperature_slew_degC_per_min` is how fast a temperature is approached.
+    What a set-point does not concern is None.
     """
 
     step: str
@@ -75,6 +77,10 @@ class SetPoint:
     rms_current_A: float | None = None
     rate_deg_per_s: float | None = None
     temperature_degC: float | None = None
+    duty: float | None = None
+    acceleration_deg_per_s2: float | None = None
+    angle_deg: float | None = None
+    temperature_slew_degC_per_min: float | None = None
 
 
 @dataclass(frozen=True)
@@ -88,10 +94,15 @@ class Recording:
 
 @dataclass(frozen=True)
 class Forecast:
-    """What a run of a plan on a bench will command and record, in the order of its steps."""
+    """What a run of a plan on a bench will command and record, in the order of its steps.
+
+    `decided_by` names, by instrument, the key of the plan that decides what it is set to: faults
+    point there.
+    """
 
     set_points: tuple[SetPoint, ...] = ()
     recordings: tuple[Recording, ...] = ()
+    decided_by: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
 
 def not_told(parameters: Any) -> tuple[str, ...]:
@@ -102,6 +113,11 @@ def not_told(parameters: Any) -> tuple[str, ...]:
 def every_axis(parameters: Any) -> Mapping[str, tuple[str, ...]]:
     """Return nothing: a run of the procedure measures every axis of every result."""
     return {}
+
+
+def no_outlook(parameters: Any) -> Sequence[str]:
+    """Return nothing, for a procedure whose every plan determines the same quantities."""
+    return ()
 
 
 def no_forecast(parameters: Any, bench: Bench) -> Forecast:
@@ -115,11 +131,14 @@ class Procedure:
 
     parameters: model of the plan's `parameters`; results: name to axes and unit;
     instruments(parameters): the bench instances it needs; prompts(parameters): what it may ask;
-    check(parameters, bench): every reason why this plan cannot run on this bench;
+    check(parameters, bench): the reasons of its own why this plan cannot run on this bench; that
+    the bench lacks an instrument, or that a set-point of the forecast is beyond a limit, is found
+    for every procedure alike;
     evaluate_run / evaluate_dataset: recorded or imported data to findings;
     report(findings, document): plots and tables of its own;
     units(parameters): the units of work that a run of the plan will finish, in order;
     forecast(parameters, bench): what a run will command and record; opens nothing;
+    outlook(parameters): in lines, what a plan determines and how well, before anything moves;
     measured_axes(parameters): the axes of those results of which a plan may leave some out;
     assumptions: what its numbers do not say;
     conditions(): model of an imported dataset's `conditions`, for the JSON Schema.
@@ -139,6 +158,7 @@ class Procedure:
     report: Callable[[Findings, ResultDocument], Sequence[Part]]
     units: Callable[[Any], tuple[str, ...]] = not_told
     forecast: Callable[[Any, Bench], Forecast] = no_forecast
+    outlook: Callable[[Any], Sequence[str]] = no_outlook
     measured_axes: Callable[[Any], Mapping[str, tuple[str, ...]]] = every_axis
     assumptions: tuple[str, ...] = ()
     conditions: Callable[[], type[StrictModel]] | None = None

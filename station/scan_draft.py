@@ -19,6 +19,8 @@ EXAMPLES = {
     "voltage": "V",
     "slew": "A/s",
     "zero_current": "A",
+    "rate": "deg/s",
+    "acceleration": "deg/s^2",
 }
 """The unit of each limit that a role must have."""
 

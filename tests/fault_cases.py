@@ -184,37 +184,25 @@ def all_cases(plan: str, reference: Reference) -> Iterator[tuple[Case, dict[str,
                         yield case, entry
 
 
-def covering_cases(plan: str) -> list[Case]:
-    """Return a few cases of a plan: every kind once a role, every step, every placement.
-
-    Chosen without a run. The instrument of a role is the last that the plan uses, so that it
-    still is energised where the others are not any more.
-    """
+def roles_and_kinds(plan: str) -> list[tuple[str, str]]:
+    """Return every kind of fault of every role that a plan needs, chosen without a run."""
     bench = read_bench_at(find(BENCHES, BENCH))
     read = short(plan, bench)
     procedure = registry.procedure(read.procedure)
     simulated = served(read.procedure)
-    used = [*procedure.instruments(read.parameters), "interlock_chain"]
-    by_role = {name.partition(".")[0]: name for name in used if name in simulated}
-    kinds = {
-        name: applicable_faults(simulated[name], bench.instruments[name].driver)
-        for name in by_role.values()
-    }
-    lengthy = [one.number for one in procedure.steps if one.duration_s(read.parameters) > 1.0]
-    cases: list[Case] = []
-    for name, possible in kinds.items():
-        for kind in possible:
-            placement = (MIDDLE, LASTING, FIRST)[len(cases) % 3]
-            if placement == LASTING and kind not in WIRE_FAULTS:
-                placement = MIDDLE
-            step = lengthy[len(cases) // 2 % len(lengthy)]
-            cases.append(Case(plan, name, kind, step, placement))
-    covered = {case.step for case in cases}
-    left = [one.number for one in procedure.steps if one.number not in covered]
-    for number, step in enumerate(left):
-        name = list(kinds)[number % len(kinds)]
-        cases.append(Case(plan, name, kinds[name][number % len(kinds[name])], step, FIRST))
-    return cases
+    pairs: dict[tuple[str, str], None] = {}
+    for name in (*procedure.instruments(read.parameters), "interlock_chain"):
+        if name in simulated:
+            driver = bench.instruments[name].driver
+            kinds = applicable_faults(simulated[name], driver)
+            pairs |= {(name.partition(".")[0], kind): None for kind in kinds}
+    return list(pairs)
+
+
+def steps(plan: str) -> list[str]:
+    """Return the numbers of the steps of a plan's procedure."""
+    read = short(plan, read_bench_at(find(BENCHES, BENCH)))
+    return [step.number for step in registry.procedure(read.procedure).steps]
 
 
 @lru_cache

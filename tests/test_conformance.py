@@ -14,6 +14,7 @@ import yaml
 from station.lookup import BENCHES, find
 
 OURS = ("kepco-bop-36-12", "lakeshore-f71", "can-pulse-board", "operator-power")
+ACCELEROMETER = "accelerometer-magnetic-sensitivity"
 
 BROKEN_SUPPLY = """
 from drivers.kepco_bop import KepcoBop
@@ -154,6 +155,13 @@ def test_our_driver_conforms(driver: str, tmp_path: Path) -> None:
     done = conformance(tmp_path, driver)
     assert done.returncode == 0, done.stdout
     assert " passed" in done.stdout
+
+
+@pytest.mark.parametrize("driver", ["keysight-34465a", "keysight-34465a-pt100"])
+def test_our_meter_conforms_at_the_accelerometer(driver: str, tmp_path: Path) -> None:
+    done = conformance(tmp_path, driver, "sim", "--station-procedure", ACCELEROMETER)
+    assert done.returncode == 0, done.stdout
+    assert "test_multimeter" in done.stdout
 
 
 @pytest.mark.parametrize("fault", BROKEN_SUPPLIES)

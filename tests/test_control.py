@@ -14,6 +14,7 @@ from multiprocessing import AuthenticationError
 from multiprocessing.connection import Client
 from pathlib import Path
 from threading import Event, Thread
+from threading import enumerate as enumerate_threads
 from typing import Any, TextIO
 
 import pytest
@@ -160,6 +161,7 @@ def test_only_the_user_can_open_the_channel(virtual: Desk) -> None:
     assert ask(virtual.folder, "status")["outcome"] == "status"
     virtual.control.__exit__(None, None, None)
     assert not any(path.exists() for path in files)
+    assert not [thread for thread in enumerate_threads() if thread.name.startswith("control")]
 
 
 def test_a_folder_that_others_can_open_is_closed_to_them_or_not_used(

@@ -1,147 +1,24 @@
-"""The 34465A, simulated on its socket and driven by our drivers, in a small world of its own."""
+"""Our drivers of the 34465A, as multimeter and as thermometer, over the real transport."""
 
 from __future__ import annotations
 
-import socket
 from collections.abc import Iterator
-from contextlib import contextmanager
-from threading import RLock
 from typing import Any
 
 import numpy as np
 import pytest
-from sim_bench import Line
+from keysight_stand import OHMS, EmptyRoom, Room, Stand, standing
 
 from drivers.keysight_34465a import Keysight34465A
 from drivers.keysight_34465a_pt100 import Keysight34465APt100, temperature_degC
-from sim_instruments.faults.instrument import InstrumentFaults, Schedule
-from sim_instruments.faults.reading import read_fault
-from sim_instruments.instrument import Setting
-from sim_instruments.keysight_34465a import Keysight34465A as SimulatedMeter
-from sim_instruments.truth import Truth
-from station.clock import Clock, RealClock, VirtualClock
+from station.clock import Clock
 from station.errors import InputError, InstrumentError, InstrumentTimeout
-from station.readings import Readings
-from station.runner.opening import Place
-
-CLEAN = '+0,"No error"'
-VOLTS = {
-    "measures": "accelerometer",
-    "noise": "0 ppm",
-    "line_frequency": "50 Hz",
-    "gain_error": "0 ppm",
-    "offset": "0 V",
-    "zero_drift_in_one_hour": "36 uV",
-}
-OHMS = {
-    "measures": "pt100",
-    "noise": "0 ppm",
-    "line_frequency": "50 Hz",
-    "gain_error": "0 ppm",
-    "offset": "0 ohm",
-}
-
-
-class Room:
-    """A world with nothing but a ramp of voltage and a Pt100."""
-
-    def __init__(self, volts: float, slope_V_per_s: float, ohms: float) -> None:
-        self.lock = RLock()
-        self._volts, self._slope_V_per_s, self._ohms = volts, slope_V_per_s, ohms
-
-    def mean_output_V(self, edges_s: np.ndarray) -> np.ndarray:
-        return self._volts + self._slope_V_per_s * (edges_s[1:] + edges_s[:-1]) / 2
-
-    def mean_pt100_ohm(self, edges_s: np.ndarray) -> np.ndarray:
-        return np.full(len(edges_s) - 1, self._ohms)
-
-
-class EmptyRoom:
-    """A world in which there is nothing to measure."""
-
-    def __init__(self) -> None:
-        self.lock = RLock()
-
-
-class Stand:
-    """A simulated meter that is served in a world, and whoever talks to it."""
-
-    def __init__(self, clock: Clock, truth: dict[str, str], room: Any, *faults: dict[str, Any]):
-        self.clock = clock
-        self.readings = Readings(clock)
-        instrument_faults = InstrumentFaults(Schedule(clock, room.lock))
-        rng = np.random.default_rng(1)
-        self.meter = SimulatedMeter(
-            Setting(
-                "multimeter",
-                "MY54500001",
-                Truth(truth, "simulator"),
-                room,
-                clock,
-                rng,
-                0,
-                instrument_faults,
-            )
-        )
-        self.instruments = {"multimeter": self.meter.describe()}
-        for entry in faults:
-            given = {"instrument": "multimeter", **entry}
-            read = read_fault(
-                given, Truth(given, "fault"), "scpi", [entry["fault"]], clock.now(), rng
-            )
-            instrument_faults.add(read[0], at_message=read[1])
-
-    def line(self) -> Line:
-        return Line(self, "multimeter", self.clock)  # type: ignore[arg-type]
-
-    def place(self, **settings: Any) -> Place:
-        return Place(
-            "multimeter",
-            self.instruments["multimeter"]["address"],
-            self.clock,
-            settings,
-            publisher=self.readings.publisher("multimeter"),
-        )
-
-    def newest(self, quantity: str) -> Any:
-        reading = self.readings.newest("multimeter", quantity)
-        return None if reading is None else reading.value
-
-
-@contextmanager
-def standing(
-    volts: float = 0.5,
-    slope: float = 0.0,
-    ohms: float = 107.79,
-    truth: dict[str, str] = VOLTS,
-    faults: tuple[dict[str, Any], ...] = (),
-    room: Any = None,
-    **changes: str,
-) -> Iterator[Stand]:
-    clock = VirtualClock()
-    with clock.participant("test"):
-        stand = Stand(clock, {**truth, **changes}, room or Room(volts, slope, ohms), *faults)
-        try:
-            yield stand
-        finally:
-            stand.meter.close()
-            clock.stop()
 
 
 @pytest.fixture
 def stand() -> Iterator[Stand]:
     with standing() as stand:
         yield stand
-
-
-@pytest.fixture
-def line(stand: Stand) -> Iterator[Line]:
-    with stand.line() as line:
-        yield line
-
-
-def numbers(reply: str) -> list[float]:
-    return [float(text) for text in reply.split(",")]
 
 
 def burst(meter: Any, clock: Clock, readings: int) -> Any:
@@ -154,185 +31,298 @@ def burst(meter: Any, clock: Clock, readings: int) -> Any:
     raise AssertionError("the burst does not end")
 
 
-# The instrument on its wire.
+# The multimeter's driver.
 
 
-def test_it_says_who_it_is_and_what_it_has(line: Line) -> None:
-    maker, model, serial, firmware = line.ask("*IDN?").split(",")
-    assert (maker, model, serial) == ("Keysight Technologies", "34465A", "MY54500001")
-    assert firmware[:4] >= "A.03"
-    assert line.ask("*OPT?") == "DIG,MEM"
-    assert line.ask("SYST:LIC:CAT?") == '"DIG","MEM"'
-    assert int(line.ask("SYST:LFR?")) == 50
-
-
-def test_functions_have_quotes_and_ranges_go_up(line: Line) -> None:
-    assert line.ask("FUNC?") == '"VOLT"'
-    assert line.ask('SENS:FUNC "FRES";:SENS:FUNC?') == '"FRES"'
-    assert line.ask('FUNC "VOLTage:DC";:FUNC?') == '"VOLT"'
-    assert float(line.ask("VOLT:DC:RANG 2.5;:VOLT:RANG?")) == 10.0
-    assert line.ask("VOLT:RANG:AUTO?") == "0"
-    assert float(line.ask("VOLT:RANG? MAX")) == 1000.0
-    assert float(line.ask("SENSe:VOLTage:DC:NPLC 0.060000;:VOLT:NPLC?")) == 0.06
-    assert float(line.ask("VOLT:DC:RES?")) == pytest.approx(1.5e-5)
-    assert float(line.ask("VOLT:DC:RES 3e-6;:VOLT:NPLC?")) == 1.0
-    assert float(line.ask("VOLT:APER 0.05;:VOLT:APER?")) == 0.05
-    assert line.ask("VOLT:APER:ENAB?") == "1"
-    assert line.ask("SYST:ERR?") == CLEAN
+def test_it_takes_the_next_range_up_with_its_over_range(stand: Stand) -> None:
+    meter = Keysight34465A(stand.place())
+    assert [meter.configure(volts, 1) for volts in (0.05, 0.12, 0.13, 1.2, -11.9, 13, 1000)] == [
+        0.1,
+        0.1,
+        1.0,
+        1.0,
+        10.0,
+        100.0,
+        1000.0,
+    ]
+    meter.close()
 
 
 @pytest.mark.parametrize(
-    ("message", "error"),
+    ("largest_V", "nplc", "said"),
     [
-        ("VOLT:NONSENSE 1", '-113,"Undefined header"'),
-        ("VOLT:RANG 2000", '-222,"Data out of range"'),
-        ("VOLT:NPLC 3", '-224,"Illegal parameter value"'),
-        ("FUNC VOLT", '-151,"Invalid string data"'),
-        ("SAMP:COUN 2000000000", '-222,"Data out of range"'),
-        ("*TRG", '-211,"Trigger ignored"'),
-        ("FETC?", '-230,"Data stale"'),
-        ("TRIG:SOUR BUS;:READ?", '-214,"Trigger deadlock"'),
-        ("INIT;:INIT", '-213,"Init ignored"'),
+        (1001.0, 10, "its highest one ends at 1000 V; lower the largest voltage"),
+        (1.0, 3, "it can do 0.001, 0.002, 0.006, 0.02, 0.06, 0.2, 1, 10, 100; write one of these"),
     ],
 )
-def test_what_does_not_fit_is_refused(line: Line, message: str, error: str) -> None:
-    assert line.ask(f"{message};:SYST:ERR?") == error
-    assert line.ask("SYST:ERR?") == CLEAN
+def test_what_the_meter_cannot_do_is_refused(
+    stand: Stand, largest_V: float, nplc: float, said: str
+) -> None:
+    meter = Keysight34465A(stand.place())
+    with pytest.raises(InstrumentError, match=said):
+        meter.configure(largest_V, nplc)
+    meter.close()
 
 
-def test_the_error_queue_holds_twenty(line: Line) -> None:
-    line.ask(";:".join(["NONSENSE"] * 25) + ";*OPC?")
-    errors = [line.ask("SYST:ERR?") for _ in range(21)]
-    assert errors[0] == '-113,"Undefined header"'
-    assert errors[19:] == ['-350,"Queue overflow"', CLEAN]
+def test_a_burst_is_started_polled_and_fetched(stand: Stand) -> None:
+    meter = Keysight34465A(stand.place())
+    assert meter.configure(0.8, 10) == 1.0
+    before_s = stand.clock.now()
+    meter.start(5)
+    assert meter.fetch() is None
+    assert stand.clock.now() - before_s < 0.5
+    block = burst(meter, stand.clock, 5)
+    assert list(block.columns) == list(meter.columns)
+    assert block.columns["reading"].tolist() == [0, 1, 2, 3, 4]
+    assert block.columns["voltage_V"].tolist() == [0.5] * 5
+    assert block.columns["overload"].tolist() == [0] * 5
+    assert stand.newest("voltage") == 0.5
+    with pytest.raises(InstrumentError, match="none was begun since the last one"):
+        meter.fetch()
+    meter.close()
 
 
-def test_a_burst_takes_its_time_and_is_kept(stand: Stand, line: Line) -> None:
-    line.ask("VOLT:RANG 1;:VOLT:NPLC 10;:SAMP:COUN 5;:INIT;:SYST:ERR?")
-    began_s = stand.clock.now()
-    assert int(line.ask("STAT:OPER:COND?")) & 16
+def test_a_burst_longer_than_an_exchange_is_no_timeout() -> None:
+    with standing(slope=1e-4) as stand:
+        meter = Keysight34465A(stand.place())
+        meter.configure(1.0, 100)
+        block = burst(meter, stand.clock, 20)
+        assert stand.clock.now() > 20 * 4.0
+        assert (np.diff(block.columns["voltage_V"]) > 0).all()
+        meter.close()
+
+
+def test_another_start_forgets_the_burst_before(stand: Stand) -> None:
+    meter = Keysight34465A(stand.place())
+    meter.configure(1.0, 10)
+    meter.start(100)
+    assert len(burst(meter, stand.clock, 2)) == 2
+    meter.close()
+
+
+def test_overloads_are_kept_and_marked_and_the_error_names_the_next_range() -> None:
+    with standing(volts=-1.3) as stand:
+        meter = Keysight34465A(stand.place())
+        assert meter.configure(1.0, 1) == 1.0
+        block = burst(meter, stand.clock, 3)
+        assert block.columns["voltage_V"].tolist() == [-9.9e37] * 3
+        assert block.columns["overload"].tolist() == [1] * 3
+        assert stand.newest("voltage") is None
+        with pytest.raises(InstrumentError) as raised:
+            meter.read_quantity("voltage")
+        assert str(raised.value) == (
+            "multimeter: measured on its range of 1 V: -9.9E+37, an overload: beyond 1.2 V; "
+            "measure again on the next higher range, 10 V"
+        )
+        meter.close()
+
+
+def test_auto_zero_is_a_setting_of_the_bench(stand: Stand) -> None:
+    meter = Keysight34465A(stand.place(auto_zero=False))
+    meter.configure(1.0, 10)
+    assert stand.at_its_front_panel("VOLT:ZERO:AUTO?") == "0"
+    with pytest.raises(InstrumentError, match="auto_zero is 'maybe'; write true or false"):
+        Keysight34465A(stand.place(auto_zero="maybe"))
+    meter.close()
+
+
+def test_other_mains_than_the_bench_file_says_are_told(stand: Stand) -> None:
+    meter = Keysight34465A(stand.place(line_frequency="60 Hz"))
+    with pytest.raises(InstrumentError, match="it found 50 Hz, the bench file says 60 Hz"):
+        meter.configure(1.0, 10)
+    meter.close()
+
+
+def test_what_somebody_left_in_the_meter_is_gone_after_the_first_configuration(
+    stand: Stand,
+) -> None:
+    stand.at_its_front_panel("TRIG:SOUR EXT;:SAMP:SOUR TIM;:VOLT:APER 1;:NONSENSE")
+    meter = Keysight34465A(stand.place())
+    meter.configure(1.0, 10)
+    assert len(burst(meter, stand.clock, 2)) == 2
+    assert stand.at_its_front_panel("VOLT:APER:ENAB?;:SAMP:SOUR?;:TRIG:SOUR?") == "0;IMM;IMM"
+    meter.close()
+
+
+def test_a_burst_that_somebody_else_ended_is_told(stand: Stand) -> None:
+    meter = Keysight34465A(stand.place())
+    meter.configure(1.0, 10)
+    meter.start(10)
     stand.clock.sleep(1.0)
-    assert int(line.ask("DATA:POIN?")) == 2
-    assert line.ask("DATA:LAST?") == "+5.00000000E-01 VDC"
-    assert numbers(line.ask("FETC?")) == [0.5] * 5
-    # Ten cycles of 50 Hz and the zero after it, five times.
-    assert stand.clock.now() - began_s == pytest.approx(5 * 0.4, abs=0.02)
-    assert line.ask("FETC?") == line.ask("FETC?")
-    assert not int(line.ask("STAT:OPER:COND?")) & 16
-    line.ask("INIT;*OPC?")
-    assert line.ask("R? 3").startswith("#247+5.0")
-    assert int(line.ask("DATA:POIN?")) == 2
-    assert len(numbers(line.ask("DATA:REM? 2"))) == 2
-    assert line.ask("FETC?;:SYST:ERR?").startswith("-230")
+    stand.at_its_front_panel("ABOR")
+    with pytest.raises(InstrumentError, match="it ended with 2 in its memory; check that nobody"):
+        meter.fetch()
+    meter.close()
 
 
-def test_without_auto_zero_it_is_twice_as_fast_and_drifts(stand: Stand, line: Line) -> None:
-    line.ask("VOLT:RANG 1;:VOLT:NPLC 10;:VOLT:ZERO:AUTO OFF;:SAMP:COUN 5;*OPC?")
-    began_s = stand.clock.now()
-    assert numbers(line.ask("READ?"))[0] == pytest.approx(0.5, abs=1e-7)
-    assert stand.clock.now() - began_s == pytest.approx(5 * 0.2, abs=0.02)
-    stand.clock.sleep(3600.0)
-    assert numbers(line.ask("READ?"))[0] - 0.5 == pytest.approx(36e-6, abs=1e-7)
-    line.ask("VOLT:ZERO:AUTO ONCE;*OPC?")
-    assert numbers(line.ask("READ?"))[0] - 0.5 == pytest.approx(0.0, abs=1e-7)
+def test_a_meter_that_waits_for_an_external_trigger_is_told(stand: Stand) -> None:
+    meter = Keysight34465A(stand.place())
+    meter.configure(1.0, 10)
+    meter.start(2)
+    stand.at_its_front_panel("TRIG:SOUR EXT;:INIT")
+    with pytest.raises(InstrumentError, match=r"it has 0 and is not ready.*trigger is not set"):
+        for _ in range(200):
+            assert meter.fetch() is None
+            stand.clock.sleep(0.1)
+    meter.close()
 
 
-def test_a_reading_is_the_mean_over_its_integration(line: Line, stand: Stand) -> None:
-    with standing(volts=0.0, slope=0.01) as ramp, ramp.line() as meter:
-        meter.ask("VOLT:RANG 1;:VOLT:NPLC 100;:SAMP:COUN 3;*OPC?")
-        began_s = ramp.clock.now()
-        values = np.array(numbers(meter.ask("READ?")))
-        assert np.diff(values) == pytest.approx(0.01 * 4.0, rel=2e-3)
-        assert values[0] == pytest.approx(0.01 * (began_s + 1.0), abs=1e-4)
-
-
-def test_a_trigger_over_the_line_and_a_timer_pace_the_readings(stand: Stand, line: Line) -> None:
-    line.ask("VOLT:NPLC 1;:TRIG:SOUR BUS;COUN 2;:SAMP:COUN 4;SOUR TIM;TIM 0.1;*OPC?")
-    line.ask("INIT;:SYST:ERR?")
-    assert int(line.ask("STAT:OPER:COND?")) & 32
+def test_an_interlock_reads_between_bursts_and_does_not_disturb_one(stand: Stand) -> None:
+    meter = Keysight34465A(stand.place())
+    assert meter.read_quantity("voltage") is None
+    meter.configure(1.0, 10)
+    assert meter.read_quantity("voltage") == 0.5
+    meter.start(5)
+    assert meter.read_quantity("voltage") is None
     stand.clock.sleep(1.0)
-    assert int(line.ask("DATA:POIN?")) == 0
-    line.ask("*TRG;:SYST:ERR?")
-    stand.clock.sleep(0.25)
-    assert int(line.ask("DATA:POIN?")) == 3
-    stand.clock.sleep(0.25)
-    assert int(line.ask("STAT:OPER:COND?")) & 32
-    assert len(numbers(line.ask("*TRG;:FETC?"))) == 8
+    assert meter.read_quantity("voltage") == 0.5
+    stand.clock.sleep(5.0)
+    block = meter.fetch()
+    assert block is not None and len(block) == 5
+    with pytest.raises(InputError, match="does not measure its temperature"):
+        meter.read_quantity("temperature")
+    meter.close()
 
 
-def test_an_overload_reads_as_one_and_is_told_once_for_a_burst() -> None:
-    with standing(volts=-1.3) as stand, stand.line() as line:
-        line.ask("VOLT:RANG 1;:SAMP:COUN 2;*OPC?")
-        assert line.ask("READ?") == "-9.90000000E+37,-9.90000000E+37"
-        assert line.ask("STAT:QUES:COND?") == "0"
-        assert line.ask("STAT:QUES?") == "1"
-        assert line.ask("STAT:QUES?") == "0"
-        line.ask("VOLT:RANG 10;*OPC?")
-        assert numbers(line.ask("READ?")) == [-1.3, -1.3]
-        line.ask("VOLT:RANG:AUTO ON;:VOLT:RANG 1;:VOLT:RANG:AUTO ON;*OPC?")
-        assert numbers(line.ask("READ?")) == [-1.3, -1.3]
-        assert float(line.ask("VOLT:RANG?")) == 10.0
-        assert numbers(line.ask("MEAS:VOLT:DC? 1")) == [-9.9e37]
+def test_a_step_and_an_interlock_share_the_meter(stand: Stand) -> None:
+    meter = Keysight34465A(stand.place())
+    meter.configure(1.0, 10)
+    seen: list[Any] = []
+
+    def watch() -> None:
+        for _ in range(20):
+            seen.append(meter.read_quantity("voltage"))
+            stand.clock.sleep(0.37)
+
+    watcher = stand.clock.start("watch", watch)
+    for _ in range(5):
+        assert len(burst(meter, stand.clock, 4)) == 4
+        stand.clock.sleep(0.5)
+    stand.clock.sleep(20.0)
+    watcher.join(5.0)
+    assert len(seen) == 20 and set(seen) <= {0.5, None}
+    meter.close()
 
 
-def test_twenty_percent_beyond_the_range_can_still_be_measured() -> None:
-    with standing(volts=1.19) as stand, stand.line() as line:
-        assert numbers(line.ask("MEAS:VOLT:DC? 1")) == [1.19]
+WIRE_FAULTS: dict[str, tuple[dict[str, Any], type[InstrumentError], str]] = {
+    "silent": ({"fault": "no-reply"}, InstrumentTimeout, "no answer came within 0.5 s"),
+    "partial": ({"fault": "partial"}, InstrumentTimeout, "without the end of an answer"),
+    "garbled": ({"fault": "garbled"}, InstrumentError, "which is no text"),
+    "not a number": ({"fault": "nan"}, InstrumentError, "NaN"),
+    "no reading": ({"fault": "nan", "text": "9.91E+37"}, InstrumentError, "9.91E"),
+    "the answer before": ({"fault": "previous-reply"}, InstrumentError, "came back"),
+    "hang-up": ({"fault": "dropped-connection"}, InstrumentError, "no answer came"),
+}
 
 
-def test_noise_grows_with_the_range_and_falls_with_the_integration() -> None:
-    with standing(noise="0.3 ppm") as stand, stand.line() as line:
-        spread = {}
-        for range_V, cycles in ((1, 1), (10, 1), (10, 0.02)):
-            line.ask(f"VOLT:RANG {range_V};:VOLT:NPLC {cycles};:SAMP:COUN 2000;:INIT;:SYST:ERR?")
-            spread[range_V, cycles] = float(np.std(numbers(line.ask("FETC?" if cycles < 1 else "FETC?"))))
-        assert spread[1, 1] == pytest.approx(0.3e-6, rel=0.1)
-        assert spread[10, 1] == pytest.approx(3e-6, rel=0.1)
-        assert spread[10, 0.02] == pytest.approx(30e-6, rel=0.1)
+@pytest.mark.parametrize("fault", WIRE_FAULTS)
+def test_a_fault_on_the_wire_is_one_sentence_and_the_burst_is_not_lost(fault: str) -> None:
+    entry, kind, said = WIRE_FAULTS[fault]
+    with standing(faults=({**entry, "command": "FETC"},)) as stand:
+        meter = Keysight34465A(stand.place())
+        meter.configure(1.0, 1)
+        meter.start(3)
+        stand.clock.sleep(1.0)
+        with pytest.raises(kind) as raised:
+            meter.fetch()
+        assert said in str(raised.value)
+        assert str(raised.value).startswith("multimeter: ")
+        assert "; " in str(raised.value)
+        # The readings are still in its memory.
+        block = meter.fetch()
+        assert block is not None and block.columns["voltage_V"].tolist() == [0.5] * 3
+        meter.close()
 
 
-def test_gain_and_offset_of_the_meter_are_in_its_readings() -> None:
-    with standing(volts=1.0, gain_error="10 ppm", offset="3 uV") as stand, stand.line() as line:
-        assert numbers(line.ask("MEAS:VOLT:DC? 1"))[0] == pytest.approx(1.000013, abs=1e-8)
+def test_an_interlock_asks_again_before_it_believes_a_lost_answer() -> None:
+    lost = {"fault": "no-reply", "command": "INIT"}
+    with standing(faults=(lost,)) as stand:
+        meter = Keysight34465A(stand.place())
+        meter.configure(1.0, 1)
+        assert meter.read_quantity("voltage") == 0.5
+        meter.close()
 
 
-def test_an_open_input_wanders_and_open_ohms_are_an_overload() -> None:
-    with standing(room=EmptyRoom()) as stand, stand.line() as line:
-        volts = np.array(numbers(line.ask("SAMP:COUN 200;:VOLT:NPLC 1;*OPC?;:READ?").split(";")[-1]))
-        assert np.abs(volts).max() < 20e-3
-        assert 0 < volts.std() < 5e-3
-        assert numbers(line.ask("MEAS:FRES?")) == [9.9e37]
-        assert line.ask("STAT:QUES?") == "512"
+def test_frozen_and_overloaded_inputs_can_be_simulated() -> None:
+    with standing(
+        slope=0.01, faults=({"fault": "overload", "at": "10 s", "for": "10 s"},)
+    ) as stand:
+        meter = Keysight34465A(stand.place())
+        meter.configure(1.0, 1)
+        assert not burst(meter, stand.clock, 1).columns["overload"].any()
+        stand.clock.sleep(12.0)
+        assert burst(meter, stand.clock, 1).columns["overload"].all()
+        meter.close()
+    with standing(slope=0.01, faults=({"fault": "frozen", "at": "0 s"},)) as stand:
+        meter = Keysight34465A(stand.place())
+        meter.configure(1.0, 1)
+        assert len(set(burst(meter, stand.clock, 5).columns["voltage_V"].tolist())) == 1
+        meter.close()
 
 
-def test_while_one_client_waits_for_a_burst_another_is_served(stand: Stand, line: Line) -> None:
-    line.ask("VOLT:NPLC 100;:SAMP:COUN 2;*OPC?")
-    answers: list[str] = []
-
-    def read() -> None:
-        with stand.line() as patient:
-            patient._wire.sent(6)
-            patient._socket.sendall(b"READ?\n")
-            patient._wire.wait(stand.clock.now() + 60.0)
-            answers.append(patient._socket.recv(4096).decode())
-            patient._wire.received()
-
-    stand.clock.start("reader", read)
-    stand.clock.sleep(0.5)
-    with stand.line() as other:
-        assert other.ask("*IDN?").startswith("Keysight")
-        assert int(other.ask("STAT:OPER:COND?")) & 16
-    assert not answers
-    stand.clock.sleep(10.0)
-    assert answers == ["+5.00000000E-01,+5.00000000E-01\n"]
+# The thermometer's driver.
 
 
-def test_a_plain_socket_reads_it_in_real_time() -> None:
-    clock = RealClock()
-    with clock.participant("test"):
-        stand = Stand(clock, VOLTS, Room(0.25, 0.0, 100.0))
-        entry = stand.instruments["multimeter"]
-        with socket.create_connection((entry["host"], entry["port"]), 2.0) as client:
-            client.sendall(b"CONF:VOLT:DC 1\nVOLT:DC:NPLC 0.02\nREAD?\n")
-            assert client.recv(4096) == b"+2.50000000E-01\n"
-        stand.meter.close()
+def callendar_van_dusen(at_degC: np.ndarray, r0_ohm: float) -> np.ndarray:
+    """IEC 60751, written out once more."""
+    above = 1 + 3.9083e-3 * at_degC - 5.775e-7 * at_degC**2
+    below = -4.183e-12 * (at_degC - 100) * at_degC**3
+    return r0_ohm * np.where(at_degC < 0, above + below, above)
+
+
+@pytest.mark.parametrize("r0_ohm", [100.0, 1000.0])
+def test_temperatures_follow_the_standard_on_both_sides_of_zero(r0_ohm: float) -> None:
+    at_degC = np.concatenate([np.linspace(-200, 850, 2101), [-1e-6, 0.0, 1e-6]])
+    found = temperature_degC(callendar_van_dusen(at_degC, r0_ohm), r0_ohm)
+    assert np.abs(found - at_degC).max() < 1e-9
+
+
+def test_values_of_the_tables_of_the_standard_come_back() -> None:
+    ohms = np.array([18.52, 60.26, 80.31, 100.0, 119.40, 138.51, 390.48])
+    found = temperature_degC(ohms, 100.0)
+    assert found == pytest.approx([-200, -100, -50, 0, 50, 100, 850], abs=0.02)
+
+
+@pytest.mark.parametrize(("ohms", "expected_degC"), [(107.7935, 20.0), (92.1599, -20.0)])
+def test_a_burst_of_a_thermometer_gives_ohms_and_degrees(ohms: float, expected_degC: float) -> None:
+    with standing(ohms=ohms, truth=OHMS) as stand:
+        thermometer = Keysight34465APt100(stand.place())
+        block = burst(thermometer, stand.clock, 3)
+        assert list(block.columns) == list(thermometer.columns)
+        assert block.columns["resistance_ohm"] == pytest.approx([ohms] * 3, abs=1e-6)
+        assert block.columns["temperature_degC"] == pytest.approx([expected_degC] * 3, abs=1e-3)
+        assert stand.newest("temperature") == block.columns["temperature_degC"][-1]
+        assert thermometer.read_quantity("temperature") == pytest.approx(expected_degC, abs=1e-3)
+        thermometer.close()
+
+
+def test_a_thermometer_takes_the_range_that_holds_its_hottest() -> None:
+    with standing(ohms=1077.935, truth=OHMS) as stand:
+        thermometer = Keysight34465APt100(stand.place(r0="1000 ohm", nplc=1))
+        assert thermometer.read_quantity("temperature") == pytest.approx(20.0, abs=1e-3)
+        assert stand.at_its_front_panel("FRES:RANG?;NPLC?") == "+1.00000000E+04;+1.00000000E+00"
+        thermometer.close()
+
+
+@pytest.mark.parametrize(
+    ("room", "said"),
+    [
+        (EmptyRoom(), "an overload: beyond 1200 ohm; it is open: check the four wires"),
+        (Room(0, 0, 5.0), "5 ohm came back, which with r0 = 100 ohm is outside -200 degC to 850"),
+    ],
+)
+def test_a_broken_wire_is_no_temperature(room: Any, said: str) -> None:
+    with standing(truth=OHMS, room=room) as stand:
+        thermometer = Keysight34465APt100(stand.place())
+        with pytest.raises(InstrumentError, match=said):
+            burst(thermometer, stand.clock, 2)
+        with pytest.raises(InstrumentError, match=said):
+            thermometer.read_quantity("temperature")
+        assert stand.newest("temperature") is None
+        thermometer.close()
+
+
+@pytest.mark.parametrize("settings", [{"r0": "100"}, {"r0": "-100 ohm"}, {"nplc": "many"}])
+def test_a_wrong_setting_of_the_thermometer_is_told(stand: Stand, settings: Any) -> None:
+    with pytest.raises(InstrumentError, match="read the bench file"):
+        Keysight34465APt100(stand.place(**settings))

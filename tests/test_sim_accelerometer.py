@@ -153,6 +153,14 @@ def test_a_mean_over_a_mounting_is_the_mean_of_before_and_after() -> None:
     assert bench.mean_output_V(np.array([2.0, 3.0, 4.0])) == pytest.approx([0.625, 0.5])
 
 
+def test_a_meter_may_read_without_a_pause() -> None:
+    bench = world({"noise_in_one_second": "3 uV"})
+    edges = np.array([1.0, 2.0, 2.0, 3.0, 3.0 - 4e-16, 4.0])
+    with np.errstate(divide="raise", invalid="raise"):
+        seen = bench.mean_output_V(edges)[::2]
+    assert seen == pytest.approx(bench.mean_output_V(np.arange(1.0, 5.0)), abs=1e-12)
+
+
 def test_the_coil_warms_by_its_power_whenever_somebody_looks() -> None:
     seldom, often = world(), world()
     levels = [(10.0, 8.0), (400.0, -10.0), (900.0, 0.0), (1000.0, 5.0)]

@@ -42,6 +42,40 @@ PARAMETERS = {
         "thresholds.non_integer_cycles": "in cycles of the drive",
         "thresholds.model_too_stiff": "lag-1 correlation of the residuals",
     },
+    "accelerometer-magnetic-sensitivity": {
+        "planes": "the planes of IA, OA, PA that gravity turns in, in this order, with a "
+        "re-mounting between; `level`: the axis of rotation is vertical",
+        "design": "`as_published`: a range of fields in steps; `efficient`: -B, 0 and +B at nine "
+        "angles",
+        "largest_field": "largest magnitude of the field, B",
+        "lowest_field": "where the range of fields begins; 0 mT unless given",
+        "field_step": "step of the field; a fifth of the range unless given",
+        "fields": "the fields themselves, in the place of range and step",
+        "angle_step": "step of the angle; 15 deg unless given, 40 deg in the efficient design",
+        "angles": "the angles themselves, in the place of a step",
+        "order": "`as_published`: fields rise at each angle; `palindrome`: there and back, over an "
+        "even number of repeats; `random`: shuffled in each plane",
+        "seed": "of the random order",
+        "repeats": "how often all points of a plane are measured",
+        "readings": "readings of the voltmeter at each point",
+        "nplc": "integration time of a reading in periods of the mains",
+        "reading_noise": "expected standard deviation of a reading, for expected uncertainties",
+        "scale_factor": "nominal scale factor; the voltmeter's range follows from it",
+        "dwell": "when a point has settled",
+        "dwell.field_change": "successive readings of the field agree within this",
+        "dwell.at_least": "least time before a point is read",
+        "dwell.at_most": "after this time without success the run ends with code 3",
+        "warm_up": "time between switching on and the first point",
+        "degauss": "whether the coil is taken through falling fields of both signs before a plane",
+        "temperature": "whether the thermometer is read at each point",
+        "window": "memory of the finite-memory solution in points; chosen unless given",
+        "thresholds": "where a flag is raised",
+        "thresholds.not_significant": "in standard uncertainties of a magnetic coefficient",
+        "thresholds.field_differs_from_commanded": "of the largest field",
+        "thresholds.gap": "in nominal intervals, where there are such",
+        "thresholds.model_too_stiff": "lag-1 correlation of the residuals",
+        "thresholds.outlier": "in robust standard deviations of the residuals",
+    },
 }
 
 CALIBRATION = {
@@ -71,6 +105,7 @@ LIMITS = {
     "limits.slew": "fastest change of current when a coil is brought to zero",
     "limits.zero_current": "largest measured current that counts as zero",
     "limits.field": "largest field amplitude a plan may ask for",
+    "limits.rms_current": "largest effective current for as long as a plan likes",
     "limits.heating": "power that a coil may turn into heat for as long as a plan likes",
     "limits.rate": "largest rate",
     "limits.acceleration": "largest angular acceleration",
@@ -78,6 +113,7 @@ LIMITS = {
     "limits.angle_high": "highest angle",
     "limits.temperature_low": "lowest temperature",
     "limits.temperature_high": "highest temperature",
+    "limits.temperature_slew": "fastest change of temperature",
 }
 
 INSTRUMENT = {
@@ -128,5 +164,8 @@ CONDITIONS = {
         "field_averaging": "averaging time of the field; required unless it is instantaneous",
         "gyro_output": "which column holds the output: `rate_deg_per_h` or `counts`",
         "pulse_weight": "angle of one pulse; required where the output is counts",
+    },
+    "accelerometer-magnetic-sensitivity": {
+        "local_gravity": "gravity at the place; `1 g` where accelerations are to be in local g",
     },
 }

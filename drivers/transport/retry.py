@@ -31,9 +31,20 @@ class Repeatable:
 
     def __init__(self, *patterns: str) -> None:
         self._pattern = re.compile("|".join(f"(?:{one})" for one in patterns), re.IGNORECASE)
+        self._known: dict[str, bool] = {}
 
     def __contains__(self, message: object) -> bool:
-        first, *others = str(message).split(";")
+        text = str(message)
+        if text not in self._known:
+            # Queries come again and again; set-points, of which there is no end, are not kept.
+            found = self._all_match(text)
+            if not text.endswith("?"):
+                return found
+            self._known[text] = found
+        return self._known[text]
+
+    def _all_match(self, message: str) -> bool:
+        first, *others = message.split(";")
         rooted = all(one.lstrip().startswith((":", "*")) for one in others)
         commands = [one.strip().removeprefix(":") for one in (first, *others)]
         return rooted and all(self._pattern.fullmatch(one) for one in commands)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 
 from drivers.roles import Place
 from drivers.transport.serial_port import (
@@ -87,10 +88,8 @@ class SerialLine:
     def _ready(self) -> Port:
         """Return the port, opened again after a fault; what came unasked is read and forgotten."""
         port = self._port if self._port is not None else self._open()
-        try:
+        with self._breaks("looked for what had come unasked"):
             self._forget(port)
-        except OSError as error:
-            raise self._broken("looked for what had come unasked", error) from error
         return port
 
     def _open(self) -> Port:
@@ -155,30 +154,29 @@ class SerialLine:
 
     def _write(self, port: Port, message: str) -> None:
         sent = message.encode(ENCODING) + self._request_end
-        try:
+        with self._breaks(f"sent {shortened(message)!r}"):
             self._wire.sent(len(sent))
             self._traced(">", sent)
             port.write(sent)
-        except OSError as error:
-            raise self._broken(f"sent {shortened(message)!r}", error) from error
 
     def _read(self, port: Port, message: str, deadline_s: float) -> str:
         """Return the answer, which is complete with its end."""
         attempted = f"sent {shortened(message)!r}"
-        if not self._wire.wait(self._clock.now() + deadline_s):
-            raise self._silent(attempted, "no answer came", deadline_s)
         answer = b""
+        if not self._wire.wait(self._clock.now() + deadline_s):
+            with self._breaks(attempted):
+                self._forget(port)
+            raise self._silent(attempted, "no answer came", deadline_s)
         until_s = self._clock.now() + self._clock.patience_s(deadline_s)
         left_s = deadline_s
         try:
-            while not answer.endswith(self._answer_end) and left_s > 0:
-                came = port.read(self._clock.real_timeout_s(left_s))
-                answer += came
-                if len(answer) > LARGEST_ANSWER_BYTES or not came:
-                    break
-                left_s = until_s - self._clock.now()
-        except OSError as error:
-            raise self._broken(attempted, error) from error
+            with self._breaks(attempted):
+                while not answer.endswith(self._answer_end) and left_s > 0:
+                    came = port.read(self._clock.real_timeout_s(left_s))
+                    answer += came
+                    if len(answer) > LARGEST_ANSWER_BYTES or not came:
+                        break
+                    left_s = until_s - self._clock.now()
         finally:
             if answer:
                 self._traced("<", answer)
@@ -221,14 +219,19 @@ class SerialLine:
             "check the cable, the baud rate, and that nobody else talks to the instrument",
         )
 
-    def _broken(self, attempted: str, error: BaseException) -> InstrumentError:
-        self._disconnect()
-        return self._fault(
-            InstrumentError,
-            attempted,
-            f"the line broke ({one_line(error)})",
-            "check the cable and the instrument's power, then start again",
-        )
+    @contextmanager
+    def _breaks(self, attempted: str) -> Iterator[None]:
+        """Tell an OSError inside as a line that broke, which is then closed."""
+        try:
+            yield
+        except OSError as error:
+            self._disconnect()
+            raise self._fault(
+                InstrumentError,
+                attempted,
+                f"the line broke ({one_line(error)})",
+                "check the cable and the instrument's power, then start again",
+            ) from error
 
 
 def shortened(text: str, longest: int = 60) -> str:

@@ -17,7 +17,9 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import solve_triangular
+
+from procedures.estimation.linear import combine, cross_products
+from procedures.estimation.orthogonal import project, thin_qr
 
 Array = NDArray[np.float64]
 
@@ -98,18 +100,18 @@ class FiniteMemory:
     def _solve_window(self) -> None:
         """Solve the window exactly; note where it does not determine the columns."""
         rows, values = self._rows[: self._filled], self._values[: self._filled]
-        q, r = np.linalg.qr(rows)
+        q, r = thin_qr(rows)
         self._since = 0
         self.resolved += 1
         singular = np.linalg.svd(r, compute_uv=False)
         if singular[-1] <= SMALLEST_SINGULAR * singular[0]:
             self.lost += self._solved
             self._solved = False
-            self._normal = rows.T @ rows
+            self._normal = cross_products(rows)
             return
-        self._scaled = solve_triangular(r, q.T @ values)
-        self._scaled += solve_triangular(r, q.T @ (values - rows @ self._scaled))
-        inverse = solve_triangular(r, np.eye(len(self._scale)))
+        self._scaled = np.linalg.solve(r, project(q, values))
+        self._scaled += np.linalg.solve(r, project(q, values - combine(rows, self._scaled)))
+        inverse = np.linalg.inv(r)
         self._inverse = inverse @ inverse.T
         self._solved = True
 

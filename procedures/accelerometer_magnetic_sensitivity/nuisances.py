@@ -12,6 +12,7 @@ from procedures.estimation.orthogonal import (
     choose_by_information,
     independent_of,
     orthogonal_part,
+    thin_qr,
 )
 
 Array = NDArray[np.float64]
@@ -88,7 +89,7 @@ def chosen(
     warm = [name for name in terms.names if not name.startswith("drift")]
     drift = [name for name in terms.names if name.startswith("drift")]
     weight = root_weight[kept]
-    basis = np.linalg.qr(fixed[kept] * weight[:, None])[0]
+    basis = thin_qr(fixed[kept] * weight[:, None])[0]
     left = orthogonal_part(basis, data[kept] * weight)
     rows = len(left)
     models: list[tuple[str, ...]] = []

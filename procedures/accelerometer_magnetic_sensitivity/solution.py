@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from procedures.estimation.linear import combine
 from procedures.estimation.orthogonal import (
     OrthogonalFit,
     independent_of,
@@ -159,7 +160,8 @@ class _Model:
         turned = rows.theta_rad + offset_rad
         change = accelerations_by_angle(rows.plane, turned, rows.gravity_g)
         columns = model_columns(acceleration_g, rows.field_T)[:, self._places]
-        slope = model_columns_by_angle(acceleration_g, change, rows.field_T) @ self._guess
+        slope = model_columns_by_angle(acceleration_g, change, rows.field_T)
+        slope = combine(slope, self._guess)
         other = np.column_stack((slope, acceleration_g[:, 1], acceleration_g[:, 2]))
         known = (OFFSET, KO, KP)
         if self._alignment is None:
@@ -182,7 +184,7 @@ def group_weights(rows: Rows, design: Array, kept: Mask) -> Array:
         return weight
     for _ in range(3):
         fit = solve_by_qr(design[kept], rows.output_V[kept], weight[kept])
-        left = (rows.output_V - design @ fit.coefficients)[kept]
+        left = (rows.output_V - combine(design, fit.coefficients))[kept]
         share = np.maximum(1.0 - fit.leverage, 1e-6)
         group = rows.noise_group[kept]
         for one in np.unique(group):
@@ -219,7 +221,7 @@ def _solution(
         coefficients=coefficients,
         covariance=variance * fit.inverse_normal * np.outer(factor, factor),
         kept=kept,
-        residual_V=data - design @ fit.coefficients,
+        residual_V=data - combine(design, fit.coefficients),
         degrees_of_freedom=freedom,
         noise_V=float(np.sqrt(variance)),
         condition=fit.condition,

@@ -7,12 +7,39 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import solve_triangular
+
+from .linear import combine, cross_products
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 MAD_TO_SIGMA = 1.4826
+FEWEST_BLOCK_ROWS = 48
+
+
+def thin_qr(columns: Array) -> tuple[Array, Array]:
+    """Return Q (n, k) and R (k, k) of columns (n, k), the same on any number of processor cores.
+
+    Blocks of rows are decomposed, then their triangles. A threaded library shares a tall thin
+    decomposition out among the cores and waits forty times longer than it computes; small blocks
+    it leaves to one.
+    """
+    rows, width = columns.shape
+    block = max(FEWEST_BLOCK_ROWS, 2 * width)
+    if rows <= 2 * block:
+        first = np.linalg.qr(columns)
+        return np.asarray(first.Q), np.asarray(first.R)
+    padded = np.zeros((-(-rows // block) * block, width))
+    padded[:rows] = columns
+    parts = np.linalg.qr(padded.reshape(-1, block, width))
+    upper, triangle = thin_qr(np.asarray(parts.R).reshape(-1, width))
+    q = parts.Q @ upper.reshape(-1, width, width)
+    return np.asarray(q.reshape(-1, width)[:rows]), triangle
+
+
+def project(columns: Array, data: Array) -> Array:
+    """Return X'y for columns X (n, k) and data y (n,), by one core."""
+    return np.asarray(np.einsum("ij,i->j", columns, data))
 
 
 @dataclass(frozen=True)
@@ -47,13 +74,14 @@ def solve_by_qr(design: Array, data: Array, root_weight: Array | None = None) ->
     values = data if root_weight is None else data * root_weight
     scale = np.sqrt(np.einsum("ij,ij->j", rows, rows))
     scale = np.where(scale > 0.0, scale, 1.0)
-    q, r = np.linalg.qr(rows / scale)
-    scaled = solve_triangular(r, q.T @ values, check_finite=False)
+    unit = rows / scale
+    q, r = thin_qr(unit)
+    scaled = np.linalg.solve(r, project(q, values))
     # One step of refinement: what the rounding of the first solution left is solved for again.
-    scaled = scaled + solve_triangular(r, q.T @ (values - (rows / scale) @ scaled))
-    inverse = solve_triangular(r, np.eye(len(scale)), check_finite=False)
+    scaled = scaled + np.linalg.solve(r, project(q, values - combine(unit, scaled)))
+    inverse = np.linalg.inv(r)
     coefficients = scaled / scale
-    residuals = data - design @ coefficients
+    residuals = data - combine(design, coefficients)
     weighted = residuals if root_weight is None else residuals * root_weight
     return OrthogonalFit(
         coefficients=coefficients,
@@ -92,8 +120,8 @@ def split_columns(columns: Array, tolerance: float) -> ColumnSplit:
             kept.append(j)
     folds = np.zeros((len(kept), count))
     if kept:
-        triangle = np.triu(basis.T @ columns[:, kept])
-        folds = np.asarray(solve_triangular(triangle, basis.T @ columns))
+        shares = np.column_stack([project(basis, columns[:, j]) for j in range(count)])
+        folds = np.asarray(np.linalg.solve(np.triu(shares[:, kept]), shares))
         folds[:, kept] = np.eye(len(kept))
     return ColumnSplit(tuple(kept), folds)
 
@@ -101,7 +129,7 @@ def split_columns(columns: Array, tolerance: float) -> ColumnSplit:
 def orthogonal_part(basis: Array, column: Array) -> Array:
     """Return what of a column (n,) is orthogonal to an orthonormal basis (n, k)."""
     for _ in range(2):
-        column = column - basis @ (basis.T @ column)
+        column = column - combine(basis, project(basis, column))
     return column
 
 
@@ -110,7 +138,7 @@ def independent_of(columns: Array, candidates: Array, part: float) -> tuple[int,
 
     Each is held against `columns` (n, k) and the candidates taken before it.
     """
-    basis = np.linalg.qr(columns)[0] if columns.shape[1] else np.empty((len(candidates), 0))
+    basis = thin_qr(columns)[0] if columns.shape[1] else np.empty((len(candidates), 0))
     taken: list[int] = []
     for j in range(candidates.shape[1]):
         size = float(np.linalg.norm(candidates[:, j]))
@@ -126,17 +154,17 @@ def least_absolute(design: Array, data: Array, rounds: int = 12) -> Array:
 
     Least squares again and again, each row weighted by one over the root of its last residual.
     """
-    q = np.linalg.qr(design)[0]
-    residuals = data - q @ (q.T @ data)
+    q = thin_qr(design)[0]
+    residuals = data - combine(q, project(q, data))
     for _ in range(rounds):
         size = np.abs(residuals)
         floor = max(1e-3 * float(np.median(size)), 1e-12 * float(np.max(np.abs(data)) or 1.0))
         weight = 1.0 / np.sqrt(np.maximum(size, floor))
         # Columns that are orthonormal without the weights are near enough to it with them.
         weighted = q * weight[:, None]
-        normal = weighted.T @ weighted
-        coefficients = np.linalg.solve(normal, weighted.T @ (data * weight))
-        residuals = data - q @ coefficients
+        normal = cross_products(weighted)
+        coefficients = np.linalg.solve(normal, project(weighted, data * weight))
+        residuals = data - combine(q, coefficients)
     return residuals
 
 
@@ -165,7 +193,7 @@ def keep_inliers(
             break
         kept = fresh
         fit = solve_by_qr(design[kept], data[kept], weight[kept])
-        residuals = (data - design @ fit.coefficients) * weight
+        residuals = (data - combine(design, fit.coefficients)) * weight
         scaled = design * weight[:, None]
         spread = np.einsum("ij,ij->i", scaled @ fit.inverse_normal, scaled)
         expected = np.sqrt(np.where(kept, np.maximum(1.0 - spread, 1e-12), 1.0 + spread))
@@ -184,7 +212,7 @@ def _carried(design: Array, kept: Mask) -> bool:
     if int(kept.sum()) < columns + 3:
         return False
     sizes = np.linalg.norm(design, axis=0)
-    triangle = np.linalg.qr(design[kept] / np.where(sizes > 0, sizes, 1.0), mode="r")
+    triangle = thin_qr(design[kept] / np.where(sizes > 0, sizes, 1.0))[1]
     singular = np.linalg.svd(triangle, compute_uv=False)
     return bool(singular[-1] > 1e-7 * singular[0])
 

@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
+from procedures.rlg_magnetic_sensitivity.check import AMPLITUDE
 from procedures.rlg_magnetic_sensitivity.parameters import RlgParameters
 from procedures.rlg_magnetic_sensitivity.steps import (
     FIELD_HEADROOM,
@@ -24,7 +25,11 @@ if TYPE_CHECKING:
 
 def forecast(parameters: RlgParameters, bench: Bench) -> Forecast:
     """Return the set-points of S3 to S9 and the rows of gyro and gaussmeter."""
-    return Forecast(tuple(set_points(parameters, bench)), recordings(parameters, bench))
+    return Forecast(
+        tuple(set_points(parameters, bench)),
+        recordings(parameters, bench),
+        {coil_supply(axis): AMPLITUDE for axis in parameters.axes},
+    )
 
 
 def set_points(parameters: RlgParameters, bench: Bench) -> Iterator[SetPoint]:

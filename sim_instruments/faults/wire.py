@@ -18,8 +18,11 @@ LINES = frozenset({"scpi", "acl", "ascii"})
 CAN = frozenset({"socketcand"})
 # Two protocols are not here yet: checksummed frames and Modbus, whose own fault is a wrong CRC.
 
-MEASURED = re.compile(rb"[+-]?\d+\.\d+E[+-]?\d+")
-"""How instruments write what they measured; counts, states and versions look otherwise."""
+MEASURED = re.compile(rb"[+-]?\d+\.(?:\d+E[+-]?\d+|\d{6}(?![\dE]))")
+"""How instruments write what they measured: with an exponent, or six decimals.
+
+Counts, states and versions look otherwise.
+"""
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ from sim_instruments.world.accelerometer import (
     acceleration_g,
     input_axis,
 )
-from sim_instruments.world.averaging import Nodes, Pieces, nodes_within
+from sim_instruments.world.averaging import Nodes, Pieces, lengths_of, nodes_within
 from sim_instruments.world.base import STRONG_COIL, coil_currents, coil_named
 from sim_instruments.world.coil_heat import CoilHeat, mean_current_and_square
 from sim_instruments.world.coils import AXES, HelmholtzPair
@@ -45,8 +45,8 @@ class AccelerometerBench:
     """The current in the strong coil, the field it makes, gravity, and the accelerometer.
 
     The coil's axis is x of the gaussmeter's probe; the accelerometer, in its centre, feels the
-    field along that axis. `rotation` is the stage as its encoder counts, without that encoder's
-    noise; the device stands `angle_offset` further, in every plane.
+    field along that axis. `rotation` is where the stage truly stands, whatever its encoder says;
+    the device stands `angle_offset` further, in every plane.
     """
 
     preparations: ClassVar[tuple[str, ...]] = ("mount-io", "connect-cables", "dut-power-on")
@@ -102,10 +102,10 @@ class AccelerometerBench:
     def mean_output_V(self, edges_s: Array) -> Array:
         """Return the accelerometer's mean output between neighbouring times, shape (intervals,).
 
-        Zero while it is switched off. Exact while the stage rests, whatever the current does.
+        Zero while it is switched off, and over an empty interval. Exact while the stage rests,
+        whatever the current does.
         """
         pieces = Pieces(edges_s, self._kinks(edges_s))
-        means = np.empty(pieces.middles_s.size)
         turning = self._turns(pieces)
         slow = nodes_within(pieces.starts_s, pieces.ends_s, SLOW_PANEL_S, SLOW_ORDER)
         temperature = slow.mean(self.dut_temperature_degC(slow.time_s))
@@ -121,8 +121,7 @@ class AccelerometerBench:
             )
         means += slow.mean(self.accelerometer.drift_V(slow.time_s))
         on = np.diff(self.accelerometer.heat.on_time(pieces.edges_s)) > 0.0
-        lengths_s = np.diff(edges_s)
-        powered = np.diff(self.accelerometer.heat.on_time(edges_s)) / lengths_s
+        powered = np.diff(self.accelerometer.heat.on_time(edges_s)) / lengths_of(edges_s)
         return pieces.together(np.where(on, means, 0.0)) + powered * self._noise.mean(edges_s)
 
     def mean_pt100_ohm(self, edges_s: Array) -> Array:

@@ -45,6 +45,16 @@ def nodes_within(starts_s: Array, ends_s: Array, longest_s: float, order: int) -
     return Nodes(times.ravel(), np.repeat(owner, order), share.ravel(), starts_s.size)
 
 
+def lengths_of(edges_s: Array) -> Array:
+    """Return the lengths of the intervals between neighbouring times, 1 s for empty ones.
+
+    A meter that reads without a pause asks for the empty ones between its readings, too: what is
+    integrated over them is 0, and so is then the mean.
+    """
+    lengths_s = np.diff(edges_s)
+    return np.where(lengths_s > 0.0, lengths_s, 1.0)
+
+
 class Pieces:
     """Intervals cut where something changes, so that everything is smooth within a piece."""
 
@@ -53,7 +63,7 @@ class Pieces:
         self.edges_s: Array = np.unique(np.concatenate([edges_s, *inside]))
         self.starts_s, self.ends_s = self.edges_s[:-1], self.edges_s[1:]
         self.middles_s = 0.5 * (self.starts_s + self.ends_s)
-        self._lengths_s = np.diff(edges_s)
+        self._lengths_s = lengths_of(edges_s)
         self._owner = np.searchsorted(edges_s, self.middles_s, side="right") - 1
 
     def together(self, means: Array) -> Array:

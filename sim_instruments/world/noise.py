@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from sim_instruments.world.averaging import lengths_of
+
 Array = npt.NDArray[np.float64]
 
 CELL_S = 1e-3
@@ -31,7 +33,7 @@ class WhiteNoise:
         steps = self._step * np.concatenate([self._block(k) for k in range(first, last + 1)])
         walk = np.concatenate(([0.0], np.cumsum(steps)))
         at = np.interp(cells - first * BLOCK, np.arange(walk.size), walk)
-        return np.diff(at) / np.diff(edges_s)
+        return np.asarray(np.diff(at) / lengths_of(edges_s))
 
     def _block(self, number: int) -> Array:
         counter = np.array([0, 0, 0, number % 2**64], dtype=np.uint64)

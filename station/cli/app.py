@@ -261,6 +261,17 @@ def abort(
 
 
 @app.command()
+def acknowledge(
+    bench: Annotated[str, typer.Argument(help="Bench file: a path, or a name.")],
+    json: Json = False,
+) -> None:
+    """Allow a bench again after an interlock tripped."""
+    from station.cli.acknowledging import acknowledge_bench
+
+    acknowledge_bench(bench, as_json=json)
+
+
+@app.command()
 def identify(
     bench: Annotated[str, typer.Argument(help="Bench file: a path, or a name.")] = DEFAULT_BENCH,
     json: Json = False,

@@ -9,7 +9,7 @@ from typing import Any
 
 from station.clock import RealClock, boot_seconds
 from station.console import span, tell
-from station.control.client import ask
+from station.control.client import NoAnswer, ask
 from station.errors import EXIT_DONE, EXIT_FAULT, EXIT_WRONG_INPUT
 from station.guardian.log import guardian_events, latest_safe_state
 from station.locks import is_held
@@ -89,8 +89,15 @@ def real_rest_of_step_s(run: Path, status: Status) -> float | None:
 
 
 def abort_run(run: Path, timeout_s: float, *, as_json: bool) -> int:
-    """End a run, wait until its bench has been made safe, and return the exit code."""
-    tell(str(ask(run, "abort").get("said")))
+    """End a run, wait until its bench has been made safe, and return the exit code.
+
+    A process that does not answer is about to be ended by its guardian, or is past its steps: the
+    bench is told of in every case.
+    """
+    try:
+        tell(str(ask(run, "abort").get("said")))
+    except NoAnswer as error:
+        tell(str(error))
     until_s = boot_seconds() + timeout_s
     while is_held(run / LOCK) and boot_seconds() < until_s:
         RealClock().sleep(LOOKS_EVERY_S)

@@ -9,11 +9,13 @@ from typing import Any
 
 from station import registry
 from station.bench import Bench, read_bench
+from station.console import span
 from station.errors import EXIT_DONE, EXIT_WRONG_INPUT
 from station.faults import listed
 from station.lookup import BENCHES, PLANS, find
 from station.plan import Plan, read_plan
 from station.plan.resolved import resolved_data, resolved_text
+from station.safety.static_limits import problems_of_plan
 from station.yaml.reading import Fault, FaultList
 
 
@@ -28,12 +30,22 @@ def read_plan_for(name: str, bench: Bench, overrides: Sequence[str] = ()) -> Pla
     procedure = registry.procedure(plan.procedure)
     faults = [
         plan.fault(problem.where, problem.what)
-        for problem in procedure.check(plan.parameters, bench)
+        for problem in problems_of_plan(procedure, plan.parameters, bench)
     ]
     faults += limits_never_held(plan, procedure.measured_axes(plan.parameters))
     if faults:
         raise FaultList(faults)
     return plan
+
+
+def outlook_of(plan: Plan) -> dict[str, Any]:
+    """Return how long a plan takes, in s of bench time, and in lines what it determines."""
+    procedure = registry.procedure(plan.procedure)
+    return {
+        "plan": str(plan.path),
+        "expected_s": round(procedure.duration_s(plan.parameters), 3),
+        "determines": list(procedure.outlook(plan.parameters)),
+    }
 
 
 def limits_never_held(plan: Plan, measured: Mapping[str, tuple[str, ...]]) -> Iterator[Fault]:
@@ -79,6 +91,8 @@ def validate_plans(
         document: dict[str, Any] = {"valid": not faults, "faults": [vars(one) for one in faults]}
         if resolved:
             document["resolved"] = [resolved_data(plan) for plan in plans]
+        if not faults:
+            document["outlook"] = [outlook_of(plan) for plan in plans]
         print(json.dumps(document, indent=1, ensure_ascii=False))
     else:
         for fault in faults:
@@ -86,9 +100,15 @@ def validate_plans(
         if resolved:
             print("---\n".join(resolved_text(plan) for plan in plans), end="")
         if not faults:
+            to = sys.stderr if resolved else sys.stdout
             count = len(names)
             print(
                 f"{count} plan{'s' if count > 1 else ''} without a fault on bench {bench_name}",
-                file=sys.stderr if resolved else sys.stdout,
+                file=to,
             )
+            for plan in plans:
+                told = outlook_of(plan)
+                print(f"{plan.path.name}: about {span(told['expected_s'])} of bench time", file=to)
+                for line in told["determines"]:
+                    print(f"  {line}", file=to)
     return EXIT_WRONG_INPUT if faults else EXIT_DONE

@@ -11,8 +11,11 @@ What is asked: every driver has the verbs of its role, says who is there, gives 
 a closed port, for silence and for nonsense, within its deadline, and can be closed twice. A coil
 supply takes its limits, refuses what is beyond them, runs its sine, and comes to rest from any
 state, no faster than its slew limit, proven by its own reading back. A sampled source delivers its
-columns, counts without a gap for a minute, and is quiet once stopped. A supply of the device under
-test asks the operator for nothing that it did not declare.
+columns, counts without a gap for a minute, and is quiet once stopped. A rotary stage takes its
+limits, turns to no angle before its zero is found, reads the angle that was commanded, and stops
+from any movement. A meter or a thermometer gives each burst of readings once and whole, in
+exchanges that do not wait for it. A supply of the device under test asks the operator for nothing
+that it did not declare.
 
 On a simulated bench (one with `simulation`) the instrument's simulator answers, on virtual time,
 in the world of `--station-procedure`. On a real bench the tests wait in real time, and whatever

@@ -19,7 +19,7 @@ PACKAGE = "station.conformance"
 CLAIMS = {"made_safe": "make_safe", "sampled_source": "drain"}
 """Fixtures for whatever has a verb; the other fixtures bear the name of a role."""
 
-ROLES = ("coil_supply", "dut_power", "rotary_stage")
+ROLES = ("coil_supply", "dut_power", "multimeter", "rotary_stage", "thermometer")
 """Fixtures for the instrument of a role."""
 
 ENERGISES = "energises: current may flow; on a real bench only with --station-energise"
@@ -147,4 +147,16 @@ def dut_power(instrument: Any) -> Any:
 @pytest.fixture
 def rotary_stage(instrument: Any) -> Any:
     """Give a rotary stage."""
+    return instrument
+
+
+@pytest.fixture
+def multimeter(instrument: Any) -> Any:
+    """Give a voltmeter."""
+    return instrument
+
+
+@pytest.fixture
+def thermometer(instrument: Any) -> Any:
+    """Give a thermometer at the device under test."""
     return instrument

@@ -17,7 +17,7 @@ from multiprocessing.connection import (
     deliver_challenge,
 )
 from pathlib import Path
-from threading import Event, Lock, Thread
+from threading import Event, Lock, Thread, current_thread
 from typing import Any
 
 from station.control.place import PRIVATE_FILE, Place, places
@@ -102,8 +102,6 @@ class Channel:
             thread.start()
 
     def _talk(self, connection: Connection) -> None:
-        from threading import current_thread
-
         try:
             with connection:
                 incoming = self._proven(connection)

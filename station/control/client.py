@@ -32,6 +32,10 @@ class NotRunning(InputError):
     """A run that no process is at work on."""
 
 
+class NoAnswer(StationError):
+    """A run whose process does not answer: it is stopped, hangs, has died or is past its steps."""
+
+
 def ask(
     folder: Path,
     request: str,
@@ -46,7 +50,7 @@ def ask(
     and `waiting` is then called now and again. Without `timeout_s` the last answer may take any
     time. Who leaves without it has taken the request back.
 
-    Raises NotRunning, and StationError where the process does not answer.
+    Raises NotRunning, and NoAnswer where there is a process that does not answer.
     """
     connection, key = connected(folder)
     with connection:
@@ -62,7 +66,7 @@ def ask(
         except AuthenticationError as error:
             raise StationError(f"{folder}: the run's process refuses the key: {error}") from error
         except (EOFError, OSError) as error:
-            raise StationError(
+            raise NoAnswer(
                 f"{folder}: the run's process ended before it answered; `station status {folder}` "
                 "says how it stands"
             ) from error
@@ -93,7 +97,7 @@ def connected(folder: Path) -> tuple[Connection, bytes]:
             except OSError:  # left by a dead process, or about to be replaced
                 continue
         if boot_seconds() > until_s:
-            raise StationError(f"{folder}: {LISTENS_TO_NOBODY}")
+            raise NoAnswer(f"{folder}: {LISTENS_TO_NOBODY}")
         RealClock().sleep(LOOKS_EVERY_S)
 
 
@@ -109,7 +113,7 @@ def not_running(folder: Path) -> str:
 def prove(folder: Path, connection: Connection, key: bytes) -> None:
     """Show the key, and ask the other side to show that it has it too."""
     if not connection.poll(ANSWERS_WITHIN_S):
-        raise StationError(silent(folder))
+        raise NoAnswer(silent(folder))
     answer_challenge(connection, key)
     deliver_challenge(connection, key)
 
@@ -124,7 +128,7 @@ def received(
     until_s = None if timeout_s is None else boot_seconds() + timeout_s
     while not connection.poll(LOOKS_EVERY_S):
         if until_s is not None and boot_seconds() > until_s:
-            raise StationError(silent(folder))
+            raise NoAnswer(silent(folder))
         if waiting is not None:
             waiting()
     answer: dict[str, Any] = json.loads(connection.recv_bytes())

@@ -20,6 +20,7 @@ from station.report.context import (
 )
 from station.report.html import render_html
 from station.results import Findings, ResultDocument
+from station.safety.interlocks.reading import CHAIN
 
 
 def report_of_run(folder: RunFolder, document: ResultDocument, findings: Findings) -> str:
@@ -56,6 +57,7 @@ def report_of_run(folder: RunFolder, document: ResultDocument, findings: Finding
         assumptions=procedure.assumptions,
         versions=tuple(version_rows(facts)),
         reproduce=f"station analyse {folder.path.name} --compare",
+        notes=tuple(notes_of(bench)),
     )
     parts = procedure.report(findings, document)
     return render_html(document, context, parts)
@@ -93,6 +95,15 @@ def simulation_sentences(bench: Bench) -> tuple[str, ...]:
         "Time was virtual: waiting was skipped, nothing else.",
         "Physical acts were done by the simulated world. Certificates and due dates are invented.",
     )
+
+
+def notes_of(bench: Bench) -> Iterator[str]:
+    """Yield what the bench lacks and the reader should know."""
+    if CHAIN not in bench.instruments:
+        yield (
+            f"The bench {bench.name} has no {CHAIN}: whether an emergency stop or a door switch "
+            "opened while this was measured could not be seen by the station."
+        )
 
 
 def instrument_rows(folder: RunFolder, bench: Bench) -> Iterator[InstrumentRow]:

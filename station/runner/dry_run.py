@@ -14,18 +14,16 @@ from typing import TYPE_CHECKING, Any
 
 from station import registry
 from station.clock import system_clock_synchronised, utc_now
-from station.faults import FaultList
 from station.runner.disk_space import Disk, disk_of
 from station.runner.preflight import fault_of_output, warned_of_clock
 from station.runner.simulation import clock_for
-from station.units import UnitError, parse_as
+from station.safety.static_limits import RESISTANCE, coil_resistance_ohm, heating_W
 
 if TYPE_CHECKING:
     from station.bench import Bench
     from station.plan import Plan
     from station.procedure import SetPoint
 
-RESISTANCE = "coil_resistance"
 QUANTITIES = {"field": ("field_mT", "mT"), "current": ("current_A", "A")}
 MOTIONS = {"rate": ("rate_deg_per_s", "deg/s")}
 
@@ -178,12 +176,11 @@ def heating(points: Sequence[SetPoint], bench: Bench) -> Iterator[Extreme]:
     for point in points:
         if point.current_A is None:
             continue
-        rms_A = point.current_A if point.rms_current_A is None else point.rms_current_A
         resistance_ohm = coil_resistance_ohm(bench, point.instrument)
         if resistance_ohm is None:
             unknown[point.instrument] = None
         else:
-            known.append((rms_A**2 * resistance_ohm, point.instrument))
+            known.append((heating_W(point, resistance_ohm) or 0.0, point.instrument))
     if known:
         value, instrument = max(known)
         yield Extreme(
@@ -192,21 +189,6 @@ def heating(points: Sequence[SetPoint], bench: Bench) -> Iterator[Extreme]:
     if unknown:
         note = f"not known: the bench file gives no {RESISTANCE}"
         yield Extreme("largest", "coil heating", None, "W", ", ".join(unknown), note)
-
-
-def coil_resistance_ohm(bench: Bench, instrument: str) -> float | None:
-    """Return the resistance in ohm that the bench file gives for a supply's coil, or None.
-
-    Raises FaultList where it gives one that cannot be read.
-    """
-    settings = bench.instruments[instrument].settings
-    if RESISTANCE not in settings:
-        return None
-    try:
-        return parse_as(settings[RESISTANCE], "ohm")
-    except UnitError as error:
-        where = ("instruments", instrument, "settings", RESISTANCE)
-        raise FaultList([bench.fault(where, error.what, error.hint)]) from error
 
 
 def given(point: SetPoint) -> dict[str, Any]:

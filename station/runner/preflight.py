@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 from station.clock import RealClock, boot_seconds, system_clock_synchronised, utc_now
 from station.errors import RecordError
 from station.runner.disk_space import disk_of, nearest_there
+from station.safety.static_limits import problems_of_plan
 
 if TYPE_CHECKING:
     from station.bench import Bench
@@ -44,7 +45,7 @@ def look_before_a_run(
     if fault is not None:
         raise RecordError(fault)
     # A plan that does not fit the bench foresees nothing; opening the bench says what is wrong.
-    if not any(procedure.check(plan.parameters, bench)):
+    if not any(problems_of_plan(procedure, plan.parameters, bench)):
         disk = disk_of(procedure.forecast(plan.parameters, bench), bench, output, clock)
         if disk.too_small:
             raise RecordError(disk.sentence())

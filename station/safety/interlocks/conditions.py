@@ -101,6 +101,9 @@ class Level:
             return Judgement(None, f"{name} reads {value}, which is no number", None, self.limit)
         level = abs(value) if self.magnitude else value
         beyond = level > self.high or level < self.low
+        if math.isinf(value):
+            said = f"{name} is beyond the range of the instrument, {self.limit}"
+            return Judgement(beyond, said, None, self.limit)
         if beyond:
             said = f"{name} is {value:.4g} {self.unit}, {self.limit}"
         else:

@@ -74,11 +74,15 @@ class Monitor:
         """Look at every interlock now; raises InterlockTripped, before anything is energised.
 
         No grace is given here: what is wrong already is not going to be made better by a run.
+        Raises InputError where the bench file watches what a driver cannot be asked for.
         """
         for watch in self._watches:
             for instrument in watch.own_state:
                 if "output" in quantities_of(instrument):
                     watch.eyes.look(instrument, "output")
+            for watched in sorted(watch.interlock.when.watched):
+                # The condition itself does not always look at all of its parts.
+                watch.eyes.look(*watched)
             judged = watch.judge()
             if judged.true is not False:
                 self.trip = self._tripped(watch, judged)
@@ -147,6 +151,7 @@ class Monitor:
         said = judged.said
         if watch.since_s is not None and watch.interlock.grace_s:
             said += f", for {self._clock.now() - watch.since_s:.3g} s"
+        said += watch.eyes.explained(watch.interlock.when.watched)
         return InterlockTripped(
             watch.interlock.name,
             said,

@@ -30,7 +30,7 @@ OUTPUT = Kind(states=("on", "off"))
 MOTION = Kind(states=("moving", "at-rest"))
 CURRENT = Kind("A", period_s=0.2, magnitude=True, while_on=True)
 # What a coil's voltage tells beside its current, its resistance, changes slowly.
-VOLTAGE = Kind("V", period_s=1.0, magnitude=True, while_on=True)
+VOLTAGE = Kind("V", period_s=2.0, magnitude=True, while_on=True)
 RATE = Kind("deg/s", period_s=0.2, magnitude=True, while_on=True)
 ANGLE = Kind("deg", period_s=0.2, while_on=True)
 # Longer than the pause between two looks of a running record, whose reading then serves.

@@ -2,25 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
-from typing import Protocol, runtime_checkable
+from typing import Protocol
 
 from station.clock import Clock, ClockError, ClockStopped
+from station.errors import InputError, InstrumentError
 from station.readings import Reading, Readings, Value
-from station.safety.interlocks.conditions import Seen
+from station.safety.interlocks.conditions import Seen, Watched
 from station.safety.interlocks.quantities import kind_of
 
 YOUNGER = 0.99
 """A reading made at the last look is not fresh at the next, whatever the last bit says."""
 
 
-@runtime_checkable
 class Monitored(Protocol):
     """An instrument that can be asked for a quantity at any time, between any two exchanges."""
 
     def read_quantity(self, quantity: str) -> Value | None:
-        """Return it now; None while there is nothing to be known, as of a board that is stopped."""
+        """Return it now; None while there is nothing to be known, as of a board that is stopped.
+
+        Raises InputError for a quantity that the instrument does not have.
+        """
         ...
 
 
@@ -34,21 +38,42 @@ class Sight:
     fresh_s: float
 
     def look(self, instrument: str, quantity: str) -> Seen:
-        """Return the newest reading while it is fresh, else ask the instrument."""
+        """Return the newest reading while it is fresh, else ask the instrument.
+
+        Raises InputError where the bench file watches what its driver cannot be asked for.
+        """
         newest = self.readings.newest(instrument, quantity)
         if newest is not None and self.clock.now() - newest.time_s < YOUNGER * self.fresh_s:
             return Seen(newest)
-        asked = self.instruments[instrument]
-        if not isinstance(asked, Monitored):
-            return Seen(None, f"cannot be read: {type(asked).__name__} has no read_quantity")
+        read = getattr(self.instruments.get(instrument), "read_quantity", None)
+        if read is None:
+            raise InputError(
+                f"{instrument}: its driver cannot be asked for its {quantity}; take that interlock "
+                "out of the bench file"
+            )
         try:
-            value = asked.read_quantity(quantity)
-        except (ClockStopped, ClockError):
+            value: Value | None = read(quantity)
+        except (ClockStopped, ClockError, InputError):
             raise
         except Exception as error:  # whatever it is, what cannot be read protects nobody
             return Seen(None, f"cannot be read: {error}")
         if value is None:
             return Seen(None, "is not measured now", excused=True)
-        unit = kind_of(instrument, quantity).unit
-        self.readings.publish(instrument, quantity, value, unit)
-        return Seen(Reading(value, unit, self.clock.now()))
+        told = self.readings.newest(instrument, quantity)
+        if told is None or told.value != value or told.time_s != self.clock.now():
+            # The driver has not published it by itself.
+            unit = kind_of(instrument, quantity).unit
+            self.readings.publish(instrument, quantity, value, unit)
+            told = Reading(value, unit, self.clock.now())
+        return Seen(told)
+
+    def explained(self, watched: Collection[Watched]) -> str:
+        """Return in brackets what instruments say to explain a state: which contact is open."""
+        said = []
+        for instrument, quantity in sorted(watched):
+            explain = getattr(self.instruments.get(instrument), "explain", None)
+            if explain is not None:
+                with suppress(InstrumentError):  # the trip itself is told all the same
+                    said.append(str(explain(quantity)))
+        told = ", ".join(one for one in said if one)
+        return f" ({told})" if told else ""

@@ -1,0 +1,121 @@
+"""Put every fault at every step of every shipped plan and hold each run against one oracle.
+
+python benchmarks/fault_campaign.py [--plan NAME …] [--only TEXT] [--part 1/4]
+
+In this process, on virtual time, plans in a short form. One JSON line for each case that struck
+and breaks a promise, then for each plan the counts, and for each kind of fault the bench times
+from the fault until the last coil is driven no more, and until every instrument that can harm was
+read back safe (runs that the fault ended while a coil was energised).
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import shutil
+import sys
+import tempfile
+from collections import Counter
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))
+
+from fault_cases import all_cases, plans, reference_run
+from fault_oracle import Verdict, judge, run_case
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--plan", nargs="+", help="these plans; all that are valid on sim if none")
+    parser.add_argument("--only", default="", help="cases whose name holds this text")
+    parser.add_argument("--part", default="1/1", help="which part of the cases, such as 2/4")
+    parser.add_argument("--all-lines", action="store_true", help="a line for every case")
+    arguments = parser.parse_args()
+    part, parts = map(int, arguments.part.split("/"))
+    with tempfile.TemporaryDirectory() as place:
+        os.environ["XDG_STATE_HOME"] = str(Path(place) / "state")
+        for plan in arguments.plan or plans():
+            campaign(plan, Path(place) / plan, part, parts, arguments)
+
+
+def campaign(plan: str, folder: Path, part: int, parts: int, arguments: argparse.Namespace) -> None:
+    reference = reference_run(plan, folder / "reference")
+    cases = [one for one in all_cases(plan, reference) if arguments.only in str(one[0])]
+    verdicts = []
+    for number, (case, entry) in enumerate(cases):
+        if number % parts != part - 1:
+            continue
+        place = folder / f"case-{number}"
+        ended = run_case(case, entry, place)
+        verdict = judge(case, entry, ended, reference)
+        verdicts.append(verdict)
+        if verdict.violations or arguments.all_lines:
+            print(json.dumps(line_of(verdict, entry)), flush=True)
+        shutil.rmtree(place)
+    print(json.dumps(counts(plan, arguments.part, len(cases), verdicts)))
+    for kind in sorted({one.case.kind for one in verdicts}):
+        mine = [one for one in verdicts if one.case.kind == kind]
+        print(
+            json.dumps({"benchmark": "fault_campaign", "plan": plan, "kind": kind, **times(mine)})
+        )
+
+
+def line_of(verdict: Verdict, entry: dict[str, Any]) -> dict[str, Any]:
+    return {
+        "case": str(verdict.case),
+        "entry": entry,
+        "struck": verdict.struck,
+        "exit_code": verdict.exit_code,
+        "to_zero_s": verdict.to_zero_s,
+        "to_verified_s": verdict.to_verified_s,
+        "sentence": verdict.sentence,
+        "violations": verdict.violations,
+    }
+
+
+def counts(plan: str, part: str, cases: int, verdicts: list[Verdict]) -> dict[str, Any]:
+    struck = [one for one in verdicts if one.struck]
+    return {
+        "benchmark": "fault_campaign",
+        "plan": plan,
+        "part": part,
+        "cases_of_the_plan": cases,
+        "injected": len(verdicts),
+        "struck": len(struck),
+        "struck_while_energised": sum(one.energised for one in struck),
+        "exit_codes": dict(sorted(Counter(one.exit_code for one in struck).items())),
+        "violations": sum(len(one.violations) for one in verdicts),
+        "cases_with_violations": sum(bool(one.violations) for one in verdicts),
+    }
+
+
+def times(verdicts: list[Verdict]) -> dict[str, Any]:
+    return {
+        "struck": sum(one.struck for one in verdicts),
+        "violations": sum(len(one.violations) for one in verdicts),
+        "to_zero_s": spread([one.to_zero_s for one in verdicts if one.to_zero_s is not None]),
+        "to_verified_s": spread(
+            [one.to_verified_s for one in verdicts if one.to_verified_s is not None]
+        ),
+    }
+
+
+def spread(values: list[float]) -> dict[str, float] | None:
+    if not values:
+        return None
+    least, median, most_of_them, largest = np.quantile(values, [0.0, 0.5, 0.95, 1.0])
+    return {
+        "n": len(values),
+        "min": round(float(least), 3),
+        "median": round(float(median), 3),
+        "p95": round(float(most_of_them), 3),
+        "max": round(float(largest), 3),
+    }
+
+
+if __name__ == "__main__":
+    main()

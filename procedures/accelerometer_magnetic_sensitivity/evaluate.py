@@ -1,0 +1,151 @@
+"""From data to findings: the analysis, with the type B inputs that the bench file states."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from procedures.accelerometer_magnetic_sensitivity.analysis import analyse
+from procedures.accelerometer_magnetic_sensitivity.check import GAUSSMETER, MULTIMETER
+from procedures.accelerometer_magnetic_sensitivity.dataset import AccelerometerDataset
+from procedures.accelerometer_magnetic_sensitivity.findings import (
+    AccelerometerAnalysis,
+    AnalysisSettings,
+)
+from procedures.accelerometer_magnetic_sensitivity.from_import import dataset_of_import
+from procedures.accelerometer_magnetic_sensitivity.from_record import (
+    dataset_of_run,
+    overloaded_readings,
+)
+from procedures.accelerometer_magnetic_sensitivity.parameters import AccelerometerParameters
+from station.results import Estimate, Findings, Flag, Published
+from station.uncertainty import InputQuantity
+
+if TYPE_CHECKING:
+    from station.bench import Bench
+    from station.calibration import Calibration
+    from station.dataset_reading import RawDataset
+    from station.record.folder import RunFolder
+
+
+@dataclass(frozen=True)
+class Detail:
+    """What this procedure's report draws."""
+
+    analysis: AccelerometerAnalysis
+    dataset: AccelerometerDataset
+
+
+def findings_of_run(
+    folder: RunFolder, parameters: AccelerometerParameters, bench: Bench
+) -> Findings:
+    """Return what a run's finished points say, type B inputs from the bench's calibrations."""
+    dataset = dataset_of_run(folder, parameters, bench)
+    analysis = analyse(dataset, settings(parameters))
+    findings = to_findings(analysis, dataset, type_b_inputs(parameters, bench))
+    finished = folder.finished_units()
+    known = [point.unit for point in parameters.points if point.unit in finished]
+    count = overloaded_readings(folder, known)
+    if not count or any(flag.code == "overload" for flag in findings.flags):
+        return findings
+    message = (
+        f"{count} readings of the voltmeter were overloads; they are left out, and their points "
+        "were measured again on a higher range."
+    )
+    flags = [*findings.flags, Flag("overload", message, None, {"count": count})]
+    return Findings(findings.estimates, findings.published, flags, findings.inputs, findings.detail)
+
+
+def findings_of_dataset(raw: RawDataset) -> Findings:
+    """Return what an imported dataset says; it brings no calibration records, so type A only."""
+    dataset = dataset_of_import(raw)
+    return to_findings(analyse(dataset, AnalysisSettings()), dataset, [])
+
+
+def settings(parameters: AccelerometerParameters) -> AnalysisSettings:
+    """Return the analysis settings of a plan."""
+    thresholds = parameters.thresholds
+    return AnalysisSettings(
+        not_significant=thresholds.not_significant,
+        gap=thresholds.gap,
+        field_differs=thresholds.field_differs_from_commanded,
+        model_too_stiff=thresholds.model_too_stiff,
+        outlier=thresholds.outlier,
+        window=parameters.window,
+    )
+
+
+def type_b_inputs(parameters: AccelerometerParameters, bench: Bench) -> list[InputQuantity]:
+    """Return what the data cannot tell: gain and offset of gaussmeter and voltmeter."""
+    field_mT = parameters.largest_field_mT
+    largest_V = parameters.scale_factor_V_per_g
+    return [
+        *_gain_and_offset(bench, GAUSSMETER, "field", field_mT, "mT", "field", ("T", 1e-3)),
+        *_gain_and_offset(bench, MULTIMETER, "voltage", largest_V, "V", "voltage", ("V", 1.0)),
+    ]
+
+
+def _gain_and_offset(
+    bench: Bench,
+    instrument: str,
+    quantity: str,
+    largest: float,
+    unit: str,
+    name: str,
+    offset: tuple[str, float],
+) -> Iterable[InputQuantity]:
+    """Split a certificate's uncertainty into the part at zero and the part that grows."""
+    record: Calibration | None = bench.instruments[instrument].calibration
+    if record is None or not record.covers(quantity, largest, unit):
+        return
+    at_zero = record.standard_uncertainty(quantity, 0.0, unit)
+    at_largest = record.standard_uncertainty(quantity, largest, unit)
+    grown = math.sqrt(max(at_largest**2 - at_zero**2, 0.0))
+    yield InputQuantity(
+        f"{name}_gain",
+        f"{instrument} at {largest:g} {unit}",
+        grown / largest,
+        "1",
+        record.source,
+    )
+    offset_unit, factor = offset
+    yield InputQuantity(
+        f"{name}_offset_{offset_unit}",
+        f"zero of {instrument}",
+        at_zero * factor,
+        offset_unit,
+        record.source,
+    )
+
+
+def to_findings(
+    analysis: AccelerometerAnalysis, dataset: AccelerometerDataset, inputs: list[InputQuantity]
+) -> Findings:
+    """Return an analysis in the station's own terms."""
+    estimates = [
+        Estimate(
+            one.name,
+            None,
+            one.value,
+            one.unit,
+            one.standard_uncertainty,
+            one.degrees_of_freedom,
+            "weighted",
+            one.sensitivities,
+            {"terms": dict(one.terms)} if one.terms else {},
+        )
+        for one in analysis.estimates
+    ]
+    published = [
+        Published(one.name, None, one.value, one.unit, "finite-memory")
+        for one in analysis.published
+    ]
+    flags = [Flag(one.code, one.message, None, _details(one)) for one in analysis.flags]
+    return Findings(estimates, published, flags, inputs, Detail(analysis, dataset))
+
+
+def _details(flag: Any) -> dict[str, Any]:
+    """Return a flag's count and details as plain data."""
+    return {**({} if flag.count is None else {"count": int(flag.count)}), **flag.details}

@@ -1,0 +1,156 @@
+"""What this procedure adds to the report: what is determined, plots, and tables of the fit."""
+
+from __future__ import annotations
+
+import matplotlib as mpl
+import numpy as np
+
+from procedures.accelerometer_magnetic_sensitivity import plots
+from procedures.accelerometer_magnetic_sensitivity.dataset import AccelerometerDataset
+from procedures.accelerometer_magnetic_sensitivity.findings import AccelerometerAnalysis
+from procedures.accelerometer_magnetic_sensitivity.identifiability import (
+    combination_text,
+    describe,
+)
+from procedures.accelerometer_magnetic_sensitivity.model import COEFFICIENTS
+from station.report.drawing import STYLE
+from station.report.numbers import NOTHING, format_number, format_with_uncertainty
+from station.report.parts import Part, Plot, Table
+from station.results import ResultDocument
+
+MOST_ROWS = 40
+
+
+def draw_parts(
+    analysis: AccelerometerAnalysis, dataset: AccelerometerDataset, document: ResultDocument
+) -> tuple[Part, ...]:
+    """Return the parts of the report: coefficients first, then what is behind them."""
+    parts: list[Part] = [_coefficients(analysis, document)]
+    with mpl.rc_context(STYLE):
+        if bool(analysis.used.any()):
+            parts.append(
+                Plot(
+                    "Output against field at each angle",
+                    "The change of the output from that at the weakest field, one line for each "
+                    "angle (colour); field as measured. Lines that fan out with the angle are the "
+                    "coupling Kim, Kom, Kpm, their common slope Km, their curvature Kmm.",
+                    plots.output_by_field(dataset, analysis),
+                )
+            )
+            parts.append(
+                Plot(
+                    "What the solution leaves",
+                    "Residuals over angle and field, and in the order of time: noise without a "
+                    "shape where the model is right. Triangles: rows that were left out, at the "
+                    "edge where they lie beyond it.",
+                    plots.residual_map(dataset, analysis),
+                )
+            )
+        if analysis.path is not None and analysis.noise_V is not None:
+            parts.append(
+                Plot(
+                    "Convergence of the finite-memory solution",
+                    "The published recursion after each row, as its distance from the full-data "
+                    "solution in standard uncertainties of that. It begins where the rows first "
+                    "determine all columns; from the dashed line on a row is forgotten for each "
+                    f"new one (memory {analysis.path.window} rows). It knows no nuisance terms "
+                    "and rejects no row.",
+                    plots.convergence(analysis),
+                )
+            )
+        if len(analysis.covariance):
+            names = analysis.identifiability.kept
+            parts.append(
+                Plot(
+                    "Correlation of the coefficients",
+                    "Of the determined coefficients, or combinations, in the full-data solution. "
+                    "Condition number of all its columns, scaled: "
+                    f"{format_number(analysis.condition, 3)}.",
+                    plots.correlation(names, analysis.covariance),
+                )
+            )
+    if analysis.nuisances or analysis.not_separable:
+        parts.append(_nuisances(analysis, dataset))
+    if analysis.left_out:
+        parts.append(_left_out(analysis, dataset))
+    return tuple(parts)
+
+
+def _coefficients(analysis: AccelerometerAnalysis, document: ResultDocument) -> Table:
+    found = analysis.identifiability
+    results = {result.estimate.name: result for result in document.results}
+    published = {one.name: one.value for one in analysis.published}
+    rows = []
+    for name in COEFFICIENTS:
+        result = results[name]
+        expanded = result.combined.expanded_uncertainty if result.combined else None
+        value, spread = format_with_uncertainty(result.estimate.value, expanded)
+        terms = found.terms.get(name)
+        stands = combination_text(terms) if terms else ""
+        if not terms:
+            inside = [kept for kept, own in found.terms.items() if name in own]
+            stands = f"in {', '.join(inside)}" if inside else "not excited"
+        limit = str(result.limit.to_data()) if result.limit else NOTHING
+        if result.limit:
+            limit = ", ".join(f"{k} {v:g}" for k, v in result.limit.to_data().items())
+        rows.append(
+            [
+                name,
+                stands,
+                value,
+                spread,
+                result.estimate.unit,
+                limit,
+                format_number(published[name], 5),
+            ]
+        )
+    return Table(
+        "Coefficients, and what is not identifiable",
+        " ".join(describe(found))
+        + " U is the expanded uncertainty; the last column is the finite-memory solution.",
+        ["", "what is measured", "value", "U (95 %)", "unit", "limit", "finite memory"],
+        rows,
+    )
+
+
+def _nuisances(analysis: AccelerometerAnalysis, dataset: AccelerometerDataset) -> Table:
+    rows = []
+    for one in analysis.nuisances:
+        value, u = format_with_uncertainty(one.value, one.standard_uncertainty)
+        rows.append([one.name, value, u, one.unit])
+    said = (
+        "Fitted beside the coefficients: encoder offset (common to all planes) and misalignment Ko "
+        "and Kp wherever they are independent of the coefficients, temperature and drift where "
+        "the information criterion asks for them."
+    )
+    if dataset.temperature_degC is None:
+        said += " No temperature was recorded: there are no temperature terms."
+    if analysis.not_separable:
+        said += (
+            " Not told apart from other terms, and so not fitted: "
+            f"{', '.join(analysis.not_separable)}."
+        )
+    return Table("Nuisance terms", said, ["term", "value", "u", "unit"], rows)
+
+
+def _left_out(analysis: AccelerometerAnalysis, dataset: AccelerometerDataset) -> Table:
+    rows = []
+    for one in analysis.left_out[:MOST_ROWS]:
+        left = float(analysis.residual_V[one.row])
+        rows.append(
+            [
+                str(one.row),
+                str(dataset.plane[one.row]),
+                f"{dataset.theta_deg[one.row]:.3f}",
+                f"{1e3 * dataset.field_T[one.row]:.3f}",
+                format_number(1e6 * left, 3) if np.isfinite(left) else NOTHING,
+                one.reason,
+            ]
+        )
+    more = len(analysis.left_out) - len(rows)
+    return Table(
+        "Rows left out",
+        "Counted from 0." + (f" {more} more are not shown." if more > 0 else ""),
+        ["row", "plane", "angle, deg", "field, mT", "output − fit, µV", "why"],
+        rows,
+    )

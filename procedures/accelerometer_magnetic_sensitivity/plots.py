@@ -1,0 +1,211 @@
+"""Plots of an accelerometer's magnetic sensitivity: output, residuals, convergence, correlation."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from procedures.accelerometer_magnetic_sensitivity.dataset import AccelerometerDataset
+from procedures.accelerometer_magnetic_sensitivity.findings import AccelerometerAnalysis
+from station.report.drawing import BLUE, GREY, INK, VERMILION, label_above, new_figure
+
+Array = NDArray[np.float64]
+
+MICRO = 1e6
+MILLI = 1e3
+COLUMNS = 3
+LIMIT_SIGMA = 5.0
+CONVERGED_U = 10.0
+ANGLES = "hsv"
+"""Colours that end where they begin, as angles do."""
+
+
+def output_by_field(dataset: AccelerometerDataset, analysis: AccelerometerAnalysis) -> Figure:
+    """Draw, plane by plane, how the output moves with the field at each angle.
+
+    From each row the output of its angle where the field is weakest is taken off: gravity's part
+    is ten thousand times larger.
+    """
+    planes = list(dict.fromkeys(dataset.plane.tolist()))
+    figure = new_figure(3.6)
+    grid = figure.subplots(1, len(planes), sharey=True, squeeze=False)[0]
+    figure.subplots_adjust(wspace=0.06, right=0.9)
+    colours = mpl.colormaps[ANGLES]
+    for axes, plane in zip(grid, planes, strict=True):
+        used = analysis.used & (dataset.plane == plane)
+        angle_deg = np.mod(dataset.theta_commanded_deg, 360.0)
+        for angle in np.unique(angle_deg[used]):
+            rows = used & (angle_deg == angle)
+            order = np.argsort(dataset.field_T[rows], kind="stable")
+            field_mT = dataset.field_T[rows][order] * MILLI
+            output = dataset.output_V[rows][order]
+            axes.plot(
+                field_mT,
+                (output - _at_least_field(field_mT, output)) * MICRO,
+                ".-",
+                color=colours(angle / 360.0),
+                markersize=3.5,
+                linewidth=0.9,
+            )
+        axes.set_xlabel("field, mT")
+        label_above(axes, f"plane {plane}")
+    grid[0].set_ylabel("change of output, µV")
+    _angle_bar(figure)
+    return figure
+
+
+def _at_least_field(field_mT: Array, output_V: Array) -> float:
+    """Return the mean output where the field is weakest."""
+    weakest = np.abs(field_mT) <= np.min(np.abs(field_mT)) + 0.05
+    return float(np.mean(output_V[weakest]))
+
+
+def _angle_bar(figure: Figure) -> None:
+    """Draw what colour stands for what angle, a strip at the right."""
+    strip = figure.add_axes((0.925, 0.2, 0.014, 0.66))
+    strip.imshow(
+        np.linspace(0.0, 1.0, 256)[:, None],
+        aspect="auto",
+        cmap=ANGLES,
+        origin="lower",
+        extent=(0.0, 1.0, 0.0, 360.0),
+    )
+    strip.set_xticks([])
+    strip.set_yticks([0, 90, 180, 270, 360])
+    strip.yaxis.tick_right()
+    strip.grid(False)
+    strip.set_title("deg", fontsize=8.0, pad=4)
+
+
+def residual_map(dataset: AccelerometerDataset, analysis: AccelerometerAnalysis) -> Figure:
+    """Draw the residuals over angle and field as colours, and against time below."""
+    planes = list(dict.fromkeys(dataset.plane.tolist()))
+    figure = new_figure(5.2)
+    grid = figure.add_gridspec(
+        2, len(planes), height_ratios=(1.2, 1), hspace=0.42, wspace=0.06, right=0.9
+    )
+    noise = float(analysis.noise_V or 1.0)
+    reach = 3.0 * noise * MICRO
+    judged = np.isfinite(analysis.residual_V)
+    residual = analysis.residual_V * MICRO
+    for column, plane in enumerate(planes):
+        axes = figure.add_subplot(grid[0, column])
+        rows = analysis.used & (dataset.plane == plane)
+        picture = axes.scatter(
+            np.mod(dataset.theta_deg[rows], 360.0),
+            dataset.field_T[rows] * MILLI,
+            c=residual[rows],
+            cmap="RdBu_r",
+            vmin=-reach,
+            vmax=reach,
+            s=22,
+            marker="s",
+            edgecolors=GREY,
+            linewidths=0.3,
+        )
+        axes.set_xlim(-10.0, 370.0)
+        axes.set_xticks([0, 90, 180, 270, 360])
+        axes.set_xlabel("angle, deg")
+        label_above(axes, f"plane {plane}")
+        if column:
+            axes.tick_params(labelleft=False)
+        else:
+            axes.set_ylabel("field, mT")
+    strip = figure.add_axes((0.925, 0.6, 0.014, 0.28))
+    figure.colorbar(picture, cax=strip)
+    strip.set_title("µV", fontsize=8.0, pad=4)
+    below = figure.add_subplot(grid[1, :])
+    minutes = dataset.time_s / 60.0
+    below.plot(
+        minutes[analysis.used], residual[analysis.used], ".", color=BLUE, markersize=3, zorder=3
+    )
+    edge = 1.1 * LIMIT_SIGMA * noise * MICRO
+    out = judged & ~analysis.used
+    for rows, marker in (
+        (out & (residual >= 0), "^"),
+        (out & (residual < 0), "v"),
+    ):
+        below.plot(
+            minutes[rows],
+            np.clip(residual[rows], -edge, edge),
+            marker,
+            color=VERMILION,
+            markersize=6,
+            clip_on=False,
+            linestyle="none",
+        )
+    below.axhline(0.0, color=INK, linewidth=0.6)
+    below.set_ylim(-edge, edge)
+    below.set_xlabel("time, min")
+    below.set_ylabel("output − fit, µV")
+    label_above(
+        below,
+        f"{int(analysis.used.sum())} rows in the solution, σ = {noise * MICRO:.3g} µV; "
+        f"{int(out.sum())} left out",
+    )
+    return figure
+
+
+def convergence(analysis: AccelerometerAnalysis) -> Figure:
+    """Draw each coefficient of the finite-memory solution, against the full-data one, in its u."""
+    path = analysis.path
+    assert path is not None
+    own = {one.name: one for one in analysis.estimates}
+    rows = -(-len(path.names) // COLUMNS)
+    figure = new_figure(0.7 + 1.25 * rows)
+    grid = figure.subplots(rows, COLUMNS, sharex=True, squeeze=False)
+    figure.subplots_adjust(hspace=0.5, wspace=0.16)
+    place = np.arange(1, len(path.estimates) + 1)
+    for number, axes in enumerate(grid.flat):
+        if number >= len(path.names):
+            axes.set_visible(False)
+            continue
+        name = path.names[number]
+        value, u = own[name].value, own[name].standard_uncertainty
+        if value is None or u is None or u <= 0.0:
+            continue
+        course = (path.estimates[:, number] - value) / u
+        axes.plot(place, course, color=BLUE, linewidth=1.0)
+        axes.axhline(0.0, color=INK, linewidth=0.7)
+        axes.axvline(path.window, color=VERMILION, linewidth=0.8, linestyle="--")
+        last = course[np.isfinite(course)][-len(course) // 3 :]
+        reach = max(CONVERGED_U, 1.3 * float(np.max(np.abs(last)))) if len(last) else CONVERGED_U
+        axes.set_ylim(-reach, reach)
+        axes.set_xlim(0, len(place))
+        label_above(axes, name)
+        if number + COLUMNS >= len(path.names):
+            axes.tick_params(labelbottom=True)
+            axes.set_xlabel("rows")
+        if number % COLUMNS == 0:
+            axes.set_ylabel("in u")
+    return figure
+
+
+def correlation(names: Sequence[str], covariance: Array) -> Figure:
+    """Draw the correlation of the determined coefficients as numbers on colours."""
+    deviations = np.sqrt(np.diag(covariance))
+    matrix = covariance / np.outer(deviations, deviations)
+    figure = new_figure(0.9 + 0.3 * len(names))
+    axes = figure.add_subplot()
+    axes.imshow(matrix, cmap="RdBu_r", vmin=-1.0, vmax=1.0, aspect="auto")
+    for row in range(len(names)):
+        for column in range(len(names)):
+            value = round(float(matrix[row, column]), 2) + 0.0
+            axes.text(
+                column,
+                row,
+                f"{value:.2f}".replace("-", "−"),
+                ha="center",
+                va="center",
+                fontsize=7.5,
+                color="white" if abs(value) > 0.65 else INK,
+            )
+    axes.set_xticks(range(len(names)), names)
+    axes.set_yticks(range(len(names)), names)
+    axes.tick_params(length=0)
+    axes.grid(False)
+    return figure

@@ -1,0 +1,276 @@
+"""Steps (1) to (8) of the accelerometer magnetic-sensitivity method, with the source's own numbers.
+
+Source: "A magnetic-sensitivity calibration system and method for a linear accelerometer" (Chinese
+patent text 36286229, 2023-01-13), paragraphs [0010] to [0018].
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from procedures.accelerometer_magnetic_sensitivity.check import (
+    GAUSSMETER,
+    MULTIMETER,
+    POWER,
+    STAGE,
+    SUPPLY,
+)
+from procedures.accelerometer_magnetic_sensitivity.measuring import (
+    LARGEST_G,
+    RANGE_HEADROOM,
+    Place,
+    burst_s,
+    finished_points,
+    group_by_angle,
+    measure,
+    wait_for_stage,
+)
+from procedures.accelerometer_magnetic_sensitivity.parameters import AccelerometerParameters, Point
+from station.errors import InstrumentError
+from station.procedure import Prompt, Step
+
+if TYPE_CHECKING:
+    from station.runner.run import Run
+
+PLACE = "where the bench stands"
+HOMING_S, DEGAUSS_S, TURN_S, RAMP_S, MOUNT_S = 30.0, 30.0, 3.0, 4.0, 0.0
+DEGAUSS_STEPS = 12
+DEGAUSS_RATIO = 0.65
+DEGAUSS_HOLD_S = 0.5
+MOUNTINGS = {
+    "io": "its pendulous axis (PA) along the stage's horizontal axis, its input axis (IA) level at "
+    "0 deg and rising with the angle",
+    "ip": "its output axis (OA) along the stage's horizontal axis, its input axis (IA) level at "
+    "0 deg and rising with the angle",
+    "op": "its input axis (IA) along the stage's horizontal axis, its output axis (OA) level at "
+    "0 deg and rising with the angle",
+    "level": "level, its pendulous axis (PA) up, along the stage's vertical axis",
+}
+CABLES = Prompt(
+    "connect-cables",
+    "Connect the accelerometer to its supply and to the voltmeter, its Pt100 to the second meter, "
+    "and the coil to its supply; set the field probe beside it, x along the coil's axis.",
+)
+
+
+def mounting(plane: str) -> Prompt:
+    """Return the request to mount the accelerometer for a plane."""
+    return Prompt(
+        f"mount-{plane}",
+        f"Mount the accelerometer in the middle of the coil with {MOUNTINGS[plane]}.",
+    )
+
+
+def prompts(parameters: AccelerometerParameters) -> tuple[Prompt, ...]:
+    """Return what the operator may be asked to do."""
+    return (*(mounting(plane) for plane in parameters.planes), CABLES)
+
+
+def units(parameters: AccelerometerParameters) -> tuple[str, ...]:
+    """Return the units of work in the order they are measured: each point."""
+    return tuple(point.unit for point in parameters.points)
+
+
+def groups_of(run: Run) -> list[list[Point]]:
+    """Return the plan's points in order, a group for each stay at an angle."""
+    return group_by_angle(run.parameters.points)
+
+
+def place_of(run: Run) -> Place:
+    """Return where the bench stands in this process of the run."""
+    place: Place = run.handed_on.setdefault(PLACE, Place())
+    return place
+
+
+def mount(run: Run) -> None:
+    """(1) The accelerometer is mounted on the stage, in the middle of the coil."""
+    first = next((p for p in run.parameters.points if not run.is_finished(p.unit)), None)
+    run.ask(CABLES.id, CABLES.text)
+    if first is not None:
+        mount_for(run, first.plane)
+
+
+def mount_for(run: Run, plane: str) -> None:
+    """Have the accelerometer mounted for a plane, the coil at rest and the field off."""
+    from drivers.roles import DirectCurrentSupply
+
+    place = place_of(run)
+    if place.plane == plane:
+        return
+    if place.plane is not None:
+        run.role(SUPPLY, DirectCurrentSupply).stop()
+    prompt = mounting(plane)
+    run.ask(prompt.id, prompt.text)
+    if place.plane is not None:
+        energise(run)
+    place.plane = plane
+
+
+def set_up(run: Run) -> None:
+    """(2) Range and step of the field, the limits, the voltmeter; power on and warm."""
+    from drivers.roles import (
+        DirectCurrentSupply,
+        DutPower,
+        Gaussmeter,
+        Multimeter,
+        RotaryStage,
+    )
+
+    parameters: AccelerometerParameters = run.parameters
+    if all(run.is_finished(point.unit) for point in parameters.points):
+        return
+    run.role(SUPPLY, DirectCurrentSupply).programme_limits()
+    stage = run.role(STAGE, RotaryStage)
+    stage.programme_limits()
+    if not stage.is_homed():
+        stage.home()
+        wait_for_stage(run, "the stage looks for its zero")
+    run.role(GAUSSMETER, Gaussmeter).start(RANGE_HEADROOM * parameters.largest_field_mT)
+    largest_V = LARGEST_G * parameters.scale_factor_V_per_g
+    meter = run.role(MULTIMETER, Multimeter)
+    place_of(run).range_V = meter.configure(largest_V, parameters.nplc)
+    run.role(POWER, DutPower).switch_on()
+    run.wait(parameters.warm_up_s, "the accelerometer warms up")
+    energise(run)
+
+
+def energise(run: Run) -> None:
+    """Switch the coil on at zero, after an alternating, falling field where the plan wants that."""
+    from drivers.roles import DirectCurrentSupply
+
+    parameters: AccelerometerParameters = run.parameters
+    supply = run.role(SUPPLY, DirectCurrentSupply)
+    supply.switch_on()
+    run.record.event("field-on", instrument=SUPPLY, largest_field_mT=parameters.largest_field_mT)
+    if not parameters.degauss:
+        return
+    largest_A = parameters.largest_field_mT / supply.coil_constant_mT_per_A
+    for step in range(DEGAUSS_STEPS):
+        supply.ramp_to(largest_A * (-DEGAUSS_RATIO) ** step)
+        run.wait(DEGAUSS_HOLD_S, "an alternating, falling field takes the remanence away")
+    supply.ramp_to(0.0)
+
+
+def do_group(run: Run, group: list[Point]) -> None:
+    """Measure the points of one stay at an angle, re-mounting where their plane is another."""
+    wanted = run.parameters.points
+    for point in group:
+        if run.is_finished(point.unit):
+            continue
+        mount_for(run, point.plane)
+        measure(run, point, place_of(run), f"point {wanted.index(point) + 1} of {len(wanted)}")
+
+
+def first_reading(run: Run) -> None:
+    """(3) The voltmeter reads at the first field."""
+    do_group(run, groups_of(run)[0][:1])
+
+
+def further_fields(run: Run) -> None:
+    """(4) Step (2) again, to the largest field: one set of data at this angle."""
+    do_group(run, groups_of(run)[0][1:])
+
+
+def rotate(run: Run) -> None:
+    """(5) The accelerometer is turned to the next angle."""
+    from procedures.accelerometer_magnetic_sensitivity.measuring import turn_to
+
+    following = groups_of(run)[1:2]
+    if following and not all(run.is_finished(point.unit) for point in following[0]):
+        point = following[0][0]
+        mount_for(run, point.plane)
+        turn_to(run, point.angle_deg, place_of(run), "second angle")
+
+
+def next_angle(run: Run) -> None:
+    """(6) Steps (1) to (5) again: a new set of data."""
+    for group in groups_of(run)[1:2]:
+        do_group(run, group)
+
+
+def remaining_angles(run: Run) -> None:
+    """(7) Angle by angle through 360 deg, in every plane of the plan; then everything off."""
+    from drivers.roles import DirectCurrentSupply, DutPower
+
+    for group in groups_of(run)[2:]:
+        do_group(run, group)
+    supply = run.role(SUPPLY, DirectCurrentSupply)
+    supply.stop()
+    run.record.event("field-off", instrument=SUPPLY)
+    reading = supply.read_safety()
+    if not reading.safe:
+        raise InstrumentError(
+            SUPPLY,
+            "switched the coil off",
+            f"it reads back {reading.read_back}",
+            "switch the supply off by hand",
+        )
+    run.role(POWER, DutPower).switch_off()
+
+
+def identify(run: Run) -> None:
+    """(8) Finite-memory least squares over the recorded points; the best estimate follows."""
+    from procedures.accelerometer_magnetic_sensitivity.analysis import analyse
+    from procedures.accelerometer_magnetic_sensitivity.from_record import dataset_of_run
+
+    folder = run.read_back()
+    points = finished_points(folder.finished_units(), run.parameters.points)
+    if not points:
+        return
+    found = analyse(dataset_of_run(folder, run.parameters, run.bench))
+    for published in found.published:
+        if published.value is not None:
+            run.record.event(
+                "published-value",
+                name=published.name,
+                value=published.value,
+                unit=published.unit,
+            )
+    said = {one.name: one for one in found.published}["Km"]
+    if said.value is not None:
+        run.progress.say(f"    as published Km = {said.value:.5g} {said.unit}")
+
+
+def point_s(parameters: AccelerometerParameters) -> float:
+    """Return the expected bench time in s of a point without a turn of the stage."""
+    return RAMP_S + parameters.dwell.at_least_s + burst_s(parameters) + 1.0
+
+
+def group_s(parameters: AccelerometerParameters, groups: Any) -> float:
+    """Return the expected bench time in s of several stays at an angle."""
+    return sum(TURN_S + len(group) * point_s(parameters) for group in groups)
+
+
+def set_up_s(parameters: AccelerometerParameters) -> float:
+    """Return the expected bench time in s of step (2)."""
+    return HOMING_S + parameters.warm_up_s + (DEGAUSS_S if parameters.degauss else 0.0)
+
+
+def remaining_s(parameters: AccelerometerParameters) -> float:
+    """Return the expected bench time in s of step (7), re-mounting aside."""
+    again = (len(parameters.planes) - 1) * (DEGAUSS_S if parameters.degauss else 0.0)
+    return again + group_s(parameters, group_by_angle(parameters.points)[2:]) + RAMP_S
+
+
+STEPS = (
+    Step("(1)", "Mount the accelerometer on the stage", mount, lambda _: MOUNT_S),
+    Step("(2)", "Set the range and the step of the field; warm up", set_up, set_up_s),
+    Step("(3)", "Read the voltmeter at the first field", first_reading, point_s),
+    Step(
+        "(4)",
+        "Repeat (2) and (3) to the largest field",
+        further_fields,
+        lambda p: (len(group_by_angle(p.points)[0]) - 1) * point_s(p),
+    ),
+    Step("(5)", "Turn the accelerometer to the next angle", rotate, lambda _: TURN_S),
+    Step(
+        "(6)",
+        "Repeat (1) to (5): the next set of data",
+        next_angle,
+        lambda p: group_s(p, group_by_angle(p.points)[1:2]),
+    ),
+    Step("(7)", "Repeat for every angle through 360 deg", remaining_angles, remaining_s),
+    Step(
+        "(8)", "Identify the coefficients by finite-memory least squares", identify, lambda _: 0.0
+    ),
+)

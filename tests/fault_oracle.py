@@ -1,0 +1,299 @@
+"""What must be true after a run with a fault, whatever the fault was: one oracle for every case.
+
+It asks the simulated world, the exit code, what the operator was told, the folder on disk and the
+operating system; never a driver.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+import math
+import sys
+import threading
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import redirect_stderr, redirect_stdout
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import yaml
+from campaign_helpers import raw_content
+from fault_cases import Case, Reference, bench_data, read_bench_at, short
+
+from station.cli.running import told
+from station.errors import StationError
+from station.evaluation import evaluate_run
+from station.record.folder import RunFolder
+from station.runner.acquisition import POLL_S
+from station.runner.execute import Request, execute
+from station.runner.outcome import Outcome
+
+NOTHING_LEFT_A = 0.001
+GOOD, FAULT, TRIPPED = frozenset({0, 1, 6}), 3, 5
+AFTER_THE_LAST_LOOK_S = 1.5
+"""The interlock chain is looked at every second."""
+SAFE_STATE_S, PROCEDURE_WAITS_S = 120.0, 420.0
+"""Bench time that the safe state of one instrument, and the waits of a step, may take."""
+STEP_OF_A_RAMP_A = 0.25
+UNITS_OF_UNCERTAINTY = 5.0
+UNREACHABLE = frozenset({"port-gone"})
+"""Nobody can do anything to an instrument with this fault any more."""
+LOST_WHILE_LASTING = frozenset({"lost-command"})
+MUST_TRIP = frozenset({"chain-open", "overheating", "overdrive"})
+"""What puts somebody or something at risk: nobody may measure on with it."""
+Number = float | int
+
+
+def rlg_truth(bench: Mapping[str, Any]) -> dict[tuple[str, str], float]:
+    """Return the sensitivities of the simulated laser gyro by result and axis."""
+    sensitivity = bench["simulation"]["gyro"]["magnetic_sensitivity"]
+    return {("magnetic_sensitivity", axis): number(text) for axis, text in sensitivity.items()}
+
+
+TRUTHS: Mapping[str, Callable[[Mapping[str, Any]], dict[tuple[str, str], float]]] = {
+    "rlg-magnetic-sensitivity": rlg_truth,
+}
+"""What the results of a procedure should be; those of others are not compared."""
+
+
+def number(text: str) -> float:
+    """Return the number of a quantity with its unit."""
+    return float(str(text).split()[0])
+
+
+@dataclass
+class Verdict:
+    """What became of a case: how the run ended and what is wrong with that."""
+
+    case: Case
+    struck: bool
+    exit_code: int
+    energised: bool
+    to_zero_s: float | None
+    """Bench time from the fault to the last coil's driven current being zero, where one flowed."""
+    to_verified_s: float | None
+    """Bench time from the fault to the end of the safe state, all read back."""
+    sentence: str
+    violations: list[str] = field(default_factory=list)
+
+
+@dataclass
+class Ended:
+    """A run with a fault, after its end."""
+
+    outcome: Outcome | None
+    exit_code: int
+    error: str
+    said: str
+    world: dict[str, Any]
+    left_behind: list[str]
+
+    @property
+    def folder(self) -> RunFolder | None:
+        """The run's folder, None where it never got one."""
+        return RunFolder(self.outcome.folder) if self.outcome else None
+
+    @property
+    def first_s(self) -> float | None:
+        """When the fault struck first."""
+        first: float | None = self.world["faults"][0]["first_s"]
+        return first
+
+
+def run_case(case: Case, entry: Mapping[str, Any], folder: Path) -> Ended:
+    """Run a plan with a fault, in this process on virtual time."""
+    folder.mkdir(parents=True)
+    data = bench_data()
+    report = folder / "world.json"
+    data["simulation"] |= {"report": str(report), "faults": [dict(entry)]}
+    (folder / "bench.yaml").write_text(yaml.safe_dump(data), encoding="utf-8")
+    bench = read_bench_at(folder / "bench.yaml")
+    request = Request(short(case.plan, bench), bench, folder / "runs", quiet=True, report=False)
+    before, children = set(threading.enumerate()), child_processes()
+    said = io.StringIO()
+    outcome, error, exit_code = None, "", 0
+    with redirect_stderr(said), redirect_stdout(said):
+        try:
+            outcome = execute(request)
+            exit_code = told(outcome, request.plan.procedure, as_json=False)
+            error = outcome.error or ""
+        except StationError as raised:
+            exit_code, error = raised.exit_code, str(raised)
+    threads = set(threading.enumerate()) - before
+    for thread in threads:
+        thread.join(10)
+    left = [thread.name for thread in threads if thread.is_alive()]
+    left += [f"process {one}" for one in child_processes() - children]
+    assert report.is_file(), f"{case}: the world gave no account of itself: {error}"
+    world = json.loads(report.read_text(encoding="utf-8"))
+    return Ended(outcome, exit_code, error, said.getvalue(), world, left)
+
+
+def child_processes() -> set[str]:
+    """Return the children of this process; nothing where the system does not tell."""
+    lists = Path("/proc/self/task").glob("*/children") if sys.platform == "linux" else ()
+    return {child for one in lists for child in one.read_text(encoding="utf-8").split()}
+
+
+def judge(case: Case, entry: Mapping[str, Any], ended: Ended, reference: Reference) -> Verdict:
+    """Return what is wrong with how a run with a fault ended."""
+    first_s = ended.first_s
+    coils = ended.world["coils"].values()
+    zero_s = [one["at_zero_since_s"] for one in coils if one["largest_current_A"] > NOTHING_LEFT_A]
+    energised = first_s is not None and any(since is None or since > first_s for since in zero_s)
+    to_zero_s = to_verified_s = None
+    if energised and first_s is not None and ended.exit_code in (FAULT, TRIPPED):
+        if None not in zero_s:
+            to_zero_s = max(zero_s) - first_s
+        if ended.folder is not None and ended.outcome is not None and not ended.outcome.unsafe:
+            (safe,) = ended.folder.events_of("safe-state")
+            to_verified_s = safe.time_s - first_s
+    verdict = Verdict(
+        case, first_s is not None, ended.exit_code, energised, to_zero_s, to_verified_s, ended.error
+    )
+    for check in (world_is_safe, told_well, recorded, results_are_right, nothing_is_left):
+        verdict.violations += check(case, entry, ended, reference)
+    return verdict
+
+
+def is_safe(world: Mapping[str, Any]) -> bool:
+    """Whether nothing that can harm is energised in a simulated world."""
+    driven = [abs(coil["driven_A"]) for coil in world["coils"].values()]
+    return not any(world["outputs"].values()) and max(driven, default=0.0) < NOTHING_LEFT_A
+
+
+def world_is_safe(
+    case: Case, entry: Mapping[str, Any], ended: Ended, reference: Reference
+) -> Iterator[str]:
+    """The world is at rest, and came there gently; only what nobody reaches may be left, named."""
+    unsafe = {one.instrument for one in ended.outcome.unsafe} if ended.outcome else set()
+    out_of_reach = case.kind in UNREACHABLE or (case.kind in LOST_WHILE_LASTING and "for" in entry)
+    if not is_safe(ended.world):
+        on = sorted(name for name, is_on in ended.world["outputs"].items() if is_on)
+        if not (out_of_reach and on == [case.instrument] and case.instrument in unsafe):
+            yield f"the world is not safe: {on} on, unverified {sorted(unsafe)}"
+    if unsafe:
+        if ended.exit_code != FAULT:
+            yield f"{sorted(unsafe)} was not verified and the exit code is {ended.exit_code}"
+        for name in unsafe:
+            if f"NOT VERIFIED: {name} " not in ended.said:
+                yield f"{name} was not verified and the operator was not told"
+        return
+    for name, coil in ended.world["coils"].items():
+        allowed_A = max(
+            STEP_OF_A_RAMP_A,
+            1.2 * largest_step_A(reference.world["coils"][name]) + NOTHING_LEFT_A,
+        )
+        if case.kind == "overdrive":
+            allowed_A *= 3.5
+        if largest_step_A(coil) > allowed_A:
+            yield f"coil {name} was cut: a step of {largest_step_A(coil):.2f} A"
+
+
+def largest_step_A(coil: Mapping[str, Any]) -> float:
+    """Return the largest step that a supply made against the current of a coil."""
+    return float(coil["largest_slew_A_per_s"] * coil["time_constant_s"])
+
+
+def told_well(
+    case: Case, entry: Mapping[str, Any], ended: Ended, reference: Reference
+) -> Iterator[str]:
+    """The exit code is one that the fault may have, and the sentence helps."""
+    code = ended.exit_code
+    if code not in GOOD | {FAULT, TRIPPED}:
+        yield f"exit code {code}"
+    if "Traceback" in ended.said or "a fault of the program" in ended.said:
+        yield f"a fault of the program: {ended.error}"
+    if code in GOOD:
+        end_s = reference.marks[-1].time_s
+        first_s = ended.first_s
+        if case.kind in MUST_TRIP and first_s is not None:
+            needed = ended.world["coils"]
+            still_s = end_s - first_s
+            if still_s > AFTER_THE_LAST_LOOK_S and needed and case.kind != "overdrive":
+                yield f"{case.kind} {still_s:.1f} s before the end did not end the run"
+        return
+    if code == TRIPPED and "interlock" not in ended.error:
+        yield f"exit code 5 without an interlock: {ended.error}"
+    if ended.outcome and ended.outcome.unsafe:
+        return  # the sentence is that about the safe state
+    if ended.error == "":
+        yield f"exit code {code} without a sentence"
+    head, *more = ended.error.split("\n")
+    if any(not line.startswith("  - ") for line in more):
+        yield f"more than one line: {ended.error!r}"
+    if case.instrument not in ended.error:
+        yield f"the sentence does not name {case.instrument}: {ended.error}"
+    if code == FAULT and ";" not in ended.error:
+        yield f"the sentence does not say what to do: {head}"
+    if len(ended.error) > 500:
+        yield f"a sentence of {len(ended.error)} characters"
+
+
+def recorded(
+    case: Case, entry: Mapping[str, Any], ended: Ended, reference: Reference
+) -> Iterator[str]:
+    """The folder opens, what was recorded before the fault is in it, and it can be analysed."""
+    folder = ended.folder
+    if folder is None or ended.outcome is None:
+        return
+    if not folder.events or folder.events[-1].kind != "run-ended":
+        yield "the log does not end with the end of the run"
+    until_s = (math.inf if ended.first_s is None else ended.first_s) - 2 * POLL_S
+    for name, content in reference.raw.items():
+        file = folder.path / "raw" / name
+        there = raw_content(file).rows if file.is_file() else {}
+        for unit, blocks in content.rows.items():
+            wanted = sum(int((block["arrival_time_s"] < until_s).sum()) for block in blocks)
+            kept = sum(
+                int((block["arrival_time_s"] < until_s).sum()) for block in there.get(unit, [])
+            )
+            if kept < wanted:
+                yield f"{name} {unit}: {kept} of {wanted} rows from before the fault"
+    try:
+        document, _ = evaluate_run(folder)
+    except Exception as error:
+        yield f"it cannot be analysed: {error!r}"
+        return
+    unsafe = not is_safe(ended.world) or bool(ended.outcome.unsafe)
+    for one in (document, ended.outcome.document):
+        if one is not None and unsafe and one.verdict == "pass":
+            yield "the verdict is pass and the bench is not safe"
+
+
+def results_are_right(
+    case: Case, entry: Mapping[str, Any], ended: Ended, reference: Reference
+) -> Iterator[str]:
+    """Results that are called good are right."""
+    document = ended.outcome.document if ended.outcome else None
+    if ended.exit_code != 0 or document is None or document.verdict != "pass":
+        return
+    procedure = short(case.plan, read_bench_at(reference.folder.parent.parent / "bench.yaml"))
+    truth = TRUTHS.get(procedure.procedure, lambda _: {})(bench_data())
+    for result in document.to_data()["results"]:
+        true = truth.get((result["name"], result["axis"]))
+        if true is None:
+            continue
+        if result["value"] is None:
+            yield f"pass without a value of {result['axis']}"
+            continue
+        off = abs(result["value"] - true) / result["standard_uncertainty"]
+        if off > UNITS_OF_UNCERTAINTY:
+            flags = sorted({flag.code for flag in document.flags})
+            yield f"{result['name']} {result['axis']} is {off:.1f} u off, pass; flags {flags}"
+
+
+def nothing_is_left(
+    case: Case, entry: Mapping[str, Any], ended: Ended, reference: Reference
+) -> Iterator[str]:
+    """No thread, no process, and no more bench time than the waits of the procedure allow."""
+    if ended.left_behind:
+        yield f"left behind: {ended.left_behind}"
+    allowed_s = (
+        max(reference.marks[-1].time_s, ended.first_s or 0.0)
+        + PROCEDURE_WAITS_S
+        + SAFE_STATE_S * len(ended.world["outputs"])
+    )
+    if ended.world["time_s"] > allowed_s:
+        yield f"it took {ended.world['time_s']:.0f} s of bench time, {allowed_s:.0f} s are allowed"

@@ -1,0 +1,106 @@
+"""Whatever fault strikes wherever: the world ends safe, the operator is told, the data are there.
+
+A covering part of the campaign: every kind of fault once for every role of every shipped plan,
+and every step. `benchmarks/fault_campaign.py` does the whole.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from fault_cases import (
+    FIRST,
+    LASTING,
+    MIDDLE,
+    Case,
+    Reference,
+    all_cases,
+    plans,
+    reference_run,
+    roles_and_kinds,
+    steps,
+)
+from fault_oracle import TRUTHS, Verdict, judge, run_case
+
+PLANS = plans()
+KINDS = [(plan, role, kind) for plan in PLANS for role, kind in roles_and_kinds(plan)]
+STEPS = [(plan, step) for plan in PLANS for step in steps(plan)]
+STRIDE = 7
+"""Steps through the cases of a kind so that neighbours get other steps and placements."""
+Referred = Callable[[str], Reference]
+
+
+@pytest.fixture(scope="session")
+def reference(tmp_path_factory: pytest.TempPathFactory) -> Referred:
+    """Return the run without faults of a plan, made once."""
+    made: dict[str, Reference] = {}
+
+    def of(plan: str) -> Reference:
+        if plan not in made:
+            made[plan] = reference_run(plan, tmp_path_factory.mktemp("reference"))
+        return made[plan]
+
+    return of
+
+
+def judged(case: Case, entry: dict[str, Any], reference: Reference, folder: Path) -> Verdict:
+    return judge(case, entry, run_case(case, entry, folder / "case"), reference)
+
+
+@pytest.mark.parametrize(("plan", "role", "kind"), KINDS, ids=[" ".join(one) for one in KINDS])
+def test_every_kind_of_fault_ends_in_order(
+    plan: str, role: str, kind: str, reference: Referred, tmp_path: Path
+) -> None:
+    ran = reference(plan)
+    possible = [
+        (case, entry)
+        for case, entry in all_cases(plan, ran)
+        if case.role == role and case.kind == kind
+    ]
+    case, entry = possible[STRIDE * KINDS.index((plan, role, kind)) % len(possible)]
+    verdict = judged(case, entry, ran, tmp_path)
+    assert not verdict.violations, (str(case), entry, verdict)
+
+
+@pytest.mark.parametrize(("plan", "step"), STEPS, ids=[" ".join(one) for one in STEPS])
+def test_a_fault_in_any_step_ends_in_order(
+    plan: str, step: str, reference: Referred, tmp_path: Path
+) -> None:
+    ran = reference(plan)
+    kinds = [(name, kind) for name in ran.instruments for kind in ("no-reply", "garbled")]
+    places = [
+        (case, entry)
+        for name, kind in kinds
+        for placement in (FIRST, LASTING, MIDDLE)
+        if (entry := ran.entry(case := Case(plan, name, kind, step, placement))) is not None
+    ]
+    case, entry = places[STRIDE * STEPS.index((plan, step)) % len(places)]
+    verdict = judged(case, entry, ran, tmp_path)
+    assert not verdict.violations, (str(case), entry, verdict)
+
+
+@pytest.mark.parametrize("plan", PLANS)
+def test_a_run_without_a_fault_breaks_no_promise(
+    plan: str, reference: Referred, tmp_path: Path
+) -> None:
+    ran = reference(plan)
+    # A fault that never comes: the oracle finds nothing where nothing happens.
+    name = next(iter(ran.instruments))
+    entry = {"instrument": name, "fault": "port-gone", "at": "1000 h"}
+    verdict = judged(Case(plan, name, "port-gone", "S1", "never"), entry, ran, tmp_path)
+    assert not verdict.struck
+    assert verdict.exit_code == ran.outcome.exit_code
+    assert not verdict.violations
+
+
+def test_every_procedure_in_the_campaign_says_what_is_true() -> None:
+    from fault_cases import BENCH, read_bench_at, short
+
+    from station.lookup import BENCHES, find
+
+    bench = read_bench_at(find(BENCHES, BENCH))
+    procedures = {short(plan, bench).procedure for plan in PLANS}
+    assert procedures <= set(TRUTHS), "give the truth of the new procedure in fault_oracle.TRUTHS"
