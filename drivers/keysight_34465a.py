@@ -11,7 +11,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.keysight_bursts import REPEATABLE, Bursts, Function, is_overload
+from drivers.keysight_bursts import RECOGNISES, REPEATABLE, Bursts, Function, is_overload
 from drivers.roles import Block, Identity, Place
 from drivers.transport.retry import Repeatable
 from station.errors import InputError, InstrumentError
@@ -26,7 +26,8 @@ class Keysight34465A:
     the zero drift) and `line_frequency` (50 Hz or 60 Hz, compared with what the meter found).
     """
 
-    recognises: ClassVar[str] = r"^Keysight Technologies,34465A,(?P<serial>[^,]+)"
+    recognises: ClassVar[str] = RECOGNISES
+    roles: ClassVar = ("multimeter",)  # it has a thermometer's verbs, and measures volts
     repeatable: ClassVar[Repeatable] = REPEATABLE
     source = "multimeter"
     columns: ClassVar[Mapping[str, str]] = {

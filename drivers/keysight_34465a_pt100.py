@@ -13,7 +13,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.keysight_bursts import REPEATABLE, Bursts, Function, is_overload
+from drivers.keysight_bursts import RECOGNISES, REPEATABLE, Bursts, Function, is_overload
 from drivers.roles import Block, Identity, Place
 from drivers.transport.retry import Repeatable
 from station.errors import InputError, InstrumentError
@@ -34,6 +34,7 @@ class Keysight34465APt100:
     the meter found).
     """
 
+    recognises: ClassVar[str] = RECOGNISES
     repeatable: ClassVar[Repeatable] = REPEATABLE
     source = "thermometer"
     columns: ClassVar[Mapping[str, str]] = {

@@ -21,6 +21,7 @@ from drivers.transport.visa_line import ScpiLine, shortened
 from station.errors import InstrumentError
 from station.units import UnitError, parse_as
 
+RECOGNISES = r"^Keysight Technologies,34465A,(?P<serial>[^,]+)"
 ERROR_QUERY = ":SYST:ERR?"
 INTEGRATION_CYCLES = (0.001, 0.002, 0.006, 0.02, 0.06, 0.2, 1.0, 10.0, 100.0)
 MOST_READINGS = 10_000

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import inspect
 import json
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
 
 from station import registry
 from station.bench import INSTANCES, NEEDED_LIMITS, NEEDED_SETTINGS, role_of
@@ -50,15 +51,17 @@ def draft(seen: Iterable[Seen]) -> str:
         if one.driver is None:
             rest.append(f"#   {one.address}: {one.said}\n")
             continue
-        driver = registry.load(registry.DRIVERS, one.driver)
-        roles = roles_of(driver)
-        instance = next((name for name in free if role_of(name) in roles), None)
+        alike = drivers_alike(one.driver)
+        places = ((name, place) for name in alike for place in free_places(name, free))
+        name, instance = next(places, (one.driver, None))
         if instance is None:
             what = f"{one.said} ({one.driver}); every place for it is taken"
             rest.append(f"#   {one.address}: {what}\n")
             continue
         free.remove(instance)
-        entries.append("".join(entry_lines(instance, one, driver)))
+        driver = registry.load(registry.DRIVERS, name)
+        others = [other for other in alike if other != name]
+        entries.append("".join(entry_lines(instance, replace(one, driver=name), driver, others)))
         if issubclass(driver, MadeSafe) and role_of(instance) not in safe:
             safe.append(role_of(instance))
     text = HEAD
@@ -75,14 +78,31 @@ def draft(seen: Iterable[Seen]) -> str:
     )
 
 
-def entry_lines(instance: str, seen: Seen, driver: type) -> Iterator[str]:
-    """Yield the lines of one instrument."""
+def drivers_alike(name: str) -> list[str]:
+    """Return a driver, and after it those that recognise the same model for another use."""
+    loaded = {one: registry.load(registry.DRIVERS, one) for one in registry.names(registry.DRIVERS)}
+    patterns = {one: getattr(driver, "recognises", one) for one, driver in loaded.items()}
+    return [name, *(one for one in patterns if one != name and patterns[one] == patterns[name])]
+
+
+def free_places(driver: str, free: Iterable[str]) -> list[str]:
+    """Return the places on the bench that a driver can take."""
+    roles = roles_of(registry.load(registry.DRIVERS, driver))
+    return [place for place in free if role_of(place) in roles]
+
+
+def entry_lines(
+    instance: str, seen: Seen, driver: type, others: Sequence[str] = ()
+) -> Iterator[str]:
+    """Yield the lines of one instrument; `others` are drivers that it may be meant for, too."""
     role = role_of(instance)
     yield f"  {instance}:\n"
     places = [name for name in INSTANCES if role_of(name) == role]
     if len(places) > 1:
         yield f"    # {FILL_IN}: one of {', '.join(places)}? They were given in the order found.\n"
     yield f"    # said: {seen.said}\n"
+    if others:
+        yield f"    # {FILL_IN}: or {', '.join(others)}? Which use is this unit's?\n"
     yield f"    driver: {seen.driver}\n"
     yield f"    address: {scalar(seen.address)}\n"
     if seen.serial:

@@ -7,12 +7,15 @@ from typing import Any
 
 import numpy as np
 import pytest
+import yaml
 from keysight_stand import OHMS, EmptyRoom, Room, Stand, standing
 
 from drivers.keysight_34465a import Keysight34465A
 from drivers.keysight_34465a_pt100 import Keysight34465APt100, temperature_degC
 from station.clock import Clock
 from station.errors import InputError, InstrumentError, InstrumentTimeout
+from station.scan import recognised
+from station.scan_draft import draft
 
 
 @pytest.fixture
@@ -326,3 +329,14 @@ def test_a_broken_wire_is_no_temperature(room: Any, said: str) -> None:
 def test_a_wrong_setting_of_the_thermometer_is_told(stand: Stand, settings: Any) -> None:
     with pytest.raises(InstrumentError, match="read the bench file"):
         Keysight34465APt100(stand.place(**settings))
+
+
+def test_of_two_meters_that_a_scan_finds_the_second_is_the_thermometer() -> None:
+    answers = {
+        f"TCPIP::192.0.2.{number}::5025::SOCKET": f"Keysight Technologies,34465A,MY{number},A.03.01"
+        for number in (1, 2, 3)
+    }
+    text = draft([recognised(address, said) for address, said in answers.items()])
+    drafted = {name: one["driver"] for name, one in yaml.safe_load(text)["instruments"].items()}
+    assert drafted == {"multimeter": "keysight-34465a", "thermometer": "keysight-34465a-pt100"}
+    assert "MY3,A.03.01 (keysight-34465a); every place for it is taken" in text

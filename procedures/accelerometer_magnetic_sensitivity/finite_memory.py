@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from procedures.estimation.linear import combine, cross_products
-from procedures.estimation.orthogonal import project, thin_qr
+from procedures.estimation.orthogonal import project, solve_square, thin_qr
 
 Array = NDArray[np.float64]
 
@@ -109,9 +109,9 @@ class FiniteMemory:
             self._solved = False
             self._normal = cross_products(rows)
             return
-        self._scaled = np.linalg.solve(r, project(q, values))
-        self._scaled += np.linalg.solve(r, project(q, values - combine(rows, self._scaled)))
-        inverse = np.linalg.inv(r)
+        self._scaled = solve_square(r, project(q, values))
+        self._scaled += solve_square(r, project(q, values - combine(rows, self._scaled)))
+        inverse = solve_square(r, np.eye(len(self._scale)))
         self._inverse = inverse @ inverse.T
         self._solved = True
 

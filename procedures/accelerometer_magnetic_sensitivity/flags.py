@@ -58,12 +58,12 @@ def _gap(dataset: AccelerometerDataset, settings: AnalysisSettings) -> list[Flag
         return []
     longest_s = float(steps_s.max())
     missing = int(np.sum(np.rint(steps_s / nominal_s) - 1.0))
-    message = (
+    gaps_said = (
         f"The rows have {gaps} gap{'s' if gaps > 1 else ''}, the longest {longest_s:g} s for a "
         f"nominal interval of {nominal_s:g} s; the solution does not mind."
     )
     details = {"missing_samples": missing, "longest_s": longest_s}
-    return [Flag("gap", message, count=gaps, details=details)]
+    return [Flag("gap", gaps_said, count=gaps, details=details)]
 
 
 def _field(
@@ -82,13 +82,13 @@ def _field(
     part = float(off[worst]) / largest_T
     if abs(part) <= settings.field_differs:
         return []
-    message = (
+    field_said = (
         f"Where {levels[worst]:.5g} T was commanded, {levels[worst] + off[worst]:.5g} T was "
         f"measured, off by {100.0 * part:+.2g} % of the largest field; the result uses the "
         "measured field."
     )
     details = {"relative_difference": part}
-    return [Flag("field-differs-from-commanded", message, details=details)]
+    return [Flag("field-differs-from-commanded", field_said, details=details)]
 
 
 def result_flags(
@@ -104,11 +104,15 @@ def result_flags(
     undetermined = [one.name for one in estimates if one.value is None]
     wanting = [n for n in COEFFICIENTS if n in found.not_alone or n in undetermined]
     if wanting:
-        if set(undetermined) - set(found.folded):
-            message = f"{rows} usable rows are too few for {found.rank} coefficients."
-        else:
-            message = " ".join(describe(found))
-        flags.append(Flag("not-identifiable", message, details={"coefficients": wanting}))
+        few = bool(set(undetermined) - set(found.folded))
+        why = f"{rows} usable rows are too few." if few else " ".join(describe(found))
+        flags.append(
+            Flag(
+                "not-identifiable",
+                f"Not every coefficient is determined alone. {why}",
+                details={"coefficients": wanting},
+            )
+        )
     if drift_order:
         flags.append(
             Flag(

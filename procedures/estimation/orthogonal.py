@@ -42,6 +42,11 @@ def project(columns: Array, data: Array) -> Array:
     return np.asarray(np.einsum("ij,i->j", columns, data))
 
 
+def solve_square(matrix: Array, data: Array) -> Array:
+    """Return the solution of a small square system, data (k,) or (k, m)."""
+    return np.asarray(np.linalg.solve(matrix, data), dtype=np.float64)
+
+
 @dataclass(frozen=True)
 class OrthogonalFit:
     """A least-squares solution of X b = y with weights.
@@ -76,10 +81,10 @@ def solve_by_qr(design: Array, data: Array, root_weight: Array | None = None) ->
     scale = np.where(scale > 0.0, scale, 1.0)
     unit = rows / scale
     q, r = thin_qr(unit)
-    scaled = np.linalg.solve(r, project(q, values))
+    scaled = solve_square(r, project(q, values))
     # One step of refinement: what the rounding of the first solution left is solved for again.
-    scaled = scaled + np.linalg.solve(r, project(q, values - combine(unit, scaled)))
-    inverse = np.linalg.inv(r)
+    scaled = scaled + solve_square(r, project(q, values - combine(unit, scaled)))
+    inverse = solve_square(r, np.eye(len(scale)))
     coefficients = scaled / scale
     residuals = data - combine(design, coefficients)
     weighted = residuals if root_weight is None else residuals * root_weight
@@ -121,7 +126,7 @@ def split_columns(columns: Array, tolerance: float) -> ColumnSplit:
     folds = np.zeros((len(kept), count))
     if kept:
         shares = np.column_stack([project(basis, columns[:, j]) for j in range(count)])
-        folds = np.asarray(np.linalg.solve(np.triu(shares[:, kept]), shares))
+        folds = solve_square(np.triu(shares[:, kept]), shares)
         folds[:, kept] = np.eye(len(kept))
     return ColumnSplit(tuple(kept), folds)
 
@@ -163,7 +168,7 @@ def least_absolute(design: Array, data: Array, rounds: int = 12) -> Array:
         # Columns that are orthonormal without the weights are near enough to it with them.
         weighted = q * weight[:, None]
         normal = cross_products(weighted)
-        coefficients = np.linalg.solve(normal, project(weighted, data * weight))
+        coefficients = solve_square(normal, project(weighted, data * weight))
         residuals = data - combine(q, coefficients)
     return residuals
 

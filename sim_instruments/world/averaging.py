@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -28,6 +29,13 @@ class Nodes(NamedTuple):
         return result
 
 
+@lru_cache
+def gauss(order: int) -> tuple[Array, Array]:
+    """Return Gauss's nodes between -1 and 1 and their weights."""
+    points, weights = np.polynomial.legendre.leggauss(order)
+    return points, weights
+
+
 def nodes_within(starts_s: Array, ends_s: Array, longest_s: float, order: int) -> Nodes:
     """Return `order` nodes in each of the equal panels, at most `longest_s` long, of intervals.
 
@@ -38,7 +46,7 @@ def nodes_within(starts_s: Array, ends_s: Array, longest_s: float, order: int) -
     owner = np.repeat(np.arange(starts_s.size), panels)
     number = np.arange(owner.size) - np.repeat(np.cumsum(panels) - panels, panels)
     width = (length / panels)[owner]
-    points, weights = np.polynomial.legendre.leggauss(order)
+    points, weights = gauss(order)
     begin = starts_s[owner] + number * width
     times = begin[:, None] + width[:, None] * (0.5 + 0.5 * points)
     share = np.broadcast_to(0.5 * weights, times.shape) / panels[owner][:, None]

@@ -20,7 +20,7 @@ from station.record.manifest import LOCK, write_manifest
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from station.record.raw import RawFile
+    from station.record.raw import RawFile, RawIndex
 
 RUN = "run.json"
 RESULTS = "results.json"
@@ -142,6 +142,7 @@ class RunFolder:
         self._segment = segment
         self.events: tuple[Event, ...] = tuple(read_events(path / EVENTS))
         self._rows: dict[tuple[str, str], NDArray[Any]] = {}
+        self._indices: dict[Path, RawIndex] = {}
 
     def finished_units(self) -> dict[str, dict[str, Any]]:
         """Return the details of each finished unit of work, in the order they were finished."""
@@ -172,13 +173,16 @@ class RunFolder:
         """
         import numpy as np
 
-        from station.record.raw import read_raw
+        from station.record.raw import RawIndex
 
         if (source, unit) not in self._rows:
             blocks: list[NDArray[Any]] = []
             for segment in self._segments_of(unit):
                 file = raw_file(self.path, source, segment)
-                blocks = list(read_raw(file, unit)) if file.is_file() else []
+                if file not in self._indices and file.is_file():
+                    self._indices[file] = RawIndex(file)
+                index = self._indices.get(file)
+                blocks = list(index.blocks(unit)) if index else []
                 if blocks:
                     break
             if not blocks:

@@ -22,6 +22,7 @@ from mcap.data_stream import RecordBuilder
 from mcap.exceptions import McapError
 from mcap.reader import NonSeekingReader
 from mcap.records import Channel, Chunk, DataEnd, Footer, Header, Message, Schema
+from mcap.stream_reader import StreamReader
 from mcap.writer import MCAP0_MAGIC
 from numpy.typing import NDArray
 
@@ -133,15 +134,35 @@ def row_type(header: bytes) -> tuple[np.dtype[Any], int]:
     return dtype, int(shape[0])
 
 
-def read_raw(path: Path, unit: str) -> Iterator[NDArray[Any]]:
-    """Yield the blocks of a unit of work, in the order they were written.
+class RawIndex:
+    """Where in a raw file the blocks of each unit of work stand; the file is gone through once.
 
     A file without its end (a crash, a full disk) is read up to its last whole block.
     """
-    with path.open("rb") as file:
-        for channel, message in whole_messages(file):
-            if channel.topic.split("/", 1)[1] == unit:
-                yield decoded(message.data)
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._places: dict[str, list[tuple[int, int]]] = {}
+        with path.open("rb") as file:
+            began = file.tell()
+            for channel, _ in whole_messages(file):
+                ended = file.tell()  # one block is one chunk, and chunks are read whole
+                unit = channel.topic.split("/", 1)[1]
+                self._places.setdefault(unit, []).append((began, ended - began))
+                began = ended
+
+    def blocks(self, unit: str) -> Iterator[NDArray[Any]]:
+        """Yield the blocks of a unit of work, in the order they were written."""
+        with self._path.open("rb") as file:
+            for began, length in self._places.get(unit, ()):
+                file.seek(began)
+                chunk = StreamReader(io.BytesIO(file.read(length)), skip_magic=began > 0)
+                yield decoded(next(one for one in chunk.records if isinstance(one, Message)).data)
+
+
+def read_raw(path: Path, unit: str) -> Iterator[NDArray[Any]]:
+    """Yield the blocks of one unit of work; who reads several keeps the index."""
+    return RawIndex(path).blocks(unit)
 
 
 def read_blocks(path: Path) -> Iterator[tuple[str, dict[str, str], NDArray[Any]]]:

@@ -1,0 +1,274 @@
+"""The monitor over simulated instruments on virtual time: what trips, when, and what does not."""
+
+from __future__ import annotations
+
+import signal
+from typing import Any
+
+import pytest
+from interlock_helpers import BOARD, CHAIN, GAUSSMETER, SUPPLY, Watched, bench_with, watched
+
+from station.errors import InputError, InterlockTripped
+from station.safety.interlocks.monitor import REACTS_WITHIN_S
+from station.safety.interlocks.quantities import IDLE_PERIOD_S
+
+BEGINS_S = 30.0
+Entry = dict[str, Any]
+
+
+def interlock(instrument: str, quantity: str, grace: str = "0 s", **test: Any) -> Entry:
+    when = {"instrument": instrument, "quantity": quantity, **test}
+    return {"name": f"{quantity}-limit", "when": when, "grace": grace}
+
+
+def fault(instrument: str, kind: str, **more: Any) -> Entry:
+    return {"instrument": instrument, "fault": kind, "at": f"{BEGINS_S:g} s", **more}
+
+
+CURRENT = interlock(SUPPLY, "current", above="8.2 A", grace="0.4 s")
+
+
+def tripped(stand: Watched, until_s: float = BEGINS_S + 60.0) -> InterlockTripped:
+    """Wait, as a run does, for the trip that ends it."""
+    with pytest.raises(InterlockTripped) as raised:
+        while stand.clock.now() < until_s:
+            stand.clock.sleep(1.0)
+    assert stand.monitor.trip is raised.value
+    return raised.value
+
+
+def start(stand: Watched) -> None:
+    stand.monitor.check_once()
+    stand.monitor.start()
+
+
+def test_a_healthy_bench_trips_nothing_at_rest_or_energised() -> None:
+    with watched(bench_with()) as stand:
+        start(stand)
+        stand.instruments[BOARD].start(0.1, 1)
+        stand.energise()
+        for _ in range(60):
+            stand.clock.sleep(1.0)
+            stand.instruments[BOARD].drain()
+        stand.instruments[SUPPLY].stop()
+        assert stand.monitor.trip is None
+
+
+def test_a_supply_that_drives_too_much_trips_once_its_grace_is_over() -> None:
+    bench = bench_with([CURRENT], [fault(SUPPLY, "overdrive", factor="4 1")])
+    with watched(bench, SUPPLY) as stand:
+        start(stand)
+        stand.energise(3.0)
+        trip = tripped(stand)
+    assert trip.exit_code == 5
+    assert isinstance(trip.value, float)
+    assert abs(trip.value) > 8.2
+    assert (trip.name, trip.limit) == ("current-limit", "above 8.2 A")
+    assert f"the interlock current-limit tripped at {trip.time_s:.3f} s: " in str(trip)
+    assert f"{SUPPLY} current is {trip.value:.4g} A, above 8.2 A, for 0.4 s" in str(trip)
+    # The sine of 0.1 Hz is beyond the limit within a quarter period of 2.5 s, then come 0.4 s.
+    assert BEGINS_S < trip.time_s < BEGINS_S + 4.0
+
+
+def test_a_level_that_comes_back_within_its_grace_trips_nothing() -> None:
+    long_grace = {**CURRENT, "grace": "3 s"}
+    bench = bench_with([long_grace], [fault(SUPPLY, "overdrive", factor="4 1")])
+    with watched(bench, SUPPLY) as stand:
+        start(stand)
+        stand.energise(3.0)
+        # Each half period of the sine is beyond the limit for 2.6 s.
+        stand.clock.sleep_until(BEGINS_S + 30.0)
+        assert stand.monitor.trip is None
+
+
+def test_a_current_is_looked_at_every_fifth_of_a_second_only_while_it_flows() -> None:
+    with watched(bench_with([CURRENT]), SUPPLY) as stand:
+        start(stand)
+        times = looked_at(stand, 30.0)
+        assert min(gaps(times)) > 0.9 * IDLE_PERIOD_S
+        stand.energise()
+        switched_on_s = stand.clock.now()
+        times = looked_at(stand, 10.0)
+        assert times[0] - switched_on_s <= 0.25
+        assert max(gaps(times)) == pytest.approx(0.2, abs=0.01)
+        stand.instruments[SUPPLY].stop()
+        times = looked_at(stand, 30.0)[1:]
+        assert min(gaps(times)) > 0.9 * IDLE_PERIOD_S
+
+
+def looked_at(stand: Watched, seconds: float) -> list[float]:
+    """Return when the current was read during a time in which nobody else reads it."""
+    times: dict[float, None] = {}
+    until_s = stand.clock.now() + seconds
+    while stand.clock.now() < until_s:
+        stand.clock.sleep(0.05)
+        newest = stand.readings.newest(SUPPLY, "current")
+        if newest is not None:
+            times[newest.time_s] = None
+    return list(times)[1:]
+
+
+def gaps(times: list[float]) -> list[float]:
+    return [later - earlier for earlier, later in zip(times, times[1:], strict=False)]
+
+
+@pytest.mark.parametrize("contact", ["e-stop", "door"])
+def test_an_open_chain_trips_within_its_second_and_names_the_contact(contact: str) -> None:
+    with watched(bench_with(faults=[fault(CHAIN, "chain-open", contact=contact)])) as stand:
+        start(stand)
+        trip = tripped(stand)
+    assert f"interlock_chain chain is open (open: {contact})" in str(trip)
+    assert (trip.value, trip.limit) == ("open", "open")
+    assert BEGINS_S <= trip.time_s <= BEGINS_S + 1.0
+
+
+def test_a_chain_that_opens_while_the_bench_is_served_trips_too() -> None:
+    with watched(bench_with()) as stand:
+        start(stand)
+        stand.clock.sleep(10.0)
+        stand.simulation.answer("{instrument: interlock_chain, fault: chain-open, for: 3 s}")
+        assert tripped(stand).time_s <= 11.0
+
+
+def test_nothing_is_energised_on_a_chain_that_is_open_already() -> None:
+    with watched(bench_with(faults=[fault(CHAIN, "chain-open", at="0 s")])) as stand:
+        with pytest.raises(InterlockTripped, match="chain is open"):
+            stand.monitor.check_once()
+        assert not any(stand.simulation.simulation_report()["outputs"].values())
+
+
+def test_a_gyro_that_becomes_too_warm_trips_at_the_next_look() -> None:
+    with watched(bench_with(faults=[fault(BOARD, "overheating", rise="50 K")])) as stand:
+        start(stand)
+        stand.instruments[BOARD].start(0.1, 1)
+        trip = tripped(stand)
+    assert trip.name == "gyro-temperature"
+    assert "gyro_acquisition temperature is 7" in str(trip)
+    assert "outside 5 degC to 60 degC" in str(trip)
+    assert BEGINS_S <= trip.time_s <= BEGINS_S + 11.0
+
+
+def test_a_board_that_is_stopped_has_no_temperature_and_trips_nothing() -> None:
+    limit = interlock(BOARD, "temperature", above="60 degC")
+    with watched(bench_with([limit]), BOARD) as stand:
+        start(stand)
+        stand.clock.sleep(60.0)
+        assert stand.monitor.trip is None
+
+
+def test_a_board_that_should_give_samples_and_does_not_trips() -> None:
+    limit = interlock(BOARD, "temperature", above="60 degC")
+    with watched(bench_with([limit], [fault(BOARD, "silent")]), BOARD) as stand:
+        start(stand)
+        stand.instruments[BOARD].start(0.1, 1)
+        assert "temperature cannot be read: gyro_acquisition: looked" in str(tripped(stand))
+
+
+FIELD = interlock(GAUSSMETER, "field", above="4 mT", grace="5 s")
+
+
+def test_a_field_that_is_recorded_is_not_asked_for_again() -> None:
+    # Nobody would get an answer to that question.
+    mute = fault(GAUSSMETER, "no-reply", command="FETC:DC?", **{"at": "10 s", "for": "10 h"})
+    with watched(bench_with([FIELD], [mute]), GAUSSMETER) as stand:
+        start(stand)
+        stand.instruments[GAUSSMETER].start(1.5)
+        for _ in range(60):
+            stand.clock.sleep(1.037)
+            stand.instruments[GAUSSMETER].drain()
+        assert stand.monitor.trip is None
+        assert "field cannot be read: gaussmeter: sent 'FETC:DC?'" in str(tripped(stand, 200.0))
+
+
+def test_asking_for_the_field_takes_nothing_from_the_record() -> None:
+    with watched(bench_with([FIELD]), GAUSSMETER) as stand:
+        meter = stand.instruments[GAUSSMETER]
+        meter.start(1.5)
+        start(stand)
+        field_mT = meter.read_quantity("field")
+        assert 0.01 < field_mT < 0.1
+        stand.clock.sleep(30.0)
+        rows = meter.drain().columns["x_T"]
+        assert len(rows) == pytest.approx(300, abs=2)
+
+
+def test_an_overload_trips_when_it_outlasts_the_grace() -> None:
+    short = fault(GAUSSMETER, "overload", **{"for": "3 s"})
+    with watched(bench_with([FIELD], [short]), GAUSSMETER) as stand:
+        start(stand)
+        stand.energise() if SUPPLY in stand.instruments else None
+        stand.clock.sleep_until(BEGINS_S + 30.0)
+        assert stand.monitor.trip is None
+    with watched(bench_with([FIELD], [fault(GAUSSMETER, "overload")]), GAUSSMETER) as stand:
+        start(stand)
+        trip = tripped(stand)
+    assert "gaussmeter field is beyond the range of the instrument, above 4 mT" in str(trip)
+    assert trip.value is None
+
+
+def test_one_lost_answer_trips_nothing_and_silence_does_after_the_grace() -> None:
+    lost = fault(SUPPLY, "no-reply", command="MEAS:CURR?", count=1)
+    silent = fault(SUPPLY, "no-reply", command="MEAS:CURR?", **{"at": "60 s", "for": "10 h"})
+    with watched(bench_with([CURRENT], [lost, silent]), SUPPLY) as stand:
+        start(stand)
+        stand.energise()
+        stand.clock.sleep_until(59.0)
+        assert stand.monitor.trip is None
+        trip = tripped(stand, 80.0)
+    assert "current cannot be read: coil_supply.x: sent 'MEAS:CURR?': no answer came" in str(trip)
+    assert trip.value is None
+    # Three tries of half a second each, twice: a first look, and one after the grace.
+    assert 60.0 < trip.time_s < 60.0 + 2 * 1.5 + 0.4 + 0.5
+
+
+def test_a_quantity_that_the_driver_cannot_read_is_a_fault_of_the_bench_file() -> None:
+    warm = {"any": [CURRENT["when"], {**CURRENT["when"], "quantity": "temperature"}]}
+    warm["any"][1]["above"] = "80 degC"
+    with watched(bench_with([{**CURRENT, "when": warm}]), SUPPLY) as stand:
+        with pytest.raises(InputError) as raised:
+            stand.monitor.check_once()
+    assert "does not measure its temperature; take that interlock out" in str(raised.value)
+    power = interlock("dut_power", "current", above="1 A")
+    with watched(bench_with([power]), "dut_power") as stand:
+        with pytest.raises(InputError, match="dut_power: its driver cannot be asked"):
+            stand.monitor.check_once()
+
+
+def test_a_run_that_does_not_react_is_brought_to_rest_by_the_monitor() -> None:
+    woken: list[int] = []
+    before = signal.signal(signal.SIGINT, lambda number, frame: woken.append(number))
+    try:
+        with watched(bench_with(faults=[fault(CHAIN, "chain-open")])) as stand:
+            start(stand)
+            trip = tripped(stand)
+            assert stand.made_safe == []
+            # The run has lost the error, and goes on.
+            stand.clock.sleep(10.0)
+            assert len(stand.made_safe) == 1
+            assert stand.made_safe[0] == pytest.approx(trip.time_s + REACTS_WITHIN_S)
+    finally:
+        signal.signal(signal.SIGINT, before)
+    assert woken
+
+
+def test_a_run_that_reacts_is_left_alone() -> None:
+    with watched(bench_with(faults=[fault(CHAIN, "chain-open")])) as stand:
+        start(stand)
+        tripped(stand)
+        stand.monitor.stop()
+        stand.clock.sleep(10.0)
+        assert stand.made_safe == []
+        with pytest.raises(InterlockTripped):
+            stand.monitor.raise_trip()
+
+
+def test_the_same_fault_trips_at_the_same_moment_with_the_same_words() -> None:
+    said = set()
+    for _ in range(3):
+        bench = bench_with(faults=[fault(SUPPLY, "overdrive")])
+        with watched(bench) as stand:
+            start(stand)
+            stand.instruments[BOARD].start(0.1, 1)
+            stand.energise()
+            said.add(str(tripped(stand)))
+    assert len(said) == 1
