@@ -111,6 +111,7 @@ CASES = (
     Case("disturbed, three planes, shuffled", shuffled=True, **DISTURBED),  # type: ignore[arg-type]
     Case("disturbed, one plane, shuffled", ("io",), 72, shuffled=True, **DISTURBED),  # type: ignore[arg-type]
     Case("disturbed, efficient, palindrome", ("io", "ip"), 9, TWO_SIDED, passes=8, **DISTURBED),  # type: ignore[arg-type]
+    Case("faint drift, three planes, as published", drift_V_per_h=2e-6, warm_up_V=2e-6),
     Case("1 K warmer in the course, shuffled", warming_K=1.0, shuffled=True),
 )
 

@@ -52,6 +52,16 @@ SHORT_FORMS: Mapping[str, tuple[str, ...]] = {
         "parameters.warm_up.window=30 s",
         "parameters.warm_up.at_most=5 min",
     ),
+    "accelerometer-magnetic-sensitivity": (
+        "parameters.planes=[io]",
+        "parameters.field_step=50 mT",
+        "parameters.angle_step=60 deg",
+        "parameters.order=as_published",
+        "parameters.repeats=1",
+        "parameters.readings=2",
+        "parameters.nplc=1",
+        "parameters.warm_up=30 s",
+    ),
 }
 """What makes a procedure's plan short; without an entry a plan runs as it is shipped."""
 
@@ -161,11 +171,11 @@ def short(plan: str, bench: Bench) -> Plan:
 
 
 def plans() -> list[str]:
-    """Return the shipped plans that are valid on the simulated bench and have a world there."""
+    """Return the plan of each procedure that is valid on the simulated bench; variants left out."""
     bench, found = read_bench_at(find(BENCHES, BENCH)), []
     for name, _ in available(PLANS):
         with suppress(FaultList):
-            if short(name, bench).procedure in WORLDS:
+            if short(name, bench).procedure == name and name in WORLDS:
                 found.append(name)
     return found
 
@@ -222,11 +232,10 @@ def reference_run(plan_name: str, folder: Path) -> Reference:
     bench_file.write_text(yaml.safe_dump(data), encoding="utf-8")
     bench = read_bench_at(bench_file)
     plan = short(plan_name, bench)
-    procedure = registry.procedure(plan.procedure)
+    procedure, simulated = registry.procedure(plan.procedure), served(plan.procedure)
     marks: list[Mark] = []
     with BenchSession(bench, plan.procedure) as session:
         clock = session.clock
-        described = session._simulation.instruments  # type: ignore[attr-defined]
         record = RunRecord(
             folder / "runs", plan.procedure, plan.dut.serial, clock, head_of(plan, bench, clock)
         )
@@ -234,7 +243,7 @@ def reference_run(plan_name: str, folder: Path) -> Reference:
         trace = Trace(record.path, clock)
 
         def mark(step: str) -> None:
-            counts = {name: traffic(trace.folder / f"{name}.txt") for name in described}
+            counts = {name: traffic(trace.folder / f"{name}.txt") for name in simulated}
             marks.append(Mark(step, clock.now(), counts))
 
         def marked(step: Step) -> Step:
@@ -262,8 +271,8 @@ def reference_run(plan_name: str, folder: Path) -> Reference:
         tuple(marks),
         {file.name: raw_content(file) for file in sorted((record.path / "raw").iterdir())},
         {
-            name: (str(one["protocol"]), bench.instruments[name].driver)
-            for name, one in described.items()
+            name: (protocol, bench.instruments[name].driver)
+            for name, protocol in simulated.items()
             if name in opened
         },
     )

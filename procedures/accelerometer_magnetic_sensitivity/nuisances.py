@@ -84,7 +84,10 @@ def chosen(
     """Return the slow terms that the data ask for, by the Bayesian information criterion.
 
     Tried is every order of drift with no temperature term, with K0_T, and with K0_T and Ki_T.
-    `fixed` (rows, k) are the columns that are always there; only `kept` rows count.
+    Where there is drift, one order more is taken than it asks for: what a criterion leaves out is
+    small against the noise of all rows, but not against that of a coefficient which one plane, and
+    so a part of the time, decides. `fixed` (rows, k) are the columns that are always there; only
+    `kept` rows count.
     """
     warm = [name for name in terms.names if not name.startswith("drift")]
     drift = [name for name in terms.names if name.startswith("drift")]
@@ -109,4 +112,6 @@ def chosen(
                 models.append((*first, *drift[:order]))
                 squares.append(float(rest @ rest))
                 counts.append(own.shape[1])
-    return models[choose_by_information(squares, counts, rows)]
+    best = models[choose_by_information(squares, counts, rows)]
+    own = [name for name in best if name.startswith("drift")]
+    return (*best, *drift[len(own) : len(own) + 1]) if own else best

@@ -10,7 +10,7 @@ import _thread
 from collections.abc import Callable, Mapping, Sequence
 
 from station.clock import Clock, ClockError, ClockStopped
-from station.errors import InterlockTripped
+from station.errors import InputError, InterlockTripped
 from station.readings import Readings
 from station.safety.interlocks.conditions import Judgement
 from station.safety.interlocks.quantities import ENERGISED, IDLE_PERIOD_S, quantities_of
@@ -36,6 +36,16 @@ class Watch:
             for instrument in sorted(interlock.instruments)
             if set(ENERGISED) & set(quantities_of(instrument))
         ]
+
+    def look_at_states(self) -> None:
+        """Find out which instruments are energised; one that does not say so is left out."""
+        for instrument in list(self.own_state):
+            for quantity in sorted(set(ENERGISED) & set(quantities_of(instrument))):
+                try:
+                    self.eyes.look(instrument, quantity)
+                except InputError:
+                    self.own_state.remove(instrument)
+                    break
 
     def judge(self) -> Judgement:
         """Look now."""
@@ -77,12 +87,10 @@ class Monitor:
         Raises InputError where the bench file watches what a driver cannot be asked for.
         """
         for watch in self._watches:
-            for instrument in watch.own_state:
-                if "output" in quantities_of(instrument):
-                    watch.eyes.look(instrument, "output")
             for watched in sorted(watch.interlock.when.watched):
                 # The condition itself does not always look at all of its parts.
                 watch.eyes.look(*watched)
+            watch.look_at_states()
             judged = watch.judge()
             if judged.true is not False:
                 self.trip = self._tripped(watch, judged)
