@@ -1,0 +1,40 @@
+"""What a procedure may ask of an instrument: Protocols of a few verbs, whatever the model."""
+
+from drivers.roles.base import (
+    Block,
+    Identity,
+    Instrument,
+    MadeSafe,
+    Place,
+    SafetyReading,
+    SampledSource,
+    Tracer,
+)
+from drivers.roles.field import CoilSupply, DirectCurrentSupply, Gaussmeter
+from drivers.roles.motion import RotaryStage
+from drivers.roles.readings import GyroAcquisition, Multimeter, Thermometer
+from drivers.roles.spins import Digitizer, PumpLaser, SignalGenerator
+from drivers.roles.station import DutPower, InterlockChain
+
+__all__ = [
+    "Block",
+    "CoilSupply",
+    "Digitizer",
+    "DirectCurrentSupply",
+    "DutPower",
+    "Gaussmeter",
+    "GyroAcquisition",
+    "Identity",
+    "Instrument",
+    "InterlockChain",
+    "MadeSafe",
+    "Multimeter",
+    "Place",
+    "PumpLaser",
+    "RotaryStage",
+    "SafetyReading",
+    "SampledSource",
+    "SignalGenerator",
+    "Thermometer",
+    "Tracer",
+]

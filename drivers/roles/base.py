@@ -1,0 +1,138 @@
+"""What every driver is given, gives back and can do."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, Protocol, runtime_checkable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from station.clock import Clock
+
+Tracer = Callable[[str, bytes], None]
+"""Takes a direction (`>` sent, `<` received, `!` fault, `-` remark) and the bytes or the words."""
+
+
+class Place(Protocol):
+    """Where an instrument is attached, and what the bench file says of it."""
+
+    @property
+    def name(self) -> str:
+        """The instance name of the bench file, `coil_supply.x`."""
+        ...
+
+    @property
+    def address(self) -> str:
+        """A VISA resource name, `socketcand://host:port/channel`, or empty without a line."""
+        ...
+
+    @property
+    def clock(self) -> Clock:
+        """The run's clock; whatever waits or stamps uses it."""
+        ...
+
+    @property
+    def settings(self) -> Mapping[str, Any]:
+        """The driver's own settings, quantities as text: `2 A/s`."""
+        ...
+
+    @property
+    def limits(self) -> Mapping[str, float]:
+        """The bench's limits in A, V, A/s, mT, deg/s, degC."""
+        ...
+
+    def publish(self, quantity: str, value: float | str, unit: str = "") -> None:
+        """Put up a reading, or the word of a state, for interlocks and panel."""
+        ...
+
+    @property
+    def trace(self) -> Tracer | None:
+        """Who is told what goes over the wire; None where nobody listens, as in most runs."""
+        ...
+
+    def ask(self, prompt_id: str, text: str) -> str:
+        """Put a request to the operator and return the answer."""
+        ...
+
+
+@dataclass(frozen=True)
+class Identity:
+    """Who answered: maker, model, serial number and firmware, as the instrument says them."""
+
+    maker: str
+    model: str
+    serial: str
+    firmware: str
+
+
+@dataclass(frozen=True)
+class Block:
+    """Rows of a stream in the instrument's own units and time base.
+
+    `columns` maps names that carry their unit to arrays of shape (rows,); `arrival_time_s` is the
+    run time, shape (rows,), at which each row reached the computer.
+    """
+
+    columns: Mapping[str, NDArray[Any]]
+    arrival_time_s: NDArray[np.float64]
+
+    def __len__(self) -> int:
+        """Return the number of rows."""
+        return len(self.arrival_time_s)
+
+
+@dataclass(frozen=True)
+class SafetyReading:
+    """What an instrument reads back of its safe state."""
+
+    safe: bool
+    read_back: str
+
+
+@runtime_checkable
+class Instrument(Protocol):
+    """Anything with a line, or an operator, at its other end."""
+
+    place: Place
+
+    def identify(self) -> Identity:
+        """Ask who is there."""
+        ...
+
+    def close(self) -> None:
+        """Give the line back; never raises for a line that is already gone."""
+        ...
+
+
+@runtime_checkable
+class MadeSafe(Protocol):
+    """An instrument that can harm, and how it is brought to rest."""
+
+    def make_safe(self, deadline_s: float) -> None:
+        """Bring the instrument to rest before run time `deadline_s`."""
+        ...
+
+    def read_safety(self) -> SafetyReading:
+        """Read back whether it is at rest; nothing is assumed from what was commanded."""
+        ...
+
+
+@runtime_checkable
+class SampledSource(Instrument, Protocol):
+    """A source of samples that number or stamp themselves."""
+
+    source: str
+    """The name of its raw files."""
+
+    columns: Mapping[str, str]
+    """Column name to unit and meaning, for whoever opens the raw file.
+
+    The text begins with the unit. A running number of equal intervals says how far they are apart,
+    as in `1, number of the sample, every 0.1 s`: exports make its time axis of that.
+    """
+
+    def drain(self) -> Block:
+        """Return all rows that came since the last call, possibly none."""
+        ...

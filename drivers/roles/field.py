@@ -1,0 +1,74 @@
+"""Roles that make a field and measure it."""
+
+from __future__ import annotations
+
+from typing import Protocol, runtime_checkable
+
+from drivers.roles.base import Instrument, MadeSafe, SampledSource
+
+
+@runtime_checkable
+class CoilSupply(Instrument, MadeSafe, Protocol):
+    """A bipolar current source with a coil at its output."""
+
+    coil_constant_mT_per_A: float
+
+    def programme_limits(self) -> None:
+        """Write the bench file's current and voltage limits into the instrument itself."""
+        ...
+
+    def load_sine(self, frequency_Hz: float, amplitude_A: float) -> float:
+        """Prepare a sine at zero output; return the frequency in Hz that its timing will give."""
+        ...
+
+    def start_sine(self) -> None:
+        """Let the prepared sine run until it is stopped."""
+        ...
+
+    def stop(self) -> None:
+        """Bring the current to zero within the slew limit, output off."""
+        ...
+
+    def current_A(self) -> float:
+        """Return the measured output current in A."""
+        ...
+
+
+@runtime_checkable
+class DirectCurrentSupply(Instrument, MadeSafe, Protocol):
+    """A bipolar current source that holds a steady current in its coil."""
+
+    coil_constant_mT_per_A: float
+
+    def programme_limits(self) -> None:
+        """Write the bench file's current and voltage limits into the instrument itself."""
+        ...
+
+    def switch_on(self) -> None:
+        """Switch the output on at zero current."""
+        ...
+
+    def ramp_to(self, current_A: float) -> None:
+        """Go to a current of either sign within the slew limit; return once it reads back."""
+        ...
+
+    def stop(self) -> None:
+        """Bring the current to zero within the slew limit, output off."""
+        ...
+
+    def current_A(self) -> float:
+        """Return the measured output current in A."""
+        ...
+
+
+@runtime_checkable
+class Gaussmeter(SampledSource, Protocol):
+    """A three-axis field meter; columns `instrument_time_s`, `x_T`, `y_T`, `z_T`."""
+
+    averaging_s: float
+    timestamp: str
+    """Which instant of the averaging its time stamp means: interval-start, -middle, -end."""
+
+    def start(self, largest_field_mT: float) -> None:
+        """Choose the range, begin to buffer readings, and forget older ones."""
+        ...

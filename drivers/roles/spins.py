@@ -1,0 +1,84 @@
+"""Roles of a vapour cell: its coils, its signal, its pump light."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Protocol, runtime_checkable
+
+from drivers.roles.base import Block, Instrument, MadeSafe
+
+
+@runtime_checkable
+class SignalGenerator(Instrument, MadeSafe, Protocol):
+    """Two channels, 1 and 2, each a voltage at a coil: held, or for one step after a trigger."""
+
+    def programme_limits(self) -> None:
+        """Write the bench file's voltage limits into the instrument and check its load setting."""
+        ...
+
+    def hold(self, channel: int, voltage_V: float) -> None:
+        """Put a steady voltage on a channel, at once, output on."""
+        ...
+
+    def prepare_step(self, channel: int, voltage_V: float, duration_s: float) -> None:
+        """Arm a step from what the channel holds by `voltage_V`, and back after `duration_s`.
+
+        It begins at the external trigger that starts all armed channels of the bench together.
+        """
+        ...
+
+    def disarm(self, channel: int) -> None:
+        """Take an armed step back; the channel holds what it held."""
+        ...
+
+    def switch_off(self, channel: int) -> None:
+        """Switch a channel's output off."""
+        ...
+
+
+@runtime_checkable
+class Digitizer(Instrument, MadeSafe, Protocol):
+    """A recorder of one signal about a trigger that it gives itself; columns `time_s`, `voltage_V`.
+
+    `time_s` is zero at the trigger. At rest its trigger output is off.
+    """
+
+    source: str
+    columns: Mapping[str, str]
+
+    def prepare(self, sample_rate_Hz: float, duration_s: float, full_scale_V: float) -> float:
+        """Choose decimation and range, clear the last record; return the sample rate in Hz."""
+        ...
+
+    def fire(self) -> None:
+        """Give the trigger: time zero of the record, and of what is wired to the output."""
+        ...
+
+    def fetch(self) -> Block | None:
+        """Return the record that was fired, None while it is being taken."""
+        ...
+
+    def release(self) -> None:
+        """Take the trigger output back to rest."""
+        ...
+
+
+@runtime_checkable
+class PumpLaser(Instrument, MadeSafe, Protocol):
+    """The shutter of the pump light: closed is safe."""
+
+    def open_shutter(self) -> None:
+        """Let the light through, and prove it."""
+        ...
+
+    def close_shutter(self) -> None:
+        """Block the light, and prove it."""
+        ...
+
+    def follow_trigger(self) -> None:
+        """Let the light through until the bench's trigger, and again when the trigger goes off."""
+        ...
+
+    def is_open(self) -> bool:
+        """Whether the light passes."""
+        ...
