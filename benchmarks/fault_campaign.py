@@ -25,7 +25,8 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))
 
 from fault_cases import all_cases, plans, reference_run
-from fault_oracle import Verdict, judge, run_case
+from fault_oracle import Verdict, judge
+from fault_runs import run_case
 
 
 def main() -> None:

@@ -14,6 +14,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from drivers.kepco_leaving import Sine, wait_for_zero
 from drivers.kepco_steady import SteadyCurrent
 from drivers.roles import Identity, Place, SafetyReading
 from drivers.transport.retry import PatientLine, Repeatable
@@ -29,7 +30,6 @@ DWELL_RANGE_S = (0.0005, 10.0)
 LIST_RUNNING = 1 << 14
 RAMP_STEP_S = 0.05
 SETTLE_S = 0.1
-LOOK_S = 0.01
 LONGEST_HALF_PERIOD_S = 10.5
 """Half a period of the slowest published drive, 0.05 Hz, and a little."""
 
@@ -64,6 +64,9 @@ class KepcoBop:
         )
         self._patient = PatientLine(self._line, self.repeatable)
         self._steady = SteadyCurrent(place, self._line, self.current_A)
+        self._half_period_s = LONGEST_HALF_PERIOD_S
+        self._sine: Sine | None = None
+        self._stood_still = False
 
     def identify(self) -> Identity:
         """Ask `*IDN?`; the answer is maker, model and ratings, serial number, firmware."""
@@ -139,11 +142,13 @@ class KepcoBop:
             )
         self._line.command("OUTP ON")
         self.place.publish("output", "on")
+        self._half_period_s = LIST_POINTS * dwell_s / 2
         return 1.0 / (LIST_POINTS * dwell_s)
 
     def start_sine(self) -> None:
         """Run the uploaded list and prove from the status register that it runs."""
         self._line.command("CURR:MODE LIST")
+        self._sine = Sine(self.place.clock.now(), self._half_period_s)
         if not list_runs(self._line.number(OPERATION)):
             raise InstrumentError(
                 self.place.name,
@@ -223,9 +228,10 @@ class KepcoBop:
         current_A = self._sure_current_A()
         safe = not output_on and not runs and abs(current_A) <= self._zero_A
         return SafetyReading(
-            safe,
+            safe and not self._stood_still,
             f"output {'on' if output_on else 'off'}, {'list running, ' if runs else ''}"
-            f"{round(current_A, 3) + 0.0:.3f} A",
+            f"{round(current_A, 3) + 0.0:.3f} A"
+            f"{', which stood still while the list ran' if self._stood_still else ''}",
         )
 
     def close(self) -> None:
@@ -239,10 +245,10 @@ class KepcoBop:
         cannot be set while it runs: at full current this would cut the coil off. A list that does
         not come to zero in the longest half period is left all the same.
         """
-        clock = self.place.clock
-        until_s = min(clock.now() + LONGEST_HALF_PERIOD_S, deadline_s - SETTLE_S)
-        while abs(self._sure_current_A()) > self._ramp_step_A and clock.now() < until_s:
-            clock.sleep(LOOK_S)
+        until_s = min(self.place.clock.now() + LONGEST_HALF_PERIOD_S, deadline_s - SETTLE_S)
+        self._stood_still |= not wait_for_zero(
+            self.place.clock, self._sure_current_A, self._ramp_step_A, until_s, self._sine
+        )
         self._patient.command("CURR:MODE FIX")
 
     def _list_runs(self) -> bool:

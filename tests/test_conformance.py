@@ -13,7 +13,13 @@ import yaml
 
 from station.lookup import BENCHES, find
 
-OURS = ("kepco-bop-36-12", "lakeshore-f71", "can-pulse-board", "operator-power")
+OURS = (
+    "kepco-bop-36-12",
+    "lakeshore-f71",
+    "can-pulse-board",
+    "interlock-chain-line",
+    "operator-power",
+)
 ACCELEROMETER = "accelerometer-magnetic-sensitivity"
 
 BROKEN_SUPPLY = """

@@ -23,7 +23,8 @@ from fault_cases import (
     roles_and_kinds,
     steps,
 )
-from fault_oracle import TRUTHS, Verdict, judge, run_case
+from fault_oracle import TRUTHS, Verdict, judge
+from fault_runs import run_case
 
 PLANS = plans()
 KINDS = [(plan, role, kind) for plan in PLANS for role, kind in roles_and_kinds(plan)]

@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 
 T_PER_MT = 1e-3
 LOOK_S = 0.25
+FIELD_LOOK_S = 0.5
+LONGEST_LOOK_S = 2.0
 AXIS_COLUMN = "x_T"
 """The probe's x stands along the coil's axis."""
 RANGE_HEADROOM = 1.5
@@ -115,7 +117,7 @@ def settle(run: Run, parameters: AccelerometerParameters, said: str) -> None:
     began_s = run.clock.now()
     steady_since_s, before_mT = began_s, math.nan
     while True:
-        run.clock.sleep(LOOK_S)
+        run.clock.sleep(FIELD_LOOK_S)
         rows = gaussmeter.drain()
         now_s = run.clock.now()
         for field_T in rows.columns[AXIS_COLUMN]:
@@ -160,8 +162,15 @@ def read_output(run: Run, unit: str, said: str) -> bool:
         bursts[THERMOMETER] = run.role(THERMOMETER, Thermometer)
         bursts[THERMOMETER].start(1)
     overloaded = False
-    until_s = run.clock.now() + BURST_PATIENCE * burst_s(parameters) + 10.0
+    expected_s = run.clock.now() + burst_s(parameters)
+    until_s = expected_s + (BURST_PATIENCE - 1.0) * burst_s(parameters) + 10.0
     while bursts:
+        left_s = expected_s - run.clock.now()
+        if left_s > 0:  # no meter has anything to give yet; the field goes on coming
+            run.clock.sleep(min(left_s, LONGEST_LOOK_S))
+            keep(run, gaussmeter, unit, gaussmeter.drain())
+            run.say_progress(said)
+            continue
         run.clock.sleep(LOOK_S)
         fetched = {name: source.fetch() for name, source in bursts.items()}
         for name, block in fetched.items():

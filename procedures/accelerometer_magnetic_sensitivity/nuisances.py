@@ -113,5 +113,5 @@ def chosen(
                 squares.append(float(rest @ rest))
                 counts.append(own.shape[1])
     best = models[choose_by_information(squares, counts, rows)]
-    own = [name for name in best if name.startswith("drift")]
-    return (*best, *drift[len(own) : len(own) + 1]) if own else best
+    found = sum(name.startswith("drift") for name in best)
+    return (*best, *drift[found : found + 1]) if found else best

@@ -1,0 +1,139 @@
+"""The accelerometer procedure from end to end on the simulated bench, over real sockets."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+
+from station import registry
+from station.bench import read_bench
+from station.evaluation import conclude_run
+from station.lookup import BENCHES, PLANS, find
+from station.plan import read_plan
+from station.record.folder import RunFolder
+from station.runner.execute import Request, execute
+from station.runner.outcome import Outcome
+
+PROCEDURE = "accelerometer-magnetic-sensitivity"
+SEEDS = (0, 1, 2)
+SHORT = {"design": "efficient", "largest_field": "50 mT", "warm_up": "10 s", "readings": 3}
+
+
+def short_run(
+    folder: Path, parameters: dict[str, Any] | None = None, seed: int = 0
+) -> tuple[Outcome, dict[str, float]]:
+    """Run a plan of nine angles and three fields; return the true coefficients beside it."""
+    bench_data = yaml.safe_load(find(BENCHES, "sim").read_text(encoding="utf-8"))
+    plan_data = yaml.safe_load(find(PLANS, PROCEDURE).read_text(encoding="utf-8"))
+    plan_data["parameters"] = {**SHORT, **(parameters or {})}
+    truth = bench_data["simulation"]["accelerometer"]
+    bench_data["simulation"]["seed"] = seed
+    # The zero of K0 would otherwise be that of a drift, which only the simulator knows.
+    truth["drift_in_one_hour"], truth["warm_up"]["amplitude"] = "0 uV", "0 uV"
+    folder.mkdir(exist_ok=True)
+    (folder / "plan.yaml").write_text(yaml.safe_dump(plan_data), encoding="utf-8")
+    (folder / "bench.yaml").write_text(yaml.safe_dump(bench_data), encoding="utf-8")
+    outcome = execute(
+        Request(
+            read_plan(folder / "plan.yaml", registry.Procedures()),
+            read_bench(folder / "bench.yaml", registry.names(registry.DRIVERS)),
+            folder / "runs",
+            quiet=True,
+            report=False,
+        )
+    )
+    return outcome, {
+        name: float(str(text).split()[0]) for name, text in truth["coefficients"].items()
+    }
+
+
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory: pytest.TempPathFactory) -> list[tuple[Outcome, dict[str, float]]]:
+    """One short run for each seed."""
+    folder = tmp_path_factory.mktemp("accelerometer")
+    return [short_run(folder / f"seed-{seed}", seed=seed) for seed in SEEDS]
+
+
+def warmth_K(folder: RunFolder) -> float:
+    """Return by how much the device was warmer, on average, than where its truth is given."""
+    units = list(folder.finished_units())
+    temperatures = [folder.rows("thermometer", unit)["temperature_degC"].mean() for unit in units]
+    return float(np.mean(temperatures)) - 25.0
+
+
+def test_the_true_coefficients_and_combinations_come_back(
+    runs: list[tuple[Outcome, dict[str, float]]],
+) -> None:
+    errors = []
+    for outcome, truth in runs:
+        assert outcome.exit_code == 0, outcome.error
+        assert outcome.document is not None
+        warmer_K = warmth_K(RunFolder(outcome.folder))
+        true = {**truth, "K0": truth["K0"] + 30e-6 * warmer_K, "Ki": truth["Ki"] + 1e-4 * warmer_K}
+        for result in outcome.document.to_data()["results"]:
+            if result["value"] is None:
+                continue
+            expected = sum(share * true[name] for name, share in result["terms"].items())
+            errors.append((result["value"] - expected) / result["standard_uncertainty"])
+    assert len(errors) == 12 * len(SEEDS)
+    assert np.mean(np.abs(errors) < 3) >= 0.95
+    assert 0.3 < np.mean(np.square(errors)) < 2.0
+
+
+def test_the_fold_of_one_gravity_is_named_and_not_guessed(
+    runs: list[tuple[Outcome, dict[str, float]]],
+) -> None:
+    document = json.loads((runs[0][0].folder / "results.json").read_text(encoding="utf-8"))
+    results = {one["name"]: one for one in document["results"]}
+    assert len(results) == 13
+    assert results["Kpp"]["value"] is None
+    assert results["K0"]["terms"] == {"K0": 1, "Kpp": 1}
+    flag = next(one for one in document["flags"] if one["code"] == "not-identifiable")
+    assert set(flag["coefficients"]) == {"K0", "Kii", "Koo", "Kpp"}
+
+
+def test_every_point_is_a_unit_and_a_new_analysis_gives_the_same_bytes(
+    runs: list[tuple[Outcome, dict[str, float]]],
+) -> None:
+    folder = runs[0][0].folder
+    assert len(RunFolder(folder).finished_units()) == 2 * 9 * 3
+    conclude_run(folder, report=False)
+    again = (folder / "revisions" / "001" / "results.json").read_bytes()
+    assert again == (folder / "results.json").read_bytes()
+
+
+def test_a_level_turn_determines_three_combinations_only(tmp_path: Path) -> None:
+    outcome, _ = short_run(tmp_path, {"planes": ["level"], "angles": ["0 deg", "120 deg"]})
+    assert outcome.document is not None
+    found = {one.estimate.name: one.estimate for one in outcome.document.results}
+    assert [name for name, one in found.items() if one.value is not None] == ["K0", "Km", "Kmm"]
+    assert found["Km"].extra["terms"] == {"Km": 1, "Kpm": 1}
+
+
+def test_an_overload_is_flagged_and_its_point_measured_on_a_higher_range(tmp_path: Path) -> None:
+    parameters = {"planes": ["io"], "scale_factor": "0.08 V/g"}
+    outcome, _ = short_run(tmp_path, parameters)
+    assert outcome.exit_code == 0, outcome.error
+    assert outcome.document is not None
+    assert "overload" in {flag.code for flag in outcome.document.flags}
+    folder = RunFolder(outcome.folder)
+    widened = [event for event in folder.events_of("overload")]
+    assert widened
+    assert widened[0].details["next_range_V"] > widened[0].details["range_V"]
+    ki = next(one for one in outcome.document.results if one.estimate.name == "Ki")
+    assert ki.estimate.value == pytest.approx(1.0003, abs=3e-4)
+
+
+def test_the_published_estimate_stands_beside_the_best(
+    runs: list[tuple[Outcome, dict[str, float]]],
+) -> None:
+    document = json.loads((runs[0][0].folder / "results.json").read_text(encoding="utf-8"))
+    published = {one["name"]: one for one in document["as_published"]}
+    assert published["Km"]["method"] == "finite-memory"
+    assert published["Km"]["value"] == pytest.approx(0.0152, abs=1e-3)
+    assert published["Kpp"]["value"] is None
