@@ -1,7 +1,6 @@
 """How close the accelerometer estimator comes to the Cramer-Rao bound, case by case.
 
     python benchmarks/accelerometer_estimator.py [--runs 2000] [--case NAME]
-    python benchmarks/accelerometer_estimator.py --recursion [--samples 1000000]
 
 Seeds are 0 .. runs-1 of each case. One JSON object per case on standard output: for every
 coefficient or combination that the plan determines the root mean square error over the bound with
@@ -10,10 +9,6 @@ error/u; the same ratio for the published finite-memory solution; the largest ra
 standard errors. The bound is sigma^2 (X'X)^-1 with the columns of encoder offset, misalignment and,
 where there are any, temperature and drift (Legendre 1 to 3) in X, over all rows of the plan: rows
 that are missing or wild are the estimator's loss, not the bound's.
-
---recursion walks a long record through the finite memory and holds it against the QR solution of
-the same windows: largest relative difference of a coefficient, and the seconds a million rows cost
-in the first and in the last tenth, for two window lengths.
 """
 
 from __future__ import annotations
@@ -21,7 +16,6 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-import time
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -33,7 +27,6 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from procedures.accelerometer_magnetic_sensitivity.analysis import analyse
 from procedures.accelerometer_magnetic_sensitivity.dataset import AccelerometerDataset
-from procedures.accelerometer_magnetic_sensitivity.finite_memory import FiniteMemory, column_scale
 from procedures.accelerometer_magnetic_sensitivity.identifiability import judge
 
 Array = NDArray[np.float64]
@@ -269,59 +262,11 @@ def measure(case: Case, runs: int) -> dict[str, object]:
     }
 
 
-def recursion(samples: int) -> dict[str, object]:
-    """Walk a long record through the finite memory; compare with QR at 50 places."""
-    case = Case("long")
-    kept = judge(*case.points()).kept
-    table = columns(case)
-    cycle = np.column_stack([table[name] for name in kept])
-    truth = np.array([TRUTH[name] for name in kept])
-    generator = np.random.default_rng(0)
-    result: dict[str, object] = {"samples": samples}
-    for window in (len(cycle), 8 * len(cycle)):
-        memory = FiniteMemory(column_scale(cycle), window)
-        recent = np.zeros(window)
-        worst, seconds = 0.0, []
-        tenth = max(samples // 10, 1)
-        # Compared just before the window is solved anew, where rounding is largest.
-        places = {window * k - 1 for k in np.linspace(3, samples // window, 50).astype(int)}
-        for n in range(samples):
-            if n % tenth == 0:
-                start = time.process_time()
-            row = cycle[n % len(cycle)]
-            value = float(row @ truth + NOISE_V * generator.standard_normal())
-            recent[n % window] = value
-            memory.push(row, value)
-            if n in places and memory.estimate is not None:
-                rows = cycle[np.arange(n + 1 - window, n + 1) % len(cycle)]
-                data = recent[np.arange(n + 1 - window, n + 1) % window]
-                scale = column_scale(rows)
-                q, r = np.linalg.qr(rows / scale)
-                exact = np.linalg.solve(r, q.T @ data)
-                exact = (exact + np.linalg.solve(r, q.T @ (data - rows / scale @ exact))) / scale
-                worst = max(worst, float(np.max(np.abs(memory.estimate / exact - 1.0))))
-            if n % tenth == tenth - 1:
-                seconds.append(time.process_time() - start)
-        result[f"window {window}"] = {
-            "largest_relative_difference": float(f"{worst:.2g}"),
-            "first_tenth_us_a_sample": round(1e6 * seconds[0] / tenth, 1),
-            "last_tenth_us_a_sample": round(1e6 * seconds[-1] / tenth, 1),
-            "windows_lost": memory.lost,
-            "solved_anew": memory.resolved,
-        }
-    return result
-
-
 def main() -> None:
     parser = argparse.ArgumentParser(description="Accelerometer estimator against its bound.")
     parser.add_argument("--runs", type=int, default=2000)
     parser.add_argument("--case", help="only the cases whose name contains this")
-    parser.add_argument("--recursion", action="store_true", help="only the long recursion")
-    parser.add_argument("--samples", type=int, default=1_000_000)
     options = parser.parse_args()
-    if options.recursion:
-        print(json.dumps(recursion(options.samples)), flush=True)
-        return
     for case in CASES:
         if options.case is None or options.case in case.name:
             print(json.dumps(measure(case, options.runs)), flush=True)

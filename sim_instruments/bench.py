@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Mapping
+from contextlib import nullcontext
 from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any, ClassVar
@@ -15,6 +16,7 @@ from sim_instruments.faults.instrument import InstrumentFaults, Schedule
 from sim_instruments.faults.reading import read_fault
 from sim_instruments.instrument import Setting, SimulatedInstrument
 from sim_instruments.seeds import generator
+from sim_instruments.tcp import HOST, LineServer
 from sim_instruments.truth import SimulationError, Truth
 from sim_instruments.world.accelerometer_bench import AccelerometerBench
 from sim_instruments.world.base import World
@@ -75,6 +77,7 @@ class SimulatedBench:
         self._injected = 0
         self._report_to = simulation.text("report") if "report" in simulation else None
         self._served: dict[str, SimulatedInstrument] = {}
+        self._acts: LineServer | None = None
         try:
             for name, entry in whole.raw("instruments").items():
                 instrument = Truth(entry, f"instruments.{name}")
@@ -96,6 +99,23 @@ class SimulatedBench:
     def act(self, prompt_id: str) -> str:
         """Do what a prompt asks a person to do; returns a sentence that says what was done."""
         return self._world.act(prompt_id, self._clock.now())
+
+    def serve_acts(self) -> dict[str, Any]:
+        """Let another process do physical acts: a line holds a prompt's id, the answer is JSON.
+
+        Returns host and port. The answer holds `done`, the sentence, or `unknown`.
+        """
+
+        def execute(line: bytes) -> bytes:
+            try:
+                told = {"done": self.act(line.decode("utf-8", "replace").strip())}
+            except SimulationError as error:
+                told = {"unknown": str(error)}
+            return json.dumps(told).encode() + b"\n"
+
+        self._acts = LineServer("acts", 0, self._clock, nullcontext(), execute)
+        self._acts.begin()
+        return {"host": HOST, "port": self._acts.port}
 
     def make_ready(self) -> None:
         """Do what a person would have done before others come: mount the device, switch it on."""
@@ -170,6 +190,8 @@ class SimulatedBench:
             text = json.dumps(self.simulation_report(), indent=1)
             Path(self._report_to).write_text(text, encoding="utf-8")
             self._report_to = None
+        if self._acts is not None:
+            self._acts.close()
         for instrument in self._served.values():
             instrument.close()
 

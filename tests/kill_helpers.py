@@ -85,12 +85,17 @@ def _written(parent: Path, amount: float) -> Callable[[], bool]:
 
 
 @contextmanager
-def served_bench(folder: Path, speed: float, bench: str = "sim") -> Iterator[tuple[Path, float]]:
+def served_bench(
+    folder: Path,
+    speed: float,
+    bench: str = "sim",
+    procedure: str = "rlg-magnetic-sensitivity",
+) -> Iterator[tuple[Path, float]]:
     """Serve a simulated bench in another process; yield the file `--served` takes and its epoch."""
     head = folder / "served.json"
     with head.open("w", encoding="utf-8") as output:
         process = subprocess.Popen(
-            station_command("sim", bench, "--speed", speed),
+            station_command("sim", bench, "--speed", speed, "--procedure", procedure),
             stdout=output,
             stderr=subprocess.DEVNULL,
         )

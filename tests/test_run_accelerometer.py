@@ -9,9 +9,11 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
+from kill_helpers import served_bench
 
 from station import registry
 from station.bench import read_bench
+from station.cli.running import read_served
 from station.evaluation import conclude_run
 from station.lookup import BENCHES, PLANS, find
 from station.plan import read_plan
@@ -122,7 +124,7 @@ def test_an_overload_is_flagged_and_its_point_measured_on_a_higher_range(tmp_pat
     assert outcome.document is not None
     assert "overload" in {flag.code for flag in outcome.document.flags}
     folder = RunFolder(outcome.folder)
-    widened = [event for event in folder.events_of("overload")]
+    widened = list(folder.events_of("overload"))
     assert widened
     assert widened[0].details["next_range_V"] > widened[0].details["range_V"]
     ki = next(one for one in outcome.document.results if one.estimate.name == "Ki")
@@ -137,3 +139,33 @@ def test_the_published_estimate_stands_beside_the_best(
     assert published["Km"]["method"] == "finite-memory"
     assert published["Km"]["value"] == pytest.approx(0.0152, abs=1e-3)
     assert published["Kpp"]["value"] is None
+
+
+def test_a_served_bench_is_mounted_anew_for_each_plane(tmp_path: Path) -> None:
+    with served_bench(tmp_path, 200.0, procedure=PROCEDURE) as (head, _):
+        plan = yaml.safe_load(find(PLANS, PROCEDURE).read_text(encoding="utf-8"))
+        angles = [f"{angle} deg" for angle in range(0, 360, 45)]
+        few = {"planes": ["io", "ip"], "angles": angles, "fields": ["0 mT", "30 mT"]}
+        few |= {"largest_field": "30 mT", "design": "as_published", "degauss": False}
+        plan["parameters"] = {**SHORT, **few}
+        (tmp_path / "plan.yaml").write_text(yaml.safe_dump(plan), encoding="utf-8")
+        outcome = execute(
+            Request(
+                read_plan(tmp_path / "plan.yaml", registry.Procedures()),
+                read_bench(find(BENCHES, "sim"), registry.names(registry.DRIVERS)),
+                tmp_path / "runs",
+                quiet=True,
+                report=False,
+                served=read_served(head),
+            )
+        )
+    assert outcome.document is not None, outcome.error
+    found = {one.estimate.name: one.estimate for one in outcome.document.results}
+    assert found["Ki"].value == pytest.approx(1.0002, abs=1e-3)
+    # A device left in the first plane would make the pendulous axis look like the output axis.
+    assert found["Kip"].value == pytest.approx(-7e-6, abs=3e-5)
+    assert found["Kio"].value == pytest.approx(-12e-6, abs=3e-5)
+    asked = [event.details for event in RunFolder(outcome.folder).events_of("prompt")]
+    mounted = [one["answer"] for one in asked if one["id"].startswith("mount-")]
+    assert len(mounted) == 2
+    assert all("simulated accelerometer was mounted" in answer for answer in mounted)

@@ -31,6 +31,7 @@ LARGEST_G = 1.1
 HIGHER_RANGE = 10.0
 MOST_RANGES = 3
 BURST_PATIENCE = 3.0
+LEAST_PATIENCE_S = 10.0
 STAGE_COLUMNS = {
     "angle_deg": "deg, the stage's encoder, at rest",
     "desired_deg": "deg, the angle that was commanded",
@@ -163,7 +164,8 @@ def read_output(run: Run, unit: str, said: str) -> bool:
         bursts[THERMOMETER].start(1)
     overloaded = False
     expected_s = run.clock.now() + burst_s(parameters)
-    until_s = expected_s + (BURST_PATIENCE - 1.0) * burst_s(parameters) + 10.0
+    longest_s = (BURST_PATIENCE - 1.0) * burst_s(parameters) + LEAST_PATIENCE_S
+    until_s = expected_s + run.clock.patience_s(longest_s)
     while bursts:
         left_s = expected_s - run.clock.now()
         if left_s > 0:  # no meter has anything to give yet; the field goes on coming
@@ -182,9 +184,9 @@ def read_output(run: Run, unit: str, said: str) -> bool:
                 overloaded = bool(block.columns["overload"].any())
         keep(run, gaussmeter, unit, gaussmeter.drain())
         run.say_progress(said)
-        if run.clock.now() > until_s:
+        if bursts and run.clock.now() > until_s:
             raise InstrumentError(
-                next(iter(bursts)),
+                min(bursts),
                 f"record {unit}",
                 "its readings never came",
                 "look at its display: it may wait for a trigger that nobody gives",

@@ -22,9 +22,9 @@ INDEPENDENT_PART = 1e-3
 """A nuisance term is fitted when more than this part of its column is its own."""
 
 ARCSEC_PER_RAD = 3600.0 * 180.0 / np.pi
-OFFSET, KO, KP = "encoder offset", "Ko", "Kp"
+OFFSET, JUMP, KO, KP = "encoder offset", "encoder jump", "Ko", "Kp"
 K0_T, KI_T = "K0_T", "Ki_T"
-UNITS = {OFFSET: "arcsec", KO: "V/g", KP: "V/g", K0_T: "V/degC", KI_T: "V/g/degC"}
+UNITS = {OFFSET: "arcsec", JUMP: "arcsec", KO: "V/g", KP: "V/g", K0_T: "V/degC", KI_T: "V/g/degC"}
 
 
 def drift_name(order: int) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,6 +17,7 @@ from procedures.estimation.orthogonal import (
 )
 
 from .findings import AnalysisSettings
+from .jump import jump_place
 from .model import (
     COEFFICIENTS,
     accelerations,
@@ -26,6 +28,7 @@ from .model import (
 from .nuisances import (
     ARCSEC_PER_RAD,
     INDEPENDENT_PART,
+    JUMP,
     KO,
     KP,
     OFFSET,
@@ -41,6 +44,9 @@ Names = NDArray[np.str_]
 ROUNDS = 8
 SETTLED_RAD = 1e-10
 FEWEST_OF_A_GROUP = 20
+MANY_STRAYS = 0.1
+"""So many wild rows are no accident."""
+QUIETER = 0.7
 
 
 @dataclass(frozen=True)
@@ -56,7 +62,7 @@ class Rows:
     noise_group: NDArray[np.int64] | None
     gravity_g: float = 1.0
 
-    def accelerations(self, offset_rad: float = 0.0) -> Array:
+    def accelerations(self, offset_rad: Array | float = 0.0) -> Array:
         """Return Ai, Ao, Ap in g (rows, 3) at an encoder offset."""
         return accelerations(self.plane, self.theta_rad + offset_rad, self.gravity_g)
 
@@ -65,9 +71,8 @@ class Rows:
 class Solution:
     """Coefficients of the kept columns first, then nuisance terms, `names` in that order.
 
-    `offset_rad` is the encoder's error, whose column is the derivative by the angle, so that its
-    own coefficient in `fit` is what is left of it. `kept` (rows,) are the rows that count;
-    `covariance` holds the scale of the noise.
+    Offset and jump of the encoder are in arcsec; `jump_row` is the row from which it is off.
+    `kept` (rows,) are the rows that count; `covariance` holds the scale of the noise.
     """
 
     names: tuple[str, ...]
@@ -79,6 +84,7 @@ class Solution:
     noise_V: float
     condition: float
     not_separable: tuple[str, ...]
+    jump_row: int | None
 
 
 def solve_rows(rows: Rows, kept_names: tuple[str, ...], settings: AnalysisSettings) -> Solution:
@@ -86,16 +92,47 @@ def solve_rows(rows: Rows, kept_names: tuple[str, ...], settings: AnalysisSettin
 
     Needs more rows than kept coefficients. Encoder offset and misalignment are in the model
     wherever they are independent of the kept columns; temperature and drift where the information
-    criterion asks for them.
+    criterion asks for them; a jump of the encoder where the model follows the rows badly without
+    it and well with it.
     """
-    model = _Model(rows, kept_names)
-    weight = np.ones(len(rows.time_s))
-    columns, data = model.columns(0.0), rows.output_V
+    first = _solve(rows, kept_names, settings, None)
+    found = first.solution
+    strays = float(np.mean(~found.kept))
+    left = found.residual_V[found.kept]
+    together = float(left[1:] @ left[:-1]) / max(float(left @ left), 1e-300)
+    if strays < MANY_STRAYS and together < settings.model_too_stiff:
+        return found
+    place = jump_place(first.design, first.slope, found.residual_V)
+    if place is None or OFFSET not in found.names:
+        return found
+    second = _solve(rows, kept_names, settings, place).solution
+    quieter = second.noise_V < QUIETER * found.noise_V
+    fewer = float(np.mean(~second.kept)) < strays - 0.5 * MANY_STRAYS
+    evident = JUMP in second.names
+    louder = second.noise_V > found.noise_V / QUIETER
+    return second if evident and (quieter or fewer) and not louder else found
+
+
+@dataclass(frozen=True)
+class _Solved:
+    """A solution, its design (rows, k) and the derivative of the output by the angle (rows,)."""
+
+    solution: Solution
+    design: Array
+    slope: Array
+
+
+def _solve(
+    rows: Rows, kept_names: tuple[str, ...], settings: AnalysisSettings, jump_row: int | None
+) -> _Solved:
+    """Solve with the encoder's offset changed from `jump_row` on, or unchanged where it is None."""
+    model = _Model(rows, kept_names, jump_row)
+    still = np.zeros(len(rows.time_s))
+    columns, data = model.columns(still), rows.output_V
     start = model.with_misalignment(columns)
     inside = keep_inliers(start, data, settings.outlier)
-    first = solve_by_qr(start[inside], data[inside]).coefficients
-    model.guess(first)
-    fixed_names, fixed = model.fixed(0.0)
+    model.guess(solve_by_qr(start[inside], data[inside]).coefficients)
+    fixed_names, fixed = model.fixed(still)
     room = max(0, (len(data) - fixed.shape[1]) // 6)
     slow = slow_terms(
         rows.time_s,
@@ -108,37 +145,44 @@ def solve_rows(rows: Rows, kept_names: tuple[str, ...], settings: AnalysisSettin
     usable = separable(fixed, usable, inside)
     weight = group_weights(rows, np.column_stack((fixed, usable.columns)), inside)
     terms = usable.only(chosen(fixed, data, usable, inside, weight))
-    offset, kept = 0.0, inside
+    angles = {name: 0.0 for name in (OFFSET, JUMP) if name in fixed_names}
+    kept = inside
     for n in range(ROUNDS):
-        _, fixed = model.fixed(offset)
+        _, fixed = model.fixed(model.correction_rad(angles))
         design = np.column_stack((fixed, terms.columns))
         kept = keep_inliers(design, data, settings.outlier, weight) if n < 3 else kept
         fit = solve_by_qr(design[kept], data[kept], weight[kept])
         model.guess(fit.coefficients)
-        if OFFSET not in fixed_names:
+        steps = {name: float(fit.coefficients[fixed_names.index(name)]) for name in angles}
+        angles = {name: angles[name] + steps[name] for name in angles}
+        if all(abs(step) < SETTLED_RAD for step in steps.values()) and (n or not angles):
             break
-        step = float(fit.coefficients[fixed_names.index(OFFSET)])
-        offset += step
-        if abs(step) < SETTLED_RAD and n:
-            break
-    lost = [name for name in slow.names if name not in usable.names]
-    return _solution(
-        model, design, data, fit, kept, weight, (*fixed_names, *terms.names), offset, tuple(lost)
-    )
+    lost = tuple(name for name in slow.names if name not in usable.names)
+    names = (*fixed_names, *terms.names)
+    solution = _solution(model, design, data, fit, kept, weight, names, angles, lost)
+    return _Solved(solution, design, model.slope)
 
 
 class _Model:
     """The columns of the model at an encoder offset, and which alignment terms go with them."""
 
-    def __init__(self, rows: Rows, kept_names: tuple[str, ...]) -> None:
+    def __init__(self, rows: Rows, kept_names: tuple[str, ...], jump_row: int | None) -> None:
         self.rows = rows
+        self.jump_row = jump_row
+        self.slope = np.zeros(len(rows.time_s))
+        later = np.arange(len(rows.time_s)) >= (len(rows.time_s) if jump_row is None else jump_row)
+        self._later = later.astype(np.float64)
         self.names = kept_names
         self._places = [COEFFICIENTS.index(name) for name in kept_names]
         self._guess = np.zeros(len(COEFFICIENTS))
         self._alignment: tuple[str, ...] | None = None
         self.not_separable: tuple[str, ...] = ()
 
-    def columns(self, offset_rad: float) -> Array:
+    def correction_rad(self, angles: Mapping[str, float]) -> Array:
+        """Return what is added to the encoder's angle in each row."""
+        return np.asarray(angles.get(OFFSET, 0.0) + angles.get(JUMP, 0.0) * self._later)
+
+    def columns(self, offset_rad: Array) -> Array:
         """Return the kept columns (rows, k)."""
         columns = model_columns(self.rows.accelerations(offset_rad), self.rows.field_T)
         return np.asarray(columns[:, self._places])
@@ -153,7 +197,7 @@ class _Model:
         """Take the kept coefficients as those of the next derivative by the angle."""
         self._guess[self._places] = coefficients[: len(self._places)]
 
-    def fixed(self, offset_rad: float) -> tuple[tuple[str, ...], Array]:
+    def fixed(self, offset_rad: Array) -> tuple[tuple[str, ...], Array]:
         """Return names and columns of coefficients and alignment terms."""
         rows = self.rows
         acceleration_g = rows.accelerations(offset_rad)
@@ -162,8 +206,10 @@ class _Model:
         columns = model_columns(acceleration_g, rows.field_T)[:, self._places]
         slope = model_columns_by_angle(acceleration_g, change, rows.field_T)
         slope = combine(slope, self._guess)
-        other = np.column_stack((slope, acceleration_g[:, 1], acceleration_g[:, 2]))
-        known = (OFFSET, KO, KP)
+        self.slope = slope
+        misaligned = acceleration_g[:, 1:]
+        other = np.column_stack((slope, misaligned, slope * self._later))
+        known = (OFFSET, KO, KP, JUMP)
         if self._alignment is None:
             taken = independent_of(columns, other, INDEPENDENT_PART)
             self._alignment = tuple(known[j] for j in taken)
@@ -206,15 +252,15 @@ def _solution(
     kept: Mask,
     weight: Array,
     names: tuple[str, ...],
-    offset_rad: float,
+    angles: Mapping[str, float],
     lost: tuple[str, ...],
 ) -> Solution:
     freedom = int(kept.sum()) - design.shape[1]
     variance = fit.sum_of_squares / freedom if freedom > 0 else float("nan")
     coefficients, factor = fit.coefficients.copy(), np.ones(len(names))
-    if OFFSET in names:
-        place = names.index(OFFSET)
-        coefficients[place] = offset_rad * ARCSEC_PER_RAD
+    for name, angle_rad in angles.items():
+        place = names.index(name)
+        coefficients[place] = angle_rad * ARCSEC_PER_RAD
         factor[place] = ARCSEC_PER_RAD
     return Solution(
         names=names,
@@ -226,4 +272,5 @@ def _solution(
         noise_V=float(np.sqrt(variance)),
         condition=fit.condition,
         not_separable=(*model.not_separable, *lost),
+        jump_row=model.jump_row,
     )

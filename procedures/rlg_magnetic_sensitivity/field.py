@@ -26,6 +26,8 @@ Complex = NDArray[np.complex128]
 _DRIFT_ORDER = 2
 _OUTLIER = 8.0
 _FEWEST_SIGMAS = 8.0
+_LEAST_KEPT = 0.5
+"""Where more of the field's samples are wild than not, nobody can say which of them are right."""
 
 
 @dataclass(frozen=True)
@@ -69,14 +71,21 @@ def fit_field(segment: Segment, middle_s: float) -> FieldFit:
     field_mT = segment.field_mT[finite]
     columns = _DRIFT_ORDER + 1 + 4 * len(groups)
     if len(time_s) < 2 * columns or time_s[-1] <= time_s[0]:
-        ambient = np.median(field_mT, axis=0) if len(field_mT) else np.zeros(3)
-        reason = f"the field record holds {len(time_s)} samples, too few for a fit"
-        lines = tuple(_empty(axes, f, reason) for axes, f in groups)
-        return FieldFit(lines, ambient, 0)
+        return _no_fit(
+            groups, field_mT, f"the field record holds {len(time_s)} samples, too few for a fit"
+        )
     frequencies, uncertainties, kept = _frequencies(groups, time_s, field_mT)
     rejected = int((~kept).sum())
+    if len(time_s) - rejected < max(2 * columns, _LEAST_KEPT * len(time_s)):
+        reason = f"{rejected} of {len(time_s)} samples of the field fit no sine of one amplitude"
+        return _no_fit(groups, field_mT, reason)
     found = frequencies, uncertainties
     return _linear_fit(segment, groups, *found, time_s[kept], field_mT[kept], rejected)
+
+
+def _no_fit(groups: list[tuple[tuple[str, ...], float]], field_mT: Array, reason: str) -> FieldFit:
+    ambient = np.median(field_mT, axis=0) if len(field_mT) else np.zeros(3)
+    return FieldFit(tuple(_empty(axes, f, reason) for axes, f in groups), ambient, 0)
 
 
 def _groups(segment: Segment) -> list[tuple[tuple[str, ...], float]]:
@@ -121,7 +130,7 @@ def _frequencies(
         # The waveform of a programmed list is not a perfect sine; its steps are no outliers.
         floor = 0.01 * float(np.ptp(clipped[:, a]))
         kept &= np.abs(residuals) <= _OUTLIER * robust_sigma(residuals, floor) + 1e-12
-    for k, part in enumerate(parts):
+    for k, part in enumerate(parts if kept.any() else ()):
         frequencies[k], uncertainties[k] = refine_frequency(
             time_s[kept], field_mT[kept, part], frequencies, k, _DRIFT_ORDER
         )

@@ -83,7 +83,7 @@ def read_served(path: Path) -> dict[str, Any]:
     """Return where a `station sim` in another process serves, from a file with its first line."""
     try:
         head = json.loads(path.read_text(encoding="utf-8").splitlines()[0])
-        return {"instruments": dict(head["instruments"]), "clock": dict(head["clock"])}
+        return {**head, "instruments": dict(head["instruments"]), "clock": dict(head["clock"])}
     except (OSError, ValueError, KeyError, IndexError, TypeError) as error:
         raise InputError(
             f"{path} does not hold the first line of `station sim` ({error}); "

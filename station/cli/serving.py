@@ -37,6 +37,8 @@ def serve(bench_name: str, procedure: str, speed: float) -> None:
     head = {
         "instruments": simulation.instruments,
         "clock": {"speed": clock.speed, "epoch_unix": clock.epoch_unix},
+        "procedure": procedure,
+        "acts": simulation.serve_acts(),
     }
     try:
         print(json.dumps(head), flush=True)

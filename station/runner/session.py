@@ -2,16 +2,45 @@
 
 from __future__ import annotations
 
+import json
+import socket
 from collections.abc import Callable, Mapping
 from types import TracebackType
 from typing import Any
 
 from station.bench import Bench
 from station.clock import Clock
+from station.errors import InputError, StationError
 from station.runner.simulation import clock_for, serve_bench
 
+ACT_WITHIN_S = 5.0
 RESUME = "resume"
 """The prompt that asks a person whether a bench is as it was."""
+
+
+def served_acts(place: Mapping[str, Any] | None) -> Callable[[str], str]:
+    """Return what does a physical act in a world that another process serves.
+
+    What that world does not know of, or a server without `acts`, was done when it began.
+    """
+
+    def act(prompt_id: str) -> str:
+        if place is not None:
+            host, port = str(place["host"]), int(place["port"])
+            try:
+                with socket.create_connection((host, port), ACT_WITHIN_S) as line:
+                    line.sendall(prompt_id.encode() + b"\n")
+                    told = json.loads(line.makefile("rb").readline())
+            except (OSError, ValueError) as error:
+                raise StationError(
+                    f"{prompt_id}: the served bench does not answer ({error}); is `station sim` "
+                    "still running?"
+                ) from error
+            if "done" in told:
+                return str(told["done"])
+        return f"{prompt_id}: done when the simulated bench was served"
+
+    return act
 
 
 class BenchSession:
@@ -40,7 +69,12 @@ class BenchSession:
             self.addresses = {
                 name: str(one["address"]) for name, one in served["instruments"].items()
             }
-            self.act = lambda prompt_id: f"{prompt_id}: done when the simulated bench was served"
+            if served.get("procedure", procedure) != procedure:
+                raise InputError(
+                    f"the served bench is the world of {served['procedure']}; serve this one with "
+                    f"`station sim BENCH --procedure {procedure}`"
+                )
+            self.act = served_acts(served.get("acts"))
         elif self.here:
             self._simulation = serve_bench(bench, self.clock, procedure)
             instruments = self._simulation.instruments
