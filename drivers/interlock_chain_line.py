@@ -6,7 +6,7 @@ nothing. It is told to a line of text, requests and answers end with LF:
 
 | request | answer |
 |---|---|
-| `*IDN?` | maker, model, serial number, firmware, with commas between |
+| `*IDN?` | maker, `interlock chain reader`, serial number, firmware, with commas between |
 | `CHAIN?` | `CLOSED`, or `OPEN` when any contact is open |
 | `CHAIN:LIST?` | the names of the open contacts with commas between, `NONE` when none is |
 | `SYST:ERR?` | `0,"No error"`, or the oldest error: number, text |
@@ -32,6 +32,7 @@ STATES = {"CLOSED": "closed", "OPEN": "open"}
 class InterlockChainLine:
     """The interlock chain as a reader with the protocol of this file sees it."""
 
+    recognises: ClassVar[str] = r"^[^,]*,interlock chain reader,(?P<serial>[^,]+)"
     repeatable: ClassVar[Repeatable] = Repeatable(r"\*IDN\?|CHAIN\?|CHAIN:LIST\?")
 
     def __init__(self, place: Place) -> None:

@@ -20,7 +20,6 @@ from procedures.accelerometer_magnetic_sensitivity.model import (
     accelerations,
     model_columns,
 )
-from procedures.estimation.orthogonal import thin_qr
 
 Array = NDArray[np.float64]
 
@@ -124,11 +123,3 @@ def test_a_plan_may_give_the_window() -> None:
     assert path.window == len(dataset)
     short = analyse(dataset, AnalysisSettings(window=20))
     assert all(one.value is None for one in short.published)
-
-
-def test_blocks_of_rows_make_the_same_decomposition() -> None:
-    columns = np.random.default_rng(3).standard_normal((1000, 12))
-    q, r = thin_qr(columns)
-    assert q @ r == pytest.approx(columns, abs=1e-12)
-    assert q.T @ q == pytest.approx(np.eye(12), abs=1e-13)
-    assert np.allclose(r, np.triu(r))

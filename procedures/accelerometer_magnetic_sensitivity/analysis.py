@@ -14,7 +14,7 @@ from .findings import (
     Nuisance,
     Path,
 )
-from .flags import data_flags, result_flags
+from .flags import data_flags, jump_flags, result_flags
 from .identifiability import Identifiability, judge
 from .model import COEFFICIENTS, FIELD_POWER, UNITS, accelerations, model_columns
 from .nuisances import unit_of
@@ -66,9 +66,12 @@ def analyse(
     estimates = _estimates(found, solution)
     path = _path(dataset, usable, found, settings)
     drift = _drift_order(solution)
-    lag_one = _lag_one(residual_V[used]) if solution is not None else None
+    lag_one = solution.lag_one_correlation if solution is not None else None
     flags = data_flags(dataset, left_out, settings)
     flags += result_flags(found, estimates, drift, lag_one, int(used.sum()), settings)
+    if solution is not None and solution.jump_row is not None:
+        row = int(np.flatnonzero(usable)[solution.jump_row])
+        flags += jump_flags(row, _nuisances(solution, found.rank))
     count = found.rank if solution is not None else 0
     return AccelerometerAnalysis(
         identifiability=found,
@@ -176,8 +179,3 @@ def _nuisances(solution: Solution | None, rank: int) -> tuple[Nuisance, ...]:
 def _drift_order(solution: Solution | None) -> int:
     names = solution.names if solution is not None else ()
     return max((int(n.removeprefix("drift ")) for n in names if n.startswith("drift ")), default=0)
-
-
-def _lag_one(residuals: Array) -> float | None:
-    square = float(residuals @ residuals)
-    return float(residuals[1:] @ residuals[:-1]) / square if square > 0.0 else None

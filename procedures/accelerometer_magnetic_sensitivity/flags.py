@@ -7,9 +7,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from .dataset import AccelerometerDataset
-from .findings import AnalysisSettings, Estimate, Flag, LeftOut
+from .findings import AnalysisSettings, Estimate, Flag, LeftOut, Nuisance
 from .identifiability import Identifiability, describe, listed
 from .model import COEFFICIENTS
+from .nuisances import JUMP
 
 MAGNETIC = ("Km", "Kmm", "Kim", "Kom", "Kpm")
 MOST_LISTED = 12
@@ -89,6 +90,21 @@ def _field(
     )
     details = {"relative_difference": part}
     return [Flag("field-differs-from-commanded", field_said, details=details)]
+
+
+def jump_flags(row: int, nuisances: Sequence[Nuisance]) -> list[Flag]:
+    """Return the flag of an encoder that changed its zero at a row."""
+    return [
+        Flag(
+            "encoder-jump",
+            f"From row {row} on, counted from 0, the encoder reads {-one.value:.4g} arcsec more "
+            "than before at the same angle; the solution corrects it. Look at the stage: it loses "
+            "counts, or the accelerometer moved on it.",
+            details={"row": row, "jump_arcsec": -one.value},
+        )
+        for one in nuisances
+        if one.name == JUMP
+    ]
 
 
 def result_flags(

@@ -37,11 +37,13 @@ def set_points(parameters: AccelerometerParameters, bench: Bench) -> Iterator[Se
     yield SetPoint("(2)", STAGE, "look for the encoder's zero")
     yield SetPoint("(2)", MULTIMETER, f"{parameters.readings} readings of {parameters.nplc:g} NPLC")
     yield SetPoint("(2)", POWER, "on")
+    # The coil takes many minutes to warm: what heats it is the mean over all points.
+    levels_mT = parameters.field_levels_mT
+    rms_mT = (sum(field**2 for field in levels_mT) / len(levels_mT)) ** 0.5
     for number, group in enumerate(group_by_angle(parameters.points)):
         step = ("(3)", "(6)", "(7)")[min(number, 2)]
         fields_mT = [point.field_mT for point in group]
         largest_mT = max(fields_mT, key=abs)
-        squares = sum(field**2 for field in fields_mT) / len(fields_mT)
         yield SetPoint(step, STAGE, f"{group[0].plane}: turn to {group[0].angle_deg:g} deg")
         yield SetPoint(
             step,
@@ -50,7 +52,7 @@ def set_points(parameters: AccelerometerParameters, bench: Bench) -> Iterator[Se
             f"up to {abs(largest_mT) / mT_per_A:.3g} A",
             field_mT=abs(largest_mT),
             current_A=abs(largest_mT) / mT_per_A,
-            rms_current_A=squares**0.5 / mT_per_A,
+            rms_current_A=rms_mT / mT_per_A,
         )
     yield SetPoint("(7)", SUPPLY, "0 A, output off")
     yield SetPoint("(7)", POWER, "off")

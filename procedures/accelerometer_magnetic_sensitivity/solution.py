@@ -47,6 +47,7 @@ FEWEST_OF_A_GROUP = 20
 MANY_STRAYS = 0.1
 """So many wild rows are no accident."""
 QUIETER = 0.7
+ANGLES = (OFFSET, JUMP)
 
 
 @dataclass(frozen=True)
@@ -86,6 +87,13 @@ class Solution:
     not_separable: tuple[str, ...]
     jump_row: int | None
 
+    @property
+    def lag_one_correlation(self) -> float:
+        """The correlation of neighbouring residuals of the rows that count."""
+        left = self.residual_V[self.kept]
+        square = float(left @ left)
+        return float(left[1:] @ left[:-1]) / square if square > 0.0 else 0.0
+
 
 def solve_rows(rows: Rows, kept_names: tuple[str, ...], settings: AnalysisSettings) -> Solution:
     """Solve for the kept coefficients and the nuisance terms that the rows tell from them.
@@ -98,41 +106,50 @@ def solve_rows(rows: Rows, kept_names: tuple[str, ...], settings: AnalysisSettin
     first = _solve(rows, kept_names, settings, None)
     found = first.solution
     strays = float(np.mean(~found.kept))
-    left = found.residual_V[found.kept]
-    together = float(left[1:] @ left[:-1]) / max(float(left @ left), 1e-300)
-    if strays < MANY_STRAYS and together < settings.model_too_stiff:
+    if strays < MANY_STRAYS and found.lag_one_correlation < settings.model_too_stiff:
         return found
     place = jump_place(first.design, first.slope, found.residual_V)
     if place is None or OFFSET not in found.names:
         return found
-    second = _solve(rows, kept_names, settings, place).solution
+    near = _solve(rows, kept_names, settings, place)
+    # A large jump bends what is fitted beside it until the angles are right: begin again there.
+    second = _solve(rows, kept_names, settings, place, near.angles).solution
     quieter = second.noise_V < QUIETER * found.noise_V
     fewer = float(np.mean(~second.kept)) < strays - 0.5 * MANY_STRAYS
     evident = JUMP in second.names
-    louder = second.noise_V > found.noise_V / QUIETER
-    return second if evident and (quieter or fewer) and not louder else found
+    worse = second.noise_V > found.noise_V / QUIETER
+    worse = worse or second.lag_one_correlation > settings.model_too_stiff
+    return second if evident and (quieter or fewer) and not worse else found
 
 
 @dataclass(frozen=True)
 class _Solved:
-    """A solution, its design (rows, k) and the derivative of the output by the angle (rows,)."""
+    """A solution, its design (rows, k), the output's derivative by the angle, the angles in rad."""
 
     solution: Solution
     design: Array
     slope: Array
+    angles: Mapping[str, float]
 
 
 def _solve(
-    rows: Rows, kept_names: tuple[str, ...], settings: AnalysisSettings, jump_row: int | None
+    rows: Rows,
+    kept_names: tuple[str, ...],
+    settings: AnalysisSettings,
+    jump_row: int | None,
+    angles: Mapping[str, float] | None = None,
 ) -> _Solved:
-    """Solve with the encoder's offset changed from `jump_row` on, or unchanged where it is None."""
+    """Solve with the encoder's offset changed from `jump_row` on, or unchanged where it is None.
+
+    `angles` are offset and jump to begin with, in rad.
+    """
     model = _Model(rows, kept_names, jump_row)
-    still = np.zeros(len(rows.time_s))
-    columns, data = model.columns(still), rows.output_V
+    begin = model.correction_rad(angles or {})
+    columns, data = model.columns(begin), rows.output_V
     start = model.with_misalignment(columns)
     inside = keep_inliers(start, data, settings.outlier)
     model.guess(solve_by_qr(start[inside], data[inside]).coefficients)
-    fixed_names, fixed = model.fixed(still)
+    fixed_names, fixed = model.fixed(begin)
     room = max(0, (len(data) - fixed.shape[1]) // 6)
     slow = slow_terms(
         rows.time_s,
@@ -145,7 +162,7 @@ def _solve(
     usable = separable(fixed, usable, inside)
     weight = group_weights(rows, np.column_stack((fixed, usable.columns)), inside)
     terms = usable.only(chosen(fixed, data, usable, inside, weight))
-    angles = {name: 0.0 for name in (OFFSET, JUMP) if name in fixed_names}
+    angles = {name: (angles or {}).get(name, 0.0) for name in ANGLES if name in fixed_names}
     kept = inside
     for n in range(ROUNDS):
         _, fixed = model.fixed(model.correction_rad(angles))
@@ -160,7 +177,7 @@ def _solve(
     lost = tuple(name for name in slow.names if name not in usable.names)
     names = (*fixed_names, *terms.names)
     solution = _solution(model, design, data, fit, kept, weight, names, angles, lost)
-    return _Solved(solution, design, model.slope)
+    return _Solved(solution, design, model.slope, angles)
 
 
 class _Model:
@@ -180,7 +197,8 @@ class _Model:
 
     def correction_rad(self, angles: Mapping[str, float]) -> Array:
         """Return what is added to the encoder's angle in each row."""
-        return np.asarray(angles.get(OFFSET, 0.0) + angles.get(JUMP, 0.0) * self._later)
+        jump_rad = angles.get(JUMP, 0.0) * self._later
+        return np.asarray(angles.get(OFFSET, 0.0) + jump_rad)
 
     def columns(self, offset_rad: Array) -> Array:
         """Return the kept columns (rows, k)."""

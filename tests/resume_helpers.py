@@ -1,0 +1,99 @@
+"""What a resumed run must be: finished, with what there was untouched and results as before."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from campaign_helpers import station, whole_events
+
+from station.record.folder import RunFolder
+
+UNITS_OF_UNCERTAINTY = 3.0
+NEVER_BEGAN, FINISHED = "never began", "is finished"
+
+
+def raw_hashes(folder: Path) -> dict[str, str]:
+    """Return the SHA-256 of each raw file."""
+    files = sorted((folder / "raw").glob("*.mcap"))
+    return {file.name: hashlib.sha256(file.read_bytes()).hexdigest() for file in files}
+
+
+def results_of(folder: Path) -> dict[str, Any]:
+    """Return the stored result document of a run."""
+    document: dict[str, Any] = json.loads((folder / "results.json").read_text(encoding="utf-8"))
+    return document
+
+
+def what_is_wrong(
+    folder: Path, raw_before: dict[str, str], finished_before: list[str], reference: Path
+) -> Iterator[str]:
+    """Yield what a resumed run lacks, held against the same run that nothing interrupted."""
+    raw_after = raw_hashes(folder)
+    for name, digest in raw_before.items():
+        if raw_after.get(name) != digest:
+            yield f"{name} was changed"
+    document, expected = results_of(folder), results_of(reference)
+    if "resumed" not in {flag["code"] for flag in document["flags"]}:
+        yield "no flag says that it was resumed"
+    if document["verdict"] != expected["verdict"]:
+        yield f"the verdict is {document['verdict']}, undisturbed {expected['verdict']}"
+    values = {(one["name"], one["axis"]): one for one in expected["results"]}
+    for one in document["results"]:
+        other = values[one["name"], one["axis"]]
+        if one["value"] is None:
+            yield f"{one['axis']} has no value"
+            continue
+        u = math.hypot(one["standard_uncertainty"], other["standard_uncertainty"])
+        if abs(one["value"] - other["value"]) > UNITS_OF_UNCERTAINTY * u:
+            yield f"{one['axis']} is {one['value']}, undisturbed {other['value']}, u {u}"
+    events = whole_events(folder)  # asserts that the chain of hashes holds across the gap
+    units = [event["unit"] for event in events if event["event"] == "unit-finished"]
+    if units[: len(finished_before)] != finished_before or len(set(units)) != len(units):
+        yield f"units finished: {finished_before}, after the resume {units}"
+    segments = {name: one["segment"] for name, one in RunFolder(folder).finished_units().items()}
+    if any(segments[unit] == max(segments.values()) for unit in finished_before) and len(
+        units
+    ) > len(finished_before):
+        yield f"segments {segments}, finished before {finished_before}"
+    if not (folder / "manifest.json").is_file():
+        yield "no manifest"
+
+
+def resume_and_judge(folder: Path, reference: Path, *options: str | Path) -> tuple[str, list[str]]:
+    """Resume what a kill left by the command line; return how it ended and what is wrong with it.
+
+    How it ended: `resumed`, `never began`, `finished`, or what was said instead.
+    """
+    raw_before = raw_hashes(folder)
+    began = any(event["event"] == "run-started" for event in whole_events(folder))
+    was_finished = (folder / "results.json").is_file()
+    finished = [one["unit"] for one in whole_events(folder) if one["event"] == "unit-finished"]
+    done = station("resume", folder, "--non-interactive", "--json", *options)
+    if not began or was_finished:
+        said = FINISHED if was_finished else NEVER_BEGAN
+        right = done.returncode == 2 and said in done.stderr
+        return said, [] if right else [f"exit code {done.returncode}: {done.stderr.strip()}"]
+    if done.returncode != 0:
+        return "failed", [f"resume ended with {done.returncode}: {done.stderr.strip()}"]
+    measured = any(
+        event["event"] == "run-ended" and event["complete"] for event in whole_events(folder)
+    )
+    wrong = [] if measured else ["the log does not say that the run is complete"]
+    if not any(event["event"] == "run-resumed" for event in whole_events(folder)):
+        # Measured to its end before: only the evaluation was missing.
+        return "evaluated", [*wrong, *unlike(folder, reference)]
+    return "resumed", [*wrong, *what_is_wrong(folder, raw_before, finished, reference)]
+
+
+def unlike(folder: Path, reference: Path) -> Iterator[str]:
+    """Yield where the results of a run are not those of the reference."""
+    for one, other in zip(
+        results_of(folder)["results"], results_of(reference)["results"], strict=True
+    ):
+        if one["value"] != other["value"]:
+            yield f"{one['axis']} is {one['value']}, undisturbed {other['value']}"
