@@ -6,7 +6,7 @@ import json
 import subprocess
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -28,6 +28,8 @@ class Kill:
     phase: str
     was_running: bool
     unix_s: float
+    left: tuple[str, ...] = ()
+    """The process numbers of its children, such as its guardian."""
 
 
 def written_bytes(parent: Path) -> int:
@@ -69,11 +71,30 @@ def kill_at_random_moment(
         time.sleep(LOOKS_EVERY_S)
     time.sleep(delay_s)
     was_running = process.poll() is None
+    left = children_of(process.pid)
     unix_s = time.time()
     process.kill()
     process.wait()
     folder = only_run(parent) if parent.is_dir() else None
-    return Kill(folder, phase, was_running, unix_s)
+    return Kill(folder, phase, was_running, unix_s, left)
+
+
+def children_of(process: int) -> tuple[str, ...]:
+    """Return the numbers of a process's children; none where the system does not tell."""
+    lists = Path(f"/proc/{process}/task").glob("*/children")
+    with suppress(OSError):
+        return tuple(child for one in lists for child in one.read_text(encoding="utf-8").split())
+    return ()
+
+
+def guardian_at_work(kill: Kill) -> bool:
+    """Whether a child of the killed process still lives."""
+    for child in kill.left:
+        with suppress(OSError):
+            state = Path(f"/proc/{child}/stat").read_text(encoding="utf-8").rpartition(")")[2]
+            if state.split()[0] != "Z":
+                return True
+    return False
 
 
 def _always() -> bool:

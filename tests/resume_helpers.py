@@ -77,6 +77,7 @@ def resume_and_judge(folder: Path, reference: Path, *options: str | Path) -> tup
     if not began or was_finished:
         said = FINISHED if was_finished else NEVER_BEGAN
         right = done.returncode == 2 and said in done.stderr
+        right &= not was_finished or (folder / "manifest.json").is_file()
         return said, [] if right else [f"exit code {done.returncode}: {done.stderr.strip()}"]
     if done.returncode != 0:
         return "failed", [f"resume ended with {done.returncode}: {done.stderr.strip()}"]
@@ -84,7 +85,7 @@ def resume_and_judge(folder: Path, reference: Path, *options: str | Path) -> tup
         event["event"] == "run-ended" and event["complete"] for event in whole_events(folder)
     )
     wrong = [] if measured else ["the log does not say that the run is complete"]
-    if not any(event["event"] == "run-resumed" for event in whole_events(folder)):
+    if not any(event["event"] == "resumed" for event in whole_events(folder)):
         # Measured to its end before: only the evaluation was missing.
         return "evaluated", [*wrong, *unlike(folder, reference)]
     return "resumed", [*wrong, *what_is_wrong(folder, raw_before, finished, reference)]

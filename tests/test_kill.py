@@ -1,6 +1,6 @@
-"""A killed run leaves a folder that opens, with every finished unit whole.
+"""A killed run leaves a folder that opens, every finished unit whole, and goes on from there.
 
-The long form, 50 kills on virtual and 20 on scaled time, is `benchmarks/kill_campaign.py`.
+The long form, 100 kills on virtual and 20 on scaled time, is `benchmarks/kill_campaign.py`.
 """
 
 from __future__ import annotations
@@ -20,11 +20,9 @@ from campaign_helpers import (
     station,
     station_command,
 )
-from kill_helpers import (
-    kill_at_random_moment,
-    served_bench,
-    written_bytes,
-)
+from guardian_helpers import until, world
+from kill_helpers import guardian_at_work, kill_at_random_moment, written_bytes
+from resume_helpers import resume_and_judge
 
 from station.record.folder import RunFolder
 from station.record.raw import read_raw
@@ -48,7 +46,7 @@ def reference(plan: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.mark.parametrize("seed", SEEDS)
-def test_a_kill_on_virtual_time_leaves_a_beginning_of_the_run(
+def test_a_kill_on_virtual_time_leaves_a_beginning_of_the_run_that_goes_on(
     seed: int, plan: Path, reference: Path, tmp_path: Path
 ) -> None:
     command = station_command("run", plan, "--non-interactive", "--output", tmp_path / "runs")
@@ -60,22 +58,29 @@ def test_a_kill_on_virtual_time_leaves_a_beginning_of_the_run(
         return
     compare_with_reference(kill.folder, reference)
     assert not list(opens(kill.folder))
+    how, wrong = resume_and_judge(kill.folder, reference)
+    assert not wrong, how
 
 
-def test_a_kill_on_scaled_time_leaves_a_folder_that_opens(
+def test_a_kill_on_scaled_time_leaves_a_safe_world_and_a_run_that_goes_on(
     plan: Path, reference: Path, tmp_path: Path
 ) -> None:
-    with served_bench(tmp_path, SPEED) as (head, _):
+    with world(tmp_path, SPEED) as bench:
         command = station_command(
-            "run", plan, "--served", head, "--non-interactive", "--output", tmp_path / "runs"
+            "run", plan, "--served", bench.head, "--non-interactive", "--output", tmp_path / "runs"
         )
         # Half of the data: the first axis is finished or near its end.
         rng = np.random.default_rng(7)
         kill = kill_at_random_moment(
             command, tmp_path / "runs", written_bytes(reference.parent) // 2, rng
         )
-    assert kill.folder is not None
-    assert not list(opens(kill.folder))
+        assert kill.folder is not None
+        until(lambda: not guardian_at_work(kill))
+        assert bench.at_rest()
+        assert not list(opens(kill.folder))
+        how, wrong = resume_and_judge(kill.folder, reference, "--served", bench.head)
+        assert not wrong, how
+        assert bench.at_rest()
 
 
 def test_what_a_kill_left_says_how_far_the_run_came(reference: Path, tmp_path: Path) -> None:
