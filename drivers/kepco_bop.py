@@ -19,7 +19,7 @@ from drivers.kepco_steady import SteadyCurrent
 from drivers.roles import Identity, Place, SafetyReading
 from drivers.transport.retry import PatientLine, Repeatable
 from drivers.transport.visa_line import ScpiLine, shortened
-from station.errors import InputError, InstrumentError
+from station.errors import InputError, InstrumentError, PauseRefused
 from station.units import parse_as
 
 LONGEST_MESSAGE = 253
@@ -233,6 +233,14 @@ class KepcoBop:
             f"{round(current_A, 3) + 0.0:.3f} A"
             f"{', which stood still while the list ran' if self._stood_still else ''}",
         )
+
+    def pause(self) -> str:
+        """Wait at zero current for any time; raises PauseRefused while a list runs."""
+        if self._list_runs():
+            raise PauseRefused("its sine runs; pause between two units of work")
+        if self._output_is_on():
+            self.ramp_to(0.0)
+        return self.read_safety().read_back
 
     def close(self) -> None:
         """Close the line."""

@@ -18,7 +18,7 @@ from drivers.roles import DirectCurrentSupply
 from sim_instruments.bench import SimulatedBench
 from sim_instruments.kepco_bop import KepcoBop as SimulatedKepco
 from station.clock import VirtualClock
-from station.errors import InstrumentError
+from station.errors import InstrumentError, PauseRefused
 from station.runner.opening import Place
 from station.units import parse_as
 
@@ -238,3 +238,19 @@ def test_an_approach_moves_one_way_and_noise_does_not() -> None:
     assert moves_one_way([1.0, 0.9, 0.85, 0.84])
     assert not moves_one_way([1.0, 1.1, 1.05, 1.07])
     assert not moves_one_way([1.0, 1.0, 1.0, 1.0])
+
+
+def test_a_pause_holds_zero_current_and_is_refused_while_a_sine_runs() -> None:
+    with bench() as here:
+        here.supply.programme_limits()
+        here.supply.switch_on()
+        here.supply.ramp_to(4.0)
+        assert here.supply.pause().startswith("output on")
+        assert abs(here.true_A()) < 2e-3
+        here.supply.ramp_to(1.0)
+        assert here.true_A() == pytest.approx(1.0, abs=5e-3)
+        here.supply.stop()
+        here.supply.load_sine(0.1, 2.0)
+        here.supply.start_sine()
+        with pytest.raises(PauseRefused, match="its sine runs"):
+            here.supply.pause()

@@ -10,6 +10,7 @@ from collections.abc import Callable
 from typing import Any
 
 import reference_bad_input
+import reference_faults
 import reference_formats
 import reference_keys
 import reference_verbs
@@ -22,6 +23,8 @@ MAKERS: dict[str, Callable[[], str]] = {
     "procedures": reference_keys.procedures,
     "bench-keys": reference_keys.bench_keys,
     "drivers": reference_keys.drivers,
+    "watched-quantities": reference_keys.watched_quantities,
+    "faults": reference_faults.faults,
     "dataset-keys": reference_keys.dataset_keys,
     "verbs": reference_verbs.verbs,
     "exit-codes": reference_verbs.exit_codes,

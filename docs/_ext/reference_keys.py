@@ -20,6 +20,7 @@ from station.dataset_reading import DatasetHeader
 from station.fields import Unit, key_of
 from station.plan import PlanHeader
 from station.procedure import Procedure
+from station.safety.interlocks.quantities import QUANTITIES
 from station.units import expectation, format_quantity
 
 HEAD = ("key", "what is written", "default", "meaning")
@@ -52,6 +53,22 @@ def bench_keys() -> str:
         + "\n## Quantities of a calibration record\n\n"
         + table(("quantity", "kept in"), quantities)
     )
+
+
+def watched_quantities() -> str:
+    """Return what an interlock may watch, by role."""
+    rows = [
+        (
+            code(role),
+            code(name),
+            " or ".join(code(state) for state in kind.states) or kind.unit,
+            f"{kind.period_s:g} s" + (" while energised" if kind.while_on else ""),
+            "yes" if kind.magnitude else "",
+        )
+        for role, kinds in QUANTITIES.items()
+        for name, kind in kinds.items()
+    ]
+    return table(("role", "quantity", "state or unit", "looked at every", "magnitude"), rows)
 
 
 def dataset_keys() -> str:

@@ -19,7 +19,7 @@ EXIT_MEANINGS = {
     "EXIT_FAULT": "a fault of an instrument or of the station, "
     "or a safe state that could not be verified",
     "EXIT_ABORTED": "ended by a person",
-    "EXIT_INTERLOCK": "reserved: an interlock tripped",
+    "EXIT_INTERLOCK": "an interlock tripped, or one that did waits for `station acknowledge`",
     "EXIT_UNDETERMINED": "a quantity that has a limit is undetermined or undecidable",
 }
 
