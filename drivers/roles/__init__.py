@@ -10,8 +10,9 @@ from drivers.roles.base import (
     SampledSource,
     Tracer,
 )
+from drivers.roles.climate import ThermalChamber
 from drivers.roles.field import CoilSupply, DirectCurrentSupply, Gaussmeter
-from drivers.roles.motion import RotaryStage
+from drivers.roles.motion import RotaryStage, Turntable
 from drivers.roles.readings import GyroAcquisition, Multimeter, Thermometer
 from drivers.roles.spins import Digitizer, PumpLaser, SignalGenerator
 from drivers.roles.station import DutPower, InterlockChain
@@ -35,6 +36,8 @@ __all__ = [
     "SafetyReading",
     "SampledSource",
     "SignalGenerator",
+    "ThermalChamber",
     "Thermometer",
     "Tracer",
+    "Turntable",
 ]

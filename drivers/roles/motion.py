@@ -34,3 +34,52 @@ class RotaryStage(Instrument, MadeSafe, Protocol):
     def angle_deg(self) -> float:
         """Return the encoder's angle in deg."""
         ...
+
+
+@runtime_checkable
+class Turntable(Instrument, MadeSafe, Protocol):
+    """A table of up to three axes, numbered from 1, each with its own encoder.
+
+    Angles are the encoder's, in deg, and go on beyond a turn where the axis is continuous: after
+    three turns at a positive rate an axis reads 1080 deg more than before.
+    """
+
+    def programme_limits(self) -> None:
+        """Write the bench file's rate, acceleration and angle limits into the controller."""
+        ...
+
+    def is_homed(self, axis: int) -> bool:
+        """Whether the encoder's zero is known."""
+        ...
+
+    def home(self, axis: int) -> None:
+        """Close the axis' servo and begin to look for the encoder's zero."""
+        ...
+
+    def move_to(self, axis: int, angle_deg: float) -> None:
+        """Begin to go to an angle, by way of every angle between; returns at once."""
+        ...
+
+    def turn(self, axis: int, rate_deg_per_s: float) -> None:
+        """Begin to turn at a rate until told otherwise; returns at once."""
+        ...
+
+    def stop(self, axis: int) -> None:
+        """Begin to come to rest within the acceleration limit; returns at once."""
+        ...
+
+    def is_moving(self, axis: int) -> bool:
+        """Whether the axis has not settled at its angle or rest; raises for a fault of the axis."""
+        ...
+
+    def is_at_rate(self, axis: int) -> bool:
+        """Whether the axis has settled at the rate it was told; raises for a fault of the axis."""
+        ...
+
+    def angle_deg(self, axis: int) -> float:
+        """Return the encoder's angle, counted through every turn."""
+        ...
+
+    def rate_deg_per_s(self, axis: int) -> float:
+        """Return the measured rate."""
+        ...
