@@ -1,17 +1,21 @@
-"""Kill runs at random moments and say what they left; one JSON line a kill, then the counts.
+"""Kill runs at random moments, look at what they left, and go on with it; a JSON line a kill.
 
-python benchmarks/kill_campaign.py --virtual 50 --scaled 20
+python benchmarks/kill_campaign.py --virtual 100 --scaled 20 [--first-seed 0]
 
 On virtual time each remainder is held byte by byte against the same run undisturbed. On scaled
-time `station sim` serves the bench in another process, and `lost_real_s` is how old the youngest
-recorded gyro sample was at the kill, one sample interval and the board's batch of 0.1 s of bench
-time included. What the operating system had is there: a kill of the process, not of the machine.
+time `station sim` serves the bench in another process, the run's guardian makes it safe, and the
+simulated world is asked whether it is; `lost_real_s` is how old the youngest recorded gyro sample
+was at the kill, one sample interval and the board's batch of 0.1 s of bench time included. What the
+operating system had is there: a kill of the process, not of the machine. Every remainder is gone
+on with by `station resume`; it must end with exit code 0, the results of the undisturbed run within
+three combined uncertainties, and every raw file of before as it was. The last lines are counts.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+import shutil
 import sys
 import tempfile
 from collections import Counter
@@ -30,33 +34,37 @@ from campaign_helpers import (
     station,
     station_command,
 )
+from guardian_helpers import until, world
 from kill_helpers import (
     Kill,
+    guardian_at_work,
     kill_at_random_moment,
     lost_real_s,
-    served_bench,
     unfinished_unit,
     written_bytes,
 )
+from resume_helpers import resume_and_judge
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--virtual", type=int, default=50)
+    parser.add_argument("--virtual", type=int, default=100)
     parser.add_argument("--scaled", type=int, default=20)
-    parser.add_argument("--speeds", type=float, nargs="+", default=[5.0, 20.0, 100.0])
+    parser.add_argument("--speeds", type=float, nargs="+", default=[20.0, 50.0, 100.0])
+    parser.add_argument("--first-seed", type=int, default=0, help="to do it in pieces")
     arguments = parser.parse_args()
     lines = []
     with tempfile.TemporaryDirectory() as place:
         folder = Path(place)
-        plan = short_plan(folder / "plan")
+        plan = short_plan(folder / "plan", axes=["IA", "NA"])
+        first = arguments.first_seed
         done = station("run", plan, "--non-interactive", "--output", folder / "reference")
         assert done.returncode == 0, done.stderr
         reference = next((folder / "reference").iterdir())
-        for seed in range(arguments.virtual):
+        for seed in range(first, first + arguments.virtual):
             lines.append(on_virtual_time(seed, folder / f"virtual-{seed}", plan, reference))
             print(json.dumps(lines[-1]), flush=True)
-        for seed in range(arguments.scaled):
+        for seed in range(first, first + arguments.scaled):
             speed = arguments.speeds[seed % len(arguments.speeds)]
             lines.append(on_scaled_time(seed, speed, folder / f"scaled-{seed}", plan, reference))
             print(json.dumps(lines[-1]), flush=True)
@@ -76,7 +84,16 @@ def on_virtual_time(seed: int, folder: Path, plan: Path, reference: Path) -> dic
             line["share_of_the_data"] = round(sum(left.raw_bytes.values()) / expected, 3)
         except AssertionError as fault:
             line["faults"].append(str(fault))
+    go_on(line, kill, reference)
+    shutil.rmtree(folder, ignore_errors=True)
     return line
+
+
+def go_on(line: dict[str, Any], kill: Kill, reference: Path, *options: str | Path) -> None:
+    """Resume what a kill left and add how that ended."""
+    if kill.folder is not None:
+        line["then"], wrong = resume_and_judge(kill.folder, reference, *options)
+        line["faults"] += wrong
 
 
 def on_scaled_time(
@@ -85,16 +102,21 @@ def on_scaled_time(
     folder.mkdir()
     parent = folder / "runs"
     expected = written_bytes(reference.parent)
-    with served_bench(folder, speed) as (head, epoch_unix):
+    with world(folder, speed) as bench:
         command = station_command(
-            "run", plan, "--served", head, "--non-interactive", "--output", parent
+            "run", plan, "--served", bench.head, "--non-interactive", "--output", parent
         )
         rng = np.random.default_rng(1000 + seed)
         kill = kill_at_random_moment(
             command, parent, round(0.9 * expected), rng, longest_delay_s=0.3
         )
-        line = {**described("scaled", seed, kill), "speed": speed}
-    lost_s = lost_real_s(kill, epoch_unix, speed)
+        line = {**described("scaled", seed, kill), "speed": speed, "guardian": bool(kill.left)}
+        until(lambda: not guardian_at_work(kill))
+        line["safe"] = bench.at_rest()
+        lost_s = lost_real_s(kill, bench.epoch_unix, speed)
+        go_on(line, kill, reference, "--served", bench.head)
+        line["safe_after"] = bench.at_rest()
+    line["faults"] += [f"not {one}" for one in ("safe", "safe_after") if not line[one]]
     if lost_s is not None:
         interval_and_batch_s = 0.2 / speed
         line["youngest_sample_real_s"] = round(lost_s, 4)
@@ -124,6 +146,7 @@ def counts(clock: str, lines: list[dict[str, Any]]) -> dict[str, Any]:
         "kills": len(lines),
         "while_it_ran": sum(line["was_running"] for line in lines),
         "folders": sum(line["has_folder"] for line in lines),
+        "then": dict(Counter(line["then"] for line in lines if "then" in line)),
         "phases": dict(Counter(line["phase"] for line in lines)),
         "units_finished": sum(len(line["finished"]) for line in lines),
         "killed_within_a_unit": sum(line["under_way"] is not None for line in lines),

@@ -24,7 +24,7 @@ SAFE_STATE_S, PROCEDURE_WAITS_S = 120.0, 420.0
 """Bench time that the safe state of one instrument, and the waits of a step, may take."""
 STEP_OF_A_RAMP_A = 0.25
 STEPS_BY_ITSELF = frozenset({"compliance", "overdrive"})
-ITS_OWN_STEP_S = 0.5
+ITS_OWN_STEP_S, OVERDRIVEN = 0.5, 3.5
 """The current of a supply with such a fault jumps when the fault begins."""
 UNITS_OF_UNCERTAINTY = 5.0
 UNREACHABLE = frozenset({"port-gone"})
@@ -125,6 +125,8 @@ def world_is_safe(
             STEP_OF_A_RAMP_A,
             1.2 * largest_step_A(reference.world["coils"][name]) + NOTHING_LEFT_A,
         )
+        if case.kind == "overdrive":
+            allowed_A *= OVERDRIVEN
         at_the_fault = abs(coil["largest_slew_at_s"] - (ended.first_s or 0.0)) < ITS_OWN_STEP_S
         if case.kind in STEPS_BY_ITSELF and at_the_fault:
             continue

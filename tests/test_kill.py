@@ -27,8 +27,8 @@ from resume_helpers import resume_and_judge
 from station.record.folder import RunFolder
 from station.record.raw import read_raw
 
-SEEDS = range(6)
-SPEED = 20.0
+SEEDS = range(4)
+SPEED = 50.0
 
 
 @pytest.fixture(scope="module")

@@ -154,6 +154,24 @@ class EmergencyStop(LastingFault):
     kind = "emergency-stop"
 
 
+class NoTrigger(LastingFault):
+    """The edge of the trigger output does not reach the digitiser's own trigger input."""
+
+    kind = "no-trigger"
+
+
+class StuckOpen(LastingFault):
+    """The shutter opens and does not close: its blade stays where it is."""
+
+    kind = "stuck-open"
+
+
+class InterlockOpen(LastingFault):
+    """The interlock of the shutter's controller is open: it closes and cannot be enabled."""
+
+    kind = "interlock-open"
+
+
 LASTING_FAULTS: dict[str, type[LastingFault]] = {
     fault.kind: fault
     for fault in (
@@ -171,6 +189,9 @@ LASTING_FAULTS: dict[str, type[LastingFault]] = {
         EncoderJump,
         Stuck,
         EmergencyStop,
+        NoTrigger,
+        StuckOpen,
+        InterlockOpen,
     )
 }
 

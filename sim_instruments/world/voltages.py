@@ -34,6 +34,10 @@ class VoltageHistory:
         for one in (self._times_s, self._levels_V, self._begins_V):
             del one[kept:]
         self.changed_s = time_s
+        self.then(time_s, level_V)
+
+    def then(self, time_s: float, level_V: float) -> None:
+        """Go on to `level_V` at `time_s`, which is later than everything planned before."""
         if level_V == self._levels_V[-1]:
             return
         self._begins_V.append(self.now_V(time_s))
