@@ -157,7 +157,8 @@ class ThorlabsSc10:
             return None
         name, equals, value = text.partition("=")
         if equals and name in RANGES:
-            return self._set(name, value)
+            self._set(name, value)
+            return None
         if text.removesuffix("?") in RANGES and text.endswith("?"):
             return str(self._values[text[:-1]])
         raise RefusedCommand("CMD_NOT_DEFINED")

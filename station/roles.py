@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
+from typing import Any, Protocol
 
 from station import registry
 from station.bench import INSTANCES, role_of
@@ -50,6 +50,22 @@ def role(name: str) -> Role | None:
         if isinstance(protocol, type):
             return Role(name, protocol, verbs_of(protocol), attributes_of(protocol))
     return None
+
+
+class SafeState(Protocol):
+    """What an instrument of a role is brought to at the end of a run, and what proves it."""
+
+    brought_to: str
+    proven_by: str
+
+
+@lru_cache
+def safe_states() -> Mapping[str, SafeState]:
+    """Return by role how an instrument is made safe; a role that is not there cannot harm."""
+    found: dict[str, SafeState] = {}
+    for entry in registry.names(ROLES):
+        found.update(getattr(registry.load(ROLES, entry), "SAFE_STATES", {}))
+    return found
 
 
 def roles_of(driver: type) -> list[str]:

@@ -16,15 +16,16 @@ from typing import Any
 
 import pytest
 import yaml
-from campaign_helpers import shipped, short_plan, station, station_command
+from campaign_helpers import shipped, short_plan, station_command
 from resume_helpers import raw_hashes, results_of, what_is_wrong
 from test_disk_full import limited
 
 from station import registry
 from station.bench import Bench, read_bench
+from station.cli.resuming import resume_run
 from station.clock import RealClock
 from station.control.client import ask
-from station.errors import InputError, NotAcknowledged, RecordError, StationError
+from station.errors import InputError, NotAcknowledged, StationError
 from station.plan import read_plan
 from station.record.folder import RunFolder, RunRecord
 from station.runner.execute import Request, execute
@@ -32,7 +33,6 @@ from station.runner.outcome import Outcome
 from station.runner.resuming import ResumeRequest, resume
 from station.safety.acknowledgement import acknowledge
 
-NA_BEGINS = "unit-started"
 DURING_NA = "300 s"
 
 
@@ -105,7 +105,7 @@ def in_the_second_axis(parent: Path, act: Callable[[Path], object]) -> Thread:
             RealClock().sleep(0.002)
         act(next(parent.glob("[!.]*")))
 
-    thread = Thread(target=wait_and_act)
+    thread = Thread(target=wait_and_act, daemon=True)
     thread.start()
     return thread
 
@@ -202,16 +202,42 @@ def test_a_finished_run_is_refused(reference: Path) -> None:
         go_on(reference)
 
 
-def test_a_run_that_a_process_is_at_work_on_is_refused(interrupted: Path, tmp_path: Path) -> None:
+def test_a_run_that_a_process_is_at_work_on_is_refused(
+    plan: Path, interrupted: Path, tmp_path: Path
+) -> None:
+    said: list[str] = []
+
+    def resume_it_meanwhile(folder: Path) -> None:
+        try:
+            as_typed(folder)
+        except InputError as error:
+            said.append(str(error))
+
+    parent = tmp_path / "runs"
+    thread = in_the_second_axis(parent, resume_it_meanwhile)
+    outcome = run_on(bench_at(tmp_path), plan, parent)
+    thread.join()
+    assert outcome.exit_code == 0, outcome.error
+    assert ["is being run and is not paused" in one for one in said] == [True]
+    # One that listens to nobody, here nobody at all, is refused as well.
     record = RunRecord.go_on(interrupted, RealClock())
-    done = station("resume", interrupted, "--non-interactive")
-    assert done.returncode == 2
-    assert "is being run and is not paused" in done.stderr
-    mended = bench_at(tmp_path)
-    with pytest.raises((RecordError, StationError)):
-        go_on(interrupted, mended)
+    with pytest.raises(StationError, match="a process is at work on it"):
+        as_typed(interrupted)
     record.close()
     record.seal()
+
+
+def as_typed(folder: Path) -> int:
+    """Do what `station resume FOLDER --non-interactive` does."""
+    return resume_run(
+        folder,
+        None,
+        served=None,
+        answers=None,
+        non_interactive=True,
+        trace=False,
+        as_json=False,
+    )
 
 
 @pytest.mark.parametrize(

@@ -10,8 +10,10 @@ from pathlib import Path
 import pytest
 
 from drivers.roles import SafetyReading
+from station.bench import INSTANCES, role_of
 from station.clock import VirtualClock
 from station.errors import InstrumentError
+from station.roles import role, safe_states
 from station.runner.instrument_locks import InstrumentLocks, lock_place
 from station.safety.safe_state import HURRIED_WITHIN_S, Hurry, make_bench_safe
 
@@ -79,6 +81,7 @@ def test_a_hurry_shortens_waits_says_so_and_leaves_nothing_out() -> None:
 
 LOCKER = """
 import sys
+from station.roles import role, safe_states
 from station.runner.instrument_locks import InstrumentLocks
 locks = InstrumentLocks("the run runs/one")
 locks.take("coil_supply.x", sys.argv[1])
@@ -107,3 +110,10 @@ def test_an_instrument_belongs_to_one_process_whatever_bench_file_names_it(tmp_p
     locks.take("gaussmeter", address)  # on one bus: the same process may
     locks.release()
     lock_place(address).unlink()
+
+
+def test_every_role_that_can_harm_says_what_its_safe_state_is() -> None:
+    protocols = {name: role(name) for name in dict.fromkeys(role_of(one) for one in INSTANCES)}
+    harmful = {name for name, one in protocols.items() if one and "make_safe" in one.verbs}
+    assert harmful == set(safe_states())
+    assert all(state.brought_to and state.proven_by for state in safe_states().values())

@@ -13,6 +13,7 @@ import reference_bad_input
 import reference_faults
 import reference_formats
 import reference_keys
+import reference_safety
 import reference_verbs
 from sphinx.application import Sphinx
 
@@ -25,6 +26,7 @@ MAKERS: dict[str, Callable[[], str]] = {
     "drivers": reference_keys.drivers,
     "watched-quantities": reference_keys.watched_quantities,
     "faults": reference_faults.faults,
+    "safe-states": reference_safety.safe_states,
     "dataset-keys": reference_keys.dataset_keys,
     "verbs": reference_verbs.verbs,
     "exit-codes": reference_verbs.exit_codes,

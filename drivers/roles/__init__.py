@@ -14,10 +14,12 @@ from drivers.roles.climate import ThermalChamber
 from drivers.roles.field import CoilSupply, DirectCurrentSupply, Gaussmeter
 from drivers.roles.motion import RotaryStage, Turntable
 from drivers.roles.readings import GyroAcquisition, Multimeter, Thermometer
+from drivers.roles.safe_states import SAFE_STATES, SafeState
 from drivers.roles.spins import Digitizer, PumpLaser, SignalGenerator
 from drivers.roles.station import DutPower, InterlockChain
 
 __all__ = [
+    "SAFE_STATES",
     "Block",
     "CoilSupply",
     "Digitizer",
@@ -33,6 +35,7 @@ __all__ = [
     "Place",
     "PumpLaser",
     "RotaryStage",
+    "SafeState",
     "SafetyReading",
     "SampledSource",
     "SignalGenerator",

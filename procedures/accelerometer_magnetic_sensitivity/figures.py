@@ -31,9 +31,10 @@ def draw_parts(
             parts.append(
                 Plot(
                     "Output against field at each angle",
-                    "The change of the output from that at the weakest field, one line for each "
-                    "angle (colour); field as measured. Lines that fan out with the angle are the "
-                    "coupling Kim, Kom, Kpm, their common slope Km, their curvature Kmm.",
+                    "What the field adds to the output, one colour for each angle: measured "
+                    "points and the solution. The part without field is taken off; field as "
+                    "measured. Lines that fan out are the coupling Kim, Kom, Kpm, their common "
+                    "slope is Km, their curvature Kmm.",
                     plots.output_by_field(dataset, analysis),
                 )
             )

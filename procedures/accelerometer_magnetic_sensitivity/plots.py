@@ -11,6 +11,12 @@ from numpy.typing import NDArray
 
 from procedures.accelerometer_magnetic_sensitivity.dataset import AccelerometerDataset
 from procedures.accelerometer_magnetic_sensitivity.findings import AccelerometerAnalysis
+from procedures.accelerometer_magnetic_sensitivity.model import (
+    COEFFICIENTS,
+    FIELD_POWER,
+    accelerations,
+    model_columns,
+)
 from station.report.drawing import BLUE, GREY, INK, VERMILION, label_above, new_figure
 
 Array = NDArray[np.float64]
@@ -27,41 +33,40 @@ ANGLES = "hsv"
 def output_by_field(dataset: AccelerometerDataset, analysis: AccelerometerAnalysis) -> Figure:
     """Draw, plane by plane, how the output moves with the field at each angle.
 
-    From each row the output of its angle where the field is weakest is taken off: gravity's part
-    is ten thousand times larger.
+    From each row the part of the solution that knows no field is taken off: gravity's part is ten
+    thousand times larger, and drift and temperature would part the passes of a plan. Dots are
+    measured, lines the solution.
     """
     planes = list(dict.fromkeys(dataset.plane.tolist()))
     figure = new_figure(3.6)
     grid = figure.subplots(1, len(planes), sharey=True, squeeze=False)[0]
     figure.subplots_adjust(wspace=0.06, right=0.9)
     colours = mpl.colormaps[ANGLES]
+    by_field = magnetic_part(dataset, analysis)
     for axes, plane in zip(grid, planes, strict=True):
         used = analysis.used & (dataset.plane == plane)
-        angle_deg = np.mod(dataset.theta_commanded_deg, 360.0)
+        angle_deg = np.round(np.mod(dataset.theta_commanded_deg, 360.0), 3)
         for angle in np.unique(angle_deg[used]):
-            rows = used & (angle_deg == angle)
-            order = np.argsort(dataset.field_T[rows], kind="stable")
-            field_mT = dataset.field_T[rows][order] * MILLI
-            output = dataset.output_V[rows][order]
-            axes.plot(
-                field_mT,
-                (output - _at_least_field(field_mT, output)) * MICRO,
-                ".-",
-                color=colours(angle / 360.0),
-                markersize=3.5,
-                linewidth=0.9,
-            )
+            rows = np.flatnonzero(used & (angle_deg == angle))
+            rows = rows[np.argsort(dataset.field_T[rows], kind="stable")]
+            field_mT, line = dataset.field_T[rows] * MILLI, by_field[rows]
+            colour = colours(angle / 360.0)
+            axes.plot(field_mT, line * MICRO, color=colour, linewidth=0.9)
+            measured = (line + analysis.residual_V[rows]) * MICRO
+            axes.plot(field_mT, measured, ".", color=colour, markersize=4.5)
         axes.set_xlabel("field, mT")
         label_above(axes, f"plane {plane}")
-    grid[0].set_ylabel("change of output, µV")
+    grid[0].set_ylabel("output by the field, µV")
     _angle_bar(figure)
     return figure
 
 
-def _at_least_field(field_mT: Array, output_V: Array) -> float:
-    """Return the mean output where the field is weakest."""
-    weakest = np.abs(field_mT) <= np.min(np.abs(field_mT)) + 0.05
-    return float(np.mean(output_V[weakest]))
+def magnetic_part(dataset: AccelerometerDataset, analysis: AccelerometerAnalysis) -> Array:
+    """Return the part of the solution that the field makes, in V (rows,)."""
+    acceleration_g = accelerations(dataset.plane, np.radians(dataset.theta_deg), dataset.gravity_g)
+    columns = model_columns(acceleration_g, dataset.field_T)
+    own = {one.name: one.value or 0.0 for one in analysis.estimates if one.name in FIELD_POWER}
+    return np.asarray(sum(own[name] * columns[:, COEFFICIENTS.index(name)] for name in own))
 
 
 def _angle_bar(figure: Figure) -> None:
@@ -96,7 +101,7 @@ def residual_map(dataset: AccelerometerDataset, analysis: AccelerometerAnalysis)
         axes = figure.add_subplot(grid[0, column])
         rows = analysis.used & (dataset.plane == plane)
         picture = axes.scatter(
-            np.mod(dataset.theta_deg[rows], 360.0),
+            np.mod(dataset.theta_deg[rows] + 1.0, 360.0) - 1.0,
             dataset.field_T[rows] * MILLI,
             c=residual[rows],
             cmap="RdBu_r",
@@ -158,7 +163,7 @@ def convergence(analysis: AccelerometerAnalysis) -> Figure:
     rows = -(-len(path.names) // COLUMNS)
     figure = new_figure(0.7 + 1.25 * rows)
     grid = figure.subplots(rows, COLUMNS, sharex=True, squeeze=False)
-    figure.subplots_adjust(hspace=0.5, wspace=0.16)
+    figure.subplots_adjust(hspace=0.5, wspace=0.24)
     place = np.arange(1, len(path.estimates) + 1)
     for number, axes in enumerate(grid.flat):
         if number >= len(path.names):

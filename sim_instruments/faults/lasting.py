@@ -155,7 +155,7 @@ class EmergencyStop(LastingFault):
 
 
 class NoTrigger(LastingFault):
-    """The edge of the trigger output does not reach the digitiser's own trigger input."""
+    """The edge of the bench's trigger does not reach the instrument's trigger input."""
 
     kind = "no-trigger"
 
@@ -170,6 +170,18 @@ class InterlockOpen(LastingFault):
     """The interlock of the shutter's controller is open: it closes and cannot be enabled."""
 
     kind = "interlock-open"
+
+
+class OutputTripped(LastingFault):
+    """The protection of a generator's outputs has tripped: both are off and cannot be on."""
+
+    kind = "output-tripped"
+
+
+class LoadReset(LastingFault):
+    """Somebody sets a generator's terminations back to 50 ohm: what follows is doubled."""
+
+    kind = "load-reset"
 
 
 LASTING_FAULTS: dict[str, type[LastingFault]] = {
@@ -192,6 +204,8 @@ LASTING_FAULTS: dict[str, type[LastingFault]] = {
         NoTrigger,
         StuckOpen,
         InterlockOpen,
+        OutputTripped,
+        LoadReset,
     )
 }
 

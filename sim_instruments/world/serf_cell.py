@@ -1,4 +1,4 @@
-"""The alkali vapour of the cell: slowing-down factor, relaxation, spin exchange, pump, Hanle effect.
+"""The alkali vapour of the cell: slowing-down factor, relaxation, spin exchange, Hanle effect.
 
 The electron polarisation P obeys, with B in nT and q(|P|) the slowing-down factor,
 

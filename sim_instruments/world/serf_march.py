@@ -32,8 +32,6 @@ SHARE_OF_TURN = 0.5
 WEAK_LIGHT = 1e-3
 GROWTH = 0.2
 """Of the time since the coils were switched, as long as their current changes."""
-SETTLED = 18.0
-"""Decay times after which nothing is left of a change."""
 
 
 class Pace(NamedTuple):
@@ -72,9 +70,8 @@ class March:
         self._start_s, self._switched_s = start_s, switched_s
         self._total = rates.relaxation + rates.pumping
         largest = max(float(polarisation @ polarisation), (rates.pumping / self._total) ** 2)
-        low, high = cell.factor(np.array([min(largest, 1.0), 0.0]))
-        self.settled_s = SETTLED * rates.scale * float(high) / self._total
-        self._pace = self._choose_pace(float(low), strongest_nT, coil_s)
+        self._pace = self._choose_pace(largest, strongest_nT, coil_s)
+        self._source: list[float] = (rates.pumping * cell.pump_axis).tolist()
         self._edges = [start_s]
         self._state = polarisation.tolist()
         self._axes: list[tuple[list[float], ...]] = []
@@ -107,14 +104,13 @@ class March:
         parts = np.column_stack([state[:, 0].real, across.real, across.imag])
         return np.asarray(np.einsum("ni,nij->nj", parts, axes[k]))
 
-    def _choose_pace(self, low: float, strongest_nT: float, coil_s: float) -> Pace:
+    def _choose_pace(self, largest: float, strongest_nT: float, coil_s: float) -> Pace:
         rates = self._rates
-        omega, broadening = self._cell.precession(np.array([low]), np.array([strongest_nT]), rates)
-        # Broadening is strongest for the largest factor, whatever the pull.
-        low_q, high_q = self._cell.factor(np.array([1.0, 0.0]))
-        _, widest = self._cell.precession(np.array([high_q]), np.array([strongest_nT]), rates)
-        fade = self._total / (rates.scale * low)
-        fastest_s = 1.0 / (fade + float(max(broadening[0], widest[0])))
+        # Between the largest polarisation squared there will be and none.
+        q = self._cell.factor(np.array([min(largest, 1.0), 0.0]))
+        omega, broadening = self._cell.precession(q, np.full(2, strongest_nT), rates)
+        fade = self._total / (rates.scale * float(q[0]))
+        fastest_s = 1.0 / (fade + float(broadening.max()))
         pumped = rates.pumping > WEAK_LIGHT * rates.relaxation
         share = SHARE_WHILE_PUMPED if pumped else SHARE_OF_DECAY
         longest_s = min(share / fade, fastest_s)
@@ -126,9 +122,7 @@ class March:
         edges = [self._edges[-1]]
         for _ in range(BLOCK):
             now_s = edges[-1]
-            edges.append(
-                now_s + self._pace.next_s(now_s - self._start_s, now_s - self._switched_s)
-            )
+            edges.append(now_s + self._pace.next_s(now_s - self._start_s, now_s - self._switched_s))
         spans = np.array(edges)
         fields = self._field(spans[:-1] + 0.5 * np.diff(spans)).tolist()
         for field, length in zip(fields, np.diff(spans).tolist(), strict=True):
@@ -142,9 +136,8 @@ class March:
         size = _dot(along, field)
         u = _dot(self._state, along)
         w = complex(_dot(self._state, across), _dot(self._state, turned))
-        source = self._rates.pumping, self._cell.pump_axis.tolist()
-        in_line = source[0] * _dot(source[1], along)
-        beside = source[0] * complex(_dot(source[1], across), _dot(source[1], turned))
+        in_line = _dot(self._source, along)
+        beside = complex(_dot(self._source, across), _dot(self._source, turned))
 
         def slopes(u: float, w: complex, phi: float) -> State:
             return self._slopes(size, in_line, beside, u, w, phi)

@@ -10,12 +10,14 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
+from station.bench import role_of
 from station.cli.printing import print_document
 from station.cli.validating import read_bench_named, read_plan_for
 from station.console import tell
 from station.errors import InputError
 from station.record.folder import REPORT
 from station.results import SCHEMA
+from station.roles import safe_states
 from station.runner.execute import Request, execute
 from station.runner.outcome import Outcome
 from station.yaml.reading import read_yaml
@@ -96,9 +98,11 @@ def say(outcome: Outcome) -> None:
     if outcome.error is not None:
         tell(f"\nthe run did not finish: {outcome.error}")
     for one in outcome.unsafe:
+        wanted = safe_states().get(role_of(one.instrument))
+        state = f", which is: {wanted.brought_to}" if wanted else ""
         tell(
-            f"NOT VERIFIED: {one.instrument} could not be proven safe ({one.read_back}); "
-            "switch it off by hand"
+            f"NOT VERIFIED: {one.instrument} could not be proven safe ({one.read_back}); bring it "
+            f"by hand to its safe state{state}"
         )
     for one in outcome.safe:
         if one.skipped:
