@@ -230,7 +230,7 @@ def measure(case: Case, runs: int) -> dict[str, object]:
         freedom = own[kept[0]].degrees_of_freedom
         factors[seed] = stdtrit(freedom if freedom is not None else 1e9, 0.975)
         orders[seed] = analysis.drift_order
-        for code in {flag.code for flag in analysis.flags}:
+        for code in sorted({flag.code for flag in analysis.flags}):
             flags[code] = flags.get(code, 0) + 1
     square = (errors / limit) ** 2
     ratio = np.sqrt(square.mean(axis=0))

@@ -22,6 +22,7 @@ from sim_instruments.world.accelerometer_bench import AccelerometerBench
 from sim_instruments.world.base import World
 from sim_instruments.world.extremes import coil_report
 from sim_instruments.world.laser_gyro_bench import LaserGyroBench
+from sim_instruments.world.serf_bench import SerfBench
 from station.clock import Clock
 
 Maker = Callable[[Setting], SimulatedInstrument]
@@ -30,6 +31,7 @@ LARGEST_PORT = 65535
 WORLDS: dict[str, Callable[[Truth], World]] = {
     "rlg-magnetic-sensitivity": LaserGyroBench,
     "accelerometer-magnetic-sensitivity": AccelerometerBench,
+    "serf-nonorthogonality": SerfBench,
 }
 
 

@@ -22,7 +22,7 @@ from sim_instruments.faults.lasting import (
 from sim_instruments.instrument import Setting
 from sim_instruments.keysight_33522b_channel import Channel
 from sim_instruments.keysight_33522b_commands import add_channel_commands
-from sim_instruments.keysight_33522b_wave import ARB_EXISTS, NO_SUCH_ARB
+from sim_instruments.keysight_33522b_wave import OWN_TEXTS, TRIPPED, Refusal
 from sim_instruments.scpi import TEXTS, ErrorQueue, ScpiError
 from sim_instruments.scpi_device import ScpiDevice
 from sim_instruments.tcp import HOST, LineServer
@@ -32,12 +32,6 @@ from sim_instruments.world.voltages import VoltageHistory
 
 FIRMWARE = "4.00-1.19-2.00-52-00"
 COILS = ("x", "y", "z", "gradient", "none")
-TRIPPED = -240
-MORE_TEXTS = {
-    TRIPPED: "Hardware error;output overload",
-    NO_SUCH_ARB: "Specified arb waveform does not exist",
-    ARB_EXISTS: "Specified arb waveform already exists",
-}
 
 
 @runtime_checkable
@@ -59,7 +53,7 @@ class WordedErrors(ErrorQueue):
     def push(self, code: int, more: str = "") -> None:
         """Append an error; `more` follows its standard text."""
         if len(self._entries) < self._depth:
-            text = MORE_TEXTS.get(code) or TEXTS[code]
+            text = OWN_TEXTS.get(code) or TEXTS[code]
             self._entries.append(f'{code:+d},"{text}{";" if more else ""}{more}"')
         else:
             self._entries[-1] = f'-350,"{TEXTS[-350]}"'
@@ -69,20 +63,12 @@ class WordedErrors(ErrorQueue):
         return str(self._entries.popleft()) if self._entries else '+0,"No error"'
 
 
-class Refusal(ScpiError):
-    """A refusal with a number of the instrument's own."""
-
-    def __init__(self, code: int) -> None:
-        Exception.__init__(self, f"{code},{MORE_TEXTS[code]}")
-        self.code = code
-
-
 class Keysight33522B(ScpiDevice):
     """The generator, in whatever simulated world has coils to drive and a `trigger`.
 
     Truth (`simulator` mapping): by channel, 1 and 2, `coils` (x, y, z, gradient or none),
-    `gain_error` and `offset` (V, at an open end, while the output is on); `rise` (time constant of
-    output and coil driver together), `trigger_latency` (105 ns).
+    `gain_error` and `offset` (V, at an open end, while the output is on); `trigger_latency`, from
+    the edge to the output (105 ns).
     """
 
     lasting_faults: ClassVar = (NoTrigger.kind, OutputTripped.kind, LoadReset.kind)
@@ -94,7 +80,6 @@ class Keysight33522B(ScpiDevice):
         self.tree.add("SYSTem:ERRor:ALL?", self._answer(self.errors.pop_all))
         self._clock, self._faults = setting.clock, setting.faults
         truth = setting.truth
-        rise_s = truth.quantity("rise", "s")
         self._latency_s = truth.quantity("trigger_latency", "s")
         coils, gains, offsets = (truth.section(key) for key in ("coils", "gain_error", "offset"))
         self._channels: dict[int, Channel] = {}
@@ -102,7 +87,7 @@ class Keysight33522B(ScpiDevice):
             # JSON has no numbers for keys.
             key: Any = number if number in coils else str(number)
             coil = coil_name(coils, key)
-            history = VoltageHistory(rise_s)
+            history = VoltageHistory()
             self._channels[number] = Channel(
                 history, gains.quantity(key, "1"), offsets.quantity(key, "V"), self._complain
             )

@@ -26,9 +26,14 @@ RATES_PER_S = (1e-6, 250e6)
 LEAST_POINTS, MOST_POINTS = 8, 1_000_000
 LARGEST_COUNT = 32767
 BUILT_IN = "EXP_RISE"
-NO_SUCH_ARB, ARB_EXISTS = 785, 786
 LOWER, UPPER = "value clipped to lower limit", "value clipped to upper limit"
 OUT_OF_RANGE, CONFLICT = -222, -221
+TRIPPED, NO_SUCH_ARB, ARB_EXISTS = -240, 785, 786
+OWN_TEXTS = {
+    TRIPPED: "Hardware error;output overload",
+    NO_SUCH_ARB: "Specified arb waveform does not exist",
+    ARB_EXISTS: "Specified arb waveform already exists",
+}
 
 FUNCTIONS = {
     "SIN": "SIN",
@@ -50,6 +55,14 @@ FUNCTIONS = {
 NO_BURST = ("DC", "NOIS", "PRBS")
 HOLDS = {"WIDT": "WIDT", "WIDTH": "WIDT", "DCYC": "DCYC", "DCYCLE": "DCYC"}
 FILTERS = {"NORM": "NORM", "NORMAL": "NORM", "STEP": "STEP", "OFF": "OFF"}
+
+
+class Refusal(ScpiError):
+    """A refusal with a number of the instrument's own."""
+
+    def __init__(self, code: int) -> None:
+        Exception.__init__(self, f"{code:+d},{OWN_TEXTS[code]}")
+        self.code = code
 
 
 class Wave:
@@ -138,7 +151,7 @@ class Wave:
         """Choose an arbitrary waveform by its name."""
         name = unquoted(one(parameters))
         if name not in self._memory:
-            raise ScpiError(NO_SUCH_ARB)
+            raise Refusal(NO_SUCH_ARB)
         self.arb = name
 
     def take(self, parameters: list[str], *, counts: bool = False) -> None:
@@ -147,7 +160,7 @@ class Wave:
             raise ScpiError(-109)
         name = unquoted(parameters[0])
         if name in self._memory:
-            raise ScpiError(ARB_EXISTS)
+            raise Refusal(ARB_EXISTS)
         values = np.array([number(text) for text in parameters[1:]])
         if not LEAST_POINTS <= len(values) <= MOST_POINTS:
             raise ScpiError(OUT_OF_RANGE)

@@ -180,7 +180,7 @@ def sentence(raised: pytest.ExceptionInfo[InstrumentError], *parts: str) -> None
 
 TEXT_FAULTS = {
     "silent": ((), InstrumentTimeout, "no answer came within 0.5 s"),
-    "closed": ((HANG_UP,), InstrumentError, "no answer came"),
+    "closed": ((HANG_UP,), InstrumentError, "no answer came and the other side closed"),
     "closed in the middle": ((b"KEPCO,BI", HANG_UP), InstrumentTimeout, "only 'KEPCO,BI' came"),
     "partial": ((b"KEPCO,BI",), InstrumentTimeout, "only 'KEPCO,BI' came, without the end"),
     "wrong terminator": ((b"A,B,C,D\r",), InstrumentTimeout, r"only 'A,B,C,D\r' came"),

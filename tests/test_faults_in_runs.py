@@ -53,7 +53,14 @@ ENDS_WITH_A_SENTENCE = [
     (entry(SUPPLY, "lost-command", command="CURR:MODE LIST"), "coil_supply.y: sent 'CURR:MODE"),
     (entry(SUPPLY, "nan", command="MEAS:CURR?", count=99), "'NaN' came back where a number"),
     (entry(SUPPLY, "list-refused", at="0 s"), "'CURR:MODE LIST': it refused with -221"),
-    (entry(SUPPLY, "dropped-connection", command="OUTP ON"), "coil_supply.y: sent 'OUTP ON"),
+    (
+        entry(SUPPLY, "dropped-connection", command="OUTP ON"),
+        "'OUTP ON;:SYST:ERR?': no answer came and the other side closed the connection; check",
+    ),
+    (
+        entry(BOARD, "dropped-connection", command=COMMAND),
+        "used the CAN bus: the line broke (the other side closed the connection)",
+    ),
     (entry(GAUSSMETER, "wrong-terminator", command="SENS:AVER"), "gaussmeter: sent 'SENS:AVER"),
     (entry(GAUSSMETER, "previous-reply", **WHILE_RECORDING), "its time stamps run backwards"),
     (entry(GAUSSMETER, "nan", **WHILE_RECORDING), "gaussmeter: read its buffer: '2026-"),

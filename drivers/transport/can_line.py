@@ -23,6 +23,7 @@ READ_SLICE_S = 0.2
 LOOK_S = 0.005
 GREETING = b"< hi >"
 OPENED = b"< ok >"
+CLOSED = "the other side closed the connection"
 
 
 @dataclass(frozen=True)
@@ -118,9 +119,15 @@ class CanLine:
         return found
 
     def wait_for(self, identifier: int, deadline_s: float) -> list[Frame]:
-        """Return the frames of `identifier` as soon as there are any, or none at run time."""
+        """Return the frames of `identifier` as soon as there are any, or none at run time.
+
+        Raises InstrumentError when the line is gone.
+        """
         while not (frames := self.take(identifier)) and self._clock.now() < deadline_s:
             self._clock.sleep(LOOK_S)
+        if not frames and is_closed(self._bus):
+            # The reader may not have come to it yet.
+            raise self._broken(CLOSED)
         return frames
 
     def close(self) -> None:
@@ -142,7 +149,7 @@ class CanLine:
                 return
             if message is None:
                 if not self._closing.is_set() and is_closed(self._bus):
-                    self._dead = "the other side closed the connection"
+                    self._dead = CLOSED
                     return
                 continue
             data = bytes(message.data)

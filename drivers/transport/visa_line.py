@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import select
+import socket
 from collections.abc import Callable
 from contextlib import suppress
 from typing import Any
@@ -35,6 +37,23 @@ def wire_address(resource_name: str) -> str:
     """Return `host:port` of a socket resource, else the resource name itself."""
     parts = resource_name.split("::")
     return f"{parts[1]}:{parts[2]}" if is_socket(resource_name) else resource_name
+
+
+def has_ended(resource: Any) -> bool:
+    """Whether the other side of a bare TCP connection has closed it.
+
+    PyVISA-py takes that for silence; False where it keeps its socket elsewhere, or with the
+    vendor's library.
+    """
+    session = getattr(resource.visalib, "sessions", {}).get(resource.session)
+    its_socket = getattr(session, "interface", None)
+    if not isinstance(its_socket, socket.socket):
+        return False
+    try:
+        readable, _, _ = select.select([its_socket], [], [], 0)
+        return bool(readable) and its_socket.recv(1, socket.MSG_PEEK) == b""
+    except (OSError, ValueError):
+        return True
 
 
 class VisaLine:
@@ -180,6 +199,13 @@ class VisaLine:
         return kind(self._place.name, attempted, came_back, do_now)
 
     def _silent(self, message: str, what: str, deadline_s: float) -> InstrumentError:
+        if has_ended(self._resource):
+            return self._fault(
+                InstrumentTimeout,
+                f"sent {shortened(message)!r}",
+                f"{what} and the other side closed the connection",
+                "check that nobody else uses the instrument, its network cable and its power",
+            )
         return self._fault(
             InstrumentTimeout,
             f"sent {shortened(message)!r}",

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from cmath import exp as complex_exp
 from collections.abc import Callable
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -19,7 +20,6 @@ import numpy.typing as npt
 from sim_instruments.world.serf_cell import GAMMA_RAD_PER_S_NT, Cell, Rates
 
 Array = npt.NDArray[np.float64]
-ComplexArray = npt.NDArray[np.complex128]
 Field = Callable[[Array], Array]
 State = tuple[float, complex, float]
 
@@ -74,35 +74,34 @@ class March:
         self._source: list[float] = (rates.pumping * cell.pump_axis).tolist()
         self._edges = [start_s]
         self._state = polarisation.tolist()
-        self._axes: list[tuple[list[float], ...]] = []
-        self._values: list[tuple[State, State, State, State]] = []
-        self._arrays: tuple[Array, Array, ComplexArray] | None = None
+        self._blocks: list[Array] = []
+        self._all: tuple[Array, Array] | None = None
 
     @property
     def steps(self) -> int:
         """How many steps have been taken."""
-        return len(self._values)
+        return len(self._edges) - 1
 
     def polarisation(self, time_s: Array) -> Array:
         """Return the polarisation at times since the start and not after it settled, (n, 3)."""
         while self._edges[-1] <= time_s.max():
             self._go_on()
-        if self._arrays is None:
-            # Along, across and angle: u, w and phi at both ends, and their slopes.
-            values = np.array(self._values, dtype=np.complex128)
-            self._arrays = np.array(self._edges), np.array(self._axes), values
-        edges, axes, values = self._arrays
+        if self._all is None:
+            self._all = np.array(self._edges), np.concatenate(self._blocks)
+        edges, steps = self._all
         k = np.clip(np.searchsorted(edges, time_s, side="right") - 1, 0, len(edges) - 2)
+        axes, state = steps[k, :9].reshape(-1, 3, 3), steps[k, 9:]
+        begin, begin_slope, end, end_slope = np.moveaxis(state.reshape(-1, 4, 4), 1, 0)
         length = (edges[k + 1] - edges[k])[:, None]
         x = (time_s - edges[k])[:, None] / length
-        begin, begin_slope, end, end_slope = np.moveaxis(values[k], 1, 0)
         later = x * x * (3.0 - 2.0 * x)
         bent = x * (1.0 - x) * length
         state = begin + later * (end - begin)
         state += bent * ((1.0 - x) * begin_slope - x * end_slope)
-        across = state[:, 1] * np.exp(1j * state[:, 2].real)
-        parts = np.column_stack([state[:, 0].real, across.real, across.imag])
-        return np.asarray(np.einsum("ni,nij->nj", parts, axes[k]))
+        u, w, phi = state[:, 0], state[:, 1] + 1j * state[:, 2], state[:, 3]
+        across = w * np.exp(1j * phi)
+        parts = np.column_stack([u, across.real, across.imag])
+        return np.asarray(np.einsum("ni,nij->nj", parts, axes))
 
     def _choose_pace(self, largest: float, strongest_nT: float, coil_s: float) -> Pace:
         rates = self._rates
@@ -125,23 +124,22 @@ class March:
             edges.append(now_s + self._pace.next_s(now_s - self._start_s, now_s - self._switched_s))
         spans = np.array(edges)
         fields = self._field(spans[:-1] + 0.5 * np.diff(spans)).tolist()
+        numbers: list[float] = []
         for field, length in zip(fields, np.diff(spans).tolist(), strict=True):
-            self._step(field, length)
+            self._step(field, length, numbers)
+        self._blocks.append(np.array(numbers).reshape(BLOCK, -1))
         self._edges += edges[1:]
-        self._arrays = None
+        self._all = None
 
-    def _step(self, field: list[float], h: float) -> None:
-        """Take one step in a steady field."""
+    def _step(self, field: list[float], h: float, numbers: list[float]) -> None:
+        """Take one step in a steady field; adds its axes, values and slopes to the numbers."""
         along, across, turned = _axes(field, self._state)
         size = _dot(along, field)
         u = _dot(self._state, along)
         w = complex(_dot(self._state, across), _dot(self._state, turned))
         in_line = _dot(self._source, along)
         beside = complex(_dot(self._source, across), _dot(self._source, turned))
-
-        def slopes(u: float, w: complex, phi: float) -> State:
-            return self._slopes(size, in_line, beside, u, w, phi)
-
+        slopes = partial(self._slopes, size, in_line, beside)
         half = 0.5 * h
         a = slopes(u, w, 0.0)
         b = slopes(u + half * a[0], w + half * a[1], half * a[2])
@@ -152,8 +150,10 @@ class March:
         end_w = w + sixth * (a[1] + 2.0 * (b[1] + c[1]) + d[1])
         end_phi = sixth * (a[2] + 2.0 * (b[2] + c[2]) + d[2])
         last = slopes(end_u, end_w, end_phi)
-        self._axes.append((along, across, turned))
-        self._values.append(((u, w, 0.0), a, (end_u, end_w, end_phi), last))
+        for axis in (along, across, turned):
+            numbers += axis
+        for one in ((u, w, 0.0), a, (end_u, end_w, end_phi), last):
+            numbers += (one[0], one[1].real, one[1].imag, one[2])
         seen = end_w * complex_exp(1j * end_phi)
         self._state = [
             end_u * along[k] + seen.real * across[k] + seen.imag * turned[k] for k in range(3)

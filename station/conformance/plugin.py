@@ -19,7 +19,16 @@ PACKAGE = "station.conformance"
 CLAIMS = {"made_safe": "make_safe", "sampled_source": "drain"}
 """Fixtures for whatever has a verb; the other fixtures bear the name of a role."""
 
-ROLES = ("coil_supply", "dut_power", "multimeter", "rotary_stage", "thermometer")
+ROLES = (
+    "coil_supply",
+    "digitizer",
+    "dut_power",
+    "multimeter",
+    "pump_laser",
+    "rotary_stage",
+    "signal_generator",
+    "thermometer",
+)
 """Fixtures for the instrument of a role."""
 
 ENERGISES = "energises: current may flow; on a real bench only with --station-energise"
@@ -159,4 +168,22 @@ def multimeter(instrument: Any) -> Any:
 @pytest.fixture
 def thermometer(instrument: Any) -> Any:
     """Give a thermometer at the device under test."""
+    return instrument
+
+
+@pytest.fixture
+def signal_generator(instrument: Any) -> Any:
+    """Give a generator of voltages at two coils."""
+    return instrument
+
+
+@pytest.fixture
+def digitizer(instrument: Any) -> Any:
+    """Give a recorder of the trigger that it gives itself."""
+    return instrument
+
+
+@pytest.fixture
+def pump_laser(instrument: Any) -> Any:
+    """Give the shutter of the pump light."""
     return instrument
