@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shlex
 import shutil
 import subprocess
 import sys
@@ -32,7 +33,7 @@ def attempt(case: dict[str, Any], folder: Path) -> subprocess.CompletedProcess[s
     if "remove" in case:
         (folder / case["remove"]).unlink()
     return subprocess.run(
-        [sys.executable, "-m", "station", *case["command"].split()],
+        [sys.executable, "-m", "station", *shlex.split(case["command"])],
         cwd=folder,
         capture_output=True,
         text=True,

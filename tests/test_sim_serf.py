@@ -66,7 +66,7 @@ class Stand:
             place = data["serf"]
             for section in sections:
                 place = place[section]
-            place[key] = value
+            place[key] = copy.deepcopy(value)
         self.world = SerfBench(Truth(data, "simulation"))
         self.outputs = {name: VoltageHistory() for name in ("x", "y", "z", "gradient")}
         for name, output in self.outputs.items():
@@ -137,7 +137,8 @@ def test_the_phase_follows_the_logarithm_of_the_polarisation(spin: str) -> None:
     size = np.linalg.norm(spins, axis=1)
     assert size[0] == pytest.approx(0.6, abs=1e-4)
     phase = turned(spins, np.array([1.0, 0.0, 0.0]))
-    np.testing.assert_allclose(phase, GAMMA * 50.0 / R * np.log(size[0] / size), rtol=1e-9)
+    expected = GAMMA * 50.0 / R * np.log(size[0] / size)
+    np.testing.assert_allclose(phase, expected, atol=1e-9 * expected[-1])
     if spin == "3/2":
         law = size**3 / (1 + size**2)
         decay = np.exp(-R / 2 * (times - times[0]))
@@ -247,8 +248,11 @@ def test_the_residual_field_moves_the_frequencies_as_the_expansion_says() -> Non
     stand = Stand(
         pump__rate="0.024 Hz",
         coils__angles=dict(zip(("xy", "xz", "yz"), (f"{a} deg" for a in angles), strict=True)),
-        **{f"coils__{axis}__error": f"{100 * f - 100} %" for axis, f in zip("xyz", factors)},
-        **{f"residual_field__{axis}": f"{b} nT" for axis, b in zip("xyz", residual)},
+        **{
+            f"coils__{axis}__error": f"{100 * f - 100} %"
+            for axis, f in zip("xyz", factors, strict=True)
+        },
+        **{f"residual_field__{axis}": f"{b} nT" for axis, b in zip("xyz", residual, strict=True)},
     )
     u = axes(*angles)
     squares = {}
@@ -288,7 +292,7 @@ def test_with_the_pump_on_the_detector_shows_the_steady_state_of_the_bloch_equat
 
 
 def test_a_closed_loop_on_the_measured_response_finds_the_zero_of_the_field() -> None:
-    residual = {"x": "1.6 nT", "y": "-1.1 nT", "z": "0.9 nT"}
+    residual = {"x": "1.2 nT", "y": "-0.9 nT", "z": "0.8 nT"}
     stand = Stand(**{f"residual_field__{axis}": text for axis, text in residual.items()})
     field, now = np.zeros(3), 0.0
 
@@ -311,7 +315,7 @@ def test_a_closed_loop_on_the_measured_response_finds_the_zero_of_the_field() ->
                 field[axis] -= offset
             gain = (values[1] - values[0]) / 0.4
             field[axis] -= np.clip(np.mean(values) / gain, -0.5, 0.5) if gain else 0.0
-    assert field == pytest.approx([-1.6, 1.1, -0.9], abs=0.01)
+    assert field == pytest.approx([-1.2, 0.9, -0.8], abs=1e-3)
 
 
 def test_after_a_shot_the_pump_fills_the_cell_again_within_a_tenth_of_a_second() -> None:
@@ -537,7 +541,10 @@ def test_a_command_to_the_pump_replaces_what_was_planned_after_it() -> None:
         ({"cell__nuclear_spin": "1/2"}, "one of 3/2, 5/2, 7/2, got '1/2'"),
         ({"cell__relaxation_rate": "0 Hz"}, "relaxation_rate: must be positive"),
         ({"pump__axis": "w"}, "pump.axis: x, y or z was expected"),
-        ({"coils__angles__yz": "178 deg"}, "no three axes have these angles"),
+        (
+            {"coils__angles__xz": "20 deg", "coils__angles__yz": "20 deg"},
+            "no three axes have these angles",
+        ),
         ({"coils__x__time_constant": "0 s"}, "time constants must be positive"),
         ({"noble_gas": {}}, "noble_gas: 'field' is missing"),
     ],

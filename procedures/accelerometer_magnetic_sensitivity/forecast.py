@@ -6,7 +6,9 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from procedures.accelerometer_magnetic_sensitivity.check import (
+    ANGLES,
     GAUSSMETER,
+    LARGEST_FIELD,
     MULTIMETER,
     POWER,
     STAGE,
@@ -27,7 +29,11 @@ DEFAULT_AVERAGING_S = 0.1
 
 def forecast(parameters: AccelerometerParameters, bench: Bench) -> Forecast:
     """Return the set-points of steps (2) to (7) and the rows of every source."""
-    return Forecast(tuple(set_points(parameters, bench)), recordings(parameters, bench))
+    return Forecast(
+        tuple(set_points(parameters, bench)),
+        recordings(parameters, bench),
+        {SUPPLY: LARGEST_FIELD, STAGE: ANGLES},
+    )
 
 
 def set_points(parameters: AccelerometerParameters, bench: Bench) -> Iterator[SetPoint]:
@@ -44,7 +50,9 @@ def set_points(parameters: AccelerometerParameters, bench: Bench) -> Iterator[Se
         step = ("(3)", "(6)", "(7)")[min(number, 2)]
         fields_mT = [point.field_mT for point in group]
         largest_mT = max(fields_mT, key=abs)
-        yield SetPoint(step, STAGE, f"{group[0].plane}: turn to {group[0].angle_deg:g} deg")
+        angle_deg = group[0].angle_deg
+        words = f"{group[0].plane}: turn to {angle_deg:g} deg"
+        yield SetPoint(step, STAGE, words, angle_deg=angle_deg)
         yield SetPoint(
             step,
             SUPPLY,

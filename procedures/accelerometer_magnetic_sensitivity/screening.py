@@ -60,6 +60,8 @@ def wild_field(field_T: Array, commanded_T: Array) -> Mask:
 def wild_temperature(temperature_degC: Array) -> Mask:
     """Return which readings lie far from those before and after them, (n,)."""
     finite = np.isfinite(temperature_degC)
+    if not bool(finite.any()):
+        return ~finite
     padded = np.pad(temperature_degC, NEIGHBOURS, mode="reflect") if len(finite) > 5 else None
     if padded is None:
         around = np.full(len(finite), float(np.nanmedian(temperature_degC)))

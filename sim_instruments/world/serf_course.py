@@ -131,8 +131,19 @@ class Stretch:
     def field_nT(self, time_s: Array) -> Array:
         """Return the field that the electrons feel, light shift included, shape (n, 3)."""
         moving = self._physics.coils.field_nT(self.field_volts(time_s) - self.volts[:3])
+        return np.asarray(moving + self._slow_nT(time_s))
+
+    def mean_field_nT(self, edges_s: Array) -> Array:
+        """Return the mean field between neighbouring times, that of the coils exactly, (n, 3)."""
+        since = np.maximum(edges_s - self.start_s, 0.0)[:, None]
+        left, length = np.exp(-since / self._physics.coils.tau_s), np.diff(edges_s)
+        faded = -np.diff(left, axis=0) * self._physics.coils.tau_s / length[:, None]
+        moving = self._physics.coils.field_nT(self._voltage_left * faded)
+        return np.asarray(moving + self._slow_nT(edges_s[:-1] + 0.5 * length))
+
+    def _slow_nT(self, time_s: Array) -> Array:
         residual = self._physics.residual.field_nT(time_s)
-        return np.asarray(self._constant_nT + moving + residual + self.nuclear_nT(time_s))
+        return np.asarray(self._constant_nT + residual + self.nuclear_nT(time_s))
 
     def polarisation(self, time_s: Array) -> Array:
         """Return the electrons' polarisation at each time, shape (n, 3)."""
@@ -181,7 +192,7 @@ class Stretch:
         return March(
             self._physics.cell,
             self._rates,
-            self.field_nT,
+            self.mean_field_nT,
             float(strongest + np.linalg.norm(self._constant_nT)),
             self.start_s,
             self.switched_s,

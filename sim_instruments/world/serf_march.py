@@ -1,6 +1,6 @@
 """The polarisation after a change, integrated step by step as far as somebody looks.
 
-Within a step the field is that of its middle. The polarisation is split into u along the field
+Within a step the field is its mean. The polarisation is split into u along the field
 and w across it, a complex number in the frame that turns with the spins, so that what is left to
 integrate is smooth: u and w fade, the angle grows. One Runge-Kutta step of fourth order each; in
 between a cubic through values and slopes at both ends. The steps depend on what is integrated
@@ -30,7 +30,7 @@ SHARE_WHILE_PUMPED = 0.04
 SHARE_OF_TURN = 0.5
 """In rad, while the pump drives the spins."""
 WEAK_LIGHT = 1e-3
-GROWTH = 0.2
+GROWTH = 0.08
 """Of the time since the coils were switched, as long as their current changes."""
 
 
@@ -45,28 +45,28 @@ class Pace(NamedTuple):
     def next_s(self, since_start_s: float, since_switched_s: float) -> float:
         """Return the length of a step that begins some time after start and last switching."""
         smooth = min(self.longest_s, self.share * (self.fastest_s + since_start_s))
-        return min(smooth, max(0.25 * self.coil_s, GROWTH * since_switched_s))
+        return min(smooth, max(0.125 * self.coil_s, GROWTH * since_switched_s))
 
 
 class March:
     """One stretch of time with constant rates, from `start_s` with a polarisation to begin with.
 
-    `field_nT(times)` gives the field, shape (n, 3), with the currents in the coils on their way
-    since `switched_s`; `strongest_nT` bounds its size.
+    `mean_field_nT(edges)` gives the mean field between neighbouring times, shape (n, 3), with the
+    currents in the coils on their way since `switched_s`; `strongest_nT` bounds its size.
     """
 
     def __init__(
         self,
         cell: Cell,
         rates: Rates,
-        field_nT: Field,
+        mean_field_nT: Field,
         strongest_nT: float,
         start_s: float,
         switched_s: float,
         coil_s: float,
         polarisation: Array,
     ) -> None:
-        self._cell, self._rates, self._field = cell, rates, field_nT
+        self._cell, self._rates, self._field = cell, rates, mean_field_nT
         self._start_s, self._switched_s = start_s, switched_s
         self._total = rates.relaxation + rates.pumping
         largest = max(float(polarisation @ polarisation), (rates.pumping / self._total) ** 2)
@@ -123,7 +123,7 @@ class March:
             now_s = edges[-1]
             edges.append(now_s + self._pace.next_s(now_s - self._start_s, now_s - self._switched_s))
         spans = np.array(edges)
-        fields = self._field(spans[:-1] + 0.5 * np.diff(spans)).tolist()
+        fields = self._field(spans).tolist()
         numbers: list[float] = []
         for field, length in zip(fields, np.diff(spans).tolist(), strict=True):
             self._step(field, length, numbers)
