@@ -17,14 +17,13 @@ address is all that tells one from another.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping
 from typing import ClassVar, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.red_pitaya_settings import CONVERTER_HZ, FULL_SCALES_V, SLOTS, Settings, Window
+from drivers.red_pitaya_settings import SLOTS, CannotRecord, Record, Settings
 from drivers.roles import Block, Identity, Place, SafetyReading
 from drivers.transport.retry import Repeatable, repeated
 from drivers.transport.visa_line import VisaLine, shortened
@@ -34,6 +33,7 @@ Answer = TypeVar("Answer")
 
 RECOGNISES = r"^REDPITAYA,INSTR\d+,(?P<serial>[^,]*)"
 OUTPUT, LOOP = "DIO0_N", "DIO0_P"
+END = "\r\n"
 SLICE = 2048
 """Values in one answer, about 20 kB, which take the board some hundredths of a second."""
 
@@ -74,17 +74,15 @@ class RedPitaya:
                 f"its settings are wrong ({error})",
                 "write os_version such as 2.05-37, channel 1 or 2, jumper LV or HV",
             ) from error
-        self.full_scale_V = FULL_SCALES_V[self._settings.jumper]
+        self.full_scale_V = self._settings.full_scale_V
         """Where the range ends: values beyond are kept as this."""
         self._system = self._settings.system
         self._source = f"ACQ:SOUR{self._settings.channel}"
-        self._decimation = 0
-        self._sample_rate_Hz = 0.0
-        self._window: Window | None = None
+        self._record: Record | None = None
         self._fired_s: float | None = None
         # Held while a record is begun, and for the whole of a single look of an interlock's.
         self._turn = place.clock.lock(f"{place.name} record")
-        self._line = VisaLine(place, request_end="\r\n", answer_end="\r\n")
+        self._line = VisaLine(place, request_end=END, answer_end=END)
 
     def identify(self) -> Identity:
         """Ask `*IDN?`: maker, model, a serial number that is 0, firmware."""
@@ -100,40 +98,43 @@ class RedPitaya:
         The rate is the nearest at or above the wanted. Raises InstrumentError where the buffer or
         the range does not hold the record.
         """
-        window = self._choose(sample_rate_Hz, duration_s, full_scale_V)
-        channel, jumper = self._source, self._settings.jumper
-        header = self._system.decimation_command
+        try:
+            record = self._settings.record(sample_rate_Hz, duration_s, full_scale_V)
+        except CannotRecord as error:
+            wish = f"record {duration_s:g} s at {sample_rate_Hz:g} Hz up to {full_scale_V:g} V"
+            raise self._error(wish, error.why, error.do_now) from None
         with self._turn:
-            self._window, self._fired_s = None, None
-            self._line.write("ACQ:RST")
+            self._record, self._fired_s = None, None
+            self._expect("reset it", "0", "ACQ:RST", "ACQ:TRIG:DLY?")
             for command, value in (
-                (header, str(self._decimation)),
+                (self._system.decimation_command, str(record.decimation)),
                 ("ACQ:AVG", "ON"),
                 ("ACQ:DATA:UNITS", "VOLTS"),
-                (f"{channel}:GAIN", jumper),
-                ("ACQ:TRIG:DLY", str(window.delay)),
+                (f"{self._source}:GAIN", self._settings.jumper),
+                ("ACQ:TRIG:DLY", str(record.delay)),
             ):
                 self._set(f"{command} {value}", f"{command}?", value)
-            self._line.write("ACQ:DATA:FORMAT ASCII")
             self._low()
-            self._expect("drive its trigger output low", f"DIG:PIN? {LOOP}", "0", WIRE_UP)
-            self._window = window
-        return self._sample_rate_Hz
+            self._expect("drive its trigger output low", "0", f"DIG:PIN? {LOOP}", do_now=WIRE_UP)
+            self._record = record
+        return record.rate_Hz
 
     def fire(self) -> None:
         """Start the acquisition, wait for what comes before the trigger, and give it."""
-        window = self._prepared("give the trigger")
+        record = self._prepared("give the trigger")
         with self._turn:
             self._fired_s = None
-            self._expect("arm it", f"DIG:PIN? {OUTPUT}", "0", "release the trigger before")
-            self._line.write("ACQ:START")
-            self._set("ACQ:TRIG EXT_PE", "ACQ:TRIG:STAT?", "WAIT")
+            rest = f"DIG:PIN? {OUTPUT}"
+            self._expect("arm it", "0", rest, do_now="release the trigger before")
+            self._expect(
+                "start the acquisition", "WAIT", "ACQ:START", "ACQ:TRIG EXT_PE", "ACQ:TRIG:STAT?"
+            )
             if self._system.tells_full:
-                self._expect("start the acquisition", "ACQ:TRIG:FILL?", "0")
-            self.place.clock.sleep((window.before + 1) / self._sample_rate_Hz + SETTLE_S)
+                self._expect("start the acquisition", "0", "ACQ:TRIG:FILL?")
+            self.place.clock.sleep((record.before + 1) / record.rate_Hz + SETTLE_S)
             fired_s = self.place.clock.now()
             self._set(f"DIG:PIN {OUTPUT},1", f"DIG:PIN? {OUTPUT}", "1")
-            self._expect("give the trigger", "ACQ:TRIG:STAT?", "TD", WIRE_UP)
+            self._expect("give the trigger", "TD", "ACQ:TRIG:STAT?", do_now=WIRE_UP)
             self._fired_s = fired_s
 
     def fetch(self) -> Block | None:
@@ -141,24 +142,24 @@ class RedPitaya:
 
         Raises InstrumentError where nothing was fired, or no record comes.
         """
-        window = self._prepared("fetch a record")
+        record = self._prepared("fetch a record")
         if self._fired_s is None:
             raise self._error("fetch a record", "no trigger was given since the last one", "fire")
-        if not self._is_full(window):
+        if not self._is_full(record):
             return None
         pointer = self._whole("ACQ:TPOS?")
-        start = pointer + self._system.first_after_trigger - window.before
+        start = pointer + self._system.first_after_trigger - record.before
         parts = [
-            self._values(self._from((start + done) % SLOTS, min(SLICE, window.length - done)))
-            for done in range(0, window.length, SLICE)
+            self._values(self._from((start + done) % SLOTS, min(SLICE, record.length - done)))
+            for done in range(0, record.length, SLICE)
         ]
         self._fired_s = None
         volts = np.concatenate(parts)
         self.place.publish("voltage", float(volts[-1]), "V")
-        times_s = (np.arange(window.length) - window.before) / self._sample_rate_Hz
+        times_s = (np.arange(record.length) - record.before) / record.rate_Hz
         return Block(
             {"time_s": times_s, "voltage_V": volts},
-            np.full(window.length, self.place.clock.now()),
+            np.full(record.length, self.place.clock.now()),
         )
 
     def release(self) -> None:
@@ -187,11 +188,12 @@ class RedPitaya:
                 "interlock out of the bench file"
             )
         with self._turn:
-            if self._window is None:
+            record = self._record
+            if record is None:
                 return None
             if self._fired_s is None:  # nothing is being taken that a look could spoil
-                self._line.write("ACQ:START")
-                self.place.clock.sleep(2 / self._sample_rate_Hz + SETTLE_S)
+                self._word(f"ACQ:START{END}ACQ:WPOS?")
+                self.place.clock.sleep(2 / record.rate_Hz + SETTLE_S)
             newest = self._from(self._surely("ACQ:WPOS?", self._whole), 1)
             volts = float(self._surely(newest, self._values)[0])
         self.place.publish("voltage", volts, "V")
@@ -201,42 +203,15 @@ class RedPitaya:
         """Close the line."""
         self._line.close()
 
-    def _choose(self, sample_rate_Hz: float, duration_s: float, full_scale_V: float) -> Window:
-        """Set what the wishes need; raises InstrumentError where they cannot be met."""
-        wish = f"record {duration_s:g} s at {sample_rate_Hz:g} Hz up to {full_scale_V:g} V"
-        numbers = (sample_rate_Hz, duration_s, full_scale_V)
-        if not all(math.isfinite(one) and one > 0 for one in numbers):
-            raise self._error(wish, "these must be positive", "correct the plan")
-        if full_scale_V > self.full_scale_V:
-            higher = "move the input's jumpers to HV and write settings.jumper: HV"
-            raise self._error(
-                wish,
-                f"its range ends at {self.full_scale_V:g} V",
-                higher if self._settings.jumper == "LV" else "put a divider before its input",
-            )
-        decimation = self._system.decimation(sample_rate_Hz)
-        if decimation is None:
-            raise self._error(wish, "it samples at 125 MHz at most", "lower the plan's sample rate")
-        rate_Hz = CONVERTER_HZ / decimation
-        window = Window.of(rate_Hz, duration_s)
-        if not window.fits:
-            raise self._error(
-                wish,
-                f"at {rate_Hz:g} Hz its {SLOTS} values hold {0.975 * SLOTS / rate_Hz:.3g} s",
-                "shorten the record, or lower the sample rate",
-            )
-        self._decimation, self._sample_rate_Hz = decimation, rate_Hz
-        return window
-
-    def _prepared(self, attempted: str) -> Window:
-        if self._window is None:
+    def _prepared(self, attempted: str) -> Record:
+        if self._record is None:
             raise self._error(attempted, "no record was prepared", "prepare one before")
-        return self._window
+        return self._record
 
-    def _is_full(self, window: Window) -> bool:
+    def _is_full(self, record: Record) -> bool:
         assert self._fired_s is not None
         took_s = self.place.clock.now() - self._fired_s
-        expected_s = (window.after + 2) / self._sample_rate_Hz
+        expected_s = (record.after + 2) / record.rate_Hz
         if not self._system.tells_full:
             return took_s > 1.001 * expected_s + SETTLE_S
         if self._whole("ACQ:TRIG:FILL?") == 1:
@@ -255,13 +230,16 @@ class RedPitaya:
         self._set(f"DIG:PIN {OUTPUT},0", f"DIG:PIN? {OUTPUT}", "0")
 
     def _set(self, command: str, question: str, wanted: str) -> None:
-        self._line.write(command)
-        self._expect(f"sent {command!r}", question, wanted)
+        self._expect(f"sent {command!r}", wanted, command, question)
 
-    def _expect(self, attempted: str, question: str, wanted: str, do_now: str = OTHERS) -> None:
-        has = self._word(question)
+    def _expect(self, attempted: str, wanted: str, *lines: str, do_now: str = OTHERS) -> None:
+        """Send lines, the last of which is a question, and see that its answer is the wanted one.
+
+        They go out together: one after the other they would wait for the network in between.
+        """
+        has = self._word(END.join(lines))
         if has != wanted:
-            came = f"{question} reads {shortened(has)!r} where {wanted} belongs"
+            came = f"{lines[-1]} reads {shortened(has)!r} where {wanted} belongs"
             raise self._error(attempted, came, do_now)
 
     def _surely(self, question: str, ask: Callable[[str], Answer]) -> Answer:

@@ -56,18 +56,32 @@ class System:
         return max((one for one in known if one <= largest), default=None)
 
 
-@dataclass(frozen=True)
-class Window:
-    """A record: how many values before the trigger, and how many from it on."""
+class CannotRecord(Exception):
+    """A record that the board cannot take: why, and what to do now."""
 
+    def __init__(self, why: str, do_now: str) -> None:
+        super().__init__(why)
+        self.why, self.do_now = why, do_now
+
+
+@dataclass(frozen=True)
+class Record:
+    """A record: its decimation, and how many values lie before the trigger and from it on."""
+
+    decimation: int
     before: int
     after: int
 
     @classmethod
-    def of(cls, sample_rate_Hz: float, duration_s: float) -> Window:
-        """Return the window that holds `duration_s`, and a fiftieth of it before the trigger."""
-        after = math.ceil(duration_s * sample_rate_Hz) + 1
-        return cls(max(8, math.ceil(after / 50)), after)
+    def of(cls, decimation: int, duration_s: float) -> Record:
+        """Return the record that holds `duration_s`, and a fiftieth of it before the trigger."""
+        after = math.ceil(duration_s * CONVERTER_HZ / decimation) + 1
+        return cls(decimation, max(8, math.ceil(after / 50)), after)
+
+    @property
+    def rate_Hz(self) -> float:
+        """The sample rate."""
+        return CONVERTER_HZ / self.decimation
 
     @property
     def delay(self) -> int:
@@ -104,3 +118,31 @@ class Settings:
         if channel not in (1, 2) or jumper not in FULL_SCALES_V:
             raise ValueError(f"channel is {channel!r}, jumper is {jumper!r}")
         return cls(System(tuple(int(part) for part in parts)), int(channel), jumper)
+
+    @property
+    def full_scale_V(self) -> float:
+        """Where the range ends."""
+        return FULL_SCALES_V[self.jumper]
+
+    def record(self, sample_rate_Hz: float, duration_s: float, full_scale_V: float) -> Record:
+        """Return the record with the nearest rate at or above the wanted; raises CannotRecord."""
+        wishes = (sample_rate_Hz, duration_s, full_scale_V)
+        if not all(math.isfinite(one) and one > 0 for one in wishes):
+            raise CannotRecord("these must be positive", "correct the plan")
+        if full_scale_V > self.full_scale_V:
+            higher = "move the input's jumpers to HV and write settings.jumper: HV"
+            raise CannotRecord(
+                f"its range ends at {self.full_scale_V:g} V",
+                higher if self.jumper == "LV" else "put a divider before its input",
+            )
+        decimation = self.system.decimation(sample_rate_Hz)
+        if decimation is None:
+            raise CannotRecord("it samples at 125 MHz at most", "lower the plan's sample rate")
+        record = Record.of(decimation, duration_s)
+        if not record.fits:
+            holds_s = 0.975 * SLOTS / record.rate_Hz
+            raise CannotRecord(
+                f"at {record.rate_Hz:g} Hz its {SLOTS} values hold {holds_s:.3g} s",
+                "shorten the record, or lower the sample rate",
+            )
+        return record

@@ -131,7 +131,9 @@ class RedPitaya(ScpiDevice):
         add("ACQ:TRIG:DLY", self._set_delay)
         add("ACQ:TRIG:DLY?", answer(lambda: str(self._delay - HALF)))
         if self._version >= (2, 0, 15):
-            add("ACQ:TRIG:FILL?", answer(lambda: str(int(self._capture.is_full(self._now())))))
+            add(
+                "ACQ:TRIG:FILL?", answer(lambda: str(int(self._capture.is_full(self._clock.now()))))
+            )
 
     def _add_reading(self) -> None:
         add, answer = self.tree.add, self._answer
@@ -145,19 +147,18 @@ class RedPitaya(ScpiDevice):
             add(f"{header}:GAIN?", answer(partial(self._gain_of, channel)))
             add(f"{header}:DATA:{start}:N?", partial(self._tell, channel))
 
-    def _now(self) -> float:
-        return self._clock.now()
-
     # The capture.
 
     def _arm(self) -> None:
-        first = (self._capture.slot(self._capture.last_at(self._now())) + 1) % SLOTS
+        first = (self._capture.slot(self._capture.last_at(self._clock.now())) + 1) % SLOTS
         interval_s = self._decimation / self._clock_Hz
-        self._capture = Capture(self._now(), interval_s, first, self._delay)
+        # In step with nothing: the arming takes effect some clocks after the command.
+        began_s = self._clock.now() + interval_s * self._rng.random()
+        self._capture = Capture(began_s, interval_s, first, self._delay)
         self._noise = self._noise_V * self._rng.standard_normal(SLOTS)
 
     def _stop(self) -> None:
-        self._capture.stopped_s = min(self._capture.stopped_s, self._now())
+        self._capture.stopped_s = min(self._capture.stopped_s, self._clock.now())
 
     def _edge(self, time_s: float, kind: str) -> None:
         if self._faults.now(NoTrigger.kind) is None and self._source == kind:
@@ -170,7 +171,7 @@ class RedPitaya(ScpiDevice):
     def _set_source(self, given: list[str]) -> None:
         self._source = choice(only(given), SOURCES)
         if self._source == "NOW":
-            self._trigger(self._now())
+            self._trigger(self._clock.now())
 
     def _set_decimation(self, given: list[str]) -> None:
         value = whole_number(only(given), 1, LARGEST_DECIMATION)
@@ -199,7 +200,7 @@ class RedPitaya(ScpiDevice):
     # What is told of it.
 
     def _pointer(self) -> int:
-        return self._capture.slot(self._capture.last_at(self._now()))
+        return self._capture.slot(self._capture.last_at(self._clock.now()))
 
     def _pointer_at_trigger(self) -> int:
         number = self._capture.triggered_at
@@ -211,7 +212,7 @@ class RedPitaya(ScpiDevice):
         if len(given) != 2:
             raise ScpiError(-109)
         start, count = whole_number(given[0], 0, SLOTS), whole_number(given[1], 1, SLOTS)
-        numbers = self._capture.numbers(start, count, self._now())
+        numbers = self._capture.numbers(start, count, self._clock.now())
         with left(self._lock):  # the world goes on meanwhile, and others are served
             self._clock.sleep(TELLING_S * count)
         return "{" + ",".join(f"{value:.6f}" for value in self._read(channel, numbers)) + "}"
@@ -260,9 +261,9 @@ class RedPitaya(ScpiDevice):
     def _drive(self) -> None:
         """Put the level of the trigger output on the wire, which is low where nothing drives it."""
         if self._outputs.get(OUTPUT, False):
-            self._wire.rise(self._now())
+            self._wire.rise(self._clock.now())
         else:
-            self._wire.fall(self._now())
+            self._wire.fall(self._clock.now())
 
     def _pin(self, given: list[str]) -> str:
         name = pin(given)

@@ -41,8 +41,9 @@ class Room:
 
     def detector_V(self, times_s: np.ndarray) -> np.ndarray:
         assert (np.diff(times_s) > 0).all()
-        risen = [time_s for time_s, kind in self.edges if kind == "rise"]
-        return self._signal(times_s - (risen[-1] if risen else np.inf))
+        risen_s = np.array([-np.inf, *(time_s for time_s, kind in self.edges if kind == "rise")])
+        since_s = times_s - risen_s[np.searchsorted(risen_s, times_s, side="right") - 1]
+        return self._signal(np.where(np.isinf(since_s), -1.0, since_s))
 
     def pump(self, time_s: float, on: bool) -> None:
         self.light.append((time_s, on))

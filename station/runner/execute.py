@@ -1,4 +1,4 @@
-"""Execute a plan on a bench: look, record, walk the steps, evaluate, seal."""
+"""Execute a plan on a bench: look, record, have the steps walked, evaluate, seal."""
 
 from __future__ import annotations
 
