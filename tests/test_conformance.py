@@ -18,6 +18,7 @@ OURS = (
     "lakeshore-f71",
     "can-pulse-board",
     "interlock-chain-line",
+    "keysight-33522b",
     "operator-power",
 )
 ACCELEROMETER = "accelerometer-magnetic-sensitivity"

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 import yaml
-from generator_stand import LATENCY_S, EmptyRoom, Stand, standing
+from generator_stand import LATENCY_S, TRUTH, EmptyRoom, Stand, standing
 
 from drivers.keysight_33522b import Keysight33522B
 from drivers.keysight_33522b_messages import differs
@@ -84,15 +84,21 @@ def test_a_step_begins_at_the_trigger_and_ends_by_itself(
     assert edges_s == pytest.approx([at_s + LATENCY_S] * 2, abs=1e-12)
 
 
-def test_two_generators_start_together() -> None:
-    with standing() as one, standing() as other:
-        both = [Keysight33522B(stand.place()) for stand in (one, other)]
-        for generator in both:
-            generator.prepare_step(1, 1.0, 0.1)
-        assert one.rise() == other.rise()
-        for stand, generator in zip((one, other), both, strict=True):
-            assert stand.room.volts("x", stand.clock.now() + 1e-6) == pytest.approx([1.0])
-            generator.close()
+def test_two_generators_start_together_at_one_trigger(
+    stand: Stand, generator: Keysight33522B
+) -> None:
+    other = Stand(stand.clock, {**TRUTH, "coils": {1: "z", 2: "gradient"}}, stand.room)
+    other_generator = Keysight33522B(other.place())
+    generator.prepare_step(1, 2.0, 0.1)
+    other_generator.prepare_step(1, -2.0, 0.2)
+    other_generator.hold(2, 8.0)
+    at_s = stand.rise()
+    edges_s = [stand.room.coils[coil].breakpoints(at_s, at_s + 1.0) for coil in "xz"]
+    assert edges_s[0][0] == edges_s[1][0] == at_s + LATENCY_S
+    assert stand.room.volts("z", at_s + 0.15) == pytest.approx([-2.0])
+    assert stand.room.volts("gradient", at_s + 0.15) == [8.0]
+    other_generator.close()
+    other.generator.close()
 
 
 def test_a_step_that_is_disarmed_never_comes(stand: Stand, generator: Keysight33522B) -> None:
@@ -119,7 +125,7 @@ def test_a_step_of_nothing_leaves_the_channel_at_what_it_holds(
     generator.hold(1, 0.4)
     generator.prepare_step(1, 0.0, 0.1)
     assert stand.room.volts("x", stand.rise() + 0.05) == pytest.approx([0.4])
-    with pytest.raises(InstrumentError, match="its least amplitude is 0.002 V"):
+    with pytest.raises(InstrumentError, match=r"its least amplitude is 0\.002 V"):
         generator.prepare_step(1, 1e-3, 0.1)
 
 
@@ -194,7 +200,7 @@ def test_a_reset_of_the_loads_can_be_simulated() -> None:
         generator = Keysight33522B(stand.place())
         generator.hold(1, 1.0)
         stand.clock.sleep(11.0)
-        with pytest.raises(InstrumentError, match="LOAD.*came back where inf belongs"):
+        with pytest.raises(InstrumentError, match=r"LOAD.*came back where inf belongs"):
             generator.prepare_step(1, 1.0, 0.1)
         assert generator.read_safety().safe
         generator.close()
@@ -339,16 +345,20 @@ def test_on_the_way_to_rest_a_lost_answer_does_not_decide() -> None:
         generator.close()
 
 
-def test_an_output_that_stays_on_is_no_rest(stand: Stand, generator: Keysight33522B) -> None:
-    generator.hold(2, 1.0)
-    channel = stand.generator._channels[2]
-    stand.generator.tree.add("OUTPut2[:STATe]", lambda parameters: None)  # a relay that sticks
-    stand.generator._parsed.clear()
-    with pytest.raises(InstrumentError, match="channel 2 reads back as on; switch it off by hand"):
-        generator.make_safe(stand.clock.now() + 5.0)
-    assert channel.on
-    assert not generator.read_safety().safe
-    assert generator.read_safety().read_back == "channel 1 off, channel 2 on"
+def test_where_it_does_not_listen_a_last_attempt_switches_off_and_the_error_is_told() -> None:
+    # Three times asked for, then said once more without waiting for an answer.
+    for lost, safe in ((3, True), (4, False)):
+        with standing({"fault": "lost-command", "command": "OUTP2 OFF", "count": lost}) as stand:
+            generator = Keysight33522B(stand.place())
+            generator.programme_limits()
+            stand.at_its_front_panel("OUTP2 ON")
+            with pytest.raises(InstrumentTimeout, match="no answer came"):
+                generator.make_safe(stand.clock.now() + 5.0)
+            stand.clock.sleep(1e-3)
+            assert generator.read_safety().safe is safe
+            channel = "channel 1 off, channel 2 " + ("off" if safe else "on")
+            assert generator.read_safety().read_back == channel
+            generator.close()
 
 
 def test_only_the_output_is_a_quantity(generator: Keysight33522B) -> None:

@@ -36,8 +36,8 @@ LSB_V = 1 / 8192
 
 
 def ramp(after_s: np.ndarray) -> np.ndarray:
-    """10 V/s from the trigger on, nothing before it."""
-    return np.where(after_s >= 0, 10.0 * after_s, 0.0)
+    """10 V/s for 0.2 s from the trigger on, nothing before it and after."""
+    return np.where((after_s >= 0) & (after_s < 0.2), 10.0 * after_s, 0.0)
 
 
 def flat(volts: float) -> Signal:
@@ -181,6 +181,7 @@ def test_time_zero_is_the_trigger_to_half_a_sample_on_every_system(version: str)
         offsets = []
         for _ in range(8):
             block = shot(stand, driver)
+            stand.clock.sleep(0.3)
             time_s, volts = block.columns["time_s"], block.columns["voltage_V"]
             assert time_s[0] < -8 / rate_Hz * 0.999
             assert time_s[-1] >= 0.08

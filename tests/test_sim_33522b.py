@@ -258,9 +258,9 @@ def test_it_serves_where_there_is_nothing_to_drive() -> None:
 
 
 def test_a_coil_that_no_world_has_is_told() -> None:
-    with pytest.raises(SimulationError, match=r"simulator\.coils\.2: one of x, y, z, gradient"):
-        with standing(coils={1: "x", 2: "w"}):
-            pass
+    told = r"simulator\.coils\.2: one of x, y, z, gradient, none was expected"
+    with pytest.raises(SimulationError, match=told), standing(coils={1: "x", 2: "w"}):
+        pass
 
 
 def test_keys_that_came_by_json_are_numbers_still() -> None:

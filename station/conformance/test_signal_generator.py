@@ -1,4 +1,4 @@
-"""What a signal generator owes: its limits, two channels that do not mix, and rest from anything."""
+"""What a signal generator owes: its limits, two channels that do not mix, rest from any state."""
 
 from __future__ import annotations
 

@@ -1,0 +1,158 @@
+"""The language of an ACUTROL3000 (ACL): headers, abbreviations, and several commands a message.
+
+From the command language manual TM-8004-C: `:Main:Sub arguments`, upper and lower case alike, any
+unambiguous abbreviation; the first colon may be left out; after `;` the next command stays in the
+subsystem, after `;:` it starts from the root; a comma between header and arguments is an error.
+The numbers of the errors are not in the sources at hand: these are assumed, their words partly.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterable
+from typing import NamedTuple
+
+UNKNOWN_COMMAND = 1
+AMBIGUOUS = 2
+SYNTAX = 3
+MISSING_PARAMETER = 4
+OUT_OF_RANGE = 5
+NOT_SERVOED = 6
+INTERLOCK_OPEN = 7
+STATUS_FROZEN = 8
+TOO_LONG = 9
+TEXTS = {
+    0: "NO ERROR",
+    UNKNOWN_COMMAND: "UNKNOWN COMMAND",
+    AMBIGUOUS: "AMBIGUOUS ABBREVIATION",
+    SYNTAX: "SYNTAX ERROR",
+    MISSING_PARAMETER: "MISSING PARAMETER",
+    OUT_OF_RANGE: "PARAMETER OUT OF RANGE",
+    NOT_SERVOED: "AXIS NOT SERVOED",
+    INTERLOCK_OPEN: "INTERLOCK OPEN",
+    STATUS_FROZEN: "INTERLOCK RESET REQUIRED",
+    TOO_LONG: "MESSAGE TOO LONG",
+}
+KEPT_MESSAGES = 256
+COMMAND = re.compile(r"([A-Za-z:]+)(\?)?(?:\s+(.*))?", re.DOTALL)
+COMMON = re.compile(r"(\*[A-Za-z]+)(\?)?(?:\s+(.*))?", re.DOTALL)
+
+Act = Callable[[list[str]], "str | None"]
+
+
+class AclError(Exception):
+    """A refusal by the controller, with its number."""
+
+    def __init__(self, code: int) -> None:
+        super().__init__(TEXTS[code])
+        self.code = code
+
+
+class Step(NamedTuple):
+    """One command of a message: what it does, or the error that it is."""
+
+    act: Act | None
+    arguments: list[str]
+    code: int = 0
+
+
+class Language:
+    """Headers with what they do; `add("Demand:Rate?", …)`, a common command as `*IDN?`."""
+
+    def __init__(self) -> None:
+        self._acts: dict[tuple[str, ...], Act] = {}
+        self._known: dict[str, list[Step]] = {}
+
+    def add(self, header: str, act: Act) -> None:
+        """Add a header; a final `?` makes it a query."""
+        asks = ("?",) if header.endswith("?") else ()
+        self._acts[(*header.removesuffix("?").upper().split(":"), *asks)] = act
+
+    def steps(self, message: str) -> list[Step]:
+        """Return the commands of a message; the same message is taken apart once."""
+        if message not in self._known:
+            if len(self._known) >= KEPT_MESSAGES:
+                self._known.clear()
+            self._known[message] = self._taken_apart(message)
+        return self._known[message]
+
+    def _taken_apart(self, message: str) -> list[Step]:
+        steps: list[Step] = []
+        subsystem: tuple[str, ...] = ()
+        for text in message.split(";"):
+            command = text.strip()
+            if not command:
+                continue
+            try:
+                step, subsystem = self._step(command, subsystem)
+            except AclError as error:
+                step = Step(None, [], error.code)
+            steps.append(step)
+        return steps
+
+    def _step(self, command: str, subsystem: tuple[str, ...]) -> tuple[Step, tuple[str, ...]]:
+        common = COMMON.fullmatch(command)
+        if common is not None:
+            path: tuple[str, ...] = (common[1].upper(),)
+            return self._found(path, common[2], common[3]), subsystem
+        match = COMMAND.fullmatch(command)
+        if match is None:
+            raise AclError(SYNTAX)
+        header = match[1]
+        words = [word.upper() for word in header.removeprefix(":").split(":")]
+        path = () if header.startswith(":") else subsystem
+        for word in words:
+            path = (*path, self._whole(path, word))
+        return self._found(path, match[2], match[3]), path[:-1]
+
+    def _found(self, path: tuple[str, ...], asks: str | None, rest: str | None) -> Step:
+        act = self._acts.get((*path, "?") if asks else path)
+        if act is None:
+            raise AclError(UNKNOWN_COMMAND)
+        text = (rest or "").strip()
+        return Step(act, [part.strip() for part in text.split(",")] if text else [])
+
+    def _whole(self, path: tuple[str, ...], word: str) -> str:
+        depth = len(path)
+        words = {
+            known[depth] for known in self._acts if known[:depth] == path and len(known) > depth
+        }
+        return whole(word, words - {"?"}, UNKNOWN_COMMAND)
+
+
+def whole(text: str, words: Iterable[str], otherwise: int = OUT_OF_RANGE) -> str:
+    """Return the word, in capitals, that `text` is or abbreviates; AclError where there is none."""
+    short = text.upper()
+    known = {word.upper() for word in words}
+    if short in known:
+        return short
+    found = [word for word in known if short and word.startswith(short)]
+    if not found:
+        raise AclError(otherwise)
+    if len(found) > 1:
+        raise AclError(AMBIGUOUS)
+    return found[0]
+
+
+def argument(arguments: list[str], place: int) -> str:
+    """Return one argument; AclError where it is missing."""
+    if place >= len(arguments) or not arguments[place]:
+        raise AclError(MISSING_PARAMETER)
+    return arguments[place]
+
+
+NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)")
+
+
+def number(arguments: list[str], place: int) -> float:
+    """Return an argument as a number, which is written without an exponent."""
+    text = argument(arguments, place)
+    if NUMBER.fullmatch(text) is None:
+        raise AclError(SYNTAX)
+    return float(text)
+
+
+def decimal(value: float) -> str:
+    """Return a number as the controller writes it: no exponent, no leading plus, no minus zero."""
+    text = f"{value:.6f}"
+    return text.removeprefix("-") if float(text) == 0.0 else text
