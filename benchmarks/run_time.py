@@ -1,6 +1,9 @@
 """How much faster than the bench a run on the simulated bench is; one JSON line a run.
 
 python benchmarks/run_time.py --plan rlg-magnetic-sensitivity --runs 3
+python benchmarks/run_time.py --plan accelerometer-magnetic-sensitivity \
+    --set "parameters.planes=[io, ip, op]" --set parameters.order=as_published \
+    --set parameters.repeats=1
 """
 
 from __future__ import annotations
@@ -24,20 +27,24 @@ def main() -> None:
     parser.add_argument("--plan", default="rlg-magnetic-sensitivity")
     parser.add_argument("--bench", default="sim")
     parser.add_argument("--runs", type=int, default=3)
+    parser.add_argument("--set", action="append", default=[], dest="overrides")
     arguments = parser.parse_args()
     for number in range(arguments.runs):
         with tempfile.TemporaryDirectory() as parent:
-            plan = read_plan(find(PLANS, arguments.plan), registry.Procedures())
+            path = find(PLANS, arguments.plan)
+            plan = read_plan(path, registry.Procedures(), arguments.overrides)
             bench = read_bench(find(BENCHES, arguments.bench), registry.names(registry.DRIVERS))
             began, worked = time.perf_counter(), time.process_time()
             outcome = execute(Request(plan, bench, Path(parent), quiet=True))
             wall_s, cpu_s = time.perf_counter() - began, time.process_time() - worked
-            bench_s = RunFolder(outcome.folder).events[-1].time_s
+            folder = RunFolder(outcome.folder)
+            bench_s, units = folder.events[-1].time_s, len(folder.finished_units())
         line = {
             "benchmark": "run_time",
             "plan": arguments.plan,
             "run": number,
             "exit_code": outcome.exit_code,
+            "units": units,
             "bench_s": round(bench_s, 3),
             "wall_s": round(wall_s, 3),
             "processor_s": round(cpu_s, 3),

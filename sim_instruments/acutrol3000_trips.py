@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from itertools import pairwise
 
 import numpy as np
 
@@ -15,11 +16,12 @@ def pieces(
 ) -> Iterator[tuple[float, float, float, float, float]]:
     """Yield begin, end (s), angle (deg), rate (deg/s), acceleration of each piece of a plan."""
     edges = [from_s, *plan.breakpoints(from_s, math.inf).tolist(), math.inf]
-    for begin_s, end_s in zip(edges, edges[1:], strict=False):
+    for begin_s, end_s in pairwise(edges):
+        if end_s <= begin_s:
+            continue
         at = np.array([begin_s, min(end_s, begin_s + 1.0)])
         rates, angles = plan.rate_deg_per_s(at), plan.angle_deg(at)
         takes_s = at[1] - at[0]
-        # A piece includes its begin: the rate at its end belongs to the next one, yet is the same.
         slope = float(rates[1] - rates[0]) / takes_s if math.isfinite(end_s) else 0.0
         yield begin_s, end_s, float(angles[0]), float(rates[0]), slope
 
@@ -45,7 +47,7 @@ def too_far_from_s(plan: RotationHistory, from_s: float, low: float, high: float
             begin_s + root
             for limit in (low, high)
             for root in roots(0.5 * slope, rate, angle - limit)
-            if 1e-9 < root and begin_s + root < end_s - 1e-9
+            if root > 1e-9 and begin_s + root < end_s - 1e-9
         ]
         if after:
             return min(after)

@@ -26,7 +26,10 @@ FILLED_IN = {
     "coil_supply": "    settings: {coil_constant: 0.3 mT/A}\n"
     "    limits: {current: 8 A, voltage: 30 V, slew: 2 A/s, zero_current: 20 mA}\n",
     "rotary_stage": "    limits: {rate: 20 deg/s, acceleration: 40 deg/s^2}\n",
+    "signal_generator": "    settings: {load: high-impedance}\n    limits: {voltage: 9 V}\n",
 }
+
+MADE_SAFE = ("coil_supply", "rotary_stage", "signal_generator", "digitizer", "pump_laser")
 
 
 def station(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
@@ -92,7 +95,8 @@ def test_the_draft_lacks_only_what_a_person_must_say(
     with pytest.raises(FaultList) as raised:
         read_bench(path, drivers)
     for fault in raised.value.faults:
-        assert re.search("is missing; a (coil_supply|rotary_stage) needs it", str(fault))
+        roles = "coil_supply|rotary_stage|signal_generator"
+        assert re.search(f"is missing; a ({roles}) needs it", str(fault))
     text = scanned.stdout
     for line in text.splitlines():
         role = line.strip().rstrip(":").split(".")[0]
@@ -100,7 +104,7 @@ def test_the_draft_lacks_only_what_a_person_must_say(
             text = text.replace(f"{line}\n", f"{line}\n{FILLED_IN[role]}")
     path.write_text(text, encoding="utf-8")
     bench = read_bench(path, drivers)
-    assert bench.safe_order() == [("coil_supply", 30.0), ("rotary_stage", 30.0)]
+    assert bench.safe_order() == [(role, 30.0) for role in MADE_SAFE]
     assert "FILL IN" in text
 
 

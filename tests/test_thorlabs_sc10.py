@@ -148,13 +148,15 @@ def test_an_act_is_done_when_it_returns() -> None:
 @pytest.mark.parametrize("enabled", [True, False])
 def test_what_somebody_left_enabled_is_not_toggled_the_wrong_way(enabled: bool) -> None:
     for act, is_open in (("open_shutter", True), ("close_shutter", False)):
-        with opened() as (stand, driver):
+        with controller() as stand:
             with stand.line() as line:
                 if enabled:
                     ask(line, "ens")
                     stand.clock.sleep(0.1)
+            driver = ThorlabsSc10(stand.place())
             getattr(driver, act)()
             assert driver.is_open() is is_open
+            driver.close()
 
 
 def test_the_light_goes_off_at_the_trigger_and_comes_back_after_it() -> None:
@@ -250,6 +252,7 @@ def test_one_lost_exchange_does_not_leave_the_light_on(fault: str, command: str)
 def test_in_a_step_the_first_fault_of_the_wire_is_one_clear_sentence(fault: str, says: str) -> None:
     with opened({"fault": fault, "command": "closed?", "at": "1 s"}) as (stand, driver):
         driver.open_shutter()
+        driver.identify()
         stand.clock.sleep_until(1.0)
         text = told(driver.is_open)
         assert text.startswith("pump_laser: sent 'closed?': ") and says in text

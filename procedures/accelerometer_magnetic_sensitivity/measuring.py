@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from procedures.accelerometer_magnetic_sensitivity.check import (
@@ -15,6 +15,7 @@ from procedures.accelerometer_magnetic_sensitivity.check import (
     THERMOMETER,
 )
 from procedures.accelerometer_magnetic_sensitivity.parameters import AccelerometerParameters, Point
+from procedures.accelerometer_magnetic_sensitivity.standing_still import StandingStill
 from station.errors import ConditionNotReached, InstrumentError
 
 if TYPE_CHECKING:
@@ -45,6 +46,7 @@ class Place:
     plane: str | None = None
     angle_deg: float = math.nan
     range_V: float = 0.0
+    meters: StandingStill = field(default_factory=StandingStill)
 
 
 def measure(run: Run, point: Point, place: Place, said: str) -> None:
@@ -61,7 +63,9 @@ def measure(run: Run, point: Point, place: Place, said: str) -> None:
     turn_to(run, point.angle_deg, place, said)
     supply = run.role(SUPPLY, DirectCurrentSupply)
     supply.ramp_to(point.field_mT / supply.coil_constant_mT_per_A)
-    settle(run, run.parameters, said)
+    measured_mT = settle(run, run.parameters, said)
+    least_mT = run.parameters.dwell.field_change_mT
+    place.meters.driven(GAUSSMETER, point.field_mT, measured_mT, least_mT)
     details = {
         "plane": point.plane,
         "angle_deg": point.angle_deg,
@@ -72,7 +76,7 @@ def measure(run: Run, point: Point, place: Place, said: str) -> None:
     with run.unit(point.unit, **details):
         record_angle(run, point)
         for _ in range(MOST_RANGES):
-            if not read_output(run, point.unit, said):
+            if not read_output(run, point.unit, said, place.meters):
                 return
             widen(run, point.unit, place)
         raise InstrumentError(
@@ -105,10 +109,10 @@ def wait_for_stage(run: Run, said: str) -> None:
         run.say_progress(said)
 
 
-def settle(run: Run, parameters: AccelerometerParameters, said: str) -> None:
+def settle(run: Run, parameters: AccelerometerParameters, said: str) -> float:
     """Wait until successive readings of the field agree; the plan's dwell rule says for how long.
 
-    Raises ConditionNotReached when they never do.
+    Returns the last reading in mT. Raises ConditionNotReached when they never do.
     """
     from drivers.roles import Gaussmeter
 
@@ -128,7 +132,7 @@ def settle(run: Run, parameters: AccelerometerParameters, said: str) -> None:
             before_mT = field_mT
         run.say_progress(f"{said}, {before_mT:.3f} mT")
         if math.isfinite(before_mT) and now_s - steady_since_s >= rule.at_least_s:
-            return
+            return before_mT
         if now_s - began_s > rule.at_most_s:
             raise ConditionNotReached(
                 f"the field did not settle within {rule.at_most_s:g} s: successive readings differ "
@@ -150,7 +154,7 @@ def record_angle(run: Run, point: Point) -> None:
     run.record.block(STAGE, point.unit, STAGE_COLUMNS, row)
 
 
-def read_output(run: Run, unit: str, said: str) -> bool:
+def read_output(run: Run, unit: str, said: str, meters: StandingStill) -> bool:
     """Record a burst of the voltmeter, temperature and field beside it; True when overloaded."""
     from drivers.roles import Gaussmeter, Multimeter, Thermometer
 
@@ -182,6 +186,8 @@ def read_output(run: Run, unit: str, said: str) -> bool:
             keep(run, source, unit, block)
             if name == MULTIMETER:
                 overloaded = bool(block.columns["overload"].any())
+                if not overloaded:
+                    meters.output(name, unit, {float(one) for one in block.columns["voltage_V"]})
         keep(run, gaussmeter, unit, gaussmeter.drain())
         run.say_progress(said)
         if bursts and run.clock.now() > until_s:

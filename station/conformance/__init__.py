@@ -14,8 +14,9 @@ state, no faster than its slew limit, proven by its own reading back. A sampled 
 columns, counts without a gap for a minute, and is quiet once stopped. A rotary stage takes its
 limits, turns to no angle before its zero is found, reads the angle that was commanded, and stops
 from any movement. A meter or a thermometer gives each burst of readings once and whole, in
-exchanges that do not wait for it. A supply of the device under test asks the operator for nothing
-that it did not declare.
+exchanges that do not wait for it. A digitizer brings one whole record about each trigger that
+it gives, and its trigger output comes to rest. A shutter proves where it stands, and closes from
+any state. A supply of the device under test asks the operator for nothing that it did not declare.
 
 On a simulated bench (one with `simulation`) the instrument's simulator answers, on virtual time,
 in the world of `--station-procedure`. On a real bench the tests wait in real time, and whatever
