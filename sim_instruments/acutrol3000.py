@@ -15,10 +15,10 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable
+from functools import partial
 from typing import Any, ClassVar
 
-from sim_instruments.acutrol3000_axis import MODES, Axis, ModeLimits
-from sim_instruments.acutrol3000_encoder import Encoder, Table
+from sim_instruments.acutrol3000_axis import MODES, Axis
 from sim_instruments.acutrol3000_language import (
     OUT_OF_RANGE,
     TEXTS,
@@ -30,6 +30,7 @@ from sim_instruments.acutrol3000_language import (
     number,
     whole,
 )
+from sim_instruments.acutrol3000_table import Encoder, ModeLimits, Table
 from sim_instruments.faults.lasting import EmergencyStop, FollowingError, LastingFault, Stuck
 from sim_instruments.instrument import Setting
 from sim_instruments.seeds import generator
@@ -48,7 +49,7 @@ LIMITS = {"RATE": "rate", "ACCELERATION": "acceleration", "JERK": "jerk"}
 class Acutrol3000:
     """The controller, whose axes turn those of the world's `table`, or axes of its own.
 
-    Truth (`simulator` mapping): `framing`; what `Table` of `sim_instruments.acutrol3000_encoder`
+    Truth (`simulator` mapping): `framing`; what `Table` of `sim_instruments.acutrol3000_table`
     needs; and `axis_1` to `axis_3`, as many as there are, each as `Encoder` there.
     """
 
@@ -146,10 +147,10 @@ class Acutrol3000:
         add("Mode", self._set_mode)
         add("Mode?", self._of_axis(lambda axis, _: axis.mode.capitalize()))
         for mode in MODES:
-            add(f"Mode:{mode}", lambda given, mode=mode: self._set_mode([*given[:1], mode]))
+            add(f"Mode:{mode}", partial(self._to_mode, mode))
         add("Mode:Home", self._each(lambda axis, _: axis.search_zero()))
         for name, mode in (("Position", "POSITION"), ("Rate", "RATE")):
-            add(f"Demand:{name}", self._each(lambda a, v, m=mode: a.demand(m, number(v, 0))))
+            add(f"Demand:{name}", self._each(partial(demand, mode)))
         add("Demand:Position?", self._of_axis(lambda a, _: decimal(a.demands.position)))
         add("Demand:Rate?", self._of_axis(lambda a, _: decimal(a.demands.rate)))
         add("Demand:DeltaPosition", self._each(lambda a, v: a.demand_change(number(v, 0))))
@@ -163,11 +164,11 @@ class Acutrol3000:
         add("Limit", self._limit_all)
         add("Limit:Absolute?", self._of_axis(self._absolute))
         for name, key in LIMITS.items():
-            add(f"Limit:{name}", lambda given, key=key: self._limit(given, key))
-            add(f"Limit:{name}?", lambda given, key=key: self._limit_of(given, key))
+            add(f"Limit:{name}", partial(self._limit, key))
+            add(f"Limit:{name}?", partial(self._limit_of, key))
         for name, key in (("LowPosition", "low_deg"), ("HighPosition", "high_deg")):
-            add(f"Limit:{name}", self._each(lambda a, v, k=key: self._limit_position(a, v, k)))
-            add(f"Limit:{name}?", self._of_axis(lambda a, _, k=key: ended(getattr(a, k))))
+            add(f"Limit:{name}", self._each(partial(limit_position, key)))
+            add(f"Limit:{name}?", self._of_axis(partial(position_limit, key)))
         add("Limit:VelocityTrip", self._each(self._set_trip))
         add("Limit:VelocityTrip?", self._of_axis(lambda axis, _: decimal(axis.velocity_trip)))
         add("Status:CSR?", self._register)
@@ -205,6 +206,9 @@ class Acutrol3000:
         for axis in self._axes(given):
             axis.set_mode(mode)
 
+    def _to_mode(self, mode: str, given: list[str]) -> None:
+        self._set_mode([*given[:1], mode])
+
     def _reset(self, given: list[str]) -> None:
         for axis in self.axes.values():
             axis.reset()
@@ -216,7 +220,7 @@ class Acutrol3000:
                 if place < len(given):
                     self._set_limit(axis.limits[mode], key, number(given, place))
 
-    def _limit(self, given: list[str], key: str) -> None:
+    def _limit(self, key: str, given: list[str]) -> None:
         mode = whole(argument(given, 0), MODES)
         for axis in self._axes(given[1:]):
             self._set_limit(axis.limits[mode], key, number(given, 2))
@@ -230,15 +234,9 @@ class Acutrol3000:
             raise AclError(OUT_OF_RANGE)
         setattr(limits, key, value)
 
-    def _limit_of(self, given: list[str], key: str) -> str:
+    def _limit_of(self, key: str, given: list[str]) -> str:
         limits = self._axis(given[1:]).limits[whole(argument(given, 0), MODES)]
         return decimal(getattr(limits, key))
-
-    def _limit_position(self, axis: Axis, given: list[str], key: str) -> None:
-        value = number(given, 0)
-        if axis.encoder.continuous or not axis.encoder.low_deg <= value <= axis.encoder.high_deg:
-            raise AclError(OUT_OF_RANGE)
-        setattr(axis, key, value)
 
     def _set_trip(self, axis: Axis, given: list[str]) -> None:
         value = number(given, 0)
@@ -287,6 +285,24 @@ class Acutrol3000:
                 axis.emergency()
         if fault is not None:
             self._status_byte |= SAFETY_INTERLOCK | SUMMARY
+
+
+def demand(mode: str, axis: Axis, given: list[str]) -> None:
+    """Demand a position or a rate of an axis."""
+    axis.demand(mode, number(given, 0))
+
+
+def limit_position(key: str, axis: Axis, given: list[str]) -> None:
+    """Limit the positions of an axis that has end stops."""
+    value = number(given, 0)
+    if axis.encoder.continuous or not axis.encoder.low_deg <= value <= axis.encoder.high_deg:
+        raise AclError(OUT_OF_RANGE)
+    setattr(axis, key, value)
+
+
+def position_limit(key: str, axis: Axis, given: list[str]) -> str:
+    """Return a limit of the positions of an axis."""
+    return ended(getattr(axis, key))
 
 
 def ended(limit_deg: float) -> str:

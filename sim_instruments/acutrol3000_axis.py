@@ -21,7 +21,7 @@ from sim_instruments.acutrol3000_language import (
     STATUS_FROZEN,
     AclError,
 )
-from sim_instruments.acutrol3000_encoder import Encoder, Table
+from sim_instruments.acutrol3000_table import Demands, Encoder, ModeLimits, Table
 from sim_instruments.acutrol3000_trips import too_far_from_s, too_fast_from_s
 from sim_instruments.world.rotation import RotationHistory
 
@@ -37,24 +37,6 @@ JERK_PER_ACCELERATION = 10.0
 SERVOED, UNSERVOED, SOFTWARE_ABORT, HARDWARE_ABORT = 1 << 4, 1 << 5, 1 << 6, 1 << 7
 AT_POSITION, AT_RATE = 1 << 8, 1 << 9
 ABORT, RATE_TRIP, TRACKING_ERROR = 1 << 0, 1 << 1, 1 << 2
-
-
-@dataclass
-class ModeLimits:
-    """What a mode may use of an axis."""
-
-    rate: float
-    acceleration: float
-    jerk: float
-
-
-@dataclass
-class Demands:
-    """What was demanded of each mode, whether or not the axis is in it."""
-
-    position: float = 0.0
-    rate: float = 0.0
-    acceleration: float = 0.0
 
 
 @dataclass

@@ -23,7 +23,7 @@ from station.runner.opening import Place
 
 CONNECT_S = 1.0
 ANSWER_S = 1.0
-IDENTIFY = b"*IDN?\n"
+IDENTIFY = b"*IDN?\r\n"
 LONGEST_ANSWER = 4096
 MODBUS_PORT = 502
 CAN_PORTS = (28600, 29536)

@@ -1,4 +1,4 @@
-"""The truth of a table under an ACUTROL3000: what its axes can do, and what its encoders read."""
+"""A table under an ACUTROL3000: what its axes can, may and shall do, and what its encoders read."""
 
 from __future__ import annotations
 
@@ -43,6 +43,24 @@ class Table:
         if min(positive) <= 0 or min(table.delay_s, table.settling_s) < 0:
             raise SimulationError(f"{truth.where}: rates, resolution and times must be positive")
         return table
+
+
+@dataclass
+class ModeLimits:
+    """What a mode may use of an axis."""
+
+    rate: float
+    acceleration: float
+    jerk: float
+
+
+@dataclass
+class Demands:
+    """What was demanded of each mode, whether or not the axis is in it."""
+
+    position: float = 0.0
+    rate: float = 0.0
+    acceleration: float = 0.0
 
 
 @dataclass
