@@ -22,8 +22,9 @@ from contextlib import suppress
 from typing import ClassVar
 
 from drivers.roles import Identity, Place
+from drivers.transport.answers import shortened
 from drivers.transport.retry import PatientLine, Repeatable
-from drivers.transport.visa_line import ScpiLine, shortened
+from drivers.transport.visa_line import ScpiLine
 from station.errors import InputError, InstrumentError
 
 STATES = {"CLOSED": "closed", "OPEN": "open"}

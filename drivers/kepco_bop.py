@@ -17,8 +17,9 @@ import numpy as np
 from drivers.kepco_leaving import Sine, wait_for_zero
 from drivers.kepco_steady import SteadyCurrent
 from drivers.roles import Identity, Place, SafetyReading
+from drivers.transport.answers import shortened
 from drivers.transport.retry import PatientLine, Repeatable
-from drivers.transport.visa_line import ScpiLine, shortened
+from drivers.transport.visa_line import ScpiLine
 from station.errors import InputError, InstrumentError, PauseRefused
 from station.units import parse_as
 
@@ -209,7 +210,7 @@ class KepcoBop:
         if self._list_runs():
             self._leave_list(deadline_s)
         present_A, set_A = self._sure_current_A(), self._patient.number("CURR?")
-        if abs(set_A) > self._ramp_step_A:
+        if abs(set_A) > self._ramp_step_A or self._stood_still:
             # What it drives follows what it is told, also where it reads back something else:
             # in compliance, frozen, or beyond its set-point.
             present_A = set_A

@@ -36,8 +36,9 @@ from drivers.keysight_33522b_messages import (
     wrong_setting,
 )
 from drivers.roles import Identity, Place, SafetyReading
+from drivers.transport.answers import shortened
 from drivers.transport.retry import PatientLine, Repeatable
-from drivers.transport.visa_line import ScpiLine, shortened
+from drivers.transport.visa_line import ScpiLine
 from station.errors import InputError, InstrumentError
 
 ERROR_QUERY = ":SYST:ERR?"

@@ -16,8 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.roles import Identity, Place
+from drivers.transport.answers import shortened
 from drivers.transport.retry import PatientLine, Repeatable
-from drivers.transport.visa_line import ScpiLine, shortened
+from drivers.transport.visa_line import ScpiLine
 from station.errors import InstrumentError
 from station.units import UnitError, parse_as
 

@@ -17,8 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.roles import Block, Identity, Place
+from drivers.transport.answers import shortened
 from drivers.transport.retry import PatientLine, Repeatable
-from drivers.transport.visa_line import ScpiLine, shortened
+from drivers.transport.visa_line import ScpiLine
 from station.errors import InputError, InstrumentError
 from station.units import parse_as
 

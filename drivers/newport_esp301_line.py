@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Collection
 
 from drivers.roles import Place
+from drivers.transport.answers import number_of
 from drivers.transport.serial_line import SerialLine, shortened
 from drivers.transport.serial_port import Framing
 from station.errors import InstrumentError
@@ -71,19 +71,7 @@ class EspLine:
 
     def number(self, message: str) -> float:
         """Return the answer to a query as a finite number; anything else is InstrumentError."""
-        answer = self.query(message)
-        try:
-            value = float(answer)
-        except ValueError:
-            value = math.nan
-        if not math.isfinite(value):
-            raise InstrumentError(
-                self._place.name,
-                f"sent {message!r}",
-                f"{shortened(answer)!r} came back where a number belongs",
-                "check the cable and that nobody else talks to the controller",
-            )
-        return value
+        return number_of(self._place.name, message, self.query(message))
 
     def command(self, message: str, *, but_for: Collection[int] = ()) -> None:
         """Send a command and ask for an error in the same line; one that is told is raised.

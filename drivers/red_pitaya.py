@@ -25,8 +25,9 @@ from numpy.typing import NDArray
 
 from drivers.red_pitaya_settings import SLOTS, CannotRecord, Record, Settings
 from drivers.roles import Block, Identity, Place, SafetyReading
+from drivers.transport.answers import shortened
 from drivers.transport.retry import Repeatable, repeated
-from drivers.transport.visa_line import VisaLine, shortened
+from drivers.transport.visa_line import VisaLine
 from station.errors import InputError, InstrumentError
 
 Answer = TypeVar("Answer")

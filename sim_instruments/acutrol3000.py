@@ -14,7 +14,6 @@ kept, and limits nothing), real-time data, binary numbers.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable
 from functools import partial
 from typing import Any, ClassVar
 
@@ -30,7 +29,8 @@ from sim_instruments.acutrol3000_language import (
     number,
     whole,
 )
-from sim_instruments.acutrol3000_table import Encoder, ModeLimits, Table
+from sim_instruments.acutrol3000_limits import Axes, add_limits
+from sim_instruments.acutrol3000_table import Encoder, Table
 from sim_instruments.faults.lasting import EmergencyStop, FollowingError, LastingFault, Stuck
 from sim_instruments.instrument import Setting
 from sim_instruments.seeds import generator
@@ -62,7 +62,7 @@ class Acutrol3000:
             raise SimulationError(f"{truth.where}.framing: write one of {', '.join(FRAMINGS)}")
         self._identity = f"Acutronic R&D USA,Acutrol3000,{setting.serial},{FIRMWARE}"
         table, world = Table.read(truth), getattr(setting.world, "table", None)
-        self.axes: dict[int, Axis] = {}
+        self.axes = Axes()
         for n in range(1, 4):
             if f"axis_{n}" not in truth:
                 break
@@ -145,65 +145,31 @@ class Acutrol3000:
         add("*IDN?", lambda _: self._identity)
         add("*STB?", self._take_status_byte)
         add("Mode", self._set_mode)
-        add("Mode?", self._of_axis(lambda axis, _: axis.mode.capitalize()))
+        add("Mode?", self.axes.answer(lambda axis, _: axis.mode.capitalize()))
         for mode in MODES:
             add(f"Mode:{mode}", partial(self._to_mode, mode))
-        add("Mode:Home", self._each(lambda axis, _: axis.search_zero()))
+        add("Mode:Home", self.axes.command(lambda axis, _: axis.search_zero()))
         for name, mode in (("Position", "POSITION"), ("Rate", "RATE")):
-            add(f"Demand:{name}", self._each(partial(demand, mode)))
-        add("Demand:Position?", self._of_axis(lambda a, _: decimal(a.demands.position)))
-        add("Demand:Rate?", self._of_axis(lambda a, _: decimal(a.demands.rate)))
-        add("Demand:DeltaPosition", self._each(lambda a, v: a.demand_change(number(v, 0))))
+            add(f"Demand:{name}", self.axes.command(partial(demand, mode)))
+        add("Demand:Position?", self.axes.answer(lambda a, _: decimal(a.demands.position)))
+        add("Demand:Rate?", self.axes.answer(lambda a, _: decimal(a.demands.rate)))
+        add("Demand:DeltaPosition", self.axes.command(lambda a, v: a.demand_change(number(v, 0))))
         for asked in ("", "?"):
-            add(f"Read:Position{asked}", self._of_axis(lambda a, _: decimal(a.position_deg())))
-            add(f"Read:Rate{asked}", self._of_axis(lambda a, _: decimal(a.rate_deg_per_s())))
-        add("Interlock:Close", self._each(lambda axis, _: axis.close()))
-        add("Interlock:Open", self._each(lambda axis, _: axis.open()))
+            add(f"Read:Position{asked}", self.axes.answer(lambda a, _: decimal(a.position_deg())))
+            add(f"Read:Rate{asked}", self.axes.answer(lambda a, _: decimal(a.rate_deg_per_s())))
+        add("Interlock:Close", self.axes.command(lambda axis, _: axis.close()))
+        add("Interlock:Open", self.axes.command(lambda axis, _: axis.open()))
         add("Interlock:Reset", self._reset)
         add("Utility:Lockout", lambda given: whole(argument(given, 0), ("ON", "OFF")) and None)
-        add("Limit", self._limit_all)
-        add("Limit:Absolute?", self._of_axis(self._absolute))
-        for name, key in LIMITS.items():
-            add(f"Limit:{name}", partial(self._limit, key))
-            add(f"Limit:{name}?", partial(self._limit_of, key))
-        for name, key in (("LowPosition", "low_deg"), ("HighPosition", "high_deg")):
-            add(f"Limit:{name}", self._each(partial(limit_position, key)))
-            add(f"Limit:{name}?", self._of_axis(partial(position_limit, key)))
-        add("Limit:VelocityTrip", self._each(self._set_trip))
-        add("Limit:VelocityTrip?", self._of_axis(lambda axis, _: decimal(axis.velocity_trip)))
+        add_limits(language, self.axes, self._table)
         add("Status:CSR?", self._register)
         add("Status:MSG?", self._take_error)
         add("Query:Error?", lambda given: TEXTS.get(int(number(given, 0)), "UNKNOWN ERROR"))
         return language
 
-    def _axis(self, given: list[str]) -> Axis:
-        n = number(given, 0)
-        if n not in self.axes:
-            raise AclError(OUT_OF_RANGE)
-        return self.axes[int(n)]
-
-    def _of_axis(self, answer: Callable[[Axis, list[str]], str]) -> Callable[[list[str]], str]:
-        """Return a query whose first argument is an axis."""
-        return lambda given: answer(self._axis(given), given[1:])
-
-    def _each(self, act: Callable[[Axis, list[str]], None]) -> Callable[[list[str]], None]:
-        """Return a command whose first argument is an axis, or ALL."""
-
-        def command(given: list[str]) -> None:
-            for axis in self._axes(given):
-                act(axis, given[1:])
-
-        return command
-
-    def _axes(self, given: list[str]) -> list[Axis]:
-        """Return the axes that the first argument means."""
-        if given and given[0].upper() == "ALL":
-            return list(self.axes.values())
-        return [self._axis(given)]
-
     def _set_mode(self, given: list[str]) -> None:
         mode = whole(argument(given, 1), MODES)
-        for axis in self._axes(given):
+        for axis in self.axes.named(given):
             axis.set_mode(mode)
 
     def _to_mode(self, mode: str, given: list[str]) -> None:
@@ -213,46 +179,9 @@ class Acutrol3000:
         for axis in self.axes.values():
             axis.reset()
 
-    def _limit_all(self, given: list[str]) -> None:
-        mode = whole(argument(given, 1), MODES)
-        for axis in self._axes(given):
-            for place, key in enumerate(LIMITS.values(), 2):
-                if place < len(given):
-                    self._set_limit(axis.limits[mode], key, number(given, place))
-
-    def _limit(self, key: str, given: list[str]) -> None:
-        mode = whole(argument(given, 0), MODES)
-        for axis in self._axes(given[1:]):
-            self._set_limit(axis.limits[mode], key, number(given, 2))
-
-    def _set_limit(self, limits: ModeLimits, key: str, value: float) -> None:
-        largest = {
-            "rate": self._table.largest_rate,
-            "acceleration": self._table.largest_acceleration,
-        }
-        if value <= 0 or value > largest.get(key, float("inf")):
-            raise AclError(OUT_OF_RANGE)
-        setattr(limits, key, value)
-
-    def _limit_of(self, key: str, given: list[str]) -> str:
-        limits = self._axis(given[1:]).limits[whole(argument(given, 0), MODES)]
-        return decimal(getattr(limits, key))
-
-    def _set_trip(self, axis: Axis, given: list[str]) -> None:
-        value = number(given, 0)
-        if not 0 < value <= 1.2 * self._table.largest_rate:
-            raise AclError(OUT_OF_RANGE)
-        axis.velocity_trip = value
-
-    def _absolute(self, axis: Axis, given: list[str]) -> str:
-        rate, acceleration = self._table.largest_rate, self._table.largest_acceleration
-        ends = [ended(axis.encoder.low_deg), ended(axis.encoder.high_deg)]
-        values = [decimal(one) for one in (rate, acceleration, 10 * acceleration)]
-        return ",".join([*values, *ends, decimal(1.2 * rate)])
-
     def _register(self, given: list[str]) -> str:
         name = argument(given, 0).upper()
-        axis = self._axis([name[1:2]]) if name[:1] == "A" and name[1:2].isdigit() else None
+        axis = self.axes.one([name[1:2]]) if name[:1] == "A" and name[1:2].isdigit() else None
         if axis is None or name[2:] not in REGISTERS:
             raise AclError(OUT_OF_RANGE)
         status = axis.status()
@@ -290,23 +219,3 @@ class Acutrol3000:
 def demand(mode: str, axis: Axis, given: list[str]) -> None:
     """Demand a position or a rate of an axis."""
     axis.demand(mode, number(given, 0))
-
-
-def limit_position(key: str, axis: Axis, given: list[str]) -> None:
-    """Limit the positions of an axis that has end stops."""
-    value = number(given, 0)
-    if axis.encoder.continuous or not axis.encoder.low_deg <= value <= axis.encoder.high_deg:
-        raise AclError(OUT_OF_RANGE)
-    setattr(axis, key, value)
-
-
-def position_limit(key: str, axis: Axis, given: list[str]) -> str:
-    """Return a limit of the positions of an axis."""
-    return ended(getattr(axis, key))
-
-
-def ended(limit_deg: float) -> str:
-    """Return a position limit, 0 and 360 standing for an axis that turns for ever."""
-    if limit_deg in (float("inf"), float("-inf")):
-        return decimal(360.0 if limit_deg > 0 else 0.0)
-    return decimal(limit_deg)

@@ -7,18 +7,20 @@ served.
 
 from __future__ import annotations
 
-from typing import Any, ClassVar
+from typing import ClassVar
 
 from sim_instruments.faults.lasting import CONTACTS, ChainOpen
 from sim_instruments.instrument import Setting
+from sim_instruments.line_instrument import LineInstrument
 from sim_instruments.scpi_device import ScpiDevice
-from sim_instruments.tcp import HOST, LineServer
 
 FIRMWARE = "1.0"
 
 
-class InterlockChain(ScpiDevice):
+class InterlockChain(LineInstrument, ScpiDevice):
     """The chain of the simulated laboratory: closed unless a fault opens a contact."""
+
+    model = "interlock chain reader"
 
     lasting_faults: ClassVar = (ChainOpen.kind,)
 
@@ -28,30 +30,7 @@ class InterlockChain(ScpiDevice):
         self._faults = setting.faults
         self.tree.add("CHAIN?", self._answer(lambda: "OPEN" if self._open() else "CLOSED"))
         self.tree.add("CHAIN:LIST?", self._answer(lambda: ",".join(self._open()) or "NONE"))
-        self._server = LineServer(
-            setting.name,
-            setting.port,
-            setting.clock,
-            setting.world.lock,
-            self._line,
-            setting.faults,
-        )
-        self._server.begin()
-
-    def describe(self) -> dict[str, Any]:
-        """Return what `station sim` prints about this instrument."""
-        port = self._server.port
-        return {
-            "model": "interlock chain reader",
-            "protocol": "scpi",
-            "address": f"TCPIP::{HOST}::{port}::SOCKET",
-            "host": HOST,
-            "port": port,
-        }
-
-    def close(self) -> None:
-        """Stop serving."""
-        self._server.close()
+        self.begin_to_serve(setting)
 
     def _open(self) -> list[str]:
         now_s = self._clock.now()

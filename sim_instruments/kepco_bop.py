@@ -8,7 +8,7 @@ a list may be armed with the output off; protection cannot be set below 1 % of t
 
 from __future__ import annotations
 
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
@@ -23,10 +23,10 @@ from sim_instruments.instrument import Setting
 from sim_instruments.kepco_limits import add_limit_commands
 from sim_instruments.kepco_list import ListMemory, add_list_commands
 from sim_instruments.kepco_output import RATED, Output, scientific
+from sim_instruments.line_instrument import LineInstrument
 from sim_instruments.scpi import Handler, ScpiError, boolean, choice, number, one
 from sim_instruments.scpi import whole_number as whole
 from sim_instruments.scpi_device import ScpiDevice
-from sim_instruments.tcp import HOST, LineServer
 
 LONGEST_MESSAGE = 253
 FILTER_S = 0.005
@@ -36,12 +36,14 @@ FUNCTIONS = {"VOLT": "VOLT", "VOLTAGE": "VOLT", "CURR": "CURR", "CURRENT": "CURR
 RANGES = {"1": 1, "4": 4}
 
 
-class KepcoBop(ScpiDevice):
+class KepcoBop(LineInstrument, ScpiDevice):
     """One supply, driving one coil of the simulated world.
 
     Truth (`simulator` mapping): `coil` (x, y, z), `gain_error` and `offset` of the output,
     `readback_gain_error`, `readback_offset`, `readback_noise`, `time_base_error` of the list.
     """
+
+    model = "Kepco BOP 36-12"
 
     error_queue_depth = 20
     lasting_faults: ClassVar = (Frozen.kind, Compliance.kind, ListRefused.kind, Overdrive.kind)
@@ -66,30 +68,7 @@ class KepcoBop(ScpiDevice):
         self._add_source()
         add_limit_commands(self.tree, self._output, setting.clock, self._list_runs)
         add_list_commands(self.tree, self._list, self._output, self._list_runs)
-        self._server = LineServer(
-            setting.name,
-            setting.port,
-            setting.clock,
-            setting.world.lock,
-            self._line,
-            setting.faults,
-        )
-        self._server.begin()
-
-    def describe(self) -> dict[str, Any]:
-        """Return what `station sim` prints about this instrument."""
-        port = self._server.port
-        return {
-            "model": "Kepco BOP 36-12",
-            "protocol": "scpi",
-            "address": f"TCPIP::{HOST}::{port}::SOCKET",
-            "host": HOST,
-            "port": port,
-        }
-
-    def close(self) -> None:
-        """Stop serving."""
-        self._server.close()
+        self.begin_to_serve(setting)
 
     def energised(self) -> bool:
         """Return whether the output is on."""

@@ -23,9 +23,9 @@ from sim_instruments.instrument import Setting
 from sim_instruments.keysight_33522b_channel import Channel
 from sim_instruments.keysight_33522b_commands import add_channel_commands
 from sim_instruments.keysight_33522b_wave import OWN_TEXTS, TRIPPED, Refusal
+from sim_instruments.line_instrument import LineInstrument
 from sim_instruments.scpi import TEXTS, ErrorQueue, ScpiError
 from sim_instruments.scpi_device import ScpiDevice
-from sim_instruments.tcp import HOST, LineServer
 from sim_instruments.truth import SimulationError, Truth
 from sim_instruments.world.trigger_line import TriggerLine
 from sim_instruments.world.voltages import VoltageHistory
@@ -63,13 +63,15 @@ class WordedErrors(ErrorQueue):
         return str(self._entries.popleft()) if self._entries else '+0,"No error"'
 
 
-class Keysight33522B(ScpiDevice):
+class Keysight33522B(LineInstrument, ScpiDevice):
     """The generator, in whatever simulated world has coils to drive and a `trigger`.
 
     Truth (`simulator` mapping): by channel, 1 and 2, `coils` (x, y, z, gradient or none),
     `gain_error` and `offset` (V, at an open end, while the output is on); `trigger_latency`, from
     the edge to the output (105 ns).
     """
+
+    model = "Keysight 33522B"
 
     lasting_faults: ClassVar = (NoTrigger.kind, OutputTripped.kind, LoadReset.kind)
 
@@ -102,30 +104,7 @@ class Keysight33522B(ScpiDevice):
         self.tree.add("*TRG", self._do(self._bus_trigger))
         self._faults.when_changed(OutputTripped.kind, self._trip)
         self._faults.when_changed(LoadReset.kind, self._reset_loads)
-        self._server = LineServer(
-            setting.name,
-            setting.port,
-            setting.clock,
-            setting.world.lock,
-            self._line,
-            setting.faults,
-        )
-        self._server.begin()
-
-    def describe(self) -> dict[str, Any]:
-        """Return what `station sim` prints about this instrument."""
-        port = self._server.port
-        return {
-            "model": "Keysight 33522B",
-            "protocol": "scpi",
-            "address": f"TCPIP::{HOST}::{port}::SOCKET",
-            "host": HOST,
-            "port": port,
-        }
-
-    def close(self) -> None:
-        """Stop serving."""
-        self._server.close()
+        self.begin_to_serve(setting)
 
     def energised(self) -> bool:
         """Return whether an output is on."""

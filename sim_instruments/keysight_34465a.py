@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
@@ -21,9 +21,9 @@ from sim_instruments.instrument import Setting
 from sim_instruments.keysight_converter import Array, Converter
 from sim_instruments.keysight_sense import Sense
 from sim_instruments.keysight_trigger import TriggerSystem, add_trigger_commands
+from sim_instruments.line_instrument import LineInstrument
 from sim_instruments.scpi import ScpiError, boolean, choice, one, whole_number
 from sim_instruments.scpi_device import ScpiDevice
-from sim_instruments.tcp import HOST, LineServer
 
 FIRMWARE = "A.03.01-03.15-03.01-00.52-04-02"
 OPTIONS = "DIG,MEM"
@@ -33,11 +33,13 @@ MEMORY_OVERFLOW = 16384
 NOT_A_NUMBER = 9.91e37
 
 
-class Keysight34465A(ScpiDevice):
+class Keysight34465A(LineInstrument, ScpiDevice):
     """The meter, in whatever simulated world has something for it to measure.
 
     Truth (`simulator` mapping): see `Converter`.
     """
+
+    model = "Keysight 34465A"
 
     lasting_faults: ClassVar = (Frozen.kind, Overload.kind)
 
@@ -54,25 +56,7 @@ class Keysight34465A(ScpiDevice):
         self._add_measuring()
         add_trigger_commands(self.tree, self._trigger, self._settings_changed, self._least_period_s)
         self._add_system()
-        self._server = LineServer(
-            setting.name, setting.port, setting.clock, self._lock, self._line, setting.faults
-        )
-        self._server.begin()
-
-    def describe(self) -> dict[str, Any]:
-        """Return what `station sim` prints about this instrument."""
-        port = self._server.port
-        return {
-            "model": "Keysight 34465A",
-            "protocol": "scpi",
-            "address": f"TCPIP::{HOST}::{port}::SOCKET",
-            "host": HOST,
-            "port": port,
-        }
-
-    def close(self) -> None:
-        """Stop serving."""
-        self._server.close()
+        self.begin_to_serve(setting, self._lock)
 
     def operation_condition(self) -> int:
         """Return whether it measures or waits, was told something new, or has an error to tell."""

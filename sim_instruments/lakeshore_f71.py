@@ -10,16 +10,16 @@ and loses the oldest, an overloaded axis reads 9.9E37, ranges are 35 mT, 350 mT 
 from __future__ import annotations
 
 from datetime import UTC, datetime, timedelta
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 import numpy.typing as npt
 
 from sim_instruments.faults.lasting import Frozen, Overload
 from sim_instruments.instrument import Setting
+from sim_instruments.line_instrument import LineInstrument
 from sim_instruments.scpi import ScpiError, boolean, choice, number, one, whole_number
 from sim_instruments.scpi_device import ScpiDevice
-from sim_instruments.tcp import HOST, LineServer
 from sim_instruments.world.coils import AXES, small_rotation
 
 Array = npt.NDArray[np.float64]
@@ -43,13 +43,15 @@ class Readings:
         self.field_T = field_T
 
 
-class LakeshoreF71(ScpiDevice):
+class LakeshoreF71(LineInstrument, ScpiDevice):
     """The teslameter at the probe's place in the simulated world.
 
     Truth (`simulator` mapping): `noise_per_sample` (rms of one 10 ms sample of one axis),
     `gain_error` and `zero_offset` (x, y, z), `rotation` (about_x, about_y, about_z of the probe in
     the coil frame), `clock_offset` and `clock_error` of its own clock, `probe_temperature`.
     """
+
+    model = "Lake Shore F71"
 
     lasting_faults: ClassVar = (Frozen.kind, Overload.kind)
 
@@ -68,30 +70,7 @@ class LakeshoreF71(ScpiDevice):
         self._probe_serial = f"{setting.serial}-P"
         self._restore_defaults()
         self._add_commands()
-        self._server = LineServer(
-            setting.name,
-            setting.port,
-            setting.clock,
-            setting.world.lock,
-            self._line,
-            setting.faults,
-        )
-        self._server.begin()
-
-    def describe(self) -> dict[str, Any]:
-        """Return what `station sim` prints about this instrument."""
-        port = self._server.port
-        return {
-            "model": "Lake Shore F71",
-            "protocol": "scpi",
-            "address": f"TCPIP::{HOST}::{port}::SOCKET",
-            "host": HOST,
-            "port": port,
-        }
-
-    def close(self) -> None:
-        """Stop serving."""
-        self._server.close()
+        self.begin_to_serve(setting)
 
     def operation_condition(self) -> int:
         """Return bit 1 while the last reading was overloaded."""

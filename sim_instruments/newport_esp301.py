@@ -15,12 +15,12 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable
-from typing import Any, ClassVar
+from typing import ClassVar
 
 from sim_instruments.esp301_axis import AXIS, Axis, EspError, text_of
 from sim_instruments.faults.lasting import EmergencyStop, EncoderJump, FollowingError, Stuck
 from sim_instruments.instrument import Setting
-from sim_instruments.tcp import HOST, LineServer
+from sim_instruments.line_instrument import LineInstrument
 from sim_instruments.world.rotation import RotationHistory
 
 VERSION = "ESP301 Version 3.0.1 6/1/99"
@@ -32,11 +32,16 @@ COMMAND = re.compile(r"(\d*)\s*([A-Z]{2})\s*(.*)", re.DOTALL)
 Act = Callable[[str], str | None]
 
 
-class NewportEsp301:
+class NewportEsp301(LineInstrument):
     """The controller, whose stage turns `rotation` of the world, or an axis of its own.
 
     Truth (`simulator` mapping): see `sim_instruments.esp301_axis.Axis`.
     """
+
+    model = "Newport ESP301"
+    protocol = "ascii"
+    resource = "socket://{host}:{port}"
+    line_end = b"\r"
 
     lasting_faults: ClassVar = (
         FollowingError.kind,
@@ -53,35 +58,11 @@ class NewportEsp301:
         self._axis = Axis(setting.truth, rotation, setting.faults, setting.rng, setting.clock.now)
         self._general = self._general_commands()
         self._of_axis = self._axis_commands()
-        self._server = LineServer(
-            setting.name,
-            setting.port,
-            setting.clock,
-            setting.world.lock,
-            self._line,
-            setting.faults,
-            end=b"\r",
-        )
-        self._server.begin()
-
-    def describe(self) -> dict[str, Any]:
-        """Return what `station sim` prints about this instrument."""
-        port = self._server.port
-        return {
-            "model": "Newport ESP301",
-            "protocol": "ascii",
-            "address": f"socket://{HOST}:{port}",
-            "host": HOST,
-            "port": port,
-        }
+        self.begin_to_serve(setting)
 
     def energised(self) -> bool:
         """Return whether the stage turns."""
         return self._axis.turns()
-
-    def close(self) -> None:
-        """Stop serving."""
-        self._server.close()
 
     def _line(self, line: bytes) -> bytes:
         text = line.decode("ascii", "replace").strip()

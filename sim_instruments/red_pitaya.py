@@ -12,17 +12,17 @@ is at the world's detector, input 2 is open. Assumed: 20 us for each value that 
 from __future__ import annotations
 
 from functools import partial
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
 from sim_instruments.faults.lasting import NoTrigger, Overload
 from sim_instruments.instrument import Setting
 from sim_instruments.keysight_34465a import left
+from sim_instruments.line_instrument import LineInstrument
 from sim_instruments.red_pitaya_capture import CONVERTER_HZ, HALF, SLOTS, Array, Capture, Numbers
 from sim_instruments.scpi import ScpiError, choice, whole_number
 from sim_instruments.scpi_device import ScpiDevice
-from sim_instruments.tcp import HOST, LineServer
 from sim_instruments.truth import SimulationError
 from sim_instruments.world.trigger_line import TriggerLine
 
@@ -37,13 +37,15 @@ SOURCES = {name: name for name in ("DISABLED", "NOW", "EXT_PE", "EXT_NE")}
 TELLING_S = 20e-6
 
 
-class RedPitaya(ScpiDevice):
+class RedPitaya(LineInstrument, ScpiDevice):
     """The board, in whatever simulated world has a detector (`detector_V`) and a `trigger`.
 
     Truth (`simulator` mapping): `os_version` (2.05-37), `jumper` (where those of the inputs are
     set, LV or HV; the gain that is commanded does not move them), `noise` (rms of one stored
     value), `gain_error`, `offset`, `clock_error` (of the sample clock: positive is slow).
     """
+
+    model = "Red Pitaya STEMlab 125-14"
 
     lasting_faults: ClassVar = (Overload.kind, NoTrigger.kind)
 
@@ -75,29 +77,11 @@ class RedPitaya(ScpiDevice):
         self.tree.add("DIG:PIN?", self._pin)
         self.tree.add("DIG:PIN:DIR", self._set_direction)
         self.tree.add("DIG:PIN:DIR?", lambda given: "OUT" if pin(given) in self._outputs else "IN")
-        self._server = LineServer(
-            setting.name, setting.port, setting.clock, self._lock, self._line, setting.faults
-        )
-        self._server.begin()
-
-    def describe(self) -> dict[str, Any]:
-        """Return what `station sim` prints about this instrument."""
-        port = self._server.port
-        return {
-            "model": "Red Pitaya STEMlab 125-14",
-            "protocol": "scpi",
-            "address": f"TCPIP::{HOST}::{port}::SOCKET",
-            "host": HOST,
-            "port": port,
-        }
+        self.begin_to_serve(setting, self._lock)
 
     def energised(self) -> bool:
         """Return whether its trigger output is high."""
         return self._outputs.get(OUTPUT, False)
-
-    def close(self) -> None:
-        """Stop serving."""
-        self._server.close()
 
     def _line(self, line: bytes) -> bytes:
         reply = self.execute(line.decode("ascii", "replace").strip())

@@ -12,11 +12,11 @@ enabled shutter is open.
 
 from __future__ import annotations
 
-from typing import Any, ClassVar
+from typing import ClassVar
 
 from sim_instruments.faults.lasting import InterlockOpen, LastingFault, StuckOpen
 from sim_instruments.instrument import Setting
-from sim_instruments.tcp import HOST, LineServer
+from sim_instruments.line_instrument import LineInstrument
 from sim_instruments.world.trigger_line import TriggerLine
 
 IDENTITY = "THORLABS SC10 VERSION 1.07"
@@ -40,13 +40,18 @@ class RefusedCommand(Exception):
     """A command that the controller does not take, with its word for why."""
 
 
-class ThorlabsSc10:
+class ThorlabsSc10(LineInstrument):
     """The controller; its gate hangs on the world's `trigger`, its blade in the world's `pump`.
 
     Truth (`simulator` mapping): `opening_time` and `closing_time` (from the change of the gate or
     a command until the light is let through or blocked, which is when its sensor says so, too),
     `gate_inverter` (whether an inverter stands between the trigger and the gate).
     """
+
+    model = "Thorlabs SC10"
+    protocol = "ascii"
+    resource = "socket://{host}:{port}"
+    line_end = b"\r"
 
     lasting_faults: ClassVar = (StuckOpen.kind, InterlockOpen.kind)
 
@@ -66,35 +71,11 @@ class ThorlabsSc10:
         self._moved_until_s = 0.0
         setting.faults.when_changed(StuckOpen.kind, self._changed)
         setting.faults.when_changed(InterlockOpen.kind, self._interlock_changed)
-        self._server = LineServer(
-            setting.name,
-            setting.port,
-            setting.clock,
-            setting.world.lock,
-            self._line,
-            setting.faults,
-            end=b"\r",
-        )
-        self._server.begin()
-
-    def describe(self) -> dict[str, Any]:
-        """Return what `station sim` prints about this instrument."""
-        port = self._server.port
-        return {
-            "model": "Thorlabs SC10",
-            "protocol": "ascii",
-            "address": f"socket://{HOST}:{port}",
-            "host": HOST,
-            "port": port,
-        }
+        self.begin_to_serve(setting)
 
     def energised(self) -> bool:
         """Return whether the light passes, or is about to."""
         return not self._is_closed(self._clock.now())
-
-    def close(self) -> None:
-        """Stop serving."""
-        self._server.close()
 
     # The blade.
 

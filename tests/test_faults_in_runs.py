@@ -142,6 +142,18 @@ def test_a_supply_that_no_longer_answers_is_switched_off_and_named(
     assert is_safe(world)
 
 
+@pytest.mark.parametrize("since", ["60 s", "120 s"])
+def test_a_read_back_that_stands_still_is_not_believed(since: str, tmp_path: Path) -> None:
+    outcome, world = run_with(tmp_path, entry(SUPPLY, "frozen", at=since))
+    assert outcome.exit_code == 3
+    assert [(one.instrument, one.verified) for one in outcome.unsafe] == [(SUPPLY, False)]
+    assert "stood still while the list ran" in outcome.unsafe[0].read_back
+    # What flowed was not shown; the list was left at a zero that was reckoned from its start.
+    assert is_safe(world)
+    coil = world["coils"]["y"]
+    assert coil["largest_slew_A_per_s"] * coil["time_constant_s"] < 0.25
+
+
 def test_a_short_gap_in_the_counts_is_flagged_and_the_run_goes_on(tmp_path: Path) -> None:
     fault = entry(BOARD, "silent", **{"at": "120 s", "for": "3 s"})
     outcome, world = run_with(tmp_path, fault)

@@ -171,7 +171,7 @@ class SerialLine:
         left_s = deadline_s
         try:
             with self._breaks(attempted):
-                while not answer.endswith(self._answer_end) and left_s > 0:
+                while not self._is_whole(answer) and left_s > 0:
                     came = port.read(self._clock.real_timeout_s(left_s))
                     answer += came
                     if len(answer) > LARGEST_ANSWER_BYTES or not came:
@@ -185,12 +185,23 @@ class SerialLine:
         text = answer.decode(ENCODING, "backslashreplace")
         if not answer.isascii():
             raise self._wrong(attempted, f"{shortened(text)!r} came back, which is no text")
-        if not answer.endswith(self._answer_end):
+        if not self._is_whole(answer):
             what = f"only {shortened(text)!r} came, without the end of an answer,"
             raise self._silent(attempted, what, deadline_s)
-        text = text[: -len(self._answer_end)]
-        if self._answer_end in answer[: -len(self._answer_end)]:
-            raise self._wrong(attempted, f"{shortened(text)!r} came back, more than one answer")
+        return self._unwrapped(attempted, text)
+
+    def _is_whole(self, answer: bytes) -> bool:
+        """Return whether an answer is complete, or so odd that there is nothing to wait for."""
+        return answer.endswith(self._answer_end)
+
+    def _unwrapped(self, attempted: str, text: str) -> str:
+        """Return a complete answer without its end; InstrumentError where it is more than one."""
+        end = self._answer_end.decode(ENCODING)
+        text = text.removesuffix(end)
+        if end in text:
+            raise self._wrong(
+                attempted, f"{shortened(text)!r} came back, more than one answer"
+            )
         return text
 
     def _traced(self, direction: str, data: bytes) -> None:

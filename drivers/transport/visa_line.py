@@ -13,6 +13,7 @@ import pyvisa
 from pyvisa import constants
 
 from drivers.roles import Place
+from drivers.transport.answers import number_of, shortened
 from station.errors import InstrumentError, InstrumentTimeout
 
 EXCHANGE_DEADLINE_S = 0.5
@@ -258,21 +259,4 @@ class ScpiLine(VisaLine):
 
     def number(self, message: str) -> float:
         """Return the answer to `message` as a finite number; anything else is InstrumentError."""
-        answer = self.query(message)
-        try:
-            value = float(answer)
-        except ValueError:
-            value = math.nan
-        if not math.isfinite(value):
-            raise InstrumentError(
-                self._place.name,
-                f"sent {message!r}",
-                f"{shortened(answer)!r} came back where a number belongs",
-                "check the cable and that nobody else talks to the instrument",
-            )
-        return value
-
-
-def shortened(text: str, longest: int = 60) -> str:
-    """Return `text`, its middle left out when it is long."""
-    return text if len(text) <= longest else f"{text[: longest // 2]}…{text[-longest // 2 :]}"
+        return number_of(self._place.name, message, self.query(message))

@@ -1,0 +1,106 @@
+"""Angles counted through every turn, from an encoder that reads the same after each.
+
+Between two readings the axis goes as it was told: at a rate after a ramp, or towards an angle. So
+the turns are known however long nobody looked, as long as the plan is good to half a turn.
+"""
+
+from __future__ import annotations
+
+import math
+
+TURN_DEG = 360.0
+LATE_S = 0.6
+"""By how much the axis may be earlier or later than the plan: two exchanges and the servo's lag."""
+
+RATE_AGREES = 1e-3
+SLACK_DEG = 5.0
+MOST_SLACK_DEG = 150.0
+
+
+class TurnCount:
+    """The angle of one axis; `continuous` False for one that has end stops and no turns to count.
+
+    `lost` says why the turns can no longer be told, if so; `reset` begins anew.
+    """
+
+    def __init__(self, continuous: bool) -> None:
+        self.continuous = continuous
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget all turns: the next reading is the angle, from -180 deg to 180 deg."""
+        self.angle_deg = math.nan
+        self.lost = ""
+        self._begin_s = self._seen_s = 0.0
+        self._from_rate = self._to_rate = 0.0
+        self._acceleration = 1.0
+        self._aim_deg: float | None = None
+        self._carried_deg = self._slack_deg = 0.0
+
+    def turns_at(self, time_s: float, rate: float, acceleration: float) -> None:
+        """Go by a plan from now on: to a rate in deg/s, and then at it."""
+        self._carry(time_s)
+        now_rate = self.planned_rate(time_s)
+        self._begin_s, self._from_rate, self._to_rate = time_s, now_rate, rate
+        self._acceleration, self._aim_deg = acceleration, None
+
+    def aims_at(self, time_s: float, angle_deg: float) -> None:
+        """Go towards an angle from now on, less than half a turn away."""
+        self._carry(time_s)
+        self._begin_s, self._from_rate, self._to_rate = time_s, 0.0, 0.0
+        self._aim_deg = angle_deg
+
+    def take(self, reading_deg: float, time_s: float) -> float:
+        """Return the angle for a reading of the encoder, and remember it."""
+        if not self.continuous:
+            self.angle_deg = reading_deg
+            return reading_deg
+        if math.isnan(self.angle_deg):
+            self.angle_deg = math.remainder(reading_deg, TURN_DEG)
+        else:
+            self._carry(time_s)
+            expected_deg = self.angle_deg + self._carried_deg
+            self.angle_deg = expected_deg + math.remainder(reading_deg - expected_deg, TURN_DEG)
+            self._judge(self.angle_deg, expected_deg)
+        self._seen_s, self._carried_deg, self._slack_deg = time_s, 0.0, 0.0
+        return self.angle_deg
+
+    def planned_rate(self, time_s: float) -> float:
+        """Return the rate of the plan, in deg/s."""
+        change = self._to_rate - self._from_rate
+        ramp = min(self._acceleration * max(time_s - self._begin_s, 0.0), abs(change))
+        return self._from_rate + math.copysign(ramp, change)
+
+    def _carry(self, time_s: float) -> None:
+        """Add what the plan says of the time since the last look."""
+        if math.isnan(self.angle_deg):
+            self._seen_s = time_s
+            return
+        if self._aim_deg is None:
+            goes_deg = self._travelled(time_s) - self._travelled(self._seen_s)
+            fastest = max(abs(self.planned_rate(self._seen_s)), abs(self.planned_rate(time_s)))
+            slack_deg = LATE_S * fastest + RATE_AGREES * abs(goes_deg)
+        else:
+            left_deg = self._aim_deg - (self.angle_deg + self._carried_deg)
+            goes_deg, slack_deg = left_deg / 2, abs(left_deg) / 2
+        self._carried_deg += goes_deg
+        self._slack_deg += slack_deg
+        self._seen_s = time_s
+
+    def _travelled(self, time_s: float) -> float:
+        """Return how far the plan goes from its begin, deg."""
+        since_s = max(time_s - self._begin_s, 0.0)
+        change = self._to_rate - self._from_rate
+        ramp_s = min(since_s, abs(change) / self._acceleration)
+        ramped = math.copysign(self._acceleration, change) * ramp_s
+        return self._from_rate * since_s + ramped * (since_s - 0.5 * ramp_s)
+
+    def _judge(self, angle_deg: float, expected_deg: float) -> None:
+        slack_deg = SLACK_DEG + self._slack_deg
+        if slack_deg > MOST_SLACK_DEG:
+            self.lost = "nobody read the encoder for so long that its turns cannot be counted"
+        elif abs(angle_deg - expected_deg) > slack_deg:
+            self.lost = (
+                f"the encoder reads {angle_deg % TURN_DEG:.3f} deg where about "
+                f"{expected_deg % TURN_DEG:.3f} deg was expected, so its turns cannot be counted"
+            )

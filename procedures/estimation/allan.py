@@ -1,0 +1,107 @@
+"""Allan deviation of a rate record, and the noise coefficients that it shows."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import nnls
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+
+FLICKER = 2.0 * np.log(2.0) / np.pi
+"""Allan variance of flicker noise over the square of the bias instability B; its root is 0.664."""
+SECONDS_PER_HOUR = 3600.0
+FEWEST_CLUSTERS = 3
+
+
+@dataclass(frozen=True)
+class AllanDeviation:
+    """The overlapping Allan deviation, in the unit of the rate, at each averaging time.
+
+    All arrays (m,), averaging times rising. `degrees_of_freedom` are those of the Allan variance in
+    white noise; the relative standard uncertainty of the deviation is 1/sqrt(2 of them).
+    """
+
+    tau_s: Array
+    deviation: Array
+    degrees_of_freedom: Array
+
+    @property
+    def standard_uncertainty(self) -> Array:
+        """The standard uncertainty of each deviation, shape (m,)."""
+        return np.asarray(self.deviation / np.sqrt(2.0 * self.degrees_of_freedom))
+
+
+@dataclass(frozen=True)
+class NoiseCoefficients:
+    """What an Allan deviation in deg/h is made of (IEEE Std 952, annex C).
+
+    A coefficient is zero where the record shows nothing of it.
+    """
+
+    angle_random_walk_deg_per_sqrt_h: float
+    bias_instability_deg_per_h: float
+    rate_random_walk_deg_per_h_sqrt_h: float
+
+
+def allan_deviation(
+    rate: Array, interval_s: float, index: Index | None = None, per_decade: int = 8
+) -> AllanDeviation:
+    """Return the overlapping Allan deviation of a rate record (n,).
+
+    `index` numbers the samples on the nominal grid where some are missing: a cluster that lacks a
+    sample is left out. Averaging times are about even on a logarithmic scale, up to a third of the
+    record. Empty for fewer than six samples. Source: NIST SP 1065, 5.2.5 and, for the degrees of
+    freedom, 5.4.1.
+    """
+    places = np.arange(len(rate)) if index is None else index
+    total = int(places[-1]) + 1 if len(rate) else 0
+    if total < 2 * FEWEST_CLUSTERS:
+        return AllanDeviation(*(np.empty(0) for _ in range(3)))
+    values, there = np.zeros(total), np.zeros(total)
+    values[places], there[places] = rate - rate.mean(), 1.0
+    sums = np.concatenate(([0.0], np.cumsum(values)))
+    counts = np.concatenate(([0.0], np.cumsum(there)))
+    largest = total // FEWEST_CLUSTERS
+    steps = max(2, int(np.ceil(per_decade * np.log10(largest))) + 1)
+    sizes = np.unique(np.rint(np.geomspace(1, largest, steps)).astype(np.int64))
+    found = []
+    for m in sizes:
+        mean = (sums[m:] - sums[:-m]) / m
+        whole = (counts[m:] - counts[:-m]) == m
+        pairs = whole[m:] & whole[:-m]
+        if int(pairs.sum()) < FEWEST_CLUSTERS:
+            continue
+        step = mean[m:] - mean[:-m]
+        variance = float(np.mean(step[pairs] ** 2)) / 2.0
+        freedom = _freedom_in_white_noise(int(counts[-1]), int(m))
+        found.append((m * interval_s, np.sqrt(variance), freedom))
+    table = np.array(found).reshape(-1, 3)
+    return AllanDeviation(table[:, 0], table[:, 1], table[:, 2])
+
+
+def _freedom_in_white_noise(samples: int, m: int) -> float:
+    points = samples + 1
+    spread = 3.0 * (points - 1) / (2.0 * m) - 2.0 * (points - 2) / points
+    return max(spread * 4.0 * m**2 / (4.0 * m**2 + 5.0), 1.0)
+
+
+def noise_coefficients(allan: AllanDeviation) -> NoiseCoefficients | None:
+    """Return the noise coefficients of an Allan deviation in deg/h; None for too short a record.
+
+    Fits the Allan variance by white rate noise, flicker and rate random walk, none of them below
+    zero, each averaging time weighted by what it is worth.
+    """
+    if len(allan.tau_s) < FEWEST_CLUSTERS or not bool(np.all(allan.deviation > 0.0)):
+        return None
+    tau_h = allan.tau_s / SECONDS_PER_HOUR
+    variance = allan.deviation**2
+    columns = np.column_stack((1.0 / tau_h, np.full(len(tau_h), FLICKER), tau_h / 3.0))
+    weight = np.sqrt(allan.degrees_of_freedom / 2.0) / variance
+    scale = np.linalg.norm(columns * weight[:, None], axis=0)
+    found, _ = nnls(columns * weight[:, None] / scale, variance * weight)
+    squares = found / scale
+    return NoiseCoefficients(*(float(np.sqrt(one)) for one in squares))

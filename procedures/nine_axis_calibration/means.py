@@ -1,0 +1,149 @@
+"""Means that survive wild samples, and uncertainties that hold for noise of any colour."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import fdtri
+
+from procedures.estimation.noise import Index, fit_autoregression, grid_index
+from procedures.estimation.robust import robust_sigma
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+FEWEST_TO_JUDGE = 8
+LONGEST_MEMORY = 6
+APART = LONGEST_MEMORY + 2
+BLOCKS = 8
+FEWEST_FOR_BLOCKS = 64
+WANDERS = 0.999
+QUANTUM_PART = 0.6
+
+
+@dataclass(frozen=True)
+class Means:
+    """Means of the same channel over several records, shape (records,) each.
+
+    `noise` is the standard deviation of a sample; `wander` that of the bias from record to record
+    beyond the noise, zero where there is none to be seen.
+    """
+
+    value: Array
+    standard_uncertainty: Array
+    degrees_of_freedom: float
+    noise: float
+    wander: float
+    kept: tuple[Mask, ...]
+
+
+def interval_of(records: Sequence[Array]) -> float:
+    """Return the nominal interval in s of several records' times."""
+    steps = [np.diff(time_s) for time_s in records if len(time_s) > 1]
+    return float(np.median(np.concatenate(steps))) if steps else 1.0
+
+
+def good_samples(values: Array, threshold: float, sigma: float | None = None) -> Mask:
+    """Return which samples (n,) are finite and within `threshold` robust sigmas of the median.
+
+    `sigma` is a standard deviation known from other records; the larger of the two counts. Fewer
+    than eight samples are judged by it alone.
+    """
+    finite = np.isfinite(values)
+    if not bool(finite.any()):
+        return finite
+    inside = values[finite]
+    own = robust_sigma(inside) if len(inside) >= FEWEST_TO_JUDGE else 0.0
+    spread = max(own, sigma or 0.0)
+    if spread <= 0.0:
+        steps = np.diff(np.unique(inside))
+        if len(inside) < FEWEST_TO_JUDGE or len(steps) == 0:
+            return finite
+        spread = QUANTUM_PART * float(steps.min())
+    near = np.abs(values - np.median(inside)) <= threshold * spread
+    return np.asarray(finite & near)
+
+
+def pooled_sigma(records: Sequence[Array]) -> float:
+    """Return the median of the records' robust sigmas, 0 where none is long enough."""
+    found = []
+    for values in records:
+        inside = values[np.isfinite(values)]
+        if len(inside) >= FEWEST_TO_JUDGE:
+            found.append(robust_sigma(inside))
+    return float(np.median(found)) if found else 0.0
+
+
+def colour_factor(residuals: Sequence[Array], places: Sequence[Index]) -> float:
+    """Return the variance of long means over that of white noise of the same variance.
+
+    An autoregression of all records together, its order by BIC, gives the density at frequency
+    zero; 1 for white noise. `places` number each record's samples on the nominal grid.
+    """
+    if not residuals or sum(len(one) for one in residuals) < FEWEST_FOR_BLOCKS:
+        return 1.0
+    shifted, start = [], 0
+    for index in places:
+        shifted.append(index - index[0] + start)
+        start = int(shifted[-1][-1]) + APART
+    model = fit_autoregression(
+        np.concatenate(residuals), np.concatenate(shifted).astype(np.int64), LONGEST_MEMORY
+    )
+    if model.order == 0:
+        return 1.0
+    return float(model.variances[-1] / (1.0 - model.coefficients[-1].sum()) ** 2)
+
+
+def means_of(
+    records: Sequence[Array], times_s: Sequence[Array], interval_s: float, threshold: float
+) -> Means:
+    """Return the mean of each record (n,) with its uncertainty, noise pooled over the records.
+
+    A record's noise is its own where it has 64 samples or more. Where the means of eight blocks
+    of each record scatter more than its noise explains (F test, 99.9 %), the bias wanders, and
+    that part of the scatter goes into each uncertainty whole: it does not average out.
+    """
+    usual = pooled_sigma(records)
+    kept = tuple(good_samples(values, threshold, usual) for values in records)
+    good = [values[mask] for values, mask in zip(records, kept, strict=True)]
+    value = np.array([one.mean() if len(one) else np.nan for one in good])
+    used = [n for n, one in enumerate(good) if len(one) > 1]
+    count = np.array([max(len(one), 1) for one in good], dtype=np.float64)
+    if not used:
+        return Means(value, np.full(len(value), np.nan), 0.0, np.nan, 0.0, kept)
+    residuals = [good[n] - value[n] for n in used]
+    places = [grid_index(times_s[n][kept[n]], interval_s) for n in used]
+    squares = np.array([float(one @ one) for one in residuals])
+    freedom = float(sum(len(one) - 1 for one in residuals))
+    pooled = float(squares.sum()) / freedom
+    factor = colour_factor(residuals, places)
+    variance = np.full(len(value), pooled)
+    for n, square in zip(used, squares, strict=True):
+        if count[n] >= FEWEST_FOR_BLOCKS:
+            variance[n] = square / (count[n] - 1.0)
+    excess, blocks = _wander(residuals, pooled * factor)
+    u = np.sqrt(variance * factor / count + excess)
+    u[count < 1.0] = np.nan
+    degrees = blocks if excess > 0.0 else freedom
+    return Means(value, u, degrees, float(np.sqrt(pooled)), float(np.sqrt(excess)), kept)
+
+
+def _wander(residuals: Sequence[Array], long_variance: float) -> tuple[float, float]:
+    """Return the variance of slow wandering, 0 where noise explains it, and its freedom."""
+    total, expected, freedom = 0.0, 0.0, 0.0
+    for one in residuals:
+        if len(one) < FEWEST_FOR_BLOCKS:
+            continue
+        size = len(one) // BLOCKS
+        means = one[: size * BLOCKS].reshape(BLOCKS, size).mean(axis=1)
+        total += float(np.sum((means - means.mean()) ** 2))
+        expected += (BLOCKS - 1) * long_variance / size
+        freedom += BLOCKS - 1
+    if freedom == 0.0 or expected <= 0.0:
+        return 0.0, 1.0
+    if total / expected <= float(fdtri(freedom, 1e6, WANDERS)):
+        return 0.0, freedom
+    return (total - expected) / freedom, freedom
