@@ -37,10 +37,15 @@ class TurnCount:
         self._aim_deg: float | None = None
         self._carried_deg = self._slack_deg = 0.0
 
-    def turns_at(self, time_s: float, rate: float, acceleration: float) -> None:
-        """Go by a plan from now on: to a rate in deg/s, and then at it."""
+    def turns_at(
+        self, time_s: float, rate: float, acceleration: float, from_rate: float | None = None
+    ) -> None:
+        """Go by a plan from now on: to a rate in deg/s, and then at it.
+
+        It begins at the rate of the plan before, unless another one was measured just now.
+        """
         self._carry(time_s)
-        now_rate = self.planned_rate(time_s)
+        now_rate = self.planned_rate(time_s) if from_rate is None else from_rate
         self._begin_s, self._from_rate, self._to_rate = time_s, now_rate, rate
         self._acceleration, self._aim_deg = acceleration, None
 

@@ -26,6 +26,8 @@ STEP_OF_A_RAMP_A = 0.25
 STEPS_BY_ITSELF = frozenset({"compliance", "overdrive"})
 ITS_OWN_STEP_S, OVERDRIVEN = 0.5, 3.5
 """The current of a supply with such a fault jumps when the fault begins."""
+PROTECTED = "the output went off"
+"""Its own protection cuts a coil that is driven beyond the supply's limit."""
 UNITS_OF_UNCERTAINTY = 5.0
 UNREACHABLE = frozenset({"port-gone"})
 """Nobody can do anything to an instrument with this fault any more."""
@@ -128,7 +130,7 @@ def world_is_safe(
         if case.kind == "overdrive":
             allowed_A *= OVERDRIVEN
         at_the_fault = abs(coil["largest_slew_at_s"] - (ended.first_s or 0.0)) < ITS_OWN_STEP_S
-        if case.kind in STEPS_BY_ITSELF and at_the_fault:
+        if case.kind in STEPS_BY_ITSELF and (at_the_fault or PROTECTED in ended.error):
             continue
         if largest_step_A(coil) > allowed_A:
             yield f"coil {name} was cut: a step of {largest_step_A(coil):.2f} A"

@@ -1,0 +1,120 @@
+"""What the analysis of a gyro over temperature says, and the settings of it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from .curve import Curve
+from .dataset import Array, Index, Mask
+
+
+@dataclass(frozen=True)
+class AnalysisSettings:
+    """Thresholds of the flags and choices of the estimator, each with its default.
+
+    `outlier` is in robust standard deviations of a turn, `gap` in nominal intervals between sets,
+    `model_too_stiff` a correlation, `temperature_gap_degC` a stretch without a turn.
+    """
+
+    outlier: float = 5.0
+    gap: float = 1.5
+    model_too_stiff: float = 0.3
+    highest_order: int = 14
+    temperature_gap_degC: float = 10.0
+
+
+@dataclass(frozen=True)
+class Flag:
+    """Something that the reader of the results must know; `message` is one sentence."""
+
+    code: str
+    message: str
+    axis: str | None = None
+    details: Mapping[str, object] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class AxisFit:
+    """One axis: its rows of the turn table, those that the model uses, and the model.
+
+    `rows` are row numbers of the table, the other arrays belong to them: `error_ppm` (n,) is the
+    turn error over the commanded turn, NaN for a wait; `residual_ppm` (n,) what the model and the
+    wandering bias leave of it. `curve` is None where the turns do not determine one. `noise_ppm` is
+    the standard deviation of a turn. `walk_deg_per_h_per_sqrt_h` and `bias_deg_per_h` are None
+    where turns of one sense cannot tell them.
+    """
+
+    axis: str
+    rows: Index
+    kept: Mask
+    temperature_degC: Array
+    error_ppm: Array
+    residual_ppm: Array
+    curve: Curve | None
+    paired: bool
+    noise_ppm: float | None = None
+    lag_one_correlation: float | None = None
+    sets: int = 0
+    walk_deg_per_h_per_sqrt_h: float | None = None
+    bias_deg_per_h: float | None = None
+
+
+@dataclass(frozen=True)
+class PublishedFit:
+    """The published polynomial of one axis, None where there are too few turns."""
+
+    axis: str
+    curve: Curve | None
+
+
+@dataclass(frozen=True)
+class Verified:
+    """Turns of a verification ramp, one axis: errors before and after compensation.
+
+    `before_ppm` and `after_ppm` (n,) have the bias taken off where turns of both senses tell it;
+    `u_ppm` (n,) is the type A uncertainty of `after_ppm`, `by_bias_ppm` (n,) what a bias of 1 deg/h
+    would add. `worst` is the place of the largest magnitude after compensation; `outside` counts
+    turns that lie more than a degree outside the calibrated range.
+    """
+
+    axis: str
+    temperature_degC: Array
+    before_ppm: Array
+    after_ppm: Array
+    u_ppm: Array
+    by_bias_ppm: Array
+    worst: int
+    outside: int
+
+
+@dataclass(frozen=True)
+class Driven:
+    """The vehicle test: error of heading at its end, without and with compensation, in deg.
+
+    `time_s`, `raw_deg` and `compensated_deg` (n,) are the courses of the heading; the reference is
+    None where the vehicle came back to the heading in which it began. Errors are None where they
+    are too large to be those of a drive that closes. `u_deg` is what the model leaves unknown,
+    `outside` the part of the time outside the calibrated range.
+    """
+
+    time_s: Array
+    raw_deg: Array
+    compensated_deg: Array
+    raw_error_deg: float | None
+    compensated_error_deg: float | None
+    u_deg: float
+    duration_h: float
+    turned_deg: float
+    outside: float
+
+
+@dataclass(frozen=True)
+class FogAnalysis:
+    """The whole outcome, axes in the order x, y, z as far as the turns concern them."""
+
+    fits: Mapping[str, AxisFit]
+    published: Mapping[str, PublishedFit]
+    verified: Mapping[str, Verified]
+    driven: Driven | None
+    flags: tuple[Flag, ...]
