@@ -42,6 +42,7 @@ from drivers.transport.visa_line import ScpiLine
 from station.errors import InputError, InstrumentError
 
 ERROR_QUERY = ":SYST:ERR?"
+LONGEST_DELAY_S = 1000.0
 
 
 class Keysight33522B:
@@ -131,8 +132,12 @@ class Keysight33522B:
         self._steady.add(channel)
         self.place.publish("output", "on")
 
-    def prepare_step(self, channel: int, voltage_V: float, duration_s: float) -> None:
+    def prepare_step(
+        self, channel: int, voltage_V: float, duration_s: float, delay_s: float = 0.0
+    ) -> None:
         """Arm a step from what the channel holds by `voltage_V`, and back after `duration_s`.
+
+        It begins `delay_s` after the trigger, up to 1000 s.
 
         A channel that holds nothing yet holds 0 V; a step of 0 V leaves it at that, unarmed. Its
         output is off for a moment while the function changes. Raises InstrumentError beyond the
@@ -145,6 +150,9 @@ class Keysight33522B:
         if not WIDTHS_S[0] <= duration_s <= WIDTHS_S[1]:
             what = f"its pulses last {WIDTHS_S[0]:g} s to {WIDTHS_S[1]:g} s"
             raise self._error(attempted, what, "correct the length of the record")
+        if not 0.0 <= delay_s <= LONGEST_DELAY_S:
+            what = f"it waits 0 s to {LONGEST_DELAY_S:g} s after a trigger"
+            raise self._error(attempted, what, "correct the delay of the shutter")
         if voltage_V == 0.0:
             self.hold(channel, held_V)
             return
@@ -156,10 +164,12 @@ class Keysight33522B:
         messages = self._messages[channel]
         with self._off_where_it_fails(attempted, channel):
             self._line.command(messages.steady())
-            for message in messages.step(held_V, voltage_V, duration_s):
+            for message in messages.step(held_V, voltage_V, duration_s, delay_s):
                 self._line.command(message)
             self._line.command(messages.switch(on=True))
-            wanted = messages.stepping(self._load_ohm, held_V, voltage_V, duration_s)
+            wanted = messages.stepping(
+                self._load_ohm, held_V, voltage_V, duration_s, delay_s
+            )
             self._prove(wanted)
         self._armed.add(channel)
         self.place.publish("output", "on")

@@ -90,7 +90,9 @@ class Messages:
             self.output: "1",
         }
 
-    def step(self, held_V: float, step_V: float, duration_s: float) -> list[str]:
+    def step(
+        self, held_V: float, step_V: float, duration_s: float, delay_s: float = 0.0
+    ) -> list[str]:
         """Return what turns a steady channel, its output off, into one that waits for a trigger."""
         period_s = duration_s + max(PAUSE_SHARE * duration_s, PAUSE_S)
         pulse, burst = f"{self._sour}:FUNC:PULS", f"{self._sour}:BURS"
@@ -112,7 +114,7 @@ class Messages:
             joined(
                 f"{self._trig}:SOUR {self._trigger}",
                 f"{self._trig}:SLOP POS",
-                f"{self._trig}:DEL 0",
+                f"{self._trig}:DEL {delay_s:.9g}",
                 f"{burst}:MODE TRIG",
                 f"{burst}:NCYC 1",
                 f"{burst}:STAT ON",
@@ -120,7 +122,12 @@ class Messages:
         ]
 
     def stepping(
-        self, load_ohm: float, held_V: float, step_V: float, duration_s: float
+        self,
+        load_ohm: float,
+        held_V: float,
+        step_V: float,
+        duration_s: float,
+        delay_s: float = 0.0,
     ) -> dict[str, str | float]:
         """Return what has to be read of a channel that waits for a trigger."""
         return {
@@ -133,6 +140,7 @@ class Messages:
             f"{self._sour}:BURS:STAT?": "1",
             f"{self._sour}:BURS:NCYC?": 1.0,
             f"{self._trig}:SOUR?": self._trigger,
+            f"{self._trig}:DEL?": delay_s,
             self.output: "1",
         }
 

@@ -397,3 +397,15 @@ def test_two_generators_that_a_scan_finds_have_the_two_places() -> None:
         "signal_generator.xy": "keysight-33522b",
         "signal_generator.z_gradient": "keysight-33522b",
     }
+
+
+def test_a_delayed_step_begins_that_much_after_the_trigger(
+    stand: Stand, generator: Keysight33522B
+) -> None:
+    generator.prepare_step(1, 2.0, 0.1, 0.012)
+    at_s = stand.rise()
+    first_s, last_s = stand.room.coils["x"].breakpoints(at_s, at_s + 1.0)
+    assert first_s == pytest.approx(at_s + 0.012 + LATENCY_S, abs=1e-12)
+    assert last_s == pytest.approx(first_s + 0.1, abs=1e-9)
+    with pytest.raises(InstrumentError, match="after a trigger"):
+        generator.prepare_step(1, 2.0, 0.1, 2000.0)

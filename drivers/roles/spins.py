@@ -20,10 +20,13 @@ class SignalGenerator(Instrument, MadeSafe, Protocol):
         """Put a steady voltage on a channel, at once, output on."""
         ...
 
-    def prepare_step(self, channel: int, voltage_V: float, duration_s: float) -> None:
+    def prepare_step(
+        self, channel: int, voltage_V: float, duration_s: float, delay_s: float = 0.0
+    ) -> None:
         """Arm a step from what the channel holds by `voltage_V`, and back after `duration_s`.
 
-        It begins at the external trigger that starts all armed channels of the bench together.
+        It begins `delay_s` after the external trigger that starts all armed channels of the bench
+        together.
         """
         ...
 

@@ -18,7 +18,6 @@ from procedures.estimation.orthogonal import (
     solve_by_qr,
     thin_qr,
 )
-from procedures.estimation.robust import MAD_TO_SIGMA
 
 from .curve import Curve, chebyshev_columns
 from .dataset import Array, Index, Mask
@@ -253,7 +252,7 @@ class _AxisProblem:
             )
             size = np.zeros(len(kept))
             size[self.candidates] = far
-            sigma = max(MAD_TO_SIGMA * float(np.median(size[kept])), self.floor_ppm)
+            sigma = max(solved.fit.noise, self.floor_ppm)
             changed = self._changed(kept, size, self.settings.outlier * sigma)
             if changed.tobytes() in seen or self.highest_order(changed) < 0:
                 break

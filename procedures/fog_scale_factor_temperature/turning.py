@@ -55,8 +55,6 @@ def turn_errors_deg(turns: TurnTable, sense: TurnSense, full_attitude: bool) -> 
     It is commanded x scale-factor error + bias x time; `sense` says what a positive commanded turn
     is: growing heading, or a positive rotation about the axis that points up.
     """
-    down = turned_about_down_deg(
-        turns.attitude_before_deg, turns.attitude_after_deg, full_attitude
-    )
+    down = turned_about_down_deg(turns.attitude_before_deg, turns.attitude_after_deg, full_attitude)
     own = down if sense == "heading" else -down
     return wrapped_deg(own - turns.commanded_deg)

@@ -89,9 +89,7 @@ class Walk:
         return CorrelatedFit(solved.coefficients, solved.inverse_normal, noise, free, white)
 
 
-def deleted_residuals(
-    design: Array, data: Array, kernel: Array, ratio: float, kept: Mask
-) -> Array:
+def deleted_residuals(design: Array, data: Array, kernel: Array, ratio: float, kept: Mask) -> Array:
     """Return how far each row lies from what the other kept rows foretell, shape (n,).
 
     In units of its standard deviation, the white noise taken for one; columns `design` (n, k), a
