@@ -11,27 +11,18 @@ for an encoder's zero.
 from __future__ import annotations
 
 import math
-from contextlib import suppress
 from typing import ClassVar
 
-from drivers.acutrol3000_axis import MOVES, AxisState, Doing, settings_of
+from drivers.acutrol3000_axis import Doing, settings_of
 from drivers.acutrol3000_limits import limit, programme
 from drivers.acutrol3000_line import AclLine
-from drivers.acutrol3000_status import AT_POSITION, AT_RATE, Status, fault_of, queries
-from drivers.acutrol3000_turns import TURN_DEG, TurnCount
+from drivers.acutrol3000_table import Table
 from drivers.roles import Identity, Place, SafetyReading
-from drivers.transport.retry import Repeatable, repeated
+from drivers.transport.retry import Repeatable
 from station.errors import InstrumentError
 
-STEP_DEG, STEP_AGAIN_DEG = 150.0, 100.0
-"""A demand is never further away than the first, less than half a turn, and comes before less than
-the second is left, so that an axis that is looked at often does not slow down on its way."""
-
 CLOSES_WITHIN_S = 10.0
-MARGIN_S = 5.0
-RATE_AGREES, RATE_KEPT = 1e-3, 0.05
 STILL_S, LOOK_S = 0.1, 0.05
-DEMAND_AGREES = 2e-6
 
 
 class Acutrol3000:
@@ -41,14 +32,19 @@ class Acutrol3000:
     than half a turn, each begun by `is_moving`; turns are counted from the encoder and the plan.
 
     Limits: `rate` deg/s and `acceleration` deg/s^2 of every axis; `angle_low` and `angle_high` deg.
+
     Settings: `framing` (`framed` unless said, or `line`), `axes` (3), `continuous` (a list of the
     axes that turn for ever, all unless said), `zero` (`absolute` unless said; `search` where each
     encoder has to find its zero), `in_position` (0.001 deg), `at_rest` (0.01 deg/s), `home_within`
-    (120 s). Published is the largest rate and angle of all axes, with their signs.
+    (120 s).
+
+    Published are the largest rate and the largest angle of all axes, with their signs.
     """
 
     identifies_on: ClassVar[str] = "socket"
-    recognises: ClassVar[str] = r"(?i)^(\d{8})?Acutronic[^,]*,\s*ACU?T(ROL)?3000,\s*(?P<serial>[^,]+)"
+    recognises: ClassVar[str] = (
+        r"(?i)^(\d{8})?Acutronic[^,]*,\s*ACU?T(ROL)?3000,\s*(?P<serial>[^,]+)"
+    )
     repeatable: ClassVar[Repeatable] = Repeatable(
         r"\*IDN\?",
         r"(READ:(POSITION|RATE)|MODE|DEMAND:(POSITION|RATE)|LIMIT:\w+)\? [\w,]+",
@@ -59,13 +55,10 @@ class Acutrol3000:
 
     def __init__(self, place: Place) -> None:
         self.place = place
-        self._settings = settings = settings_of(place)
-        numbers = range(1, settings.axes + 1)
-        self._axes = {n: AxisState(n, TurnCount(n in settings.continuous)) for n in numbers}
+        self._settings = settings_of(place)
         self._limits_written = False
-        self._reads = tuple(f":Read:{what}? {n}" for n in numbers for what in ("Position", "Rate"))
-        self._looking = place.clock.lock(f"{place.name} turns")
-        self._line = AclLine(place, settings.framing)
+        self._line = AclLine(place, self._settings.framing)
+        self._table = Table(place, self._settings, self._line, self.repeatable)
 
     def identify(self) -> Identity:
         """Ask `*IDN?`: maker, model, serial number and firmware."""
@@ -81,26 +74,27 @@ class Acutrol3000:
         Raises InstrumentError where the bench allows more than an axis is rated for.
         """
         self._line.forget_errors()
-        for n in self._axes:
+        for n in self._table.axes:
             programme(self.place, self._line, n, self._settings.continuous)
         self._limits_written = True
 
     def is_homed(self, axis: int) -> bool:
-        """Whether the encoder's zero is known, the servo closed, and no turn was lost since."""
-        state = self._axis(axis)
+        """Whether the encoder's zero is known, and the servo has been closed ever since."""
+        state = self._table.axis(axis)
         if state.doing in (Doing.CLOSING, Doing.SEARCHING):
             self.is_moving(axis)
         return state.homed
 
     def home(self, axis: int) -> None:
-        """Reset a break that is over, close the servo, and find the encoder's zero where it must.
+        """Reset a break that is over, close the servo, and look for the encoder's zero if it must.
 
-        Where another axis turns while a break of this one is reset, it goes on.
+        Turns are counted anew from there: the angle is one from -180 deg to 180 deg.
         """
-        state = self._axis(axis)
-        self._prepare()
+        state = self._table.axis(axis)
+        if not self._limits_written:
+            self.programme_limits()
         state.forgets()
-        if self._status(state).broken:
+        if self._table.status(state).broken:
             self._line.command(":Interlock:Reset")
         self._line.command(f":Mode {axis},Off")
         self._line.command(f":Interlock:Close {axis}")
@@ -112,74 +106,67 @@ class Acutrol3000:
         An axis that turns is stopped first. `is_moving` begins one step after the other. Raises
         InstrumentError for an angle beyond the bench's limits, and for an axis that is not homed.
         """
-        state, attempted = self._axis(axis), f"go to {angle_deg:g} deg on axis {axis}"
+        state, attempted = self._table.axis(axis), f"go to {angle_deg:g} deg on axis {axis}"
         low = self.place.limits.get("angle_low", -math.inf)
         high = self.place.limits.get("angle_high", math.inf)
         if not (math.isfinite(angle_deg) and low <= angle_deg <= high):
             allowed = f"the bench allows {low:g} deg to {high:g} deg"
             do_now = "correct the plan's angles, or limits.angle_low and limits.angle_high"
             raise InstrumentError(self.place.name, attempted, allowed, do_now)
-        self._need_homed(state, attempted)
-        self._look()
-        if abs(state.rate) > self._settings.at_rest and state.in_rate_mode:
-            self._set_rate(state, 0.0)
-            state.begins(Doing.STOPPING, self._ends_s(state.rate))
+        self._table.need_homed(state, attempted)
+        self._table.look()
+        self._table.need_turns(state)
+        if state.mode == "Rate" and self._table.is_turning(state):
+            self._table.set_rate(state, 0.0, Doing.STOPPING)
             state.target_deg = angle_deg
-            return
-        state.target_deg = angle_deg
-        self._step(state)
+        else:
+            state.target_deg = angle_deg
+            self._table.step(state)
 
     def turn(self, axis: int, rate_deg_per_s: float) -> None:
         """Begin to turn at a rate until told otherwise; returns at once.
 
         Raises InstrumentError for a rate beyond the bench's limit, and for an axis not homed.
         """
-        state, attempted = self._axis(axis), f"turn axis {axis} at {rate_deg_per_s:g} deg/s"
+        state, attempted = self._table.axis(axis), f"turn axis {axis} at {rate_deg_per_s:g} deg/s"
         allowed = limit(self.place, "rate")
         if not abs(rate_deg_per_s) <= allowed:
             said = f"the bench allows {allowed:g} deg/s"
-            raise InstrumentError(
-                self.place.name, attempted, said, "correct the plan's rates, or limits.rate"
-            )
-        self._need_homed(state, attempted)
-        self._set_rate(state, rate_deg_per_s)
-        state.begins(Doing.TURNING, self._ends_s(rate_deg_per_s - state.rate))
+            do_now = "correct the plan's rates, or limits.rate"
+            raise InstrumentError(self.place.name, attempted, said, do_now)
+        self._table.need_homed(state, attempted)
+        self._table.set_rate(state, rate_deg_per_s, Doing.TURNING)
 
     def stop(self, axis: int) -> None:
         """Begin to come to rest within the acceleration limit; returns at once."""
-        state = self._axis(axis)
+        state = self._table.axis(axis)
         if state.homed:
-            self._set_rate(state, 0.0)
-            state.begins(Doing.STOPPING, self._ends_s(limit(self.place, "rate")))
+            self._table.set_rate(state, 0.0, Doing.STOPPING)
 
     def is_moving(self, axis: int) -> bool:
         """Whether the axis has not settled at its angle or rest; raises for a fault of the axis."""
-        state = self._axis(axis)
-        status = self._look_at(state)
+        state = self._table.axis(axis)
+        status = self._table.look_at(state)
         if state.doing is Doing.NOTHING:
-            return abs(state.rate) > self._settings.at_rest
+            return self._table.is_turning(state)
         if state.doing is Doing.TURNING:
             return True
-        if self._is_done(state, status):
+        if self._table.has_done(state, status):
             state.doing = Doing.NOTHING
-            self._say_motion()
+            self._table.say_motion()
             return False
-        if self.place.clock.now() > state.until_s:
-            self._late(state)
+        self._table.need_in_time(state)
         return True
 
     def is_at_rate(self, axis: int) -> bool:
         """Whether the axis has settled at the rate it was told; raises for a fault of the axis."""
-        state = self._axis(axis)
-        status = self._look_at(state)
+        state = self._table.axis(axis)
+        status = self._table.look_at(state)
         if state.doing is not Doing.TURNING:
             return False
-        self._need_rate_kept(state)
-        near = self._settings.at_rest + RATE_AGREES * abs(state.rate_demand)
-        agrees = abs(state.rate - state.rate_demand) <= near
-        state.at_rate = state.at_rate or bool(status.dynamic & AT_RATE and agrees)
-        if not state.at_rate and self.place.clock.now() > state.until_s:
-            self._late(state)
+        self._table.need_rate_kept(state)
+        if not self._table.has_rate(state, status):
+            self._table.need_in_time(state)
         return state.at_rate
 
     def angle_deg(self, axis: int) -> float:
@@ -188,20 +175,18 @@ class Acutrol3000:
         Raises InstrumentError where the turns can no longer be told, where an axis does not keep
         its rate, and where one that stands is further than `in_position` from its angle.
         """
-        state = self._axis(axis)
-        self._look()
-        self._need_turns(state)
-        self._need_rate_kept(state)
-        angle_deg, target_deg = state.count.angle_deg, state.target_deg
-        if state.doing is Doing.NOTHING and target_deg is not None:
-            if abs(angle_deg - target_deg) > self._settings.in_position_deg:
-                raise self._astray(state, "read the angle at rest", target_deg)
-        return angle_deg
+        state = self._table.axis(axis)
+        self._table.look()
+        self._table.need_turns(state)
+        self._table.need_rate_kept(state)
+        self._table.need_angle_kept(state)
+        return state.count.angle_deg
 
     def rate_deg_per_s(self, axis: int) -> float:
         """Return the measured rate."""
-        self._look()
-        return self._axis(axis).rate
+        state = self._table.axis(axis)
+        self._table.look()
+        return state.rate
 
     def make_safe(self, deadline_s: float) -> None:
         """Brake every axis with its programmed acceleration, wait for rest, and set all modes off.
@@ -210,52 +195,46 @@ class Acutrol3000:
         purpose. A gimbal with a device that is not balanced would turn by itself with nothing that
         holds it. First comes rate zero, because with what acceleration Off brakes is not said.
         """
+        table = self._table
         try:
-            for n, state in self._axes.items():
-                mode = self._surely(f":Mode? {n}", lambda n=n: self._line.mode(n))
-                if mode not in ("Off", "Abort"):
-                    self._surely(f":Demand:Rate {n},0")
-                    self._surely(f":Mode {n},Rate")
-                if state.doing in (Doing.CLOSING, Doing.SEARCHING):
-                    state.forgets()
-                state.doing, state.target_deg, state.in_rate_mode = Doing.NOTHING, None, False
-            while self._turns() and self.place.clock.now() < deadline_s - STILL_S:
+            for state in table.axes.values():
+                table.brake(state)
+            table.patiently_look()
+            table.end_tasks()
+            while table.turns() and self.place.clock.now() < deadline_s - STILL_S:
                 self.place.clock.sleep(LOOK_S)
-            self._surely(":Mode ALL,Off")
+                table.patiently_look()
+            table.patiently_tell(":Mode ALL,Off")
         except InstrumentError:
-            with suppress(InstrumentError):
-                self._line.tell(":Mode ALL,Off")
+            table.last_attempt(":Mode ALL,Off")
             raise
-        with suppress(InstrumentError):
-            self._line.forget_errors()
+        table.forget_errors()
 
     def read_safety(self) -> SafetyReading:
-        """Read back that no axis turns, by rate and by two angles of each, and that modes are off."""
-        self._surely(self._reads[0], self._look)
-        first = {n: state.count.angle_deg for n, state in self._axes.items()}
-        self.place.clock.sleep(STILL_S)
-        turns = self._turns()
-        said, safe = [], not turns
-        for n, state in self._axes.items():
-            mode = self._surely(f":Mode? {n}", lambda n=n: self._line.mode(n))
-            moved_deg = abs(state.count.angle_deg - first[n])
-            safe = safe and mode in ("Off", "Abort")
-            safe = safe and moved_deg <= self._settings.at_rest * STILL_S + DEMAND_AGREES + 0.001
-            said.append(
-                f"axis {n} {mode.lower()} at {state.count.angle_deg:.3f} deg, {state.rate:.3f} deg/s"
-            )
-        return SafetyReading(safe, f"{'turning' if turns else 'at rest'}: {'; '.join(said)}")
+        """Read back that no axis turns, by rate and by two angles of each, and that all are off."""
+        table, angles = self._table, []
+        for _ in range(2):
+            table.patiently_look()
+            angles.append([state.count.angle_deg for state in table.axes.values()])
+            self.place.clock.sleep(STILL_S)
+        most_deg = self._settings.at_rest * STILL_S + self._settings.in_position_deg
+        modes = [table.patient_mode(n) for n in table.axes]
+        moved_deg = [abs(after - before) for before, after in zip(*angles, strict=True)]
+        still = not table.turns() and max(moved_deg) <= most_deg
+        said = [
+            f"axis {state.number} {mode.lower()} at {state.count.angle_deg:.3f} deg, "
+            f"{abs(state.rate):.3f} deg/s"
+            for state, mode in zip(table.axes.values(), modes, strict=True)
+        ]
+        safe = still and set(modes) <= {"Off", "Abort"}
+        return SafetyReading(safe, f"{'at rest' if still else 'turning'}: {'; '.join(said)}")
 
     def read_quantity(self, quantity: str) -> float | str | None:
         """Return the largest angle in deg or rate in deg/s of all axes, or the motion, now."""
         if quantity not in ("motion", "angle", "rate"):
             return None
-        self._look()
-        if quantity == "motion":
-            return self._motion()
-        states = self._axes.values()
-        values = [one.rate if quantity == "rate" else one.count.angle_deg for one in states]
-        return max(values, key=abs)
+        self._table.look()
+        return self._table.quantity(quantity)
 
     def close(self) -> None:
         """Close the line."""

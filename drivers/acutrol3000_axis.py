@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from enum import Enum
 
 from drivers.acutrol3000_line import FRAMED, PLAIN
@@ -33,7 +33,7 @@ MOVES = (Doing.SEARCHING, Doing.STOPPING, Doing.POSITIONING, Doing.TURNING)
 
 @dataclass
 class AxisState:
-    """One axis: its turns, its task, and until when the task must be done."""
+    """One axis: its turns, its task and until when it must be done, its mode as last verified."""
 
     number: int
     count: TurnCount
@@ -43,9 +43,9 @@ class AxisState:
     step_deg: float = math.nan
     rate_demand: float = 0.0
     at_rate: bool = False
-    in_rate_mode: bool = False
+    mode: str = ""
     rate: float = 0.0
-    until_s: float = field(default=math.inf)
+    until_s: float = math.inf
 
     def begins(self, doing: Doing, until_s: float) -> None:
         """Begin a task."""
@@ -53,12 +53,8 @@ class AxisState:
 
     def forgets(self) -> None:
         """Have no task, and no zero that could be relied on."""
-        self.homed, self.doing, self.target_deg, self.in_rate_mode = (
-            False,
-            Doing.NOTHING,
-            None,
-            False,
-        )
+        self.homed = self.at_rate = False
+        self.doing, self.target_deg, self.mode = Doing.NOTHING, None, ""
 
 
 @dataclass(frozen=True)

@@ -20,6 +20,7 @@ EXCHANGES_APART_S = 2e-3
 
 ERROR_QUERY = ":Status:MSG? QERROR"
 MOST_ERRORS = 32
+DEMAND_AGREES = 2e-6
 ERROR = re.compile(r"\s*(\d+)\s*(?:[,;]\s*)?\"?([^\"]*?)\"?\s*")
 MODES = ("Position", "Rate", "Off", "Abort", "Arate", "Synthesis", "Track")
 COMPARE = "compare the plan's and the bench file's values with the table's ranges"
@@ -100,13 +101,30 @@ class AclLine:
         return values
 
     def mode(self, axis: int) -> str:
-        """Return the mode of an axis by its whole name, whether or not it is abbreviated."""
+        """Return the mode of an axis by its whole name, also where it is abbreviated."""
         message = f":Mode? {axis}"
-        answer = self.query(message).strip()
-        for mode in MODES:
-            if answer and mode.upper().startswith(answer.upper()):
-                return mode
-        raise self.odd(message, answer)
+        answer = self.query(message)
+        mode = whole_mode(answer)
+        if not mode:
+            raise self.odd(message, answer)
+        return mode
+
+    def verify(self, axis: int, what: str, demand: float, mode: str) -> None:
+        """Read back a demand (Position or Rate) and the mode; InstrumentError where they differ."""
+        message = f":Demand:{what}? {axis};:Mode? {axis}"
+        answer = self.query(message)
+        found, _, found_mode = answer.partition(";")
+        try:
+            agrees = abs(float(found) - demand) <= DEMAND_AGREES
+        except ValueError:
+            raise self.odd(message, answer) from None
+        if not agrees or whole_mode(found_mode) != mode:
+            raise InstrumentError(
+                self._place.name,
+                f"set axis {axis} to {what.lower()} {demand:g} in the mode {mode}",
+                f"{shortened(found)} and the mode {shortened(found_mode)} read back",
+                "check that nobody else talks to the controller, then run again",
+            )
 
     def command(self, message: str) -> None:
         """Send a command; a refusal is InstrumentError."""
@@ -181,3 +199,14 @@ class AclLine:
             if kept.code in (0, answer.code):
                 return kept if kept.code else answer
         return answer
+
+
+def whole_mode(text: str) -> str:
+    """Return a mode by its whole name, whether or not it is abbreviated; empty for none."""
+    short = text.strip().upper()
+    return next((mode for mode in MODES if short and mode.upper().startswith(short)), "")
+
+
+def number(value: float) -> str:
+    """Return a number as the controller takes it: without an exponent, and no minus zero."""
+    return f"{round(value, 6) + 0.0:.6f}"

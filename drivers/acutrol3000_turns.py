@@ -14,7 +14,8 @@ LATE_S = 0.6
 
 RATE_AGREES = 1e-3
 SLACK_DEG = 5.0
-MOST_SLACK_DEG = 150.0
+MOST_SLACK_DEG = 100.0
+"""An angle that is further than this from its plan might be one of another turn."""
 
 
 class TurnCount:
@@ -35,7 +36,8 @@ class TurnCount:
         self._from_rate = self._to_rate = 0.0
         self._acceleration = 1.0
         self._aim_deg: float | None = None
-        self._carried_deg = self._slack_deg = 0.0
+        self._aims_with = 0.0
+        self._carried_deg = self._slack_deg = self._fastest = 0.0
 
     def turns_at(
         self, time_s: float, rate: float, acceleration: float, from_rate: float | None = None
@@ -49,11 +51,11 @@ class TurnCount:
         self._begin_s, self._from_rate, self._to_rate = time_s, now_rate, rate
         self._acceleration, self._aim_deg = acceleration, None
 
-    def aims_at(self, time_s: float, angle_deg: float) -> None:
-        """Go towards an angle from now on, less than half a turn away."""
+    def aims_at(self, time_s: float, angle_deg: float, fastest: float) -> None:
+        """Go towards an angle from now on, less than half a turn away, no faster than a rate."""
         self._carry(time_s)
         self._begin_s, self._from_rate, self._to_rate = time_s, 0.0, 0.0
-        self._aim_deg = angle_deg
+        self._aim_deg, self._aims_with = angle_deg, fastest
 
     def take(self, reading_deg: float, time_s: float) -> float:
         """Return the angle for a reading of the encoder, and remember it."""
@@ -61,13 +63,15 @@ class TurnCount:
             self.angle_deg = reading_deg
             return reading_deg
         if math.isnan(self.angle_deg):
-            self.angle_deg = math.remainder(reading_deg, TURN_DEG)
+            self.angle_deg = reading_deg - TURN_DEG * (reading_deg > TURN_DEG / 2)
         else:
             self._carry(time_s)
             expected_deg = self.angle_deg + self._carried_deg
-            self.angle_deg = expected_deg + math.remainder(reading_deg - expected_deg, TURN_DEG)
+            turns = round((expected_deg - reading_deg) / TURN_DEG)
+            self.angle_deg = reading_deg + TURN_DEG * turns
             self._judge(self.angle_deg, expected_deg)
-        self._seen_s, self._carried_deg, self._slack_deg = time_s, 0.0, 0.0
+        self._seen_s = time_s
+        self._carried_deg = self._slack_deg = self._fastest = 0.0
         return self.angle_deg
 
     def planned_rate(self, time_s: float) -> float:
@@ -83,11 +87,13 @@ class TurnCount:
             return
         if self._aim_deg is None:
             goes_deg = self._travelled(time_s) - self._travelled(self._seen_s)
-            fastest = max(abs(self.planned_rate(self._seen_s)), abs(self.planned_rate(time_s)))
-            slack_deg = LATE_S * fastest + RATE_AGREES * abs(goes_deg)
+            rates = self.planned_rate(self._seen_s), self.planned_rate(time_s)
+            self._fastest = max(self._fastest, *map(abs, rates))
+            slack_deg = RATE_AGREES * abs(goes_deg)
         else:
             left_deg = self._aim_deg - (self.angle_deg + self._carried_deg)
-            goes_deg, slack_deg = left_deg / 2, abs(left_deg) / 2
+            most_deg = min(abs(left_deg), self._aims_with * (time_s - self._seen_s))
+            goes_deg, slack_deg = math.copysign(most_deg / 2, left_deg), most_deg / 2
         self._carried_deg += goes_deg
         self._slack_deg += slack_deg
         self._seen_s = time_s
@@ -101,7 +107,7 @@ class TurnCount:
         return self._from_rate * since_s + ramped * (since_s - 0.5 * ramp_s)
 
     def _judge(self, angle_deg: float, expected_deg: float) -> None:
-        slack_deg = SLACK_DEG + self._slack_deg
+        slack_deg = SLACK_DEG + LATE_S * self._fastest + self._slack_deg
         if slack_deg > MOST_SLACK_DEG:
             self.lost = "nobody read the encoder for so long that its turns cannot be counted"
         elif abs(angle_deg - expected_deg) > slack_deg:

@@ -200,18 +200,18 @@ class Acutrol3000:
         for axis in self.axes.values():
             axis.falls_behind = False
             if fault is not None:
-                axis.fall_behind()
+                axis.fall_behind(time_s)
 
     def _sticks(self, time_s: float, fault: LastingFault | None) -> None:
         for axis in self.axes.values():
-            axis.stick(fault is not None)
+            axis.stick(time_s, fault is not None)
 
     def _emergency(self, time_s: float, fault: LastingFault | None) -> None:
         for axis in self.axes.values():
             axis.contacts_open = fault is not None
             if fault is not None:
                 axis.catch_up()
-                axis.emergency()
+                axis.emergency(time_s)
         if fault is not None:
             self._status_byte |= SAFETY_INTERLOCK | SUMMARY
 

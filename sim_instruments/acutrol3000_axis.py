@@ -77,6 +77,7 @@ class Axis:
         self.falls_behind = False
         self.stuck = False
         self._servoed_s = math.inf
+        self._profiled_s = -math.inf
         self._frozen: Status | None = None
         self._trip: tuple[float, int] | None = None
         self._zero_s: float | None = None
@@ -115,7 +116,7 @@ class Axis:
 
     def rate_deg_per_s(self) -> float:
         """Return the rate as the controller measures it, by its own clock."""
-        true = float(self._rotation.rate_deg_per_s(np.array([self._now()]))[0])
+        _, true = self._rotation.now_at(self._now())
         noise = self._table.rate_noise * float(self._rng.standard_normal())
         return true / (1 + self._table.rate_error) + noise
 
@@ -144,26 +145,25 @@ class Axis:
             raise AclError(INTERLOCK_OPEN)
         self._frozen = None
 
-    def emergency(self) -> None:
+    def emergency(self, time_s: float) -> None:
         """Brake hard, open the servo and freeze the status: a contact of the interlock opened."""
-        self._brake(self._now())
+        self._brake(time_s)
         self._freeze(HARDWARE_ABORT, 0)
 
-    def fall_behind(self) -> None:
-        """Fall behind the profile, now or in the movement that comes next."""
+    def fall_behind(self, time_s: float) -> None:
+        """Fall behind the profile, from now on or in the movement that comes next."""
         self.falls_behind = True
-        self.catch_up()
-        if self.servoed() and self._now() < self._complete_s() - self._table.settling_s:
-            self._trips(self._now(), TRACKING_ERROR)
+        if self.servoed() and time_s < self._plan.at_rest_from_s:
+            self._trips(time_s, TRACKING_ERROR)
             self.catch_up()
 
-    def stick(self, stuck: bool) -> None:
+    def stick(self, time_s: float, stuck: bool) -> None:
         """Be blocked where it stands, or be free again and stay there."""
         self.stuck = stuck
         if stuck:
-            self._rotation.halt(self._now())
+            self._rotation.halt(time_s)
         else:
-            self._plan.put(self._now(), self.encoder.reads(self._true_deg(self._now())))
+            self._plan.put(time_s, self.encoder.reads(self._true_deg(time_s)))
 
     def set_mode(self, mode: str) -> None:
         """Change the mode; what was demanded of it before holds at once."""
@@ -208,7 +208,7 @@ class Axis:
         self.mode, self.demands.position = "POSITION", 0.0
         self._go(self._now(), self._nearest(zero_deg) if self.encoder.continuous else zero_deg)
         if self._trip is None:
-            self._zero_s = self._plan.at_rest_from_s + self._table.delay_s
+            self._zero_s = self._profiled_s + self._table.delay_s
 
     def _ready(self) -> None:
         if self.contacts_open:
@@ -228,7 +228,7 @@ class Axis:
         rate = self.demands.rate if self.mode == "RATE" else 0.0
         rate = math.copysign(min(abs(rate), limits.rate), rate) * (1 + self._table.rate_error)
         acceleration = limits.acceleration
-        self._plan.turn_at(now_s, rate, acceleration)
+        self._profiled_s = self._plan.turn_at(now_s, rate, acceleration)
         if not self.stuck:
             self._rotation.turn_at(now_s + delay_s, rate, acceleration)
         self._look_ahead(now_s, bool(rate))
@@ -236,11 +236,12 @@ class Axis:
     def _go(self, now_s: float, reading_deg: float) -> None:
         limits = self.limits["POSITION"]
         moves = abs(reading_deg - self._plan_deg()) > 1e-6
-        self._plan.move_to(now_s, reading_deg, limits.rate, limits.acceleration)
+        acceleration = limits.acceleration
+        self._profiled_s = self._plan.move_to(now_s, reading_deg, limits.rate, acceleration)
         if not self.stuck:
             true_deg = self.encoder.true_at(reading_deg)
             begin_s = now_s + self._table.delay_s
-            self._rotation.move_to(begin_s, true_deg, limits.rate, limits.acceleration)
+            self._rotation.move_to(begin_s, true_deg, limits.rate, acceleration)
         self._look_ahead(now_s, moves)
 
     def _look_ahead(self, now_s: float, moves: bool) -> None:
@@ -272,9 +273,7 @@ class Axis:
 
     def _complete_s(self) -> float:
         """Return when the profile is complete: it stands, or has its rate, and has settled."""
-        edges = self._plan.breakpoints(-math.inf, math.inf)
-        last_s = float(edges[-1]) if len(edges) else -math.inf
-        return last_s + self._table.delay_s + self._table.settling_s
+        return self._profiled_s + self._table.delay_s + self._table.settling_s
 
     def _nearest(self, reading_deg: float) -> float:
         """Return the angle that reads so and is nearest to where the profile stands."""
@@ -282,7 +281,7 @@ class Axis:
         return here_deg + math.remainder(reading_deg - here_deg, 360.0)
 
     def _plan_deg(self) -> float:
-        return float(self._plan.angle_deg(np.array([self._now()]))[0])
+        return self._plan.now_at(self._now())[0]
 
     def _true_deg(self, time_s: float) -> float:
-        return float(self._rotation.angle_deg(np.array([time_s]))[0])
+        return self._rotation.now_at(time_s)[0]

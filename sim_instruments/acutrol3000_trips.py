@@ -6,8 +6,6 @@ import math
 from collections.abc import Iterator
 from itertools import pairwise
 
-import numpy as np
-
 from sim_instruments.world.rotation import RotationHistory
 
 
@@ -19,11 +17,11 @@ def pieces(
     for begin_s, end_s in pairwise(edges):
         if end_s <= begin_s:
             continue
-        at = np.array([begin_s, min(end_s, begin_s + 1.0)])
-        rates, angles = plan.rate_deg_per_s(at), plan.angle_deg(at)
-        takes_s = at[1] - at[0]
-        slope = float(rates[1] - rates[0]) / takes_s if math.isfinite(end_s) else 0.0
-        yield begin_s, end_s, float(angles[0]), float(rates[0]), slope
+        angle, rate = plan.now_at(begin_s)
+        slope = 0.0
+        if math.isfinite(end_s):
+            slope = (plan.now_at(end_s)[1] - rate) / (end_s - begin_s)
+        yield begin_s, end_s, angle, rate, slope
 
 
 def too_fast_from_s(plan: RotationHistory, from_s: float, largest: float) -> float:

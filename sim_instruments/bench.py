@@ -21,6 +21,7 @@ from sim_instruments.truth import SimulationError, Truth
 from sim_instruments.world.accelerometer_bench import AccelerometerBench
 from sim_instruments.world.base import World
 from sim_instruments.world.extremes import coil_report
+from sim_instruments.world.fog_bench import FogBench
 from sim_instruments.world.laser_gyro_bench import LaserGyroBench
 from sim_instruments.world.serf_bench import SerfBench
 from station.clock import Clock
@@ -32,6 +33,7 @@ WORLDS: dict[str, Callable[[Truth], World]] = {
     "rlg-magnetic-sensitivity": LaserGyroBench,
     "accelerometer-magnetic-sensitivity": AccelerometerBench,
     "serf-nonorthogonality": SerfBench,
+    "fog-scale-factor-temperature": FogBench,
 }
 
 

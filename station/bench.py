@@ -46,6 +46,7 @@ INSTANCES = (
 NEEDED_LIMITS = {
     "coil_supply": ("current", "voltage", "slew", "zero_current"),
     "rotary_stage": ("rate", "acceleration"),
+    "turntable": ("rate", "acceleration"),
     "signal_generator": ("voltage",),
 }
 NEEDED_SETTINGS = {"coil_supply": {"coil_constant": "mT/A"}}

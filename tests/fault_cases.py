@@ -21,7 +21,7 @@ from campaign_helpers import RawContent, raw_content
 
 from sim_instruments.bench import WORLDS, SimulatedBench
 from sim_instruments.faults.catalogue import applicable_faults
-from sim_instruments.faults.wire import LINES, MEASURED, WIRE_FAULTS
+from sim_instruments.faults.wire import CAN, MEASURED, WIRE_FAULTS
 from station import registry
 from station.bench import Bench, read_bench
 from station.cli.validating import read_plan_for
@@ -67,7 +67,7 @@ SHORT_FORMS: Mapping[str, tuple[str, ...]] = {
 
 FIRST, MIDDLE, LASTING = "first message", "middle", "from the middle on"
 LONG = "100 h"
-BOARD_COMMANDS = {"can-pulse-board": 0x100}
+BOARD_COMMANDS = {"can-pulse-board": 0x100, "can-navigator": 0x0A0}
 """The frame by which a driver commands its instrument on a bus that others use as well."""
 
 
@@ -102,7 +102,7 @@ class Traffic(NamedTuple):
         fault = WIRE_FAULTS.get(kind)
         if kind == "nan":
             return self.measured
-        return self.answered if fault and fault.needs_reply and protocol in LINES else self.sent
+        return self.sent if not (fault and fault.needs_reply) or protocol in CAN else self.answered
 
 
 @dataclass(frozen=True)
@@ -144,7 +144,7 @@ class Reference:
             )
             if by_then == before:
                 return None
-            if protocol not in LINES:
+            if protocol in CAN:
                 fault["command"] = BOARD_COMMANDS[driver]
             return {**fault, "nth": before + 1}
         if case.placement == LASTING and not on_wire:

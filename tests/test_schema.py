@@ -141,8 +141,8 @@ def test_a_plan_that_extends_another_is_still_held_to_what_it_says() -> None:
         ("current: 8 A", "current: 8 V", "instruments.coil_supply.x.limits.current"),
         ("quantity: field", "quantity: filed", "instruments.gaussmeter.calibration"),
         ("up_to: 3.5 mT", "up_to: 3.5 mt", "instruments.gaussmeter.calibration"),
-        ("{role: coil_supply,", "{", "safe_state.0"),
-        ("{role: coil_supply,", "{rôle: coil_supply,", "safe_state.0"),
+        ("{role: coil_supply,", "{", "safe_state.1"),
+        ("{role: coil_supply,", "{rôle: coil_supply,", "safe_state.1"),
         ("name: sim\n", "", ""),
     ],
 )

@@ -13,6 +13,7 @@ from drivers.roles.base import (
 from drivers.roles.climate import ThermalChamber
 from drivers.roles.field import CoilSupply, DirectCurrentSupply, Gaussmeter
 from drivers.roles.motion import RotaryStage, Turntable
+from drivers.roles.navigation import Navigator, NavigatorStatus
 from drivers.roles.readings import GyroAcquisition, Multimeter, Thermometer
 from drivers.roles.safe_states import SAFE_STATES, SafeState
 from drivers.roles.spins import Digitizer, PumpLaser, SignalGenerator
@@ -32,6 +33,8 @@ __all__ = [
     "InterlockChain",
     "MadeSafe",
     "Multimeter",
+    "Navigator",
+    "NavigatorStatus",
     "Place",
     "PumpLaser",
     "RotaryStage",

@@ -225,12 +225,12 @@ def _carried(design: Array, kept: Mask) -> bool:
 
 
 def choose_by_information(
-    sums_of_squares: Sequence[float], columns: Sequence[int], rows: int
+    sums_of_squares: Sequence[float], columns: Sequence[int], rows: int, charge: float = CHARGE
 ) -> int:
     """Return the index of the model with the best information criterion.
 
     The Bayesian criterion, rows ln(SS / rows) + columns ln(rows), its charge per column raised by
-    `CHARGE` and by rows over the degrees of freedom left, so that few rows are not explained by
+    `charge` and by rows over the degrees of freedom left, so that few rows are not explained by
     many columns.
     """
     smallest = np.finfo(np.float64).tiny
@@ -240,7 +240,7 @@ def choose_by_information(
         if free < 1:
             continue
         value = rows * np.log(max(square, smallest) / rows)
-        value += CHARGE * (count - min(columns)) * np.log(rows) * rows / free
+        value += charge * (count - min(columns)) * np.log(rows) * rows / free
         if value < best_value - 1e-9:
             best, best_value = index, value
     return best

@@ -67,7 +67,8 @@ class Drive:
 
     `rate_deg_per_s` and `temperature_degC` have shape (rows, 3): x forward, y right, z down, earth
     rate included. `heading_deg` (rows,) is a reference heading; without one the vehicle ends in the
-    heading in which it began. `first_heading_deg` is the heading in which it began.
+    heading in which it began. `first_heading_known` says whether `first_heading_deg`, the
+    heading in which it began, is more than a guess.
     """
 
     time_s: Array
@@ -76,6 +77,7 @@ class Drive:
     latitude_deg: float
     heading_deg: Array | None = None
     first_heading_deg: float = 0.0
+    first_heading_known: bool = False
 
 
 @dataclass(frozen=True)

@@ -20,7 +20,7 @@ class AnalysisSettings:
     outlier: float = 5.0
     gap: float = 1.5
     model_too_stiff: float = 0.3
-    highest_order: int = 14
+    highest_order: int = 20
     temperature_gap_degC: float = 10.0
 
 
@@ -92,10 +92,10 @@ class Verified:
 class Driven:
     """The vehicle test: error of heading at its end, without and with compensation, in deg.
 
-    `time_s`, `raw_deg` and `compensated_deg` (n,) are the courses of the heading; the reference is
-    None where the vehicle came back to the heading in which it began. Errors are None where they
-    are too large to be those of a drive that closes. `u_deg` is what the model leaves unknown,
-    `outside` the part of the time outside the calibrated range.
+    `time_s`, `raw_deg` and `compensated_deg` (n,) are the courses of the heading. Errors are None
+    where they are too large to be those of a drive that closes. `noise_u_deg` comes of the rates'
+    noise, `model_u_deg` of the model; `outside` is the part of the time outside the calibrated
+    range.
     """
 
     time_s: Array
@@ -103,7 +103,8 @@ class Driven:
     compensated_deg: Array
     raw_error_deg: float | None
     compensated_error_deg: float | None
-    u_deg: float
+    noise_u_deg: float
+    model_u_deg: float
     duration_h: float
     turned_deg: float
     outside: float

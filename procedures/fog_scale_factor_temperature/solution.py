@@ -25,13 +25,15 @@ from .findings import AnalysisSettings, AxisFit
 from .turning import FULL_TURN_DEG, PPM, SECONDS_PER_HOUR
 from .wandering_bias import CorrelatedFit, Walk, deleted_residuals, walk_kernel, walk_ratio
 
-BIAS_ORDER = 2
+BIAS_ORDER = 4
 START_BIAS_ORDER = 6
 START_THRESHOLD = 1.6
 """Of the rejection's: the first look has no model of the bias's walk."""
 COVERED = 0.8
 NEXT_SET = 1.6
 SAME_TEMPERATURE_DEGC = 0.5
+START_ORDERS = (4, 9, 20)
+WILD_SHARE = 0.05
 SPARE = 3
 ROUNDS = 25
 CHANCE = 2.3
@@ -92,7 +94,7 @@ def is_paired(turns: AxisTurns) -> bool:
     within_s = NEXT_SET * turns.set_interval_s
     near = np.abs(np.subtract.outer(turns.middle_s, turns.middle_s)) <= within_s
     other = np.not_equal.outer(turns.commanded_deg, turns.commanded_deg)
-    covered = (near & other & turns.usable[None, :]).any(axis=1)
+    covered = np.any(near & other & turns.usable[None, :], axis=1)
     return bool(covered[sensing].mean() >= COVERED)
 
 
@@ -127,7 +129,8 @@ class _AxisProblem:
         sensing = kept & (self.turns.commanded_deg != 0.0)
         distinct = distinct_temperatures(self.turns.temperature_degC[sensing])
         spare = int(sensing.sum()) - SPARE - (2 if self.paired else 0)
-        return min(self.settings.highest_order, distinct - SPARE, spare)
+        third = max(distinct // 3, min(distinct - SPARE, 4))
+        return min(self.settings.highest_order, distinct - SPARE, spare, third)
 
     def domain(self, kept: Mask) -> tuple[float, float]:
         """Return the range of the kept turns' temperatures."""
@@ -135,9 +138,10 @@ class _AxisProblem:
         return float(inside.min()), float(inside.max())
 
     def design(
-        self, domain: tuple[float, float], order: int, bias_order: int = BIAS_ORDER
+        self, domain: tuple[float, float], order: int, bias_order: int | None = None
     ) -> tuple[Array, int]:
         """Return the columns for all rows, those of the bias first, and how many these are."""
+        bias_order = BIAS_ORDER if bias_order is None else bias_order
         high = max(order, bias_order)
         polynomials = chebyshev_columns(self.turns.temperature_degC, domain, high)
         scale = polynomials[:, : order + 1] * self.turns.turns[:, None]
@@ -147,13 +151,13 @@ class _AxisProblem:
         bias = polynomials[:, : few + 1] * self.turns.by_bias_ppm[:, None]
         return np.column_stack((bias, scale)), few + 1
 
-    def start(self) -> Mask:
-        """Return the rows that a stiff look by least magnitudes does not throw out."""
+    def start(self, order: int) -> Mask:
+        """Return the rows that a look by least magnitudes, of this order, does not throw out."""
         kept = self.candidates.copy()
-        order = self.highest_order(kept)
-        if order < 0:
+        highest = self.highest_order(kept)
+        if highest < 0:
             return kept
-        order = min(order, max(int(kept.sum()) // 5, 1))
+        order = min(order, highest, max(int(kept.sum()) // 5, 1))
         design, _ = self.design(self.domain(kept), order, START_BIAS_ORDER)
         inside = keep_inliers(
             design[kept], self.data[kept], START_THRESHOLD * self.settings.outlier
@@ -231,10 +235,43 @@ class _AxisProblem:
     def reject(self) -> tuple[Mask, _Solved | None]:
         """Return the rows that agree with what the others foretell, and their solution.
 
+        From several first looks: a stiff one takes a feature of the curve for wild turns, a soft
+        one a wild turn at the end of the range for the curve. The likeliest of their ends counts.
+        """
+        ends: dict[bytes, tuple[Mask, _Solved | None]] = {}
+        begun: set[bytes] = set()
+        for order in START_ORDERS:
+            kept = self.start(order)
+            if kept.tobytes() not in begun:
+                begun.add(kept.tobytes())
+                found = self._settle(kept)
+                ends.setdefault(found[0].tobytes(), found)
+        return min(ends.values(), key=self._surprise)
+
+    def _surprise(self, end: tuple[Mask, _Solved | None]) -> float:
+        """Return minus twice the logarithm of the likelihood, wild turns and columns charged.
+
+        A wild turn may lie anywhere within the span of the data, and is as seldom as `WILD_SHARE`.
+        """
+        kept, solved = end
+        if solved is None:
+            return float("inf")
+        count = int(kept.sum())
+        wild = int(self.candidates.sum()) - count
+        span = float(np.ptp(self.data[self.candidates])) or 1.0
+        noise = max(solved.fit.noise, self.floor_ppm, 1e-9 * span)
+        walk = Walk(self.kernel[np.ix_(kept, kept)], solved.ratio)
+        told = count * (np.log(2.0 * np.pi * noise**2) + 1.0)
+        told += 2.0 * float(np.log(np.diag(walk.factor)).sum())
+        told += (solved.order + 1) * np.log(count)
+        return float(told + 2.0 * wild * np.log(span * (1.0 - WILD_SHARE) / WILD_SHARE))
+
+    def _settle(self, kept: Mask) -> tuple[Mask, _Solved | None]:
+        """Return the rows that stay when wild ones are left out and good ones taken back.
+
         One row of a set is taken or given back at a time: of a pair the good turn looks as wrong as
         the bad one until one of them is gone.
         """
-        kept = self.start()
         solved = self.solve(kept)
         seen = {kept.tobytes()}
         for _ in range(ROUNDS):

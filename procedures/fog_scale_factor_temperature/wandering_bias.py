@@ -56,13 +56,14 @@ class CorrelatedFit:
     """A generalised least-squares solution; noise in the unit of the data.
 
     `inverse_normal` times `noise` squared is the covariance. `white` (n,) is what the solution
-    leaves once the walk, too, is taken off: the turns' own errors.
+    leaves once the walk, too, is taken off: the turns' own errors. What the walk takes of the data
+    is no degree of freedom of the noise.
     """
 
     coefficients: Array
     inverse_normal: Array
     noise: float
-    degrees_of_freedom: int
+    degrees_of_freedom: float
     white: Array
 
 
@@ -86,7 +87,10 @@ class Walk:
         free = len(data) - design.shape[1]
         noise = float(np.sqrt(solved.sum_of_squares / free)) if free > 0 else 0.0
         white = self.back(solved.residuals)
-        return CorrelatedFit(solved.coefficients, solved.inverse_normal, noise, free, white)
+        own = float((self.whiten(np.eye(len(data))) ** 2).sum()) - design.shape[1]
+        return CorrelatedFit(
+            solved.coefficients, solved.inverse_normal, noise, max(own, 1.0), white
+        )
 
 
 def deleted_residuals(design: Array, data: Array, kernel: Array, ratio: float, kept: Mask) -> Array:

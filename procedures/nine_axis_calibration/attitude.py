@@ -7,7 +7,7 @@ the means of the horizontal accelerometers; everything but the biases has a prio
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np

@@ -109,6 +109,8 @@ def check_together(
     horizontal = float(np.linalg.norm(earth_rate(latitude_deg)[:2]))
     allowed = min(limits.rate_deg_per_h, HORIZONTAL_PART * horizontal)
     kept = _agreeing(off, gyro_u, upright, allowed)
+    if not kept and len(upright) > 1:
+        kept = _one_right(gyro_deg_per_h, expected, acceleration_g, upright, latitude_deg, limits)
     middle = np.mean(off[list(kept)], axis=0) if kept else np.zeros(3)
     poses = []
     for n, position in enumerate(positions):
@@ -118,8 +120,17 @@ def check_together(
             why = f"the accelerometers are {off_g[n]:.3g} g off"
         elif n not in kept:
             why = f"its gyro means are {left:.3g} deg/h off those of the others"
-        stands_as = position if n in kept else _best(acceleration_g[n], gyro_deg_per_h[n] - middle,
-                                                     latitude_deg, limits.acceleration_g, allowed)
+        stands_as = (
+            position
+            if n in kept
+            else _best(
+                acceleration_g[n],
+                gyro_deg_per_h[n] - middle,
+                latitude_deg,
+                limits.acceleration_g,
+                allowed,
+            )
+        )
         poses.append(Pose(position, n in kept, float(off_g[n]), left, stands_as, why))
     return tuple(poses)
 
@@ -139,6 +150,31 @@ def _agreeing(off: Array, u: Array, rows: Sequence[int], allowed: float) -> tupl
             return best[1]
     # Of two that contradict each other nobody can say which is wrong; one alone contradicts none.
     return tuple(rows) if len(rows) == 1 else ()
+
+
+def _one_right(
+    gyro: Array,
+    expected: Array,
+    acceleration_g: Array,
+    rows: Sequence[int],
+    latitude_deg: float,
+    limits: PoseLimits,
+) -> tuple[int, ...]:
+    """Return the one position that is right, where others would agree with it as other ones.
+
+    None where that holds for several: nobody can then say which is right.
+    """
+    found = []
+    for right in rows:
+        bias = gyro[right] - expected[right]
+        others = [n for n in rows if n != right]
+        stand = [
+            _best(acceleration_g[n], gyro[n] - bias, latitude_deg, limits.acceleration_g, 1.0)
+            for n in others
+        ]
+        if all(one is not None for one in stand):
+            found.append(right)
+    return (found[0],) if len(found) == 1 else ()
 
 
 def _best(

@@ -184,6 +184,47 @@ class LoadReset(LastingFault):
     kind = "load-reset"
 
 
+class AlignmentFails(LastingFault):
+    """The navigator does not find its attitude, or loses it, and its status says so."""
+
+    kind = "alignment-fails"
+
+
+class GyroFails(LastingFault):
+    """A gyro of the navigator fails its own test, and the status says so."""
+
+    kind = "gyro-fails"
+
+
+class HeaterBroken(LastingFault):
+    """A thermal chamber's heater gives nothing: a set-point above the room is never reached."""
+
+    kind = "heater-broken"
+
+
+class CompressorTrip(LastingFault):
+    """A thermal chamber's compressor has tripped: nothing cools, and its alarm is on."""
+
+    kind = "compressor-trip"
+
+
+class DoorOpen(LastingFault):
+    """The door of a thermal chamber is open."""
+
+    kind = "door-open"
+
+
+class ChamberAlarm(LastingFault):
+    """An alarm of a thermal chamber is on, `number` 1 unless said, and heater and compressor off."""
+
+    kind = "chamber-alarm"
+    options = ("number",)
+
+    def __init__(self, trigger: Trigger, truth: Truth) -> None:
+        super().__init__(trigger, truth)
+        self.number = truth.integer("number", 1) if "number" in truth else 1
+
+
 LASTING_FAULTS: dict[str, type[LastingFault]] = {
     fault.kind: fault
     for fault in (
@@ -206,6 +247,12 @@ LASTING_FAULTS: dict[str, type[LastingFault]] = {
         InterlockOpen,
         OutputTripped,
         LoadReset,
+        HeaterBroken,
+        CompressorTrip,
+        DoorOpen,
+        ChamberAlarm,
+        AlignmentFails,
+        GyroFails,
     )
 }
 

@@ -29,13 +29,13 @@ class LineTap:
         """Carry out a line, or not, and return what goes out for it."""
         faults = self._faults
         if faults is None:
-            return Outgoing(reply_of(execute(line)))
-        message = line.decode("ascii", "replace").strip()
+            return Outgoing(self.parted(execute(line)))
+        message = self.named(line)
         if faults.arrives(message):
             return Outgoing(None)
         answer = execute(line)
         live = faults.live()
-        reply, drops = reply_of(answer), False
+        reply, drops = self.parted(answer), False
         for fault in live:
             if reply is None:
                 if fault.needs_reply or not fault.drops_line:
@@ -44,9 +44,17 @@ class LineTap:
                 continue
             if fault.trigger.meets(now_s, message):
                 drops = drops or fault.drops_line
-                reply = reply and fault.change(reply, reply_of(self._previous))
+                reply = reply and fault.change(reply, self.parted(self._previous))
         self._previous = answer or self._previous
         return Outgoing(None if drops else reply, drops)
+
+    def named(self, line: bytes) -> str:
+        """Return a message as the text that faults are matched against."""
+        return line.decode("ascii", "replace").strip()
+
+    def parted(self, answer: bytes) -> Reply | None:
+        """Return what may be changed of an answer, and its end; None for no answer."""
+        return reply_of(answer)
 
 
 class Batch(NamedTuple):

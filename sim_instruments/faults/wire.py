@@ -1,6 +1,6 @@
 """Faults on the wire: what becomes of a message on its way in, of a reply on its way out.
 
-A reply is one line of a text protocol, or the data of one CAN frame.
+A reply is one line of a text protocol, one Modbus frame, or the data of one CAN frame.
 """
 
 from __future__ import annotations
@@ -16,7 +16,11 @@ from sim_instruments.truth import SimulationError, Truth
 
 LINES = frozenset({"scpi", "acl", "ascii"})
 CAN = frozenset({"socketcand"})
-# Two protocols are not here yet: checksummed frames and Modbus, whose own fault is a wrong CRC.
+MODBUS_TCP = frozenset({"modbus-tcp"})
+MODBUS_RTU = frozenset({"modbus-rtu"})
+MODBUS = MODBUS_TCP | MODBUS_RTU
+FRAMES = frozenset({"frames"})
+"""Binary frames with a checksum, most of them sent unasked."""
 
 MEASURED = re.compile(rb"[+-]?\d+\.(?:\d+E[+-]?\d+|\d{6}(?![\dE]))")
 """How instruments write what they measured: with an exponent, or six decimals.
@@ -38,7 +42,7 @@ class WireFault:
     """One fault between an instrument's logic and its socket."""
 
     kind: ClassVar[str]
-    protocols: ClassVar[frozenset[str]] = LINES | CAN
+    protocols: ClassVar[frozenset[str]] = LINES | CAN | MODBUS | FRAMES
     options: ClassVar[tuple[str, ...]] = ()
     needs_reply: ClassVar[bool] = True
     """Only messages that are answered are met."""
@@ -101,6 +105,8 @@ class Garbled(WireFault):
     """About a quarter of the bytes, one at least, are disturbed in their high bit and others."""
 
     kind = "garbled"
+    # TCP has a check sum of its own, and Modbus TCP therefore none.
+    protocols = LINES | CAN | MODBUS_RTU | FRAMES
 
     def change(self, reply: Reply, previous: Reply | None) -> Reply | None:
         """Return the reply with bytes that are no text."""
@@ -128,6 +134,8 @@ class PreviousReply(WireFault):
     """The reply is the one that the message before was given; the first one is lost."""
 
     kind = "previous-reply"
+    # Replies in RTU frames have no number: one of the same length could not be told from another.
+    protocols = LINES | CAN | MODBUS_TCP | FRAMES
 
     def change(self, reply: Reply, previous: Reply | None) -> Reply | None:
         """Return the reply before this one."""
@@ -154,11 +162,22 @@ class NotANumber(WireFault):
         return replace(reply, body=MEASURED.sub(self._text, reply.body))
 
 
+class WrongChecksum(WireFault):
+    """The reply's check sum does not belong to it."""
+
+    kind = "wrong-crc"
+    protocols = MODBUS_RTU | FRAMES
+
+    def change(self, reply: Reply, previous: Reply | None) -> Reply | None:
+        """Return the reply with another last byte."""
+        return replace(reply, body=reply.body[:-1] + bytes([reply.body[-1] ^ 0x5A]))
+
+
 class LostCommand(WireFault):
     """The message never reaches the instrument, which neither acts nor answers."""
 
     kind = "lost-command"
-    protocols = LINES
+    protocols = LINES | MODBUS
     needs_reply = False
     loses_messages = True
 
@@ -167,7 +186,7 @@ class LostFrame(WireFault):
     """The frame is on the bus for nobody, whether the instrument sends it or should get it."""
 
     kind = "lost-frame"
-    protocols = CAN
+    protocols = CAN | FRAMES
     loses_messages = True
 
     def change(self, reply: Reply, previous: Reply | None) -> Reply | None:
@@ -197,6 +216,7 @@ WIRE_FAULTS: dict[str, type[WireFault]] = {
         WrongTerminator,
         PreviousReply,
         NotANumber,
+        WrongChecksum,
         LostCommand,
         LostFrame,
         DroppedConnection,

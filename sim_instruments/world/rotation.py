@@ -9,7 +9,7 @@ the axis truly is; what an encoder says of it belongs to the instrument that has
 from __future__ import annotations
 
 import math
-from bisect import bisect_left
+from bisect import bisect_left, bisect_right
 from collections.abc import Callable
 
 import numpy as np
@@ -51,10 +51,30 @@ class RotationHistory:
         since_s, _, rate, acceleration = self._at(time_s)
         return np.asarray(rate + acceleration * since_s)
 
+    def now_at(self, time_s: float) -> tuple[float, float]:
+        """Return angle in deg and rate in deg/s at one time, faster than by arrays."""
+        k = max(bisect_right(self._start_s, time_s) - 1, 0)
+        since_s, rate = time_s - self._start_s[k], self._rate[k]
+        acceleration = self._acceleration[k]
+        angle = self._angle[k] + (rate + 0.5 * acceleration * since_s) * since_s
+        return angle, rate + acceleration * since_s
+
+    def angle_and_rate(self, time_s: Array) -> tuple[Array, Array]:
+        """Return angle (deg) and rate (deg/s) at each time, looked up once."""
+        since_s, angle, rate, acceleration = self._at(time_s)
+        gained = acceleration * since_s
+        return angle + (rate + 0.5 * gained) * since_s, rate + gained
+
     def breakpoints(self, first_s: float, last_s: float) -> Array:
         """Return the times between two others at which the acceleration changes."""
         starts = self._lists()[0]
-        return starts[(starts > first_s) & (starts < last_s)]
+        first, last = starts.searchsorted(first_s, side="right"), starts.searchsorted(last_s)
+        return starts[first:last]
+
+    @property
+    def commanded_s(self) -> float:
+        """The time from which the last command holds; before it nothing changes any more."""
+        return self._commanded_s
 
     @property
     def at_rest_from_s(self) -> float:
@@ -135,8 +155,7 @@ class RotationHistory:
     def _cut(self, time_s: float) -> tuple[float, float, float]:
         """Forget what was planned from a time on; return that time, angle and rate there."""
         self._commanded_s = now_s = max(time_s, self._commanded_s)
-        at = np.array([now_s])
-        angle, rate = float(self.angle_deg(at)[0]), float(self.rate_deg_per_s(at)[0])
+        angle, rate = self.now_at(now_s)
         keep = max(bisect_left(self._start_s, now_s), 1)
         for one in (self._start_s, self._angle, self._rate, self._acceleration):
             del one[keep:]
@@ -171,5 +190,5 @@ class RotationHistory:
 
     def _at(self, time_s: Array) -> tuple[Array, Array, Array, Array]:
         starts, angle, rate, acceleration = self._lists()
-        k = np.maximum(np.searchsorted(starts, time_s, side="right") - 1, 0)
+        k = np.maximum(starts.searchsorted(time_s, side="right") - 1, 0)
         return time_s - starts[k], angle[k], rate[k], acceleration[k]

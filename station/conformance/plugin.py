@@ -28,6 +28,7 @@ ROLES = (
     "rotary_stage",
     "signal_generator",
     "thermometer",
+    "turntable",
 )
 """Fixtures for the instrument of a role."""
 
@@ -186,4 +187,10 @@ def digitizer(instrument: Any) -> Any:
 @pytest.fixture
 def pump_laser(instrument: Any) -> Any:
     """Give the shutter of the pump light."""
+    return instrument
+
+
+@pytest.fixture
+def turntable(instrument: Any) -> Any:
+    """Give a turntable."""
     return instrument

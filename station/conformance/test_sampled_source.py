@@ -18,12 +18,14 @@ QUIET_S = 3.0
 FIELD_MT = 1.0
 SAMPLE_INTERVAL_S = 0.1
 CHANNEL = 1
+RATE_HZ = 10.0
 LARGEST_GAP = 1.5
 """In sample intervals; what the analysis calls a gap."""
 
 START: dict[str, Callable[[Any], None]] = {
     "gaussmeter": lambda source: source.start(FIELD_MT),
     "gyro_acquisition": lambda source: source.start(SAMPLE_INTERVAL_S, CHANNEL),
+    "navigator": lambda source: source.start(RATE_HZ),
 }
 
 

@@ -34,6 +34,9 @@ def problems_of_plan(procedure: Procedure, parameters: Any, bench: Bench) -> Ite
         for name in procedure.instruments(parameters)
         if name not in bench.instruments
     ]
+    if not procedure.steps:
+        what = "analyses imported data; it has no steps that a bench could do"
+        found.insert(0, Problem(("procedure",), f"{procedure.name} {what}"))
     complete = not found
     found += procedure.check(parameters, bench)
     if complete:

@@ -1,0 +1,306 @@
+"""What a driver of the inertial navigator does alike on CAN and on RS-422.
+
+The navigator's interface has a supply of its own: it says who it is, and that the navigator behind
+it is off, before the device under test is switched on.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any, ClassVar, NamedTuple, Protocol
+
+import numpy as np
+
+from drivers.roles import Block, Identity, NavigatorStatus, Place
+from drivers.transport.retry import Repeatable
+from station.errors import InputError, InstrumentError, InstrumentTimeout
+
+ANSWER_WITHIN_S = 0.5
+SHORTEST_SILENCE_S = 3.0
+SILENT_INTERVALS = 3
+SLOWEST_HZ, FASTEST_HZ = 1.0, 10.0
+RATE_STEP_HZ = 0.1
+NO_SENSOR_DEGC = -327.68
+ALIGNED, ALIGNING = 1, 2
+FAULTS: Mapping[int, str] = {
+    1 << 8: "switched off",
+    1 << 9: "alignment failed",
+    1 << 10: "a gyro failed its own test",
+}
+"""Words of the fault bits of a status; another bit is told by its number."""
+
+REFUSALS: Mapping[str, str] = {
+    "unknown_command": "check that the navigator's firmware and this driver belong together",
+    "bad_rate": "ask for 1 Hz to 10 Hz",
+    "bad_latitude": "ask for a latitude between -90 deg and 90 deg",
+    "already_running": "see that nobody else uses the navigator, then start again",
+    "bad_length": "check the line, then start again",
+    "unit_off": "switch the device under test on, then start again",
+}
+"""By the word with which a command is refused: what to do now."""
+
+RESULTS = ("ok", *REFUSALS)
+COMMANDS: Mapping[str, int] = {"start": 1, "stop": 2, "identify": 3, "status": 4, "align": 5}
+
+COLUMNS: Mapping[str, str] = {
+    "counter": "1, the navigator's 16-bit number of the output",
+    "heading_deg": "deg, from north towards east, 0 to 360",
+    "pitch_deg": "deg, nose up positive",
+    "roll_deg": "deg, right side down positive",
+    "temperature_x_degC": "degC, of the gyro whose input axis is x, forward",
+    "temperature_y_degC": "degC, of the gyro whose input axis is y, right",
+    "temperature_z_degC": "degC, of the gyro whose input axis is z, down",
+    "status": "1, bits: 0 aligned, 1 aligning, 8 switched off, 9 alignment failed, 10 gyro failed",
+}
+ROW = np.dtype(
+    [
+        (name, np.uint16 if name in ("counter", "status") else np.float64)
+        for name in (*COLUMNS, "arrival_s")
+    ]
+)
+
+
+class Output(NamedTuple):
+    """One output of the navigator, in the order of the columns, and when it had come, s."""
+
+    counter: int
+    heading_deg: float
+    pitch_deg: float
+    roll_deg: float
+    temperature_x_degC: float
+    temperature_y_degC: float
+    temperature_z_degC: float
+    status: int
+    arrival_s: float
+
+    @property
+    def warmest_degC(self) -> float:
+        """The temperature of the warmest gyro; NaN where a sensor is missing."""
+        found = (self.temperature_x_degC, self.temperature_y_degC, self.temperature_z_degC)
+        return math.nan if min(found) <= NO_SENSOR_DEGC + 0.005 else max(found)
+
+
+class Request(NamedTuple):
+    """A command as it goes to the navigator."""
+
+    command: str
+    number: int
+    rate_Hz: float = 0.0
+    latitude_deg: float = 0.0
+
+
+class NavigatorLine(Protocol):
+    """The messages of a navigator on one kind of line.
+
+    Answers are `acknowledgement` (`request_id`, `result`, `rate`), `status` (`status`,
+    `aligning_for`) and `identity` (`serial_number`, `firmware_major`, `firmware_minor`). All raise
+    InstrumentError when the line is gone, or for a message that is none of the navigator's.
+    """
+
+    def send(self, request: Request) -> None:
+        """Put a command on the line."""
+        ...
+
+    def take(self, answer: str) -> Sequence[Mapping[str, Any]]:
+        """Return the answers of a kind that have come."""
+        ...
+
+    def wait_for(self, answer: str, deadline_s: float) -> Sequence[Mapping[str, Any]]:
+        """Return the answers of a kind as soon as there are any, or none at run time."""
+        ...
+
+    def outputs(self) -> list[Output]:
+        """Return the complete outputs that came since the last call."""
+        ...
+
+    def newest(self) -> Output | None:
+        """Return the last complete output that nobody has taken yet, and keep it."""
+        ...
+
+    def close(self) -> None:
+        """Give the line back."""
+        ...
+
+
+class InertialNavigator:
+    """The verbs of a navigator, on any line that carries its messages."""
+
+    source = "navigator"
+    columns: Mapping[str, str] = COLUMNS
+    repeatable: ClassVar[Repeatable] = Repeatable("stop", "identify", "status")
+    """Not the start, which sets the counter back, nor the alignment, which begins again."""
+
+    def __init__(self, place: Place, line: NavigatorLine) -> None:
+        self.place = place
+        self._line = line
+        self._requests = 0
+        self._running = False
+        self._heard_s = 0.0
+        self._silent_after_s = SHORTEST_SILENCE_S
+        self._temperature_degC: float | None = None
+
+    def identify(self) -> Identity:
+        """Ask the interface for the navigator's identity."""
+        told = self._ask("identify", "identity", "asked who it is")
+        firmware = f"{told['firmware_major']}.{told['firmware_minor']}"
+        return Identity("house-made", "FOG navigator", str(told["serial_number"]), firmware)
+
+    def start(self, rate_Hz: float) -> None:
+        """Begin to output, 1 Hz to 10 Hz in steps of 0.1 Hz, the counter from 1.
+
+        Raises InputError for another rate, InstrumentError when the navigator is switched off.
+        """
+        if not (
+            SLOWEST_HZ <= rate_Hz <= FASTEST_HZ
+            and math.isclose(round(rate_Hz / RATE_STEP_HZ) * RATE_STEP_HZ, rate_Hz)
+        ):
+            raise InputError(
+                f"{self.place.name}: it outputs {SLOWEST_HZ:g} Hz to {FASTEST_HZ:g} Hz in steps "
+                f"of {RATE_STEP_HZ:g} Hz, not {rate_Hz:g} Hz; change the plan's navigator rate"
+            )
+        self.stop()
+        told = self._command("start", rate_Hz=rate_Hz)
+        if not math.isclose(float(told["rate"]), rate_Hz, abs_tol=RATE_STEP_HZ / 2):
+            raise InstrumentError(
+                self.place.name,
+                f"started it at {rate_Hz:g} Hz",
+                f"it says that it outputs {told['rate']:g} Hz",
+                "see that nobody else uses the navigator, then start again",
+            )
+        self._silent_after_s = max(SHORTEST_SILENCE_S, SILENT_INTERVALS / rate_Hz)
+        self._heard_s, self._temperature_degC = self.place.clock.now(), None
+        self._running = True
+        self.columns = {**COLUMNS, "counter": f"{COLUMNS['counter']}, every {1 / rate_Hz:.9g} s"}
+        self._line.outputs()
+
+    def stop(self) -> None:
+        """End the output; what came before can still be drained."""
+        self._running = False
+        self._command("stop")
+
+    def align(self, latitude_deg: float) -> None:
+        """Begin to find attitude and heading at a latitude; it must stand still meanwhile.
+
+        Raises InputError for a latitude that is none, InstrumentError when it is switched off.
+        """
+        if not abs(latitude_deg) <= 90:
+            raise InputError(
+                f"{self.place.name}: {latitude_deg:g} deg is no latitude; change the plan's"
+            )
+        self._command("align", latitude_deg=latitude_deg)
+
+    def status(self) -> NavigatorStatus:
+        """Ask whether it is aligned, and what is wrong with it."""
+        told = self._ask("status", "status", "asked for its status")
+        bits = int(told["status"])
+        aligning_s = float(told["aligning_for"]) if bits & ALIGNING else None
+        return NavigatorStatus(bool(bits & ALIGNED), aligning_s, fault_words(bits))
+
+    def drain(self) -> Block:
+        """Return the outputs that came since the last call; one that lacks a part is left out."""
+        found = self._line.outputs()
+        if found:
+            self._heard(found[-1])
+        rows = np.array(found, dtype=ROW)
+        return Block({name: rows[name] for name in COLUMNS}, rows["arrival_s"])
+
+    def read_quantity(self, quantity: str) -> float | None:
+        """Return the `temperature` of the warmest gyro, degC; None while nothing is output.
+
+        Outputs are looked at and left where they are, for whoever drains them. Raises
+        InstrumentError when none has come for a while, or a gyro has no sensor.
+        """
+        if quantity != "temperature":
+            raise InputError(
+                f"{self.place.name}: a navigator does not measure its {quantity}; take that "
+                "interlock out of the bench file"
+            )
+        if not self._running:
+            return None
+        newest = self._line.newest()
+        if newest is not None:
+            self._heard(newest)
+        silent_s = self.place.clock.now() - self._heard_s
+        attempted = "looked for the gyros' temperature"
+        if silent_s > self._silent_after_s:
+            raise InstrumentError(
+                self.place.name,
+                attempted,
+                f"no output came for {silent_s:.3g} s",
+                "check that the device under test is on, and the navigator's cable",
+            )
+        if self._temperature_degC is not None and math.isnan(self._temperature_degC):
+            raise InstrumentError(
+                self.place.name,
+                attempted,
+                "the outputs say that a sensor is missing",
+                "have the navigator looked at, or take that interlock out of the bench file",
+            )
+        return self._temperature_degC
+
+    def close(self) -> None:
+        """Close the line; the navigator goes on as it is."""
+        self._line.close()
+
+    def _heard(self, newest: Output) -> None:
+        """Take note of the newest output."""
+        self._heard_s = max(self._heard_s, newest.arrival_s)
+        self._temperature_degC = newest.warmest_degC
+        if not math.isnan(newest.warmest_degC):
+            self.place.publish("temperature", newest.warmest_degC, "degC")
+
+    def _ask(self, command: str, answer: str, attempted: str) -> Mapping[str, Any]:
+        self._line.take(answer)
+        self._command(command)
+        found = self._line.wait_for(answer, self._deadline_s())
+        if not found:
+            raise self._silent(answer, attempted)
+        return found[-1]
+
+    def _command(self, command: str, **values: float) -> Mapping[str, Any]:
+        """Send a command and return its acknowledgement; a refusal is InstrumentError."""
+        self._requests = (self._requests + 1) % 65536
+        attempted = f"sent the command {command}"
+        self._line.send(Request(command, self._requests, **values))
+        told = self._acknowledgement(attempted)
+        result = str(told["result"])
+        if result != "ok":
+            raise InstrumentError(
+                self.place.name,
+                attempted,
+                f"it refused with {result}",
+                REFUSALS.get(result, REFUSALS["unknown_command"]),
+            )
+        return told
+
+    def _acknowledgement(self, attempted: str) -> Mapping[str, Any]:
+        """Return the acknowledgement of the last request; a late one of another is passed over."""
+        deadline_s = self._deadline_s()
+        while found := self._line.wait_for("acknowledgement", deadline_s):
+            for told in found:
+                if told["request_id"] == self._requests:
+                    return told
+        raise self._silent("acknowledgement", attempted)
+
+    def _deadline_s(self) -> float:
+        clock = self.place.clock
+        return clock.now() + clock.patience_s(ANSWER_WITHIN_S)
+
+    def _silent(self, answer: str, attempted: str) -> InstrumentTimeout:
+        return InstrumentTimeout(
+            self.place.name,
+            attempted,
+            f"no {answer} came within {ANSWER_WITHIN_S:g} s",
+            "check the supply of the navigator's interface, its cable and the bit rate",
+        )
+
+
+def fault_words(bits: int) -> tuple[str, ...]:
+    """Return in words what a status says is wrong."""
+    wrong = [1 << number for number in range(16) if bits >> number & 1]
+    return tuple(
+        FAULTS.get(bit, f"status bit {bit.bit_length() - 1}")
+        for bit in wrong
+        if bit not in (ALIGNED, ALIGNING)
+    )

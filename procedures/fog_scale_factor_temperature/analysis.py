@@ -1,0 +1,100 @@
+"""From turns to scale-factor curves: the whole analysis of a gyro over temperature.
+
+Source: fog-scale-factor-temperature document, steps 3 and 4. NumPy and SciPy only.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .dataset import AXES, Array, FogDataset, Mask, TurnTable
+from .driving import evaluate_drive
+from .findings import AnalysisSettings, AxisFit, FogAnalysis, PublishedFit, Verified
+from .flags import data_flags, drive_flags, fit_flags, verification_flags
+from .published import published_fit
+from .solution import AxisTurns, fit_axis
+from .turning import FULL_TURN_DEG, PPM, turn_errors_deg
+from .verification import verify_axis
+
+NEIGHBOURS = 9
+WILD_DEVIATIONS = 8.0
+WILD_TEMPERATURE_DEGC = 5.0
+NOT_REJECTED_RESOLUTIONS = 0.6
+"""Of one reading of the heading: the robust deviation of coarse data may be nothing."""
+
+
+def analyse(dataset: FogDataset, settings: AnalysisSettings | None = None) -> FogAnalysis:
+    """Return curves, the published ones, verification, vehicle test and flags."""
+    settings = settings or AnalysisSettings()
+    floor_ppm = NOT_REJECTED_RESOLUTIONS * dataset.heading_resolution_deg / FULL_TURN_DEG * PPM
+    tables = axis_tables(dataset, dataset.turns)
+    fits: dict[str, AxisFit] = {}
+    published: dict[str, PublishedFit] = {}
+    for axis, turns in tables.items():
+        fits[axis] = fit_axis(turns, settings, floor_ppm)
+        published[axis] = published_fit(turns, dataset.initial_order)
+    verified: dict[str, Verified] = {}
+    if dataset.verification is not None:
+        for axis, turns in axis_tables(dataset, dataset.verification).items():
+            found = verify_axis(turns, fits[axis]) if axis in fits else None
+            if found is not None:
+                verified[axis] = found
+    curves = {axis: fit.curve for axis, fit in fits.items() if fit.curve is not None}
+    driven = evaluate_drive(dataset.drive, curves) if dataset.drive and curves else None
+    flags = []
+    for axis, fit in fits.items():
+        flags += data_flags(tables[axis], fit, settings)
+        flags += fit_flags(fit, dataset, settings)
+        flags += verification_flags(verified.get(axis))
+    flags += drive_flags(driven, curves)
+    return FogAnalysis(fits, published, verified, driven, tuple(flags))
+
+
+def axis_tables(dataset: FogDataset, table: TurnTable) -> dict[str, AxisTurns]:
+    """Return the turns of each axis that occurs, in the order x, y, z."""
+    error_deg = turn_errors_deg(table, dataset.turn_sense, dataset.full_attitude)
+    usable = np.isfinite(error_deg) & (table.duration_s > 0.0) & believable_temperatures(table)
+    found = {}
+    for axis in AXES:
+        own = table.axis == axis
+        if bool(own.any()):
+            found[axis] = AxisTurns(
+                axis,
+                np.flatnonzero(own),
+                table.set_number[own],
+                table.middle_s[own],
+                table.duration_s[own],
+                table.commanded_deg[own],
+                error_deg[own],
+                table.temperature_degC[own],
+                usable[own],
+            )
+    return found
+
+
+def believable_temperatures(table: TurnTable) -> Mask:
+    """Return which rows' temperatures can be, (rows,): a wild one would bend all columns.
+
+    Held against the median of the rows around, and before against after.
+    """
+    heat = table.temperature_degC
+    there = np.isfinite(heat)
+    if int(there.sum()) < NEIGHBOURS:
+        return there
+    off = _off_neighbours(heat[there])
+    jump = np.abs(table.temperature_after_degC - table.temperature_before_degC)[there]
+    good = (off <= _reach(off)) & (jump <= _reach(jump))
+    believable = there.copy()
+    believable[there] = good
+    return believable
+
+
+def _off_neighbours(values: Array) -> Array:
+    padded = np.pad(values, NEIGHBOURS // 2, mode="reflect", reflect_type="odd")
+    windows = np.lib.stride_tricks.sliding_window_view(padded, NEIGHBOURS)
+    return np.abs(values - np.median(windows, axis=1))
+
+
+def _reach(deviations: Array) -> float:
+    usual = 1.4826 * float(np.median(deviations))
+    return max(WILD_TEMPERATURE_DEGC, WILD_DEVIATIONS * usual)

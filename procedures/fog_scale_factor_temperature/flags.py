@@ -1,0 +1,169 @@
+"""What the reader must know about turns and curves, one flag a sentence."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from .curve import Curve
+from .dataset import FogDataset
+from .findings import AnalysisSettings, AxisFit, Driven, Flag, Verified
+from .solution import AxisTurns, stiffness
+
+MOST_LISTED = 12
+
+
+def rejected_rows(fit: AxisFit, turns: AxisTurns) -> list[int]:
+    """Return the rows of the turn table that the model leaves out as wrong, 0-based.
+
+    Waits among turns of one sense are no wrong rows: they tell that model nothing.
+    """
+    meant = (turns.commanded_deg != 0.0) | fit.paired | ~turns.usable
+    return [int(row) for row in turns.rows[meant & ~fit.kept]]
+
+
+def data_flags(turns: AxisTurns, fit: AxisFit, settings: AnalysisSettings) -> list[Flag]:
+    """Return the flags on the rows of an axis: what was left out, and gaps."""
+    flags = []
+    rows = rejected_rows(fit, turns) if fit.curve is not None else []
+    if rows:
+        shown = ", ".join(str(row) for row in rows[:MOST_LISTED])
+        more = " and more" if len(rows) > MOST_LISTED else ""
+        flags.append(
+            Flag(
+                "outliers-rejected",
+                f"{len(rows)} of {len(turns.rows)} turns about {turns.axis} lie more than "
+                f"{settings.outlier:g} standard deviations from what the others say, or have a "
+                f"temperature that cannot be, and are left out: rows {shown}{more}, counted from "
+                "0.",
+                turns.axis,
+                {"count": len(rows), "rows": rows},
+            )
+        )
+    return flags + _gaps(turns, settings)
+
+
+def _gaps(turns: AxisTurns, settings: AnalysisSettings) -> list[Flag]:
+    sensing = turns.usable & (turns.commanded_deg != 0.0)
+    number = turns.set_number[sensing]
+    if len(np.unique(number)) < 3:
+        return []
+    starts = np.sort([turns.middle_s[sensing][number == n].min() for n in np.unique(number)])
+    steps = np.diff(starts)
+    nominal_s = float(np.median(steps))
+    # Within a set the first turn alone may be missing, which moves its start by a turn.
+    gaps = int(np.sum(steps > settings.gap * nominal_s))
+    heat = np.sort(turns.temperature_degC[sensing])
+    widest_degC = float(np.max(np.diff(heat)))
+    if not gaps and widest_degC <= settings.temperature_gap_degC:
+        return []
+    missing = int(np.sum(np.rint(steps / nominal_s) - 1.0))
+    return [
+        Flag(
+            "gap",
+            f"Sets of turns about {turns.axis} are missing: {gaps} longer intervals than "
+            f"{settings.gap:g} times the usual {nominal_s:g} s; the widest stretch of temperature "
+            f"without a turn is {widest_degC:.1f} degC. The curve is the less certain there, as "
+            "its uncertainty says.",
+            turns.axis,
+            {
+                "count": max(gaps, 1),
+                "missing_sets": missing,
+                "longest_s": float(steps.max()),
+                "widest_degC": widest_degC,
+            },
+        )
+    ]
+
+
+def fit_flags(fit: AxisFit, dataset: FogDataset, settings: AnalysisSettings) -> list[Flag]:
+    """Return the flags on the model of an axis."""
+    if fit.curve is None:
+        return [
+            Flag(
+                "not-identifiable",
+                f"The turns about {fit.axis} do not determine a curve: too few of them, or at too "
+                "few temperatures.",
+                fit.axis,
+                {"coefficients": ["scale_factor_error"]},
+            )
+        ]
+    flags = []
+    asked = dataset.reference_temperature_degC
+    low, high = fit.curve.domain_degC
+    if not fit.curve.holds(asked):
+        flags.append(
+            Flag(
+                "extrapolation",
+                f"The reference temperature of {asked:g} degC lies outside {low:.1f} to "
+                f"{high:.1f} degC, where there are turns about {fit.axis}; no value is given.",
+                fit.axis,
+                {"temperature_degC": asked},
+            )
+        )
+    lag = fit.lag_one_correlation
+    if lag is not None and lag > stiffness(settings, fit.sets):
+        flags.append(
+            Flag(
+                "model-too-stiff",
+                f"Residuals of axis {fit.axis} at neighbouring temperatures are correlated by "
+                f"{lag:.2f}: a polynomial of order {fit.curve.order} does not follow the curve.",
+                fit.axis,
+                {"lag_one_correlation": lag},
+            )
+        )
+    return flags
+
+
+def verification_flags(verified: Verified | None) -> list[Flag]:
+    """Return the flag of a verification ramp that went beyond the calibrated range."""
+    if verified is None or not verified.outside:
+        return []
+    return [
+        Flag(
+            "extrapolation",
+            f"{verified.outside} verification turns about {verified.axis} were made outside the "
+            "calibrated range; there the compensation holds the value at the end of the range.",
+            verified.axis,
+            {"count": verified.outside},
+        )
+    ]
+
+
+def drive_flags(driven: Driven | None, curves: Mapping[str, Curve]) -> list[Flag]:
+    """Return the flags of the vehicle test."""
+    if driven is None:
+        return []
+    flags = []
+    if driven.compensated_error_deg is None:
+        flags.append(
+            Flag(
+                "not-identifiable",
+                "The drive does not end in the heading in which it began, and it has no reference "
+                "heading: its heading error cannot be told.",
+                None,
+                {"coefficients": ["heading_error_uncompensated", "heading_error_compensated"]},
+            )
+        )
+    if driven.outside > 0.0:
+        flags.append(
+            Flag(
+                "extrapolation",
+                f"In {100.0 * driven.outside:.0f} % of the drive the gyro was outside the "
+                "calibrated range; there the compensation holds the value at the end of the range.",
+                None,
+                {"share": driven.outside},
+            )
+        )
+    if "z" not in curves:
+        flags.append(
+            Flag(
+                "not-identifiable",
+                "There is no curve of the z axis, which senses a vehicle's heading: the drive was "
+                "compensated without it.",
+                None,
+                {"coefficients": ["heading_error_compensated"]},
+            )
+        )
+    return flags

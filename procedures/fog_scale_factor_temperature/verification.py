@@ -1,0 +1,70 @@
+"""Step 4, first half: turn errors of another ramp, before and after compensation.
+
+Compensation divides: a true rate is the measured one over 1 + delta(T). Multiplied instead, an
+error of 500 ppm becomes one of 1000.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .curve import Curve
+from .dataset import Array
+from .findings import AxisFit, Verified
+from .solution import AxisTurns
+from .turning import PPM
+
+OUTSIDE_DEGC = 1.0
+
+
+def verify_axis(turns: AxisTurns, fit: AxisFit) -> Verified | None:
+    """Return the errors of an axis' verification turns; None without turns or without a model.
+
+    In a set with turns of both senses, or with a wait, the bias is taken off. Outside the
+    calibrated range the model is held at its ends, as the compensation does.
+    """
+    sensing = turns.usable & (turns.commanded_deg != 0.0)
+    if fit.curve is None or not bool(sensing.any()):
+        return None
+    before, own_u, own_bias = _set_by_set(turns, fit.noise_ppm or 0.0)
+    heat = turns.temperature_degC[sensing]
+    before, own_u, own_bias = before[sensing], own_u[sensing], own_bias[sensing]
+    curve = fit.curve
+    after = compensated_ppm(curve, heat, before)
+    low, high = curve.domain_degC
+    outside = (heat < low - OUTSIDE_DEGC) | (heat > high + OUTSIDE_DEGC)
+    return Verified(
+        turns.axis,
+        heat,
+        before,
+        after,
+        np.hypot(own_u, curve.standard_uncertainty_ppm(heat)),
+        own_bias - curve.error_by_bias_ppm(heat),
+        int(np.argmax(np.abs(after))),
+        int(outside.sum()),
+    )
+
+
+def compensated_ppm(curve: Curve, temperature_degC: Array, error_ppm: Array) -> Array:
+    """Return what compensation leaves of scale-factor errors, in ppm."""
+    model = 1.0 + curve.error_ppm(temperature_degC) / PPM
+    return np.asarray(((1.0 + error_ppm / PPM) / model - 1.0) * PPM)
+
+
+def _set_by_set(turns: AxisTurns, noise_ppm: float) -> tuple[Array, Array, Array]:
+    """Return each turn's scale-factor error, its uncertainty, and what 1 deg/h of bias adds."""
+    error, u, by_bias = (np.full(len(turns.rows), np.nan) for _ in range(3))
+    for number in turns.sets():
+        own = turns.usable & (turns.set_number == number)
+        scale = turns.turns[own]
+        if not bool((scale != 0.0).any()):
+            continue
+        if len(np.unique(scale)) > 1:
+            design = np.column_stack((scale, turns.by_bias_ppm[own]))
+            inverse = np.linalg.inv(design.T @ design)
+            found = inverse @ (design.T @ turns.data_ppm[own])
+            error[own], u[own], by_bias[own] = found[0], noise_ppm * np.sqrt(inverse[0, 0]), 0.0
+        else:
+            error[own] = turns.data_ppm[own] / scale
+            u[own], by_bias[own] = noise_ppm / np.abs(scale), turns.by_bias_ppm[own] / scale
+    return error, u, by_bias

@@ -1,0 +1,201 @@
+"""The analysis of a nine-axis sensor's gyros: a pure function of the dataset."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import chi2
+
+from procedures.estimation.allan import AllanDeviation, allan_deviation, noise_coefficients
+from procedures.estimation.noise import grid_index
+
+from .attitude import PAIRS, BiasSolution, GyroGain, StaticMeans, solve_biases
+from .dataset import NineAxisDataset, Prior, StaticRecord
+from .estimates import bias_estimates, scale_estimates
+from .findings import AnalysisSettings, NineAxisAnalysis, StaticSummary
+from .flags import data_flags, result_flags
+from .means import interval_of, means_of
+from .pose import check_together
+from .positions import earth_rate
+from .published import published_values
+from .scale import ScaleSolution, solve_axis
+from .screening import without_saturated
+from .turning import axis_means
+
+Array = NDArray[np.float64]
+
+__all__ = ["AnalysisSettings", "NineAxisAnalysis", "analyse"]
+
+CONTRADICT = 0.999
+
+
+def analyse(
+    dataset: NineAxisDataset, settings: AnalysisSettings | None = None, *, allan: bool = True
+) -> NineAxisAnalysis:
+    """Estimate bias, scale factor, asymmetry, nonlinearity and misalignment of the three gyros.
+
+    Scale factors come from the encoder's angles; then the biases from all nine static means at
+    once, with latitude known, tilts and headings known by their priors. Beside them stand the
+    published rules. Deterministic; raises nothing for poor data: what they do not determine is
+    None and flagged. `allan` false leaves out the Allan deviations, which only the report needs.
+    """
+    settings = settings or AnalysisSettings()
+    clean, saturated, at_rest = without_saturated(dataset)
+    horizontal = float(np.linalg.norm(earth_rate(dataset.latitude_deg)[:2]))
+    turned = sorted({one.axis for one in dataset.turns})
+    means = {
+        axis: axis_means(
+            [one for one in clean.turns if one.axis == axis], settings.outlier, horizontal
+        )
+        for axis in turned
+    }
+    axes = {axis: solve_axis(means[axis], axis) for axis in turned}
+    gain, gain_u = gain_matrix(axes)
+    static, freedom, wander = _static(clean, settings, allan=allan)
+    bias = _biases(static, dataset.latitude_deg, dataset.prior, gain, gain_u)
+    wider = _wider(bias)
+    published = published_values(dataset, turned)
+    estimates = (
+        *bias_estimates(bias, freedom, wider),
+        *scale_estimates(axes, means),
+    )
+    flags = (
+        *data_flags(dataset, static, means, saturated, at_rest, settings),
+        *result_flags(estimates, static, bias, wander, wider, axes, published, settings),
+    )
+    return NineAxisAnalysis(
+        estimates=estimates,
+        published=published,
+        flags=flags,
+        static=static,
+        bias=bias,
+        axes=axes,
+        means=means,
+        gain=gain,
+        gain_u=gain_u,
+        noise=_noise(static, dataset) if allan else (None, None, None),
+    )
+
+
+def gain_matrix(axes: Mapping[int, ScaleSolution | None]) -> tuple[Array, Array]:
+    """Return gyro j's output per rate about axis i in [j, i] with its u, NaN where unknown."""
+    gain, u = np.full((3, 3), np.nan), np.full((3, 3), np.nan)
+    for axis, one in axes.items():
+        if one is None:
+            continue
+        for gyro, value in {axis: one.scale_factor, **one.cross}.items():
+            gain[gyro, axis], u[gyro, axis] = value.value, value.standard_uncertainty
+    return gain, u
+
+
+def _static(
+    dataset: NineAxisDataset, settings: AnalysisSettings, *, allan: bool
+) -> tuple[tuple[StaticSummary, ...], Array, Array]:
+    """Return each static record's means and pose; each gyro's freedom and wander, (3,)."""
+    records = dataset.static
+    if not records:
+        return (), np.zeros(3), np.zeros(3)
+    times = [one.time_s for one in records]
+    interval_s = interval_of(times)
+    gyros, accelerometers = [], []
+    for axis in range(3):
+        rates = [one.rate_deg_per_h[:, axis] for one in records]
+        gyros.append(means_of(rates, times, interval_s, settings.outlier))
+        accelerations = [one.acceleration_g[:, axis] for one in records]
+        accelerometers.append(means_of(accelerations, times, interval_s, settings.outlier))
+    gyro = np.array([one.value for one in gyros]).T
+    gyro_u = np.array([one.standard_uncertainty for one in gyros]).T
+    acceleration = np.array([one.value for one in accelerometers]).T
+    poses = check_together(
+        [one.position for one in records],
+        gyro,
+        gyro_u,
+        acceleration,
+        dataset.latitude_deg,
+        settings.pose,
+    )
+    summaries = []
+    for n, record in enumerate(records):
+        kept = np.column_stack([one.kept[n] for one in gyros])
+        deviations = _allan(record, kept, interval_s) if allan else ()
+        summaries.append(
+            StaticSummary(
+                record.position,
+                gyro[n],
+                gyro_u[n],
+                acceleration[n],
+                np.array([one.standard_uncertainty[n] for one in accelerometers]),
+                poses[n],
+                kept,
+                deviations,
+            )
+        )
+    freedom = np.array([one.degrees_of_freedom for one in gyros])
+    return tuple(summaries), freedom, np.array([one.wander for one in gyros])
+
+
+def _allan(
+    record: StaticRecord, kept: NDArray[np.bool_], interval_s: float
+) -> tuple[AllanDeviation, ...]:
+    found = []
+    for axis in range(3):
+        good = kept[:, axis]
+        index = grid_index(record.time_s[good], interval_s) if good.any() else None
+        found.append(allan_deviation(record.rate_deg_per_h[good, axis], interval_s, index))
+    return tuple(found)
+
+
+def _noise(static: Sequence[StaticSummary], dataset: NineAxisDataset):  # type: ignore[no-untyped-def]
+    """Return each gyro's noise coefficients from its longest static record."""
+    if not static:
+        return (None, None, None)
+    lengths = [len(one.time_s) for one in dataset.static]
+    longest = static[int(np.argmax(lengths))]
+    return tuple(noise_coefficients(one) for one in longest.allan)
+
+
+def _biases(
+    static: Sequence[StaticSummary],
+    latitude_deg: float,
+    prior: Prior,
+    gain: Array,
+    gain_u: Array,
+) -> BiasSolution | None:
+    """Return the biases from the positions that were right; None without any."""
+    right = [one for one in static if one.pose.right]
+    if not right:
+        return None
+    means = StaticMeans(
+        tuple(one.position for one in right),
+        np.array([one.gyro for one in right]),
+        np.array([one.gyro_u for one in right]),
+        np.array([one.accelerometer for one in right]),
+        np.array([one.accelerometer_u for one in right]),
+    )
+    if not (bool(np.all(means.gyro_u > 0.0)) and bool(np.isfinite(means.accelerometer).all())):
+        return None
+    return solve_biases(means, latitude_deg, prior, _gyro_gain(gain, gain_u, prior))
+
+
+def _gyro_gain(gain: Array, gain_u: Array, prior: Prior) -> GyroGain:
+    """Return the measured gains; an ideal gyro's, with the prior of its misalignment, where not."""
+    scale = np.where(np.isfinite(np.diag(gain)), np.diag(gain), 1.0)
+    cross = np.array([gain[pair] / scale[pair[0]] for pair in PAIRS])
+    size = np.array([gain_u[pair] / abs(scale[pair[0]]) for pair in PAIRS])
+    known = np.isfinite(cross)
+    return GyroGain(
+        scale,
+        np.where(known, cross, 0.0),
+        np.where(known, size, prior.misalignment_rad),
+    )
+
+
+def _wider(bias: BiasSolution | None) -> float:
+    """Return by how much the means contradict each other beyond their uncertainties; 1 if not."""
+    if bias is None or bias.degrees_of_freedom < 1:
+        return 1.0
+    if bias.chi_square <= float(chi2.ppf(CONTRADICT, bias.degrees_of_freedom)):
+        return 1.0
+    return float(np.sqrt(bias.chi_square / bias.degrees_of_freedom))

@@ -1,0 +1,167 @@
+"""The calibration file: JSON, and the same correction for C, MATLAB and Python.
+
+The correction is defined once, as a list of assignments whose expressions mean the same in all
+three languages; each language only adds what stands around them.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from procedures.nine_axis_calibration.dataset import AXES
+from procedures.nine_axis_calibration.findings import (
+    ASYMMETRY,
+    BIAS,
+    SCALE_FACTOR,
+    NineAxisAnalysis,
+)
+
+if TYPE_CHECKING:
+    from station.results import ResultDocument
+
+Array = NDArray[np.float64]
+
+PPM = 1e-6
+SECONDS_PER_HOUR = 3600.0
+NAME = "calibrate_gyros"
+WHAT = "Corrects the three gyros: output and result are X, Y, Z in deg/s."
+
+
+@dataclass(frozen=True)
+class Correction:
+    """true rate = inverse gain x ((output - bias) / (1 + asymmetry/2 x its sign)).
+
+    `bias_deg_per_s` (3,), `asymmetry` (3,) as a ratio, zero where it is not significant, `inverse`
+    (3, 3). `cross` says whether the misalignments were measured; they count as zero where not.
+    """
+
+    bias_deg_per_s: Array
+    asymmetry: Array
+    inverse: Array
+    cross: bool
+
+
+def correction_of(analysis: NineAxisAnalysis, significant: float = 2.0) -> Correction | None:
+    """Return the correction that an analysis gives; None while a bias or a K is not determined."""
+    biases, asymmetries = [], []
+    for axis in AXES:
+        try:
+            bias = analysis.estimate(BIAS, axis).value
+            scale = analysis.estimate(SCALE_FACTOR, axis).value
+            asymmetry = analysis.estimate(ASYMMETRY, axis)
+        except KeyError:
+            return None
+        if bias is None or scale is None:
+            return None
+        biases.append(bias / SECONDS_PER_HOUR)
+        u = asymmetry.standard_uncertainty
+        sure = asymmetry.value is not None and u is not None
+        value = asymmetry.value if sure and abs(asymmetry.value or 0.0) >= significant * u else 0.0  # type: ignore[operator]
+        asymmetries.append(PPM * (value or 0.0))
+    known = bool(np.isfinite(analysis.gain).all())
+    gain = np.where(np.isfinite(analysis.gain), analysis.gain, 0.0)
+    return Correction(np.array(biases), np.array(asymmetries), np.linalg.inv(gain), known)
+
+
+def assignments(correction: Correction) -> tuple[tuple[str, str], ...]:
+    """Return the correction as (name, expression), in order; inputs are output1 to output3.
+
+    A comparison counts as 1 or 0 in all three languages: (u > 0) - (u < 0) is the sign.
+    """
+    bias = correction.bias_deg_per_s
+    lines = [(f"u{n + 1}", f"output{n + 1} - ({_text(bias[n])})") for n in range(3)]
+    for n in range(3):
+        half = _text(0.5 * correction.asymmetry[n])
+        sign = f"((u{n + 1} > 0) - (u{n + 1} < 0))"
+        lines.append((f"v{n + 1}", f"u{n + 1} / (1.0 + ({half}) * {sign})"))
+    for n in range(3):
+        terms = [f"({_text(correction.inverse[n, k])}) * v{k + 1}" for k in range(3)]
+        lines.append((f"rate{n + 1}", " + ".join(terms)))
+    return tuple(lines)
+
+
+def snippet_c(correction: Correction) -> str:
+    """Return the correction as a C function."""
+    body = [f"    const double output{n + 1} = output[{n}];" for n in range(3)]
+    body += [f"    const double {name} = {text};" for name, text in assignments(correction)]
+    body += [f"    rate[{n}] = rate{n + 1};" for n in range(3)]
+    head = f"void {NAME}(const double output[3], double rate[3])"
+    return "\n".join([f"/* {WHAT} */", head, "{", *body, "}", ""])
+
+
+def snippet_matlab(correction: Correction) -> str:
+    """Return the correction as a MATLAB function."""
+    body = [f"    output{n + 1} = output({n + 1});" for n in range(3)]
+    body += [f"    {name} = {text};" for name, text in assignments(correction)]
+    body.append("    rate = [rate1; rate2; rate3];")
+    head = f"function rate = {NAME}(output)"
+    return "\n".join([head, f"% {WHAT}", *body, "end", ""])
+
+
+def snippet_python(correction: Correction) -> str:
+    """Return the correction as a Python function."""
+    body = [f"    output{n + 1} = output[{n}]" for n in range(3)]
+    body += [f"    {name} = {text}" for name, text in assignments(correction)]
+    body.append("    return [rate1, rate2, rate3]")
+    return "\n".join([f"def {NAME}(output):", f'    """{WHAT}"""', *body, ""])
+
+
+def calibration_data(
+    correction: Correction, document: ResultDocument | None = None
+) -> dict[str, object]:
+    """Return the calibration file as data; every number is finite."""
+    data: dict[str, object] = {
+        "calibration": 1,
+        "procedure": "nine-axis-calibration",
+        "axes": list(AXES),
+        "unit": "deg/s",
+        "model": "true rate = inverse_gain * ((output - bias) / (1 + asymmetry / 2 * sign))",
+        "sign": "of output - bias, each axis its own",
+        "bias": _list(correction.bias_deg_per_s),
+        "asymmetry": _list(correction.asymmetry),
+        "inverse_gain": [_list(row) for row in correction.inverse],
+        "misalignment_measured": correction.cross,
+    }
+    if document is not None:
+        data["results"] = [
+            {key: entry[key] for key in ("name", "axis", "value", "unit", "expanded_uncertainty")}
+            for entry in (result.to_data() for result in document.results)
+        ]
+    return data
+
+
+def calibration_files(
+    analysis: NineAxisAnalysis, document: ResultDocument | None = None
+) -> dict[str, str]:
+    """Return the calibration file and the snippets, name to text; none where it is undetermined."""
+    correction = correction_of(analysis)
+    if correction is None:
+        return {}
+    data = calibration_data(correction, document)
+    return {
+        "calibration.json": json.dumps(data, indent=1, allow_nan=False) + "\n",
+        f"{NAME}.c": snippet_c(correction),
+        f"{NAME}.m": snippet_matlab(correction),
+        f"{NAME}.py": snippet_python(correction),
+    }
+
+
+def apply(correction: Correction, output_deg_per_s: Array) -> Array:
+    """Return true rates of outputs, both (n, 3) in deg/s: what the snippets do, in one go."""
+    offset = output_deg_per_s - correction.bias_deg_per_s
+    even = offset / (1.0 + 0.5 * correction.asymmetry * np.sign(offset))
+    return np.asarray(even @ correction.inverse.T)
+
+
+def _list(values: Sequence[float] | Array) -> list[float]:
+    return [float(value) for value in values]
+
+
+def _text(value: float) -> str:
+    return repr(float(value))

@@ -1,0 +1,38 @@
+"""Why a plan cannot run on a bench; nothing is energised to find out."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+from procedures.nine_axis_calibration.parameters import NineAxisParameters
+from station.procedure import Problem
+
+if TYPE_CHECKING:
+    from station.bench import Bench
+
+TURNTABLE = "turntable"
+IMU = "imu"
+POWER = "dut_power"
+RATES = ("parameters", "rates")
+RATE = "rate"
+
+
+def instruments(parameters: NineAxisParameters) -> tuple[str, ...]:
+    """Return the bench instances that a plan needs, in the order in which they are opened."""
+    return (TURNTABLE, IMU, POWER)
+
+
+def check(parameters: NineAxisParameters, bench: Bench) -> Iterator[Problem]:
+    """Yield each rate that the sensor cannot follow: the bench file's `rate` limit of the imu."""
+    sensor = bench.instruments.get(IMU)
+    range_deg_per_s = sensor.limits.get(RATE) if sensor else None
+    if range_deg_per_s is None:
+        return
+    for rate in parameters.rates_deg_per_s:
+        if rate >= range_deg_per_s:
+            yield Problem(
+                RATES,
+                f"{rate:g} deg/s is not below the gyro's range on this bench, "
+                f"{range_deg_per_s:g} deg/s",
+            )

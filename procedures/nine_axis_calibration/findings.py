@@ -1,0 +1,131 @@
+"""What the analysis of a nine-axis sensor says, and the settings of it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from procedures.estimation.allan import AllanDeviation, NoiseCoefficients
+
+from .attitude import BiasSolution
+from .means import Mask
+from .pose import Pose, PoseLimits
+from .scale import ScaleSolution
+from .turning import AxisMeans
+
+Array = NDArray[np.float64]
+
+BIAS, SCALE_FACTOR, ASYMMETRY = "bias", "scale_factor", "asymmetry"
+NONLINEARITY, MISALIGNMENT = "nonlinearity", "misalignment"
+UNITS = {
+    BIAS: "deg/h",
+    SCALE_FACTOR: "1",
+    ASYMMETRY: "ppm",
+    NONLINEARITY: "ppm",
+    MISALIGNMENT: "arcsec",
+}
+
+
+@dataclass(frozen=True)
+class AnalysisSettings:
+    """Thresholds of the flags and choices of the estimator, each with its default.
+
+    `not_significant` is in standard uncertainties, `outlier` in robust standard deviations, `gap`
+    in nominal intervals.
+    """
+
+    not_significant: float = 2.0
+    gap: float = 1.5
+    outlier: float = 5.0
+    pose: PoseLimits = field(default_factory=PoseLimits)
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """One result of one axis; value and standard uncertainty None where it is not determined.
+
+    `standard_uncertainty` is that of the data's noise; `sensitivities` are the derivatives of the
+    value by the inputs of type B, the priors among them.
+    """
+
+    name: str
+    axis: str
+    value: float | None
+    standard_uncertainty: float | None
+    degrees_of_freedom: float | None
+    method: str
+    sensitivities: Mapping[str, float] = field(default_factory=dict)
+    extra: Mapping[str, object] = field(default_factory=dict)
+
+    @property
+    def unit(self) -> str:
+        """The unit of the value."""
+        return UNITS[self.name]
+
+
+@dataclass(frozen=True)
+class Published:
+    """What the source document's own rule gives for one axis; None where it cannot run."""
+
+    name: str
+    axis: str
+    value: float | None
+
+
+@dataclass(frozen=True)
+class Flag:
+    """Something that the reader of the results must know; `message` is one sentence."""
+
+    code: str
+    message: str
+    axis: str | None = None
+    count: int | None = None
+    details: Mapping[str, object] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class StaticSummary:
+    """One static record: means in deg/h and g with their u, (3,) each, and how it was judged.
+
+    `kept` (n, 3) are the gyro samples in the means; `allan` and `noise` are those of each gyro.
+    """
+
+    position: int
+    gyro: Array
+    gyro_u: Array
+    accelerometer: Array
+    accelerometer_u: Array
+    pose: Pose
+    kept: Mask
+    allan: tuple[AllanDeviation, ...]
+
+
+@dataclass(frozen=True)
+class NineAxisAnalysis:
+    """The whole outcome.
+
+    `axes` are the solutions of the turned axes by number, None where a turned axis could not be
+    solved; `gain` (3, 3) is the output of gyro j per rate about axis i in [j, i] with its u, NaN
+    where unknown. `noise` is what the static records of each gyro show.
+    """
+
+    estimates: tuple[Estimate, ...]
+    published: tuple[Published, ...]
+    flags: tuple[Flag, ...]
+    static: tuple[StaticSummary, ...]
+    bias: BiasSolution | None
+    axes: Mapping[int, ScaleSolution | None]
+    means: Mapping[int, AxisMeans]
+    gain: Array
+    gain_u: Array
+    noise: tuple[NoiseCoefficients | None, ...]
+
+    def estimate(self, name: str, axis: str) -> Estimate:
+        """Return one estimate; KeyError where the dataset does not concern it."""
+        for one in self.estimates:
+            if (one.name, one.axis) == (name, axis):
+                return one
+        raise KeyError((name, axis))

@@ -1,0 +1,177 @@
+"""From an imported dataset folder to the dataset of the analysis."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Annotated
+
+import numpy as np
+from pydantic import Field
+
+from procedures.nine_axis_calibration.dataset import (
+    AXES,
+    NineAxisDataset,
+    StaticRecord,
+    TurnRecord,
+)
+from procedures.nine_axis_calibration.means import Array, interval_of
+from procedures.nine_axis_calibration.outlook import prior_of
+from procedures.nine_axis_calibration.parameters import Prior
+from procedures.nine_axis_calibration.positions import ATTITUDES
+from procedures.nine_axis_calibration.turning import unwrap
+from station.dataset_reading import MOST_FAULTS, Table, read_table
+from station.faults import Fault, FaultList, listed, nearest
+from station.fields import StrictModel, Unit
+from station.yaml.reading import validate_model
+
+if TYPE_CHECKING:
+    from station.dataset_reading import RawDataset
+
+GYROS = ("gx_deg_per_h", "gy_deg_per_h", "gz_deg_per_h")
+ACCELEROMETERS = ("ax_g", "ay_g", "az_g")
+STATIC_COLUMNS = ("position", "t_s", *GYROS, *ACCELEROMETERS)
+RATE = "rate_deg_per_s"
+ENCODER = "encoder_deg"
+RATE_COLUMNS = ("axis", "commanded_deg_per_s", "t_s", ENCODER)
+ALL_THREE = ("gx_deg_per_s", "gy_deg_per_s", "gz_deg_per_s")
+HARDLY_TURNED = 0.1
+
+
+class Conditions(StrictModel):
+    """The conditions of a nine-axis dataset."""
+
+    latitude_deg: Annotated[float, Unit("deg"), Field(ge=-90, le=90)]
+    prior: Prior
+    range_deg_per_s: Annotated[float, Unit("deg/s"), Field(gt=0)] | None = None
+
+
+def dataset_of_import(raw: RawDataset) -> NineAxisDataset:
+    """Return the records of an imported folder; FaultList names file, row and reason."""
+    conditions = validate_model(raw.document, Conditions, at=("conditions",))
+    raw.require_files(("static", "rate"))
+    static = read_table(raw.file("static"), STATIC_COLUMNS)
+    rate = read_table(raw.file("rate"), RATE_COLUMNS, (RATE, *ALL_THREE), text=("axis",))
+    _check_positions(static)
+    _check_turns(rate)
+    return NineAxisDataset(
+        latitude_deg=conditions.latitude_deg,
+        prior=prior_of(conditions.prior),
+        static=tuple(_static_records(static)),
+        turns=tuple(_turn_records(rate)),
+        largest_rate_deg_per_s=conditions.range_deg_per_s,
+    )
+
+
+def _static_records(table: Table) -> Iterator[StaticRecord]:
+    for rows in _stretches(table, ("position",)):
+        yield StaticRecord(
+            position=round(float(table["position"][rows.start])),
+            time_s=_numbers(table, "t_s", rows),
+            rate_deg_per_h=np.column_stack([_numbers(table, one, rows) for one in GYROS]),
+            acceleration_g=np.column_stack([_numbers(table, one, rows) for one in ACCELEROMETERS]),
+        )
+
+
+def _turn_records(table: Table) -> Iterator[TurnRecord]:
+    faults: list[Fault] = []
+    records = []
+    for rows in _stretches(table, ("axis", "commanded_deg_per_s")):
+        axis = AXES.index(str(table["axis"][rows.start]))
+        time_s = _numbers(table, "t_s", rows)
+        rate = np.full((len(time_s), 3), np.nan)
+        if ALL_THREE[0] in table:
+            rate[:] = np.column_stack([_numbers(table, one, rows) for one in ALL_THREE])
+        if RATE in table:
+            rate[:, axis] = _numbers(table, RATE, rows)
+        commanded = float(table["commanded_deg_per_s"][rows.start])
+        record = TurnRecord(axis, commanded, time_s, rate, _numbers(table, ENCODER, rows))
+        faults += _against(table, rows.start, record)
+        records.append(record)
+    if faults:
+        raise FaultList(faults[:MOST_FAULTS])
+    yield from records
+
+
+def _against(table: Table, row: int, record: TurnRecord) -> Iterator[Fault]:
+    """Yield the fault of an encoder that does not turn as the table was told to."""
+    if len(record.time_s) < 2:
+        return
+    encoder = unwrap(record, interval_of([record.time_s]))
+    turned = encoder.mean_rate_deg_per_s / record.commanded_deg_per_s
+    if encoder.reversed or turned < HARDLY_TURNED:
+        what = (
+            f"turns at {encoder.mean_rate_deg_per_s:.4g} deg/s where "
+            f"{record.commanded_deg_per_s:g} deg/s were commanded; angles are positive "
+            "counter-clockwise seen from above, as rates are"
+        )
+        yield Fault(str(table.path), table.lines[row], 1, ENCODER, what)
+
+
+def _numbers(table: Table, column: str, rows: slice) -> Array:
+    return np.asarray(table[column][rows], dtype=np.float64)
+
+
+def _stretches(table: Table, keys: tuple[str, ...]) -> Iterator[slice]:
+    """Yield each stretch of rows in which the keys stay the same; times rise within each."""
+    count = len(table["t_s"])
+    changed = np.zeros(count, dtype=bool)
+    changed[0] = True
+    for key in keys:
+        changed[1:] |= table[key][1:] != table[key][:-1]
+    starts = np.flatnonzero(changed).tolist()
+    time_s = np.asarray(table["t_s"], dtype=np.float64)
+    faults = [
+        Fault(
+            str(table.path),
+            table.lines[n],
+            1,
+            "t_s",
+            f"{time_s[n]:.10g} is not after {time_s[n - 1]:.10g} of the row above; times must rise",
+        )
+        for n in (np.flatnonzero(np.diff(time_s) <= 0.0) + 1).tolist()
+        if not changed[n]
+    ]
+    if faults:
+        raise FaultList(faults[:MOST_FAULTS])
+    for start, stop in zip(starts, [*starts[1:], count], strict=True):
+        yield slice(start, stop)
+
+
+def _check_positions(table: Table) -> None:
+    known = [str(one) for one in ATTITUDES]
+    faults = [
+        Fault(
+            str(table.path),
+            line,
+            1,
+            "position",
+            f"there is no position {value:g}; there are {listed(known)}",
+        )
+        for line, value in zip(table.lines, table["position"], strict=True)
+        if float(value) not in ATTITUDES
+    ]
+    if faults:
+        raise FaultList(faults[:MOST_FAULTS])
+
+
+def _check_turns(table: Table) -> None:
+    faults = []
+    gyros = [one for one in ALL_THREE if one in table]
+    if RATE not in table and not gyros:
+        what = f"the column is missing; give it, or all of {listed(ALL_THREE)}"
+        faults.append(Fault(str(table.path), 1, 1, RATE, what))
+    elif gyros and len(gyros) < len(ALL_THREE):
+        lacking = next(one for one in ALL_THREE if one not in table)
+        faults.append(Fault(str(table.path), 1, 1, lacking, "the column is missing"))
+    for line, name, rate in zip(
+        table.lines, table["axis"], table["commanded_deg_per_s"], strict=True
+    ):
+        if str(name) not in AXES:
+            hint = nearest(str(name), AXES)
+            what = f"there is no axis '{name}'; there are {listed(AXES)}"
+            faults.append(Fault(str(table.path), line, 1, "axis", what, hint and f"'{hint}'"))
+        if float(rate) == 0.0:
+            what = "a record at rest determines no scale factor"
+            faults.append(Fault(str(table.path), line, 1, "commanded_deg_per_s", what))
+    if faults:
+        raise FaultList(faults[:MOST_FAULTS])

@@ -1,0 +1,217 @@
+"""The parameters of a nine-axis calibration plan, and the units of work that they make."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Annotated, Literal
+
+from pydantic import Field, ValidationInfo, field_validator
+
+from station.fields import StrictModel, Unit
+
+AXES = ("X", "Y", "Z")
+PUBLISHED_POSITIONS = (1, 2, 3)
+FLIPPED = {1: 4, 2: 5, 3: 6}
+"""Each position turned by 180 deg about the vertical: the axis that faced east faces west."""
+FEWEST_RATES = 5
+FULL_TURN_DEG = 360.0
+WHOLE = 1e-6
+DEFAULT_DWELL_S = 360.0
+LONGEST_WHOLE_S = 3600
+
+Angle = Annotated[float, Unit("arcmin"), Field(gt=0, le=600)]
+
+
+@dataclass(frozen=True)
+class Turn:
+    """One unit of work on the table: an axis, a signed rate, and how many whole turns of it."""
+
+    axis: str
+    rate_deg_per_s: float
+    turns: int
+
+    @property
+    def unit(self) -> str:
+        """The name of the unit of work, unique in a plan."""
+        return f"{self.axis} {self.rate_deg_per_s:+g} deg/s"
+
+    @property
+    def dwell_s(self) -> float:
+        """The time of the whole turns at the nominal rate."""
+        return self.turns * FULL_TURN_DEG / abs(self.rate_deg_per_s)
+
+
+class Prior(StrictModel):
+    """Standard uncertainties of the set-up, known beforehand.
+
+    `heading` is common to all positions; `relative_heading` and `tilt` are each position's own.
+    """
+
+    heading_arcmin: Angle
+    relative_heading_arcmin: Angle
+    tilt_arcmin: Angle
+    accelerometer_bias_g: Annotated[float, Unit("g"), Field(gt=0, le=0.1)]
+    misalignment_arcmin: Annotated[float, Unit("arcmin"), Field(ge=0, le=600)] = 0.0
+
+
+class PlanPrior(Prior):
+    """The prior of a plan, with what a marble plate and a nine-axis sensor of this class have."""
+
+    heading_arcmin: Angle = 10.0
+    relative_heading_arcmin: Angle = 0.5
+    tilt_arcmin: Angle = 0.5
+    accelerometer_bias_g: Annotated[float, Unit("g"), Field(gt=0, le=0.1)] = 0.001
+
+
+class PoseCheck(StrictModel):
+    """How far a position's means may lie from what it should show before it is refused."""
+
+    acceleration_g: Annotated[float, Unit("g"), Field(gt=0, le=0.5)] = 0.05
+    rate_deg_per_h: Annotated[float, Unit("deg/h"), Field(gt=0)] = 1.0
+    largest_bias_deg_per_h: Annotated[float, Unit("deg/h"), Field(gt=0)] = 5.0
+    attempts: Annotated[int, Field(ge=1, le=10)] = 2
+
+
+class Thresholds(StrictModel):
+    """Where a flag is raised; the defaults are those of the result format."""
+
+    not_significant: Annotated[float, Field(gt=0)] = 2.0
+    gap: Annotated[float, Field(gt=1)] = 1.5
+    outlier: Annotated[float, Field(ge=3)] = 5.0
+
+
+class NineAxisParameters(StrictModel):
+    """What the engineer chooses; positions and rates as published unless given otherwise."""
+
+    latitude_deg: Annotated[float, Unit("deg"), Field(ge=-89, le=89)]
+    positions: tuple[Annotated[int, Field(ge=1, le=3)], ...] = PUBLISHED_POSITIONS
+    positioning: Literal["plate", "table"] = "plate"
+    flip: bool = False
+    static_time_s: Annotated[float, Unit("s"), Field(ge=10, le=86400)] = 600.0
+    range_deg_per_s: Annotated[float, Unit("deg/s"), Field(gt=0)] | None = None
+    rates_deg_per_s: tuple[Annotated[float, Unit("deg/s"), Field(gt=0)], ...] = (
+        *(1.0, 5.0, 10.0, 50.0),
+        100.0,
+    )
+    dwell: Literal["equal", "efficient"] = "equal"
+    dwell_time_s: Annotated[float, Unit("s"), Field(gt=0)] | None = Field(
+        default=None, validate_default=True
+    )
+    turns: Annotated[int, Field(ge=1, le=1000)] | None = None
+    settle_s: Annotated[float, Unit("s"), Field(ge=0)] = 5.0
+    static_settle_s: Annotated[float, Unit("s"), Field(ge=0)] = 10.0
+    warm_up_s: Annotated[float, Unit("s"), Field(ge=0)] = 1800.0
+    sample_rate_Hz: Annotated[float, Unit("Hz"), Field(ge=1, le=5000)] = 100.0
+    table_axis: Annotated[int, Field(ge=1, le=3)] = 1
+    angle_random_walk_deg_per_sqrt_h: Annotated[float, Unit("deg/sqrt(h)"), Field(gt=0)] = 0.012
+    prior: PlanPrior = PlanPrior()
+    pose: PoseCheck = PoseCheck()
+    thresholds: Thresholds = Thresholds()
+
+    @field_validator("positions")
+    @classmethod
+    def none_skipped(cls, positions: tuple[int, ...]) -> tuple[int, ...]:
+        """Require each published position once, in any order."""
+        missing = [one for one in PUBLISHED_POSITIONS if one not in positions]
+        if missing:
+            said = " and ".join(str(one) for one in missing)
+            raise ValueError(f"position {said} is skipped; the method needs 1, 2 and 3")
+        if len(set(positions)) != len(positions):
+            raise ValueError("name each position once")
+        return positions
+
+    @field_validator("rates_deg_per_s")
+    @classmethod
+    def enough_rates(cls, rates: tuple[float, ...], info: ValidationInfo) -> tuple[float, ...]:
+        """Require five rates or more, each once, none beyond the gyro's range."""
+        if len(rates) < FEWEST_RATES:
+            raise ValueError(f"there are {len(rates)}; the method needs N > 4, five rates or more")
+        _refuse_duplicates(rates)
+        largest = info.data.get("range_deg_per_s")
+        above = [rate for rate in rates if largest is not None and rate >= largest]
+        if above:
+            raise ValueError(f"{above[0]:g} deg/s is not below the gyro's range, {largest:g} deg/s")
+        return rates
+
+    @field_validator("dwell_time_s")
+    @classmethod
+    def whole_turns(cls, dwell_s: float | None, info: ValidationInfo) -> float | None:
+        """Require a time in which every rate makes whole turns; equal dwell only."""
+        if info.data.get("dwell") == "efficient":
+            if dwell_s is not None:
+                raise ValueError("an efficient dwell has as many turns at each rate; give turns")
+            return None
+        rates = info.data.get("rates_deg_per_s")
+        if rates is None:
+            return dwell_s
+        time_s = DEFAULT_DWELL_S if dwell_s is None else dwell_s
+        for rate in rates:
+            turns = rate * time_s / FULL_TURN_DEG
+            if abs(turns - round(turns)) > WHOLE * max(1.0, turns) or round(turns) < 1:
+                raise ValueError(
+                    f"{time_s:g} s at {rate:g} deg/s are {turns:.4g} turns, not a whole number"
+                    + _hint(rates)
+                )
+        return dwell_s
+
+    @field_validator("turns")
+    @classmethod
+    def efficient_only(cls, turns: int | None, info: ValidationInfo) -> int | None:
+        """Refuse a number of turns beside an equal dwell."""
+        if turns is not None and info.data.get("dwell") == "equal":
+            raise ValueError("an equal dwell has a time for each rate; give dwell_time")
+        return turns
+
+    @property
+    def all_positions(self) -> tuple[int, ...]:
+        """The positions in the order in which they are taken, flipped ones after their own."""
+        if not self.flip:
+            return self.positions
+        return tuple(one for p in self.positions for one in (p, FLIPPED[p]))
+
+    @property
+    def all_turns(self) -> tuple[Turn, ...]:
+        """Each axis' rates in the plan's order, forth and back at each."""
+        return tuple(
+            Turn(axis, sense * rate, self.turns_at(rate))
+            for axis in AXES
+            for rate in self.rates_deg_per_s
+            for sense in (1.0, -1.0)
+        )
+
+    def turns_at(self, rate_deg_per_s: float) -> int:
+        """Return the whole turns of one record at a rate."""
+        if self.dwell == "efficient":
+            return self.turns or 1
+        time_s = DEFAULT_DWELL_S if self.dwell_time_s is None else self.dwell_time_s
+        return round(rate_deg_per_s * time_s / FULL_TURN_DEG)
+
+    @property
+    def units(self) -> tuple[str, ...]:
+        """All units of work in the order in which they are measured."""
+        return (
+            *(position_unit(one) for one in self.all_positions),
+            *(turn.unit for turn in self.all_turns),
+        )
+
+
+def position_unit(position: int) -> str:
+    """Return the name of a position's unit of work."""
+    return f"position {position}"
+
+
+def _hint(rates: Sequence[float]) -> str:
+    """Return the shortest time in whole seconds in which every rate makes whole turns."""
+    for time_s in range(1, LONGEST_WHOLE_S + 1):
+        turns = [rate * time_s / FULL_TURN_DEG for rate in rates]
+        if all(round(n) >= 1 and abs(n - round(n)) <= WHOLE * max(1.0, n) for n in turns):
+            return f"; {time_s} s would be whole at every rate"
+    return "; choose dwell: efficient, which has whole turns at each rate"
+
+
+def _refuse_duplicates(rates: Sequence[float]) -> None:
+    for n, rate in enumerate(rates):
+        if any(math.isclose(rate, other, rel_tol=1e-9) for other in rates[:n]):
+            raise ValueError(f"{rate:g} deg/s stands twice")

@@ -1,0 +1,158 @@
+"""Plots of a nine-axis calibration: pose, static records with Allan deviation, rates."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from procedures.nine_axis_calibration.dataset import AXES, NineAxisDataset
+from procedures.nine_axis_calibration.findings import NineAxisAnalysis
+from procedures.nine_axis_calibration.positions import gravity_pattern
+from station.report.drawing import (
+    BLUE,
+    GREEN,
+    GREY,
+    INK,
+    ORANGE,
+    VERMILION,
+    label_above,
+    new_figure,
+)
+
+Array = NDArray[np.float64]
+
+COLOURS = (BLUE, ORANGE, GREEN)
+PPM = 1e6
+MOST_DOTS = 600
+FEWEST_RATES_TO_DRAW = 2
+
+
+def pose_check(analysis: NineAxisAnalysis) -> Figure:
+    """Draw what each position's accelerometers and gyros read less what they should."""
+    static = analysis.static
+    figure = new_figure(2.9)
+    left, right = figure.subplots(1, 2)
+    figure.subplots_adjust(wspace=0.22)
+    place = np.arange(len(static))
+    for axis, name in enumerate(AXES):
+        shift = 0.16 * (axis - 1)
+        off = [one.accelerometer[axis] - gravity_pattern(one.position)[axis] for one in static]
+        left.plot(place + shift, np.array(off) * 1e3, "o", color=COLOURS[axis], label=name)
+        if analysis.bias is None:
+            continue
+        rows = [n for n, one in enumerate(static) if one.pose.right]
+        right.errorbar(
+            np.array(rows) + shift,
+            analysis.bias.residual[:, axis],
+            yerr=[2.0 * static[n].gyro_u[axis] for n in rows],
+            fmt="o",
+            markersize=5,
+            color=COLOURS[axis],
+            elinewidth=0.9,
+        )
+    for n, one in enumerate(static):
+        if not one.pose.right:
+            for axes in (left, right):
+                axes.axvspan(n - 0.4, n + 0.4, color=VERMILION, alpha=0.12)
+    for axes in (left, right):
+        axes.axhline(0.0, color=INK, linewidth=0.7)
+        axes.set_xticks(place, [f"position {one.position}" for one in static])
+        axes.set_xlim(-0.5, len(static) - 0.5)
+    left.set_ylabel("mean − expected, mg")
+    label_above(left, "accelerometers")
+    left.legend(loc="best", ncols=3)
+    right.set_ylabel("mean − solution, deg/h")
+    label_above(right, "gyros, bars 2 u")
+    return figure
+
+
+def static_records(analysis: NineAxisAnalysis, dataset: NineAxisDataset) -> Figure:
+    """Draw each gyro's records, less their means, and its Allan deviation beside them."""
+    figure = new_figure(5.8)
+    grid = figure.subplots(3, 2, squeeze=False, sharex="col", width_ratios=(1.35, 1))
+    figure.subplots_adjust(hspace=0.32, wspace=0.2)
+    for axis, name in enumerate(AXES):
+        course, allan = grid[axis]
+        start = 0.0
+        for record, one in zip(dataset.static, analysis.static, strict=True):
+            good = one.kept[:, axis]
+            time_s = record.time_s - record.time_s[0]
+            minutes, values = _thinned(
+                (start + time_s[good]) / 60.0, record.rate_deg_per_h[good, axis] - one.gyro[axis]
+            )
+            colour = COLOURS[axis] if one.pose.right else GREY
+            course.plot(minutes, values, color=colour, linewidth=0.6)
+            course.axvline(start / 60.0, color=GREY, linewidth=0.6)
+            start += float(time_s[-1]) if len(time_s) else 0.0
+            deviation = one.allan[axis] if one.allan else None
+            if deviation is not None and len(deviation.tau_s):
+                bars = deviation.standard_uncertainty
+                allan.errorbar(
+                    deviation.tau_s,
+                    deviation.deviation,
+                    yerr=bars,
+                    color=colour,
+                    linewidth=1.0,
+                    elinewidth=0.6,
+                )
+        course.set_ylabel(f"{name}, deg/h")
+        _allan_axes(allan, analysis, axis)
+    positions = ", ".join(str(one.position) for one in analysis.static)
+    label_above(grid[0][0], f"rate less its mean, positions {positions}")
+    label_above(grid[0][1], "Allan deviation, deg/h")
+    grid[2][0].set_xlabel("time at rest, min")
+    grid[2][1].set_xlabel("averaging time, s")
+    return figure
+
+
+def _allan_axes(axes, analysis: NineAxisAnalysis, axis: int) -> None:  # type: ignore[no-untyped-def]
+    axes.set_xscale("log")
+    axes.set_yscale("log")
+    noise = analysis.noise[axis]
+    if noise is None:
+        return
+    text = f"N = {noise.angle_random_walk_deg_per_sqrt_h:.3g} deg/√h"
+    if noise.bias_instability_deg_per_h > 0.0:
+        text += f", B = {noise.bias_instability_deg_per_h:.2g} deg/h"
+    axes.text(0.97, 0.92, text, transform=axes.transAxes, ha="right", va="top", fontsize=8.0)
+
+
+def _thinned(x: Array, y: Array) -> tuple[Array, Array]:
+    """Return means of equal stretches, so that a plot has no more points than it can show."""
+    size = -(-len(x) // MOST_DOTS)
+    whole = len(x) - len(x) % size if size > 1 else len(x)
+    if size <= 1 or whole == 0:
+        return x, y
+    return (
+        x[:whole].reshape(-1, size).mean(axis=1),
+        y[:whole].reshape(-1, size).mean(axis=1),
+    )
+
+
+def rate_residuals(analysis: NineAxisAnalysis) -> Figure:
+    """Draw how each rate's scale factor differs from K, axis by axis, with bars of 2 u."""
+    solved = {axis: one for axis, one in analysis.axes.items() if one is not None}
+    figure = new_figure(3.0)
+    grid = figure.subplots(1, len(solved), squeeze=False)[0]
+    figure.subplots_adjust(wspace=0.24)
+    for axes, (axis, one) in zip(grid, solved.items(), strict=True):
+        axes.errorbar(
+            one.commanded,
+            PPM * one.deviation,
+            yerr=2.0 * PPM * one.deviation_u,
+            fmt="o",
+            markersize=5,
+            color=COLOURS[axis],
+            elinewidth=1.0,
+            capsize=2,
+        )
+        u = PPM * one.scale_factor.standard_uncertainty / abs(one.scale_factor.value)
+        axes.axhline(0.0, color=INK, linewidth=0.7)
+        axes.axhspan(-2.0 * u, 2.0 * u, color=GREY, alpha=0.25)
+        axes.set_xscale("log")
+        axes.set_xlabel("rate, deg/s")
+        kind = "weighted mean" if one.agree else "plain mean"
+        label_above(axes, f"{AXES[axis]}: K is the {kind}")
+    grid[0].set_ylabel("K of the rate less K, ppm")
+    return figure

@@ -1,0 +1,170 @@
+"""Scale factor, asymmetry, nonlinearity and misalignment of one turned axis from its means."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import chi2
+
+from .turning import AxisMeans
+
+Array = NDArray[np.float64]
+
+AGREE = 0.999
+SAME_RATE = 1e-6
+
+
+@dataclass(frozen=True)
+class Value:
+    """A number with its standard uncertainty, in the unit that the field says."""
+
+    value: float
+    standard_uncertainty: float
+
+
+@dataclass(frozen=True)
+class ScaleSolution:
+    """What one turned axis gives; rates in deg/s, relative quantities as ratios.
+
+    `commanded` (n,), `factors` K_i (n,) with `factors_covariance` (n, n) are those rates that were
+    turned in both senses. `agree` is whether the K_i differ by noise alone (chi-square at 99.9 %):
+    K is then their weighted mean (`weights`), else their plain mean. `deviation` (n,) is K_i/K - 1.
+    `cross` holds, for each other gyro that was recorded, its output over the true rate.
+    """
+
+    commanded: Array
+    factors: Array
+    factors_covariance: Array
+    weights: Array
+    agree: bool
+    chi_square: float
+    scale_factor: Value
+    deviation: Array
+    deviation_u: Array
+    nonlinearity: Value | None
+    asymmetry: Value | None
+    cross: dict[int, Value]
+    degrees_of_freedom: float
+    one_sense: tuple[float, ...]
+
+
+def solve_axis(means: AxisMeans, axis: int) -> ScaleSolution | None:
+    """Return scale factor and the rest of one axis; None where no rate has both senses."""
+    rates, forth, back, single = _pairs(means, axis)
+    if not len(rates):
+        return None
+    up, down = forth @ np.nan_to_num(means.rate), back @ np.nan_to_num(means.rate)
+    span = up - down
+    output = np.nan_to_num(means.output[:, axis])
+    pick = (forth - back) / span[:, None]
+    factors = pick @ output
+    covariance = pick @ np.nan_to_num(means.covariance[axis]) @ pick.T
+    weights, square = _weighted(factors, covariance)
+    count = len(rates)
+    agree = count < 2 or square < float(chi2.ppf(AGREE, count - 1))
+    if not agree:
+        weights = np.full(count, 1.0 / count)
+    scale = float(weights @ factors)
+    apart = np.eye(count) - np.outer(np.ones(count), weights)
+    deviation = (factors - scale) / scale
+    deviation_u = np.sqrt(np.maximum(np.diag(apart @ covariance @ apart.T), 0.0)) / abs(scale)
+    worst = int(np.argmax(np.abs(deviation)))
+    nonlinearity = None
+    if count > 1:
+        nonlinearity = Value(abs(float(deviation[worst])), float(deviation_u[worst]))
+    cross = {}
+    for gyro in range(3):
+        there = np.isfinite(means.output[:, gyro])
+        if gyro != axis and bool(there[(forth + back).any(axis=0)].all()):
+            cross[gyro] = _cross(pick, means, gyro, scale)
+    return ScaleSolution(
+        commanded=rates,
+        factors=factors,
+        factors_covariance=covariance,
+        weights=weights,
+        agree=agree,
+        chi_square=square,
+        scale_factor=Value(scale, float(np.sqrt(weights @ covariance @ weights))),
+        deviation=deviation,
+        deviation_u=deviation_u,
+        nonlinearity=nonlinearity,
+        asymmetry=_asymmetry(means, axis, forth, back, factors, scale),
+        cross=cross,
+        degrees_of_freedom=means.degrees_of_freedom,
+        one_sense=single,
+    )
+
+
+def _pairs(means: AxisMeans, axis: int) -> tuple[Array, Array, Array, tuple[float, ...]]:
+    """Return the rates turned in both senses, and the rows that average each sense, (n, r)."""
+    usable = np.isfinite(means.output[:, axis]) & np.isfinite(means.rate)
+    size = np.round(np.abs(means.commanded) / SAME_RATE) * SAME_RATE
+    rates, forth, back, single = [], [], [], []
+    for one in np.unique(size):
+        up = usable & (size == one) & (means.commanded > 0.0)
+        down = usable & (size == one) & (means.commanded < 0.0)
+        if not (bool(up.any()) and bool(down.any())):
+            single.append(float(one))
+            continue
+        rates.append(float(one))
+        forth.append(up / up.sum())
+        back.append(down / down.sum())
+    width = len(means.rate)
+    return (
+        np.array(rates),
+        np.array(forth).reshape(-1, width),
+        np.array(back).reshape(-1, width),
+        tuple(single),
+    )
+
+
+def _weighted(values: Array, covariance: Array) -> tuple[Array, float]:
+    """Return the weights (n,) of the best mean, and the chi-square of the values about it."""
+    ones = np.ones(len(values))
+    solved = np.linalg.solve(covariance, np.column_stack((ones, values)))
+    weights = np.asarray(solved[:, 0] / float(ones @ solved[:, 0]), dtype=np.float64)
+    mean = float(weights @ values)
+    square = float((values - mean) @ np.linalg.solve(covariance, values - mean))
+    return weights, square
+
+
+def _asymmetry(
+    means: AxisMeans, axis: int, forth: Array, back: Array, factors: Array, scale: float
+) -> Value | None:
+    """Return (K+ - K-)/K from how the mean of both senses grows with the rate.
+
+    What does not grow, bias and earth rate, is free: it may have changed since the static records.
+    Where a line does not fit, the uncertainty is widened by what it leaves.
+    """
+    if len(factors) < 2:
+        return None
+    up, down = forth @ np.nan_to_num(means.rate), back @ np.nan_to_num(means.rate)
+    width = up - down
+    mix = (forth * -down[:, None] + back * up[:, None]) / width[:, None]
+    half = mix @ np.nan_to_num(means.output[:, axis])
+    covariance = mix @ np.nan_to_num(means.covariance[axis]) @ mix.T
+    design = np.column_stack((np.ones(len(half)), 0.5 * width * scale))
+    weighted = np.linalg.solve(covariance, design)
+    inverse = np.linalg.inv(design.T @ weighted)
+    found = inverse @ (weighted.T @ half)
+    left = half - design @ found
+    square = float(left @ np.linalg.solve(covariance, left))
+    freedom = len(half) - 2
+    wider = 1.0
+    if freedom > 0 and square > float(chi2.ppf(AGREE, freedom)):
+        wider = float(np.sqrt(square / freedom))
+    return Value(2.0 * float(found[1]), 2.0 * wider * float(np.sqrt(inverse[1, 1])))
+
+
+def _cross(pick: Array, means: AxisMeans, gyro: int, scale: float) -> Value:
+    """Return what another gyro reads of the turned axis' rate, over that rate."""
+    factors = pick @ np.nan_to_num(means.output[:, gyro])
+    covariance = pick @ np.nan_to_num(means.covariance[gyro]) @ pick.T
+    weights, square = _weighted(factors, covariance)
+    u = float(np.sqrt(weights @ covariance @ weights))
+    freedom = len(factors) - 1
+    if freedom > 0 and square > float(chi2.ppf(AGREE, freedom)):
+        u *= float(np.sqrt(square / freedom))
+    return Value(float(weights @ factors), u)

@@ -1,0 +1,331 @@
+"""From samples and encoder readings of one rate to a mean output at a mean true rate."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import chi2
+
+from procedures.estimation.noise import grid_index
+from procedures.estimation.robust import robust_sigma
+
+from .dataset import TurnRecord
+from .means import Array, Mask, colour_factor, good_samples, interval_of, pooled_sigma
+
+PART_TURN = 0.02
+"""Of a turn: a rest below it leaves a hundredth of the tilt's earth rate and less."""
+WILD_ENCODER = 50.0
+NOISE_DIFFERS = 0.999
+FEWEST_FOR_OWN_NOISE = 20
+MOST_ROUNDS = 4
+ALWAYS_LEVEL = 0.02
+"""Sine of the largest tilt of a turned axis that is expected, about one degree."""
+
+__all__ = ["AxisMeans", "Encoder", "axis_means", "unwrap"]
+
+
+@dataclass(frozen=True)
+class Encoder:
+    """The encoder of one record: continuous `angle_deg` (n,) and each sample's true rate (n,)."""
+
+    angle_deg: Array
+    rate_deg_per_s: Array
+    mean_rate_deg_per_s: float
+    noise_deg: float
+    reversed: bool
+
+
+def unwrap(record: TurnRecord, interval_s: float) -> Encoder:
+    """Return the encoder's continuous angle and the true rate during each sample.
+
+    Steps are told from whole turns by the rate, first the commanded one, then the measured one, so
+    that neither a gap nor a table some per cent off its rate slips a turn. A wild reading is taken
+    from its neighbours. The first sample gets the mean rate: where it began was not read.
+    """
+    time_s, reading = record.time_s, record.encoder_deg
+    known = np.isfinite(reading)
+    if int(known.sum()) < 2:
+        nothing = np.full(len(time_s), np.nan)
+        return Encoder(nothing, nothing, np.nan, 0.0, False)
+    place, nominal = np.flatnonzero(known), record.commanded_deg_per_s
+    step_s, step = np.diff(time_s[place]), np.diff(reading[place])
+    against = _spread(step, -nominal, step_s) < 0.1 * _spread(step, nominal, step_s)
+    rate = -nominal if against else nominal
+    turned = _nearest(step, rate, step_s)
+    short = step_s <= 1.5 * float(np.median(step_s))
+    rate = float(np.median(turned[short] / step_s[short]))
+    turned = _nearest(step, rate, step_s)
+    angle = reading[place[0]] + np.concatenate(([0.0], np.cumsum(turned)))
+    straight = rate * (time_s[place] - time_s[place[0]])
+    off = angle - straight
+    off = off - np.median(off)
+    # A table wanders slowly: a wild reading differs from both of its neighbours.
+    jump = np.abs(np.diff(off))
+    usual = float(np.median(jump))
+    wild = np.zeros(len(place), dtype=bool)
+    far = jump > max(WILD_ENCODER * usual, 1e-3)
+    wild[1:-1] = far[:-1] & far[1:]
+    if bool(wild.any()):
+        # The turn that a wild reading was counted into may be wrong on both of its sides.
+        good = np.flatnonzero(~wild)
+        place = place[good]
+        turned = _nearest(np.diff(reading[place]), rate, np.diff(time_s[place]))
+        angle = reading[place[0]] + np.concatenate(([0.0], np.cumsum(turned)))
+    whole = np.interp(time_s, time_s[place], angle)
+    edge = time_s > time_s[place[-1]]
+    whole[edge] = angle[-1] + rate * (time_s[edge] - time_s[place[-1]])
+    before = time_s < time_s[place[0]]
+    whole[before] = angle[0] + rate * (time_s[before] - time_s[place[0]])
+    mean = float((angle[-1] - angle[0]) / (time_s[place[-1]] - time_s[place[0]]))
+    rates = np.concatenate(([mean], np.diff(whole) / np.diff(time_s)))
+    return Encoder(whole, rates, mean, _reading_noise(rates[1:], interval_s), bool(against))
+
+
+def _nearest(step: Array, rate: float, step_s: Array) -> Array:
+    """Return the steps, known modulo 360 deg, that come nearest to a rate."""
+    expected = rate * step_s
+    return np.asarray(expected + np.mod(step - expected + 180.0, 360.0) - 180.0)
+
+
+def _spread(step: Array, rate: float, step_s: Array) -> float:
+    """Return how badly steps modulo 360 deg fit a rate: a median in deg."""
+    return float(np.median(np.abs(_nearest(step, rate, step_s) - rate * step_s))) + 1e-9
+
+
+def _reading_noise(rates: Array, interval_s: float) -> float:
+    """Return the noise of an encoder reading, from neighbouring rates: they share one reading."""
+    if len(rates) < 8:
+        return 0.0
+    off = rates - np.median(rates)
+    shared = -float(np.mean(off[1:] * off[:-1]))
+    return float(np.sqrt(max(shared, 0.0))) * interval_s
+
+
+@dataclass(frozen=True)
+class AxisMeans:
+    """All records of one turned axis, r of them, in their order.
+
+    `output` (r, 3) holds the gyros' means less the modulation by a tilted turn, NaN where a gyro
+    was not recorded; `covariance` (3, r, r) is that of each gyro's means; `rate` (r,) the mean true
+    rate, signed, and `commanded` (r,) its nominal value. `turns` (r,) is how far the record went
+    round, `part` whether that is no whole number; `kept` the turned axis' samples that were used.
+    """
+
+    output: Array
+    covariance: Array
+    rate: Array
+    commanded: Array
+    turns: Array
+    part: Mask
+    kept: tuple[Mask, ...]
+    noise: Array
+    degrees_of_freedom: float
+
+
+def axis_means(
+    records: Sequence[TurnRecord], threshold: float, horizontal_deg_per_h: float
+) -> AxisMeans:
+    """Return the means of all records of one axis, with the true rates from the encoder.
+
+    The earth's rotation modulates what a gyro reads over a turn: by its horizontal part times the
+    sine of the tilt on the turned axis, whole on the others. The modulation is one cosine and one
+    sine of the encoder's angle for all records together; over whole turns it takes nothing away.
+    """
+    interval_s = interval_of([one.time_s for one in records])
+    encoders = [unwrap(one, interval_s) for one in records]
+    axis = records[0].axis
+    recorded = [g for g in range(3) if any(_is_there(one, g) for one in records)]
+    count = len(records)
+    output = np.full((count, 3), np.nan)
+    covariance = np.full((3, count, count), np.nan)
+    noise = np.full(3, np.nan)
+    rate = np.array([one.mean_rate_deg_per_s for one in encoders])
+    kept: list[Mask] = [np.zeros(len(one.time_s), dtype=bool) for one in records]
+    freedom = 0.0
+    for gyro in recorded:
+        tilt = ALWAYS_LEVEL if gyro == axis else 1.0
+        size = tilt * horizontal_deg_per_h / 3600.0
+        done = _gyro(records, encoders, gyro, threshold, interval_s, size)
+        output[:, gyro], covariance[gyro], noise[gyro] = done.mean, done.covariance, done.noise
+        if gyro == axis:
+            kept, rate, freedom = list(done.kept), done.rate, done.freedom
+    turns = np.array(
+        [
+            abs(one.mean_rate_deg_per_s) * (t.time_s[-1] - t.time_s[0] + interval_s) / 360.0
+            if len(t.time_s)
+            else 0.0
+            for one, t in zip(encoders, records, strict=True)
+        ]
+    )
+    rest = np.abs(turns - np.rint(turns))
+    part = (rest > PART_TURN) | (np.rint(turns) < 1.0)
+    commanded = np.array([one.commanded_deg_per_s for one in records])
+    return AxisMeans(output, covariance, rate, commanded, turns, part, tuple(kept), noise, freedom)
+
+
+def _is_there(record: TurnRecord, gyro: int) -> bool:
+    return bool(np.isfinite(record.rate_deg_per_s[:, gyro]).any())
+
+
+@dataclass(frozen=True)
+class _Gyro:
+    mean: Array
+    covariance: Array
+    rate: Array
+    kept: tuple[Mask, ...]
+    noise: float
+    freedom: float
+
+
+def _gyro(
+    records: Sequence[TurnRecord],
+    encoders: Sequence[Encoder],
+    gyro: int,
+    threshold: float,
+    interval_s: float,
+    modulation: float,
+) -> _Gyro:
+    """Return one gyro's means over all records of a turned axis."""
+    own = gyro == records[0].axis
+    following = [
+        _follow(r.rate_deg_per_s[:, gyro], e, own=own)
+        for r, e in zip(records, encoders, strict=True)
+    ]
+    rounds = [_round_the_turn(one, interval_s) for one in encoders]
+    amplitude, normal = np.zeros(2), np.eye(2)
+    kept: tuple[Mask, ...] = ()
+    for _ in range(MOST_ROUNDS):
+        # What a turn modulates must not hide wild samples: judge again without it.
+        level = [v - c @ amplitude for (v, _), c in zip(following, rounds, strict=True)]
+        usual = pooled_sigma(level)
+        fresh = tuple(good_samples(values, threshold, usual) for values in level)
+        if all(bool(np.array_equal(*pair)) for pair in zip(fresh, kept, strict=False)) and kept:
+            break
+        kept = fresh
+        residuals, angles = _centred(following, rounds, kept)
+        counts = np.array([max(len(one), 1) for one in residuals], dtype=np.float64)
+        freedom = max(float(np.sum(counts - 1.0)) - 2.0, 1.0)
+        amplitude, normal = _amplitude(np.vstack(residuals), freedom, modulation)
+    mean, rate = [], []
+    for record, encoder, good, (_, wanders) in zip(
+        records, encoders, kept, following, strict=True
+    ):
+        mean.append(float(record.rate_deg_per_s[good, gyro].mean()) if good.any() else np.nan)
+        rate.append(_mean_rate(encoder, good, wanders=wanders))
+    places = [
+        grid_index(record.time_s[good], interval_s)
+        for record, good in zip(records, kept, strict=True)
+    ]
+    cleaned = [one[:, 0] - one[:, 1:] @ amplitude for one in residuals]
+    squares = np.array([float(one @ one) for one in cleaned])
+    pooled = float(squares.sum()) / freedom
+    long = [n for n, one in enumerate(cleaned) if len(one) > 1]
+    factor = colour_factor([cleaned[n] for n in long], [places[n] for n in long])
+    variance = _sample_variances(squares, counts, pooled) * factor / counts
+    span_s = np.array(
+        [
+            max(float(r.time_s[-1] - r.time_s[0]), interval_s) if len(r.time_s) else interval_s
+            for r in records
+        ]
+    )
+    reading = np.array([one.noise_deg for one in encoders]) * np.sqrt(2.0) / span_s
+    if own:
+        variance = variance + reading**2
+    middle = np.array(angles)
+    inverse = np.linalg.inv(normal) * max(pooled * factor, 1e-300)
+    covariance = np.diag(variance) + middle @ inverse @ middle.T
+    return _Gyro(
+        np.array(mean) - middle @ amplitude,
+        covariance,
+        np.array(rate),
+        kept,
+        float(np.sqrt(pooled)),
+        freedom,
+    )
+
+
+def _follow(values: Array, encoder: Encoder, *, own: bool) -> tuple[Array, bool]:
+    """Return what is judged for wild samples, and whether the table's wander was taken off it.
+
+    It is where that makes it quieter: where the table wanders more than its encoder scatters.
+    """
+    finite = np.isfinite(values)
+    if not own or not np.isfinite(encoder.mean_rate_deg_per_s) or not bool(finite.any()):
+        return values, False
+    gain = float(np.median(values[finite])) / encoder.mean_rate_deg_per_s
+    without = values - gain * (encoder.rate_deg_per_s - encoder.mean_rate_deg_per_s)
+    wanders = robust_sigma(without[finite]) < robust_sigma(values[finite])
+    return (np.asarray(without), True) if wanders else (values, False)
+
+
+def _mean_rate(encoder: Encoder, good: Mask, *, wanders: bool) -> float:
+    """Return the true rate over the used samples.
+
+    Where the table wanders it is the mean of the used samples' own rates; else that of the whole
+    record, which needs two readings of the encoder only.
+    """
+    if not wanders or bool(good.all()) or not bool(good.any()):
+        return encoder.mean_rate_deg_per_s
+    return float(encoder.rate_deg_per_s[good].mean())
+
+
+def _round_the_turn(encoder: Encoder, interval_s: float) -> Array:
+    """Return the mean cosine and sine of the table's angle over each sample, (n, 2)."""
+    if not np.isfinite(encoder.mean_rate_deg_per_s):
+        return np.zeros((len(encoder.angle_deg), 2))
+    end = np.radians(encoder.angle_deg)
+    width = np.radians(encoder.mean_rate_deg_per_s * interval_s)
+    middle, shrunk = end - 0.5 * width, np.sinc(width / (2.0 * np.pi))
+    return np.asarray(np.column_stack((np.cos(middle), np.sin(middle))) * shrunk)
+
+
+def _centred(
+    following: Sequence[tuple[Array, bool]], rounds: Sequence[Array], kept: Sequence[Mask]
+) -> tuple[list[Array], list[Array]]:
+    """Return output, cosine and sine of each record's used samples less their means, and those."""
+    residuals, middles = [], []
+    for (values, _), columns, good in zip(following, rounds, kept, strict=True):
+        used = np.column_stack((values[good], columns[good]))
+        middle = used.mean(axis=0) if len(used) else np.zeros(3)
+        residuals.append(used - middle)
+        middles.append(middle[1:])
+    return residuals, middles
+
+
+def _amplitude(stacked: Array, freedom: float, modulation: float) -> tuple[Array, Array]:
+    """Return cosine and sine amplitude (2,) with their normal matrix, prior `modulation`.
+
+    The noise that weighs the prior is what the amplitudes themselves leave.
+    """
+    columns, data = stacked[:, 1:], stacked[:, 0]
+    amplitude, normal = np.zeros(2), np.eye(2)
+    for _ in range(2):
+        left = data - columns @ amplitude
+        ridge = float(left @ left) / freedom / max(modulation, 1e-12) ** 2
+        normal = columns.T @ columns + max(ridge, 1e-12) * np.eye(2)
+        amplitude = np.asarray(np.linalg.solve(normal, columns.T @ data), dtype=np.float64)
+    return amplitude, normal
+
+
+def _sample_variances(squares: Array, counts: Array, pooled: float) -> Array:
+    """Return each record's variance of a sample: one for all unless they clearly differ.
+
+    Bartlett's test at 99.9 %; records of fewer than 20 samples have no variance of their own.
+    """
+    freedom = counts - 1.0
+    long = (freedom >= FEWEST_FOR_OWN_NOISE) & (squares > 0.0)
+    same = np.full(len(counts), pooled)
+    if int(long.sum()) < 2:
+        return same
+    own = squares[long] / freedom[long]
+    total = float(freedom[long].sum())
+    together = float(squares[long].sum()) / total
+    statistic = total * np.log(together) - float(freedom[long] @ np.log(own))
+    groups = int(long.sum())
+    shrink = 1.0 + (float(np.sum(1.0 / freedom[long])) - 1.0 / total) / (3.0 * (groups - 1))
+    if statistic / shrink <= float(chi2.ppf(NOISE_DIFFERS, groups - 1)):
+        return same
+    same[long] = own
+    return same

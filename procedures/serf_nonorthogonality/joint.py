@@ -1,0 +1,275 @@
+"""All shots in one fit, for a polarisation that changes the frequency while it fades.
+
+Shared are the polarisation at time zero, the relaxation and the broadening by spin exchange; each
+shot has its own frequency in the end, and its own linear coefficients as in `tone`. How the
+frequency falls depends on the angle between field and pump light, which the caller knows from the
+angles solved so far.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .law import SlowingDown, clocks
+from .tone import NoTone, ToneFit, fit_tone
+
+Array = NDArray[np.float64]
+
+SHARED = 3
+MOST_ITERATIONS = 25
+ENOUGH = 1e-9
+SQUARES = (0.003, 0.01, 0.03, 0.07, 0.13, 0.2, 0.3, 0.42, 0.56, 0.72)
+"""P² to begin with."""
+
+
+@dataclass(frozen=True)
+class Record:
+    """A shot as the joint fit takes it: usable samples only, and the deviation of one, in V."""
+
+    time_s: Array
+    voltage_V: Array
+    noise_V: float
+
+
+@dataclass(frozen=True)
+class JointFit:
+    """What all shots say together.
+
+    `omega_rad_per_s` (shots,) are the frequencies in the end, with their covariance; `square` is
+    P² at time zero, `rate_per_s` R/q(0), `beta_s` the broadening over w². `shared_covariance` (3,
+    3) is of these three, `by_along` (shots,) the derivative of the frequencies by the squares of
+    the cosine between field and pump light of each shot's own. `residual_V` are in the records'
+    order; `chi_square` with `degrees_of_freedom` is of all samples.
+    """
+
+    omega_rad_per_s: Array
+    covariance: Array
+    square: float
+    rate_per_s: float
+    beta_s: float
+    shared_covariance: Array
+    along: Array
+    residual_V: tuple[Array, ...]
+    linear: tuple[Array, ...]
+    chi_square: float
+    degrees_of_freedom: int
+    iterations: int
+
+    @property
+    def polarisation(self) -> float:
+        """The polarisation at time zero."""
+        return float(np.sqrt(max(self.square, 0.0)))
+
+
+class NoJointFit(ValueError):
+    """The joint fit found no minimum."""
+
+
+@dataclass(frozen=True)
+class _Step:
+    """The projected residuals and slopes of all shots at a place of the search."""
+
+    cost: float
+    normal: Array
+    right: Array
+    residual_V: tuple[Array, ...]
+    linear: tuple[Array, ...]
+
+
+def fit_jointly(
+    records: Sequence[Record],
+    spin: SlowingDown,
+    along: Array,
+    start: tuple[Array, Array],
+    mains_Hz: float | None = None,
+) -> JointFit:
+    """Fit all records; `along` (shots,) squares of the cosine between field and pump light.
+
+    `start` is (P², R/q(0), beta) and the frequencies (shots,). Raises NoJointFit.
+    """
+    shared, omega = start[0].copy(), start[1].copy()
+    damping = 1e-4
+    step = _evaluate(records, spin, along, shared, omega, mains_Hz)
+    iterations = 0
+    for iterations in range(1, MOST_ITERATIONS + 1):
+        scale = np.sqrt(np.diag(step.normal))
+        if not np.all(np.isfinite(scale)) or np.any(scale <= 0.0):
+            raise NoJointFit("a parameter has no influence")
+        small, right = step.normal / np.outer(scale, scale), step.right / scale
+        for _ in range(10):
+            move = np.linalg.solve(small + damping * np.eye(len(right)), right)
+            new_shared = shared + (move / scale)[:SHARED]
+            new_omega = omega + (move / scale)[SHARED:]
+            if -0.2 < new_shared[0] < 0.999 and new_shared[1] > 0.0 and bool(np.all(new_omega > 0)):
+                after = _evaluate(records, spin, along, new_shared, new_omega, mains_Hz)
+                if after.cost <= step.cost:
+                    break
+            damping = max(8.0 * damping, 1e-6)
+        else:
+            break
+        gained = step.cost - after.cost
+        shared, omega, step = new_shared, new_omega, after
+        damping *= 0.1
+        if gained <= ENOUGH * max(step.cost, 1.0) or float(np.max(np.abs(move))) < 1e-3:
+            break
+    # What is eliminated of the shots' own parameters is in the inverse of the whole.
+    scale = np.sqrt(np.diag(step.normal))
+    inverse = np.linalg.inv(step.normal / np.outer(scale, scale)) / np.outer(scale, scale)
+    samples = sum(len(one.time_s) for one in records)
+    own = 4 + (2 if mains_Hz is not None else 0) + 1
+    return JointFit(
+        omega_rad_per_s=omega,
+        covariance=inverse[SHARED:, SHARED:],
+        square=float(shared[0]),
+        rate_per_s=float(shared[1]),
+        beta_s=float(shared[2]),
+        shared_covariance=inverse[:SHARED, :SHARED],
+        along=along,
+        residual_V=step.residual_V,
+        linear=step.linear,
+        chi_square=step.cost,
+        degrees_of_freedom=samples - own * len(records) - SHARED,
+        iterations=iterations,
+    )
+
+
+def _evaluate(
+    records: Sequence[Record],
+    spin: SlowingDown,
+    along: Array,
+    shared: Array,
+    omega: Array,
+    mains_Hz: float | None,
+) -> _Step:
+    count = len(records)
+    square, rate, beta = (float(one) for one in shared)
+    broad = beta * omega**2
+    nudge = np.array([1e-4, 1e-4 * rate, 1e-3 * rate])
+    # One integration for the place itself and for a nudge of P², of R/q(0) and of Gamma_se.
+    squares = np.repeat([square, square + nudge[0], square, square], count)
+    rates = np.repeat([rate, rate, rate + nudge[1], rate], count)
+    broads = np.concatenate([broad, broad, broad, broad + nudge[2]])
+    times = [one.time_s for one in records]
+    found = clocks(times * 4, spin, squares, rates, broads, np.tile(along, 4))
+    normal = np.zeros((SHARED + count, SHARED + count))
+    right = np.zeros(SHARED + count)
+    cost, residuals, linears = 0.0, [], []
+    for k, record in enumerate(records):
+        u = found[k]
+        by = [(found[k + (n + 1) * count] - u) / nudge[n] for n in range(3)]
+        t, w = record.time_s, float(omega[k])
+        fade = np.exp(-rate * u - broad[k] * t)
+        cosine, sine, base = fade * np.cos(w * u), fade * np.sin(w * u), np.exp(-rate * u)
+        columns = [cosine, sine, base, np.ones_like(t)]
+        if mains_Hz is not None:
+            turn = 2.0 * np.pi * mains_Hz * t
+            columns += [np.cos(turn), np.sin(turn)]
+        design = np.column_stack(columns)
+        basis, triangle = np.linalg.qr(design)
+        y = record.voltage_V
+        linear = np.linalg.solve(triangle, basis.T @ y)
+        tone = linear[0] * cosine + linear[1] * sine
+        turned = linear[1] * cosine - linear[0] * sine
+        slow = linear[2] * base
+        by_clock = w * turned - rate * (tone + slow)
+        by_broad = by_clock * by[2] - t * tone
+        slopes = np.column_stack(
+            [
+                by_clock * by[0],
+                by_clock * by[1] - u * (tone + slow),
+                w**2 * by_broad,
+                u * turned + 2.0 * beta * w * by_broad,
+            ]
+        )
+        slopes -= basis @ (basis.T @ slopes)
+        residual = y - basis @ (basis.T @ y)
+        weight = record.noise_V**-2
+        places = np.array([0, 1, 2, SHARED + k])
+        normal[np.ix_(places, places)] += weight * (slopes.T @ slopes)
+        right[places] += weight * (slopes.T @ residual)
+        cost += weight * float(residual @ residual)
+        residuals.append(residual)
+        linears.append(linear)
+    return _Step(cost, normal, right, tuple(residuals), tuple(linears))
+
+
+def joint_start(
+    records: Sequence[Record],
+    spin: SlowingDown,
+    along: Array,
+    fits: Sequence[ToneFit],
+    mains_Hz: float | None,
+) -> tuple[Array, Array]:
+    """Return where the joint fit begins: (P², R/q(0), beta) and the frequencies.
+
+    In the time of the right clock each shot is a tone of one frequency. The clock of each P² of a
+    grid is tried on the shots with the most signal; then all shots are fitted in the time of the
+    best. Raises NoJointFit.
+    """
+    order = np.argsort([-fit.signal_to_noise for fit in fits], kind="stable")[:2]
+    rate = float(np.median([fit.decay_per_s for fit in fits])) * 0.85
+    best: tuple[float, float, float] | None = None
+    for square in SQUARES:
+        cost, decays = 0.0, []
+        for k in order:
+            found = _in_its_time(records[k], spin, square, rate, float(along[k]), mains_Hz)
+            if found is None:
+                cost = np.inf
+                break
+            cost += found.degrees_of_freedom * (found.noise_V / records[k].noise_V) ** 2
+            decays.append(found.decay_per_s)
+        if best is None or cost < best[0]:
+            best = (cost, square, float(np.median(decays)) if decays else rate)
+    if best is None or not np.isfinite(best[0]):
+        raise NoJointFit("no polarisation explains the strongest shots")
+    _, square, rate = best
+    rate *= 0.9
+    omega, decay = [], []
+    for k, record in enumerate(records):
+        found = _in_its_time(record, spin, square, rate, float(along[k]), mains_Hz)
+        if found is None:
+            raise NoJointFit(f"shot {k + 1} is no tone in the time of its polarisation")
+        omega.append(found.omega_rad_per_s)
+        decay.append(found.decay_per_s)
+    frequencies = np.array(omega)
+    rate, beta = decay_line(frequencies, np.array(decay), np.ones(len(decay)))[:2]
+    return np.array([square, max(rate, 1e-3), beta]), frequencies
+
+
+def _in_its_time(
+    record: Record,
+    spin: SlowingDown,
+    square: float,
+    rate: float,
+    along: float,
+    mains_Hz: float | None,
+) -> ToneFit | None:
+    one = np.ones(1)
+    (u,) = clocks([record.time_s], spin, square * one, rate * one, 0.1 * rate * one, along * one)
+    try:
+        return fit_tone(u, record.voltage_V, mains_Hz=mains_Hz)
+    except NoTone:
+        return None
+
+
+def decay_line(omega: Array, decay: Array, decay_u: Array) -> tuple[float, float, float]:
+    """Return R/q(0) in 1/s, beta in s and its u from decay = R/q(0) + beta w² of several shots.
+
+    Beta is zero where all frequencies are alike, or would be negative; its u is then infinite.
+    """
+    weight = decay_u**-2
+    x = omega**2
+    middle = float(weight @ x / weight.sum())
+    spread = float(weight @ (x - middle) ** 2)
+    mean = float(weight @ decay / weight.sum())
+    if np.ptp(omega) < 0.05 * float(np.mean(omega)) or spread <= 0.0:
+        return mean, 0.0, np.inf
+    beta = float(weight @ ((x - middle) * (decay - mean))) / spread
+    rate = mean - beta * middle
+    if beta <= 0.0 or rate <= 0.0:
+        return mean, 0.0, np.inf
+    return rate, beta, spread**-0.5

@@ -1,0 +1,232 @@
+"""The navigator behind its interface: what it outputs, when, and what it says of itself.
+
+How its messages look on a line is another module's. Angles and temperatures come from the world,
+computed some way ahead as if nothing would change, and again from the present output on when the
+world's version says that something did.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple, Protocol, runtime_checkable
+
+import numpy as np
+import numpy.typing as npt
+
+from sim_instruments.faults.lasting import AlignmentFails, Frozen, GyroFails, Silent
+from sim_instruments.instrument import Setting
+from sim_instruments.truth import SimulationError
+
+START, STOP, IDENTIFY, REPORT, ALIGN = 1, 2, 3, 4, 5
+OK, UNKNOWN_COMMAND, BAD_RATE, BAD_LATITUDE, ALREADY_RUNNING, BAD_LENGTH, UNIT_OFF = range(7)
+ALIGNED, ALIGNING = 1 << 0, 1 << 1
+OFF_BIT, ALIGNMENT_FAILED, GYRO_FAILED = 1 << 8, 1 << 9, 1 << 10
+SLOWEST, FASTEST = 10, 100  # outputs per second in units of 0.1 Hz
+FIRMWARE_MAJOR, FIRMWARE_MINOR, HARDWARE_REVISION, PROTOCOL_VERSION = 1, 0, 1, 1
+FIRST_AHEAD, MOST_AHEAD = 4, 256
+LONGEST_AHEAD_S = 60.0
+LASTING_FAULTS = (Frozen.kind, Silent.kind, AlignmentFails.kind, GyroFails.kind)
+
+Array = npt.NDArray[np.float64]
+
+
+@runtime_checkable
+class NavigatorWorld(Protocol):
+    """What a world with a navigator in it offers beside what every world does."""
+
+    @property
+    def version(self) -> int:
+        """A number that rises with every change of what the future holds."""
+        ...
+
+    @property
+    def navigator_powered(self) -> bool:
+        """Whether the navigator is switched on now."""
+        ...
+
+    def align(self, time_s: float, latitude_deg: float) -> None:
+        """Begin an alignment."""
+        ...
+
+    def aligned(self, time_s: float) -> bool:
+        """Return whether the navigator is aligned at a time."""
+        ...
+
+    def navigator_attitude(self, times_s: Array) -> Array:
+        """Return heading, pitch and roll as the navigator computes them, deg, (times, 3)."""
+        ...
+
+    def gyro_temperature_degC(self, times_s: Array) -> Array:
+        """Return what the thermometers in the gyros x, y, z read, (times, 3)."""
+        ...
+
+
+class Output(NamedTuple):
+    """One output: angles in deg, rounded to the navigator's resolution, temperatures in degC."""
+
+    counter: int
+    heading_deg: float
+    pitch_deg: float
+    roll_deg: float
+    temperature_degC: tuple[float, float, float]
+    status: int
+
+
+class NavigatorModel:
+    """A navigator that answers commands and gives each output to `send` when it is due.
+
+    Truth (`simulator` mapping): `resolution` of the angles; `latency` between the instant of an
+    output and its first byte on the line; `clock_error` of the navigator's clock: by how much its
+    intervals are too long. In a world without a navigator its interface answers, and says that the
+    navigator is off.
+    """
+
+    def __init__(self, setting: Setting, send: Callable[[Output], None]) -> None:
+        truth = setting.truth
+        if not setting.serial.isdigit() or int(setting.serial) >= 2**32:
+            raise SimulationError(
+                f"{truth.where}: the navigator's serial number is a number below 2^32, "
+                f"got '{setting.serial}'"
+            )
+        self.serial = int(setting.serial)
+        self._resolution_deg = truth.quantity("resolution", "deg")
+        self._latency_s = truth.quantity("latency", "s")
+        self._stretch = 1.0 + truth.quantity("clock_error", "1")
+        if self._resolution_deg <= 0 or self._latency_s < 0:
+            raise SimulationError(
+                f"{truth.where}: resolution must be positive, latency not negative"
+            )
+        self._name, self._clock, self._faults = setting.name, setting.clock, setting.faults
+        self._lock = setting.world.lock
+        self._world = setting.world if isinstance(setting.world, NavigatorWorld) else None
+        self._send = send
+        self._closed = False
+        self._run = 0
+        self._aligning_since_s: float | None = None
+        self._last: tuple[Array, Array] | None = None
+        self.rate = 0
+        """Outputs per second now, in units of 0.1 Hz; 0 while nothing is output."""
+        self.counter = 0
+        self._begin_s = self._interval_s = 0.0
+        self._forget_ahead()
+
+    def start(self, rate: int) -> int:
+        """Begin to output, `rate` in 0.1 Hz; returns a result."""
+        if not self._powered():
+            return UNIT_OFF
+        if self.rate:
+            return ALREADY_RUNNING
+        if not SLOWEST <= rate <= FASTEST:
+            return BAD_RATE
+        self.rate, self.counter = rate, 0
+        self._begin_s, self._interval_s = self._clock.now(), 10.0 / rate * self._stretch
+        self._forget_ahead()
+        self._run += 1
+        number = self._run
+        # The first run has the device's own name, for the order among equal times.
+        name = self._name if number == 1 else f"{self._name} {number}"
+        self._clock.start(name, lambda: self._output(number))
+        return OK
+
+    def stop(self) -> int:
+        """End the output; returns a result."""
+        self.rate = 0
+        return OK
+
+    def align(self, latitude_deg: float) -> int:
+        """Begin an alignment; returns a result."""
+        if self._world is None or not self._powered():
+            return UNIT_OFF
+        if not abs(latitude_deg) <= 90:
+            return BAD_LATITUDE
+        self._aligning_since_s = self._clock.now()
+        self._world.align(self._aligning_since_s, latitude_deg)
+        return OK
+
+    def status(self) -> int:
+        """Return the status bits of now."""
+        self._faults.catch_up()
+        if self._world is None or not self._powered():
+            return OFF_BIT
+        bits = GYRO_FAILED if self._faults.now(GyroFails.kind) is not None else 0
+        if self._faults.now(AlignmentFails.kind) is not None:
+            self._aligning_since_s = None
+            return bits | ALIGNMENT_FAILED
+        if self._world.aligned(self._clock.now()):
+            self._aligning_since_s = None
+            return bits | ALIGNED
+        return bits | (ALIGNING if self._aligning_since_s is not None else 0)
+
+    def aligning_for_s(self) -> float:
+        """Return how long the alignment has been under way, 0 when none is."""
+        if not self.status() & ALIGNING or self._aligning_since_s is None:
+            return 0.0
+        return self._clock.now() - self._aligning_since_s
+
+    def close(self) -> None:
+        """End the output for good; the thread ends when it next looks."""
+        self._closed = True
+        self.rate = 0
+
+    def _powered(self) -> bool:
+        on = self._world is not None and self._world.navigator_powered
+        if not on:
+            # What it was doing is forgotten with its supply.
+            self.rate, self._aligning_since_s = 0, None
+        return on
+
+    def _time_s(self, counter: int) -> float:
+        return self._begin_s + counter * self._interval_s
+
+    def _output(self, number: int) -> None:
+        while True:
+            self._clock.sleep_until(self._time_s(self.counter + 1) + self._latency_s)
+            with self._lock:
+                if self._closed or number != self._run or not self._powered() or not self.rate:
+                    return
+                found = self._next()
+            if found is not None:
+                self._send(found)
+
+    def _next(self) -> Output | None:
+        """Return the next output; None for one that a fault keeps back."""
+        self._faults.catch_up()
+        self.counter += 1
+        angles, temperatures = self._values()
+        if self._faults.now(Frozen.kind) is not None and self._last is not None:
+            angles, temperatures = self._last
+        self._last = angles, temperatures
+        if self._faults.now(Silent.kind) is not None:
+            return None
+        heading, pitch, roll = angles.tolist()
+        x, y, z = temperatures.tolist()
+        return Output(self.counter & 0xFFFF, heading, pitch, roll, (x, y, z), self.status())
+
+    def _values(self) -> tuple[Array, Array]:
+        """Return angles and temperatures of the present output."""
+        assert self._world is not None
+        if self._version != self._world.version:
+            self._forget_ahead()
+        if self._used == len(self._angles):
+            self._compute_ahead(self._world)
+        self._used += 1
+        return self._angles[self._used - 1], self._temperatures[self._used - 1]
+
+    def _forget_ahead(self) -> None:
+        self._angles = self._temperatures = np.empty((0, 3))
+        self._used = 0
+        self._ahead = FIRST_AHEAD
+        self._version = self._world.version if self._world is not None else 0
+
+    def _compute_ahead(self, world: NavigatorWorld) -> None:
+        count = max(1, min(self._ahead, int(LONGEST_AHEAD_S / self._interval_s)))
+        self._ahead = min(2 * self._ahead, MOST_AHEAD)
+        times_s = self._begin_s + self._interval_s * np.arange(
+            self.counter, self.counter + count, dtype=np.float64
+        )
+        step = self._resolution_deg
+        angles = np.round(world.navigator_attitude(times_s) / step) * step
+        angles[:, 0] %= 360.0
+        self._angles = angles
+        self._temperatures = np.array(world.gyro_temperature_degC(times_s))
+        self._used = 0

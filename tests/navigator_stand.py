@@ -1,0 +1,105 @@
+"""A small world with a navigator that turns as it is told, and the two drivers of it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from threading import RLock
+from typing import Any
+
+import numpy as np
+from trigger_stand import Stand, standing
+
+from drivers.can_navigator import CanNavigator
+from drivers.serial_navigator import SerialNavigator
+from sim_instruments.can_navigator import CanNavigator as SimulatedOnCan
+from sim_instruments.serial_navigator import SerialNavigator as SimulatedOnSerial
+
+NAME = "navigator"
+KINDS = ("can", "serial")
+TRUTH = {"resolution": "0.0001 deg", "latency": "30 ms", "clock_error": "200 ppm"}
+STRETCH = 1 + 200e-6
+LATENCY_S = 0.03
+RESOLUTION_DEG = 1e-4
+
+
+class Plate:
+    """A plate that turns at a steady rate under a navigator that aligns within 100 s."""
+
+    def __init__(self, rate_deg_per_s: float = 7.0, *, powered: bool = True) -> None:
+        self.lock = RLock()
+        self.version = 0
+        self.navigator_powered = powered
+        self.rate_deg_per_s = rate_deg_per_s
+        self.latitudes: list[float] = []
+        self.asked_until_s = 0.0
+        self._aligned_from_s = np.inf
+
+    def power(self, on: bool) -> None:
+        self.navigator_powered = on
+        self._aligned_from_s = np.inf
+        self.version += 1
+
+    def turn(self, rate_deg_per_s: float) -> None:
+        self.rate_deg_per_s = rate_deg_per_s
+        self.version += 1
+
+    def align(self, time_s: float, latitude_deg: float) -> None:
+        self.latitudes.append(latitude_deg)
+        self._aligned_from_s = time_s + 100.0
+        self.version += 1
+
+    def aligned(self, time_s: float) -> bool:
+        return bool(time_s >= self._aligned_from_s)
+
+    def navigator_attitude(self, times_s: np.ndarray) -> np.ndarray:
+        heading = (self.rate_deg_per_s * times_s) % 360.0
+        return np.stack((heading, -0.01 * times_s - 89.0 * 0.5, 0.02 * times_s - 170.0), axis=1)
+
+    def gyro_temperature_degC(self, times_s: np.ndarray) -> np.ndarray:
+        return np.stack((-40.0 + 0.01 * times_s, 20.0 + 0.0 * times_s, -0.5 * times_s), axis=1)
+
+
+@contextmanager
+def navigator(
+    kind: str, *faults: Mapping[str, Any], room: Any = None, **truth: Any
+) -> Iterator[tuple[Stand, Any]]:
+    """Serve a navigator of a kind and open its driver."""
+    simulator: Any = SimulatedOnCan if kind == "can" else SimulatedOnSerial
+    given = {**TRUTH, **({"channel": "can0"} if kind == "can" else {}), **truth}
+    with standing(NAME, simulator, given, room or Plate(), *faults) as stand:
+        driver: Any = (CanNavigator if kind == "can" else SerialNavigator)(stand.place())
+        try:
+            yield stand, driver
+        finally:
+            driver.close()
+
+
+def recorded(stand: Stand, driver: Any, seconds: float) -> Any:
+    """Return the outputs of a while as a block, drained once."""
+    stand.clock.sleep(seconds)
+    return driver.drain()
+
+
+def raw_frames(data: bytes) -> list[tuple[int, bytes]]:
+    """Return kind and payload of each frame on the serial line, read by its layout alone."""
+    frames = []
+    while data:
+        assert data[:2] == bytes.fromhex("9A65")
+        length = data[3]
+        whole, crc, data = data[: 4 + length], data[4 + length : 8 + length], data[8 + length :]
+        assert bitwise_crc(whole) == int.from_bytes(crc, "big")
+        frames.append((whole[2], whole[4:]))
+    return frames
+
+
+def bitwise_crc(data: bytes) -> int:
+    """Return the checksum of STIM300, bit by bit as its data sheet describes it."""
+    crc = 0xFFFFFFFF
+    for byte in data + bytes(-len(data) % 4):
+        for bit in range(7, -1, -1):
+            feedback = (crc >> 31) ^ (byte >> bit & 1)
+            crc = (crc << 1) & 0xFFFFFFFF
+            if feedback:
+                crc ^= 0x04C11DB7
+    return crc
