@@ -149,11 +149,11 @@ def simulate(case: Case, seed: int) -> tuple[NineAxisDataset, Truth]:
     for axis in range(3):
         deviation = generator.standard_normal(len(RATES))
         deviation = case.nonlinearity_ppm * 1e-6 * (deviation - deviation.mean())
-        for n, commanded in enumerate(RATES):
-            for sense in (1.0, -1.0):
-                turns.append(
-                    turn(case, truth, gain, axis, sense * commanded, deviation[n], generator)
-                )
+        turns += [
+            turn(case, truth, gain, axis, sense * rate, deviation[n], generator)
+            for n, rate in enumerate(RATES)
+            for sense in (1.0, -1.0)
+        ]
     dataset = NineAxisDataset(LATITUDE_DEG, PRIOR, tuple(static), tuple(turns))
     return dataset, truth
 

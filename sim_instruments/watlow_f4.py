@@ -1,12 +1,12 @@
 """Watlow F4 controller of a thermal chamber, on Modbus RTU.
 
 From public clients: register 0 holds the model (5270, the letters F and 4), 1 and 2 the serial
-number (three digits each, it is assumed), 100 the process value, 300 the set-point, 602 and 603 its limits, all signed with as many
-decimals as 606 says; 103 and 107 the powers of heater and compressor in hundredths of a percent;
-901 the unit; 200 what a profile does; events from 2000, ten registers apart. Assumed: a set-point
-one count below its low limit is `off`; 102 and 106 are the states of the alarms, other than zero
-while they are on; what is out of range is refused with exception 3. Left out: profiles, the second
-channel.
+number, 100 the process value, 300 the set-point, 602 and 603 its limits, all three signed with as
+many decimals as 606 says; 103 and 107 the powers of heater and compressor in hundredths of a
+percent; 901 the unit; 200 what a profile does; events from 2000, ten registers apart. Assumed:
+three digits of the serial number in a register; a set-point one count below its low limit is `off`;
+102 and 106 are the states of the alarms, other than zero while they are on; what is out of range is
+refused with exception 3. Left out: profiles, the second channel.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ class WatlowF4:
         truth = setting.truth
         if not setting.serial.isdecimal() or int(setting.serial) > HIGHEST_SERIAL:
             raise SimulationError(
-                f"{truth.where}: the serial number of an F4 has six digits at most"
+                f"{truth.where}: an F4 has a serial number of six digits"
             )
         self._plant = Plant(setting)
         self._low = round(truth.quantity("set_point_low", "degC") * PER_K)

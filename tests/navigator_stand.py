@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import socket
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
-from threading import RLock
+from contextlib import contextmanager, suppress
+from threading import RLock, Thread
 from typing import Any
 
 import numpy as np
@@ -79,6 +80,46 @@ def recorded(stand: Stand, driver: Any, seconds: float) -> Any:
     """Return the outputs of a while as a block, drained once."""
     stand.clock.sleep(seconds)
     return driver.drain()
+
+
+class RawLine:
+    """A client of the serial line that sends and keeps bytes."""
+
+    def __init__(self, stand: Stand) -> None:
+        entry = stand.instruments[NAME]
+        self._clock = stand.clock
+        self._wire = stand.clock.wire(f"{entry['host']}:{entry['port']}")
+        self._socket = socket.create_connection((entry["host"], entry["port"]))
+        self._wire.open()
+        self.received = b""
+        self._thread = Thread(target=self._read, daemon=True)
+        self._thread.start()
+
+    def send(self, data: bytes) -> list[tuple[int, bytes]]:
+        """Send bytes and return the frames that came within a tenth of a second."""
+        self.received = b""
+        self._wire.sent(len(data))
+        self._socket.sendall(data)
+        self._clock.sleep(0.1)
+        return raw_frames(self.received)
+
+    def close(self) -> None:
+        self._wire.close()
+        self._socket.shutdown(socket.SHUT_RDWR)
+        self._socket.close()
+        self._thread.join(5)
+
+    def _read(self) -> None:
+        with suppress(OSError):
+            while data := self._socket.recv(65536):
+                self.received += data
+                self._wire.picked_up(len(data))
+
+
+def raw_frame(kind: int, payload: bytes) -> bytes:
+    """Return a frame of the serial line, written by its layout alone."""
+    data = bytes([0x9A, 0x65, kind, len(payload)]) + payload
+    return data + bitwise_crc(data).to_bytes(4, "big")
 
 
 def raw_frames(data: bytes) -> list[tuple[int, bytes]]:

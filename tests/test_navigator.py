@@ -336,19 +336,12 @@ def test_a_line_that_ends_is_told_once_what_had_come_is_taken(kind: str) -> None
 
 
 @both
-@pytest.mark.parametrize(
-    ("request_", "result"),
-    [
-        (Request("start", 7, rate_Hz=0.9), "bad_rate"),
-        (Request("start", 7, rate_Hz=10.1), "bad_rate"),
-        (Request("align", 7, latitude_deg=90.1), "bad_latitude"),
-    ],
-)
-def test_the_navigator_itself_refuses_too(kind: str, request_: Request, result: str) -> None:
+@pytest.mark.parametrize("rate_Hz", [0.9, 10.1])
+def test_the_navigator_itself_refuses_too(kind: str, rate_Hz: float) -> None:
     with navigator(kind) as (stand, driver):
-        driver._line.send(request_)
+        driver._line.send(Request("start", 7, rate_Hz=rate_Hz))
         (answer,) = driver._line.wait_for("acknowledgement", stand.clock.now() + 0.5)
-        assert (answer["request_id"], str(answer["result"])) == (7, result)
+        assert (answer["request_id"], str(answer["result"])) == (7, "bad_rate")
         driver.start(1.0)
         driver._line.send(Request("start", 8, rate_Hz=1.0))
         (answer,) = driver._line.wait_for("acknowledgement", stand.clock.now() + 0.5)

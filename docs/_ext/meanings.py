@@ -76,6 +76,42 @@ PARAMETERS = {
         "thresholds.model_too_stiff": "lag-1 correlation of the residuals",
         "thresholds.outlier": "in robust standard deviations of the residuals",
     },
+    "nine-axis-calibration": {
+        "latitude": "of the bench, north positive",
+        "positions": "the published positions, each once, in the order in which they are taken",
+        "positioning": "`plate`: a person turns the sensor over; `table`: the table does",
+        "flip": "whether each position is taken once more, turned by 180 deg about the vertical",
+        "static_time": "time of the record at rest in each position (first preset time)",
+        "range": "where the gyros saturate; every rate must lie below it",
+        "rates": "magnitudes of the rates, five or more; each is turned in both senses",
+        "dwell": "`equal`: the same time at each rate, as published; `efficient`: the same number "
+        "of whole turns, so that the time goes as 1/rate",
+        "dwell_time": "time at each rate with an equal dwell (second preset time), whole turns at "
+        "every rate; 360 s unless given",
+        "turns": "whole turns at each rate with an efficient dwell; 1 unless given",
+        "settle": "time at the rate before the record begins",
+        "static_settle": "time at rest in a position before its record begins",
+        "warm_up": "time between switching on and the first record",
+        "sample_rate": "samples a second",
+        "table_axis": "the table's axis that turns, counted from 1",
+        "angle_random_walk": "expected noise of the gyros, for expected uncertainties",
+        "prior": "standard uncertainties of the set-up, known beforehand",
+        "prior.heading": "of the plate against north, common to all positions",
+        "prior.relative_heading": "of each position beside the others",
+        "prior.tilt": "of each position about each horizontal axis",
+        "prior.accelerometer_bias": "of each accelerometer",
+        "prior.misalignment": "of a gyro's input axis, where the rates did not measure it",
+        "pose": "when a position is refused",
+        "pose.acceleration": "an accelerometer's mean is further from gravity than this",
+        "pose.rate": "a gyro's mean is further from the other positions' than this",
+        "pose.largest_bias": "a gyro's mean is further from earth rate than this, when a position "
+        "is judged alone",
+        "pose.attempts": "how often a position is measured before it stays refused",
+        "thresholds": "where a flag is raised",
+        "thresholds.not_significant": "in standard uncertainties of asymmetry and nonlinearity",
+        "thresholds.gap": "in nominal sample intervals",
+        "thresholds.outlier": "in robust standard deviations of the samples",
+    },
 }
 
 CALIBRATION = {
@@ -167,5 +203,15 @@ CONDITIONS = {
     },
     "accelerometer-magnetic-sensitivity": {
         "local_gravity": "gravity at the place; `1 g` where accelerations are to be in local g",
+    },
+    "nine-axis-calibration": {
+        "latitude": "of the bench, north positive",
+        "range": "where the gyros saturate; without it saturated samples are told by their looks",
+        "prior": "standard uncertainties of the set-up, known beforehand",
+        "prior.heading": "of the plate against north, common to all positions",
+        "prior.relative_heading": "of each position beside the others",
+        "prior.tilt": "of each position about each horizontal axis",
+        "prior.accelerometer_bias": "of each accelerometer",
+        "prior.misalignment": "of a gyro's input axis, where the rates did not measure it",
     },
 }

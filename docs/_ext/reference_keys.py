@@ -172,10 +172,12 @@ def default_of(field: FieldInfo) -> str:
     unit = unit_in(field.annotation, field.metadata)
     if value is None or value in ({}, ()) or isinstance(value, BaseModel):
         return ""
-    if unit is not None and unit.symbol != "1":
-        return code(format_quantity(value, unit.symbol))
+    quantity = unit is not None and unit.symbol != "1"
     if isinstance(value, tuple):
-        return code(f"[{', '.join(str(one) for one in value)}]")
+        each = [format_quantity(one, unit.symbol) if quantity else str(one) for one in value]
+        return code(f"[{', '.join(each)}]")
+    if quantity:
+        return code(format_quantity(value, unit.symbol))
     return code(value)
 
 

@@ -45,6 +45,7 @@ BITS_OF_SILENCE = 3.5 * 11
 LEAST_SILENCE_S = 1.75e-3
 """What ends a frame on a serial line: three and a half characters, by the standard not less."""
 
+NO_REGISTER, DEVICE_FAILURE = 2, 4
 REFUSALS = {
     1: (
         "it knows no such function",

@@ -81,7 +81,7 @@ def evaluate_drive(drive: Drive, curves: Mapping[str, Curve]) -> Driven:
     closes = abs(errors[1]) <= LARGEST_ERROR_DEG
     steps_s = np.diff(drive.time_s)
     heat, outside = drive.temperature_degC[:, 2], 0.0
-    model = 0.0
+    model = by_bias = 0.0
     if "z" in curves:
         low, high = curves["z"].domain_degC
         beyond = (heat < low - OUTSIDE_DEGC) | (heat > high + OUTSIDE_DEGC)
@@ -89,6 +89,7 @@ def evaluate_drive(drive: Drive, curves: Mapping[str, Curve]) -> Driven:
         turned = drive.rate_deg_per_s[:-1, 2] * steps_s / PPM
         share = turned @ curves["z"].columns(heat[:-1])
         model = float(np.sqrt(share @ curves["z"].covariance @ share))
+        by_bias = float(share @ curves["z"].by_bias)
     return Driven(
         time_s=drive.time_s,
         raw_deg=raw,
@@ -97,6 +98,7 @@ def evaluate_drive(drive: Drive, curves: Mapping[str, Curve]) -> Driven:
         compensated_error_deg=errors[1] if closes else None,
         noise_u_deg=max(_noise_deg(drive), LEAST_U_DEG),
         model_u_deg=model,
+        by_bias_deg=by_bias,
         duration_h=float(np.ptp(drive.time_s)) / SECONDS_PER_HOUR,
         turned_deg=float(np.sum(np.abs(drive.rate_deg_per_s[:-1, 2]) * steps_s)),
         outside=outside,

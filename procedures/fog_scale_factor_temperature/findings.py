@@ -94,8 +94,8 @@ class Driven:
 
     `time_s`, `raw_deg` and `compensated_deg` (n,) are the courses of the heading. Errors are None
     where they are too large to be those of a drive that closes. `noise_u_deg` comes of the rates'
-    noise, `model_u_deg` of the model; `outside` is the part of the time outside the calibrated
-    range.
+    noise, `model_u_deg` of the model, `by_bias_deg` is what a bias of 1 deg/h in the model takes
+    off; `outside` is the part of the time outside the calibrated range.
     """
 
     time_s: Array
@@ -105,6 +105,7 @@ class Driven:
     compensated_error_deg: float | None
     noise_u_deg: float
     model_u_deg: float
+    by_bias_deg: float
     duration_h: float
     turned_deg: float
     outside: float

@@ -14,19 +14,19 @@ from .solution import AxisTurns, stiffness
 MOST_LISTED = 12
 
 
-def rejected_rows(fit: AxisFit, turns: AxisTurns) -> list[int]:
+def rejected_rows(fit: AxisFit) -> list[int]:
     """Return the rows of the turn table that the model leaves out as wrong, 0-based.
 
     Waits among turns of one sense are no wrong rows: they tell that model nothing.
     """
-    meant = (turns.commanded_deg != 0.0) | fit.paired | ~turns.usable
-    return [int(row) for row in turns.rows[meant & ~fit.kept]]
+    meant = np.isfinite(fit.error_ppm) | fit.paired
+    return [int(row) for row in fit.rows[meant & ~fit.kept]]
 
 
 def data_flags(turns: AxisTurns, fit: AxisFit, settings: AnalysisSettings) -> list[Flag]:
     """Return the flags on the rows of an axis: what was left out, and gaps."""
     flags = []
-    rows = rejected_rows(fit, turns) if fit.curve is not None else []
+    rows = rejected_rows(fit) if fit.curve is not None else []
     if rows:
         shown = ", ".join(str(row) for row in rows[:MOST_LISTED])
         more = " and more" if len(rows) > MOST_LISTED else ""

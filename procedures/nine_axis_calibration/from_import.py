@@ -14,11 +14,11 @@ from procedures.nine_axis_calibration.dataset import (
     StaticRecord,
     TurnRecord,
 )
+from procedures.nine_axis_calibration.encoder import unwrap
 from procedures.nine_axis_calibration.means import Array, interval_of
 from procedures.nine_axis_calibration.outlook import prior_of
 from procedures.nine_axis_calibration.parameters import Prior
 from procedures.nine_axis_calibration.positions import ATTITUDES
-from procedures.nine_axis_calibration.turning import unwrap
 from station.dataset_reading import MOST_FAULTS, Table, read_table
 from station.faults import Fault, FaultList, listed, nearest
 from station.fields import StrictModel, Unit

@@ -105,6 +105,6 @@ def moved_to(address: str, port: int) -> str | None:
     if len(parts) == 4 and parts[-1].upper() == "SOCKET":
         return f"{parts[0]}::{HOST}::{port}::SOCKET"
     split = urlsplit(address)
-    if split.scheme in ("socketcand", "socket"):
+    if split.scheme in ("socketcand", "socket", "modbus-tcp"):
         return split._replace(netloc=f"{HOST}:{port}").geturl()
     return None

@@ -122,10 +122,11 @@ def test_nothing_turns_before_it_is_homed(stand: Stand, turntable: Any) -> None:
     turntable.programme_limits()
     if turntable.is_homed(AXIS):
         pytest.skip("it was homed before")
-    for act in (
+    acts: tuple[Callable[[], object], ...] = (
         lambda: turntable.move_to(AXIS, ANGLES_DEG[0]),
         lambda: turntable.turn(AXIS, rate(stand)),
-    ):
+    )
+    for act in acts:
         with pytest.raises(InstrumentError) as raised:
             act()
         assert raised.value.instrument == stand.name

@@ -1,0 +1,106 @@
+"""Power of the device under test, switched by a digital output of a Watlow F4T.
+
+Sources: as for the F4T; a public client reads the state of an output at 33718 and on. Not confirmed
+in a primary source: that an output can be written where its state is read. Where the chamber's
+maker gave the output to a profile event, `event` switches it, which the manual does say; either way
+the state of the output itself is what is read back.
+"""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+from drivers.roles import Identity, Place
+from drivers.transport.modbus_line import DEVICE_FAILURE, ModbusRefusal
+from drivers.transport.retry import Repeatable
+from drivers.watlow_f4t_registers import OFF, ON, REPEATABLE, F4TRegisters, io_register
+from station.errors import InputError, InstrumentError
+
+EVENTS = (16594, 16596, 16598, 16600, 16822, 16824, 16826, 16828)
+SWITCHES_WITHIN_S = 1.0
+LOOK_S = 0.05
+
+
+class WatlowOutputPower:
+    """An output behind which the device's supply hangs.
+
+    Settings: `output` (module and number of the output, as `"2.1"`; required), `event` (1 to 8: the
+    profile event that switches this output; written directly unless said), `unit`, `word_order`.
+    """
+
+    repeatable: ClassVar[Repeatable] = REPEATABLE
+
+    def __init__(self, place: Place) -> None:
+        self.place = place
+        self._registers = registers = F4TRegisters(place)
+        settings = place.settings
+        try:
+            self._name = str(settings.get("output", ""))
+            self._output = self._switch = io_register(self._name)
+            event = settings.get("event")
+            if event is not None:
+                self._switch = dict(enumerate(EVENTS, 1))[int(event)]
+        except (TypeError, ValueError, KeyError) as error:
+            registers.line.close()
+            raise registers.wrong_settings(
+                error, 'write output as module and number such as "2.1", and event as 1 to 8'
+            ) from error
+
+    def identify(self) -> Identity:
+        """Read hardware, serial number and firmware of the controller."""
+        return self._registers.identify()
+
+    def switch_on(self) -> None:
+        """Switch the device on and see that the output is on."""
+        self._set(ON)
+
+    def switch_off(self) -> None:
+        """Switch the device off and see that the output is off."""
+        self._set(OFF)
+
+    def read_quantity(self, quantity: str) -> str:
+        """Return `output`, `on` or `off`; neither voltage nor current is measured."""
+        if quantity != "output":
+            raise InputError(
+                f"{self.place.name}: a switched output has no {quantity}; take that interlock out "
+                "of the bench file"
+            )
+        return "on" if self._state() == ON else "off"
+
+    def close(self) -> None:
+        """Close the line; the output stays as it is."""
+        self._registers.line.close()
+
+    def _set(self, wanted: int) -> None:
+        try:
+            self._registers.write_word(self._switch, wanted)
+        except ModbusRefusal as refusal:
+            raise self._missing(refusal) from refusal
+        until_s = self.place.clock.now() + SWITCHES_WITHIN_S
+        while (state := self._state()) != wanted:
+            if self.place.clock.now() >= until_s:
+                raise InstrumentError(
+                    self.place.name,
+                    f"switch output {self._name} {'on' if wanted == ON else 'off'}",
+                    f"its state still reads {state} after {SWITCHES_WITHIN_S:g} s",
+                    "compare the output's function in the controller and settings.event",
+                )
+            self.place.clock.sleep(LOOK_S)
+
+    def _state(self) -> int:
+        try:
+            (state,) = self._registers.surely.read(self._output)
+        except ModbusRefusal as refusal:
+            raise self._missing(refusal) from refusal
+        self.place.publish("output", "on" if state == ON else "off")
+        return state
+
+    def _missing(self, refusal: ModbusRefusal) -> InstrumentError:
+        if refusal.code != DEVICE_FAILURE:
+            return refusal
+        return InstrumentError(
+            self.place.name,
+            f"use output {self._name}",
+            f"the controller has no such output (exception {refusal.code})",
+            "correct settings.output in the bench file, or look which modules it is fitted with",
+        )

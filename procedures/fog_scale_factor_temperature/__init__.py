@@ -1,0 +1,108 @@
+"""FOG scale factor over temperature: turns about three axes on a ramp, a polynomial, its proof."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
+from procedures.fog_scale_factor_temperature.check import check, instruments
+from procedures.fog_scale_factor_temperature.parameters import FogParameters
+from station.procedure import Procedure, ResultKind
+
+if TYPE_CHECKING:
+    from station.bench import Bench
+    from station.dataset_reading import RawDataset
+    from station.fields import StrictModel
+    from station.procedure import Prompt
+    from station.record.folder import RunFolder
+    from station.report.parts import Part
+    from station.results import Findings, ResultDocument
+
+AXES = ("x", "y", "z")
+
+
+def evaluate_run(folder: RunFolder, parameters: FogParameters, bench: Bench) -> Findings:
+    """Return what a run's recorded data say."""
+    from procedures.fog_scale_factor_temperature.evaluate import findings_of_run
+
+    return findings_of_run(folder, parameters, bench)
+
+
+def evaluate_dataset(raw: RawDataset) -> Findings:
+    """Return what an imported dataset says."""
+    from procedures.fog_scale_factor_temperature.evaluate import findings_of_dataset
+
+    return findings_of_dataset(raw)
+
+
+def conditions() -> type[StrictModel]:
+    """Return the model of an imported dataset's conditions."""
+    from procedures.fog_scale_factor_temperature.from_import import Conditions
+
+    return Conditions
+
+
+def report(findings: Findings, document: ResultDocument) -> Sequence[Part]:
+    """Return the plots and tables of this procedure."""
+    from procedures.fog_scale_factor_temperature.figures import draw_parts
+
+    return draw_parts(findings.detail.analysis, findings.detail.dataset, document)
+
+
+def outlook(parameters: FogParameters) -> Sequence[str]:
+    """Return in lines what a plan determines and how well."""
+    from procedures.fog_scale_factor_temperature.outlook import outlook
+
+    return outlook(parameters)
+
+
+def prompts(parameters: FogParameters) -> tuple[Prompt, ...]:
+    """Return what the operator may be asked to do."""
+    return ()
+
+
+def measured_axes(parameters: FogParameters) -> Mapping[str, tuple[str, ...]]:
+    """Return the axes that a plan measures; a verification only where it is asked for."""
+    measured: tuple[str, ...] = parameters.axes
+    verified = measured if parameters.verification is not None else ()
+    return {
+        "scale_factor_error": measured,
+        "largest_scale_factor_error": measured,
+        "residual_scale_factor_error": verified,
+    }
+
+
+PROCEDURE = Procedure(
+    name="fog-scale-factor-temperature",
+    title="Fibre-optic gyro: scale factor over temperature",
+    source="A method to determine the scale-factor error of fibre-optic gyros (CN 105277211 A, "
+    "2016-01-27), steps 1 to 4",
+    parameters=FogParameters,
+    results={
+        "scale_factor_error": ResultKind(AXES, "ppm"),
+        "largest_scale_factor_error": ResultKind(AXES, "ppm"),
+        "residual_scale_factor_error": ResultKind(AXES, "ppm"),
+        "heading_error_uncompensated": ResultKind((), "deg"),
+        "heading_error_compensated": ResultKind((), "deg"),
+    },
+    steps=(),
+    instruments=instruments,
+    prompts=prompts,
+    check=check,
+    evaluate_run=evaluate_run,
+    evaluate_dataset=evaluate_dataset,
+    report=report,
+    conditions=conditions,
+    outlook=outlook,
+    measured_axes=measured_axes,
+    assumptions=(
+        "The curve is that of the ramp's direction and rate. Hysteresis between heating and "
+        "cooling cannot be seen in it; a verification ramp the other way shows it.",
+        "The curve is given where the gyro has been, and nowhere else: outside, compensation holds "
+        "the value at the end of the range.",
+        "Where turns have one sense the gyro's bias is taken for scale factor; its specification "
+        "times the time of a turn is in u. Pairs of both senses cancel it.",
+        "A full turn brings the table back to the same mark of its encoder, so that the error of "
+        "its graduation drops out. What a table does not repeat is noise of the turns.",
+    ),
+)

@@ -1,0 +1,251 @@
+"""From data to findings: the analysis, with the gyro's bias as an input of type B."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from procedures.fog_scale_factor_temperature.analysis import analyse
+from procedures.fog_scale_factor_temperature.curve import Curve
+from procedures.fog_scale_factor_temperature.dataset import FogDataset
+from procedures.fog_scale_factor_temperature.findings import (
+    AnalysisSettings,
+    AxisFit,
+    Driven,
+    FogAnalysis,
+    Verified,
+)
+from procedures.fog_scale_factor_temperature.flags import rejected_rows
+from procedures.fog_scale_factor_temperature.from_import import conditions_of, dataset_of_import
+from procedures.fog_scale_factor_temperature.parameters import PUBLISHED_SOAK_H, FogParameters
+from station.faults import FaultList
+from station.results import Estimate, Findings, Flag, Published
+from station.uncertainty import InputQuantity
+
+if TYPE_CHECKING:
+    from station.bench import Bench
+    from station.dataset_reading import RawDataset
+    from station.record.folder import RunFolder
+
+BIAS = "gyro_bias"
+BAND_POINTS = 21
+
+
+@dataclass(frozen=True)
+class Detail:
+    """What this procedure's report draws."""
+
+    analysis: FogAnalysis
+    dataset: FogDataset
+
+
+def findings_of_run(folder: RunFolder, parameters: FogParameters, bench: Bench) -> Findings:
+    """Return what a run's finished turns say."""
+    from procedures.fog_scale_factor_temperature.from_record import dataset_of_run
+
+    dataset = dataset_of_run(folder, parameters, bench)
+    analysis = analyse(dataset, settings(parameters))
+    flags = [outside_flag("; ".join(parameters.outside))] if parameters.outside else []
+    return to_findings(analysis, dataset, flags, "specification in the plan")
+
+
+def findings_of_dataset(raw: RawDataset) -> Findings:
+    """Return what an imported dataset says; FaultList where it lacks the bias that it needs."""
+    conditions = conditions_of(raw)
+    dataset = dataset_of_import(raw, conditions)
+    analysis = analyse(dataset)
+    single = [axis for axis, fit in analysis.fits.items() if fit.curve and not fit.paired]
+    if single and dataset.gyro_bias_deg_per_h is None:
+        what = (
+            f"is missing: the turns about {', '.join(single)} have one sense, so the gyro's bias "
+            "cannot be told from its scale factor; give its specification as a standard uncertainty"
+        )
+        raise FaultList([raw.document.fault(("conditions", BIAS), what)])
+    flags = []
+    low, high = PUBLISHED_SOAK_H
+    if conditions.soak_s is not None and not low <= conditions.soak_s / 3600.0 <= high:
+        soak_h = conditions.soak_s / 3600.0
+        flags.append(outside_flag(f"a soak of {soak_h:g} h (published {low:g} h to {high:g} h)"))
+    return to_findings(analysis, dataset, flags, "condition gyro_bias, a specification")
+
+
+def settings(parameters: FogParameters) -> AnalysisSettings:
+    """Return the analysis settings of a plan."""
+    thresholds = parameters.thresholds
+    return AnalysisSettings(
+        outlier=thresholds.outlier,
+        gap=thresholds.gap,
+        model_too_stiff=thresholds.model_too_stiff,
+    )
+
+
+def outside_flag(said: str) -> Flag:
+    """Return the flag of what was done outside the published ranges."""
+    return Flag("outside-published-range", f"Outside the published range: {said}.")
+
+
+def to_findings(
+    analysis: FogAnalysis, dataset: FogDataset, flags: list[Flag], source: str
+) -> Findings:
+    """Return an analysis in the station's own terms; `source` says where the bias comes from."""
+    estimates: list[Estimate] = []
+    published: list[Published] = []
+    asked = dataset.reference_temperature_degC
+    for axis, fit in analysis.fits.items():
+        estimates += [_at_reference(fit, dataset), _largest(fit)]
+        paper = analysis.published[axis].curve
+        at = paper is not None and paper.holds(asked)
+        published.append(
+            Published(
+                "scale_factor_error",
+                axis,
+                _value(paper, asked) if paper is not None and at else None,
+                "ppm",
+                "polynomial",
+            )
+        )
+        largest = None if paper is None else abs(_value(paper, paper.largest_at_degC()))
+        published.append(
+            Published("largest_scale_factor_error", axis, largest, "ppm", "polynomial")
+        )
+    estimates += [_verified(one, analysis.fits[axis]) for axis, one in analysis.verified.items()]
+    estimates += _driven(analysis.driven, analysis.fits.get("z"))
+    inputs = []
+    if dataset.gyro_bias_deg_per_h:
+        inputs.append(
+            InputQuantity(
+                BIAS, "gyro bias during the turn", dataset.gyro_bias_deg_per_h, "deg/h", source
+            )
+        )
+    flags = [
+        *(Flag(one.code, one.message, one.axis, dict(one.details)) for one in analysis.flags),
+        *flags,
+    ]
+    return Findings(estimates, published, flags, inputs, Detail(analysis, dataset))
+
+
+def model_data(curve: Curve) -> dict[str, Any]:
+    """Return a curve in the form that other programs rely on."""
+    return {
+        "basis": "chebyshev",
+        "domain": [float(end) for end in curve.domain_degC],
+        "unit": "degC",
+        "coefficients": [float(one) for one in curve.coefficients_ppm],
+    }
+
+
+def band_data(curve: Curve) -> dict[str, list[float]]:
+    """Return the curve and its type A standard uncertainty at temperatures over the domain."""
+    grid = curve.temperatures_degC(BAND_POINTS)
+    return {
+        "temperature_degC": [float(one) for one in grid],
+        "value": [float(one) for one in curve.error_ppm(grid)],
+        "standard_uncertainty": [float(one) for one in curve.standard_uncertainty_ppm(grid)],
+    }
+
+
+def _value(curve: Curve, temperature_degC: float) -> float:
+    return float(curve.error_ppm(np.array([temperature_degC]))[0])
+
+
+def _estimate(
+    name: str, fit: AxisFit, temperature_degC: float, magnitude: bool, extra: dict[str, Any]
+) -> Estimate:
+    curve = fit.curve
+    if curve is None:
+        return Estimate(name, fit.axis, None, "ppm", None, None, "weighted", {}, extra)
+    at = np.array([temperature_degC])
+    value = _value(curve, temperature_degC)
+    sign = -1.0 if magnitude and value < 0.0 else 1.0
+    by_bias = sign * float(curve.error_by_bias_ppm(at)[0])
+    return Estimate(
+        name,
+        fit.axis,
+        sign * value,
+        "ppm",
+        float(curve.standard_uncertainty_ppm(at)[0]),
+        curve.degrees_of_freedom,
+        "weighted",
+        {BIAS: by_bias} if by_bias else {},
+        extra,
+    )
+
+
+def _at_reference(fit: AxisFit, dataset: FogDataset) -> Estimate:
+    asked = dataset.reference_temperature_degC
+    curve = fit.curve
+    rows = [] if curve is None else rejected_rows(fit)
+    extra: dict[str, Any] = {
+        "reference_temperature": asked,
+        "model": None if curve is None else model_data(curve),
+        "rejected_rows": rows,
+    }
+    if curve is None:
+        return _estimate("scale_factor_error", fit, asked, False, extra)
+    extra |= {"order": curve.order, "turn_noise": fit.noise_ppm, "band": band_data(curve)}
+    found = _estimate("scale_factor_error", fit, asked, False, extra)
+    if curve.holds(asked):
+        return found
+    return Estimate(
+        found.name, found.axis, None, found.unit, None, None, found.method, {}, found.extra
+    )
+
+
+def _largest(fit: AxisFit) -> Estimate:
+    at = 0.0 if fit.curve is None else fit.curve.largest_at_degC()
+    extra = {} if fit.curve is None else {"temperature": at}
+    return _estimate("largest_scale_factor_error", fit, at, True, extra)
+
+
+def _verified(verified: Verified, fit: AxisFit) -> Estimate:
+    worst = verified.worst
+    by_bias = float(verified.by_bias_ppm[worst])
+    return Estimate(
+        "residual_scale_factor_error",
+        verified.axis,
+        abs(float(verified.after_ppm[worst])),
+        "ppm",
+        float(verified.u_ppm[worst]),
+        fit.curve.degrees_of_freedom if fit.curve is not None else None,
+        "weighted",
+        {BIAS: by_bias} if by_bias else {},
+        {
+            "temperature": float(verified.temperature_degC[worst]),
+            "turns": len(verified.after_ppm),
+            "rms_before": float(np.sqrt(np.mean(verified.before_ppm**2))),
+            "rms_after": float(np.sqrt(np.mean(verified.after_ppm**2))),
+        },
+    )
+
+
+def _driven(driven: Driven | None, fit: AxisFit | None) -> list[Estimate]:
+    if driven is None:
+        return []
+    extra = {"turned_deg": driven.turned_deg}
+    dof = fit.curve.degrees_of_freedom if fit is not None and fit.curve is not None else None
+    return [
+        Estimate(
+            "heading_error_uncompensated",
+            None,
+            driven.raw_error_deg,
+            "deg",
+            driven.noise_u_deg,
+            None,
+            "least-squares",
+            {BIAS: driven.duration_h},
+            extra,
+        ),
+        Estimate(
+            "heading_error_compensated",
+            None,
+            driven.compensated_error_deg,
+            "deg",
+            float(np.hypot(driven.noise_u_deg, driven.model_u_deg)),
+            dof,
+            "least-squares",
+            {BIAS: driven.duration_h - driven.by_bias_deg},
+            extra,
+        ),
+    ]

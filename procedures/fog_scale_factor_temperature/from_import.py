@@ -1,0 +1,170 @@
+"""From an imported dataset folder to the dataset of the analysis."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import numpy as np
+from pydantic import Field, ValidationInfo, field_validator
+
+from procedures.fog_scale_factor_temperature.dataset import (
+    AXES,
+    Array,
+    Drive,
+    FogDataset,
+    TurnTable,
+)
+from station.dataset_reading import MOST_FAULTS, Table, check_ascending, read_table
+from station.faults import Fault, FaultList, listed, nearest
+from station.fields import Celsius, Degree, Second, StrictModel, Unit
+from station.yaml.reading import validate_model
+
+if TYPE_CHECKING:
+    from station.dataset_reading import RawDataset
+
+TURNS, VERIFICATION, DRIVE = "turns", "verification", "drive"
+SIDES = ("before", "after")
+CHAMBER = "chamber_temperature_degC"
+REFERENCE_HEADING = "heading_deg"
+DRIVE_COLUMNS = (
+    "t_s",
+    *(f"rate_{axis}_deg_per_s" for axis in AXES),
+    *(f"temperature_{axis}_degC" for axis in AXES),
+)
+
+
+class Conditions(StrictModel):
+    """The conditions of a dataset of turns over temperature."""
+
+    attitude_output: Literal["heading", "heading-pitch-roll"]
+    turn_sense: Literal["heading", "about-up"]
+    heading_resolution_deg: Annotated[float, Unit("deg"), Field(ge=0)] = 0.0
+    turntable_accuracy_arcsec: Annotated[float, Unit("arcsec"), Field(ge=0)] | None = None
+    angle_random_walk_deg_per_sqrt_h: Annotated[float, Unit("deg/sqrt(h)"), Field(ge=0)] | None = (
+        None
+    )
+    temperature_range_degC: tuple[Celsius, Celsius] | None = None
+    soak_s: Annotated[Second, Field(gt=0)] | None = None
+    gyro_bias_deg_per_h: Annotated[float, Unit("deg/h"), Field(ge=0)] | None = None
+    initial_order: Annotated[int, Field(ge=0, le=14)] = 4
+    reference_temperature_degC: Celsius = 20.0
+    latitude_deg: Annotated[Degree, Field(ge=-90, le=90)] | None = None
+    initial_heading_deg: Degree | None = None
+
+    @field_validator("temperature_range_degC")
+    @classmethod
+    def low_to_high(
+        cls, between: tuple[float, float] | None, info: ValidationInfo
+    ) -> tuple[float, float] | None:
+        """Require a range that rises."""
+        if between is not None and between[1] <= between[0]:
+            raise ValueError("must go from the lowest to the highest temperature")
+        return between
+
+
+def conditions_of(raw: RawDataset) -> Conditions:
+    """Return the conditions of an imported dataset; FaultList names every fault."""
+    return validate_model(raw.document, Conditions, at=("conditions",))
+
+
+def dataset_of_import(raw: RawDataset, conditions: Conditions) -> FogDataset:
+    """Return the turns of an imported folder; FaultList names file, row and reason."""
+    raw.require_files((TURNS,), (VERIFICATION, DRIVE))
+    full = conditions.attitude_output == "heading-pitch-roll"
+    turns = read_turns(raw.file(TURNS), full)
+    verification = read_turns(raw.file(VERIFICATION), full) if VERIFICATION in raw.files else None
+    drive = None
+    if DRIVE in raw.files:
+        if conditions.latitude_deg is None:
+            what = "is missing: a drive turns with the earth, whose rate depends on it"
+            raise FaultList([raw.document.fault(("conditions", "latitude"), what)])
+        drive = read_drive(raw.file(DRIVE), conditions.latitude_deg, conditions.initial_heading_deg)
+    return FogDataset(
+        turns=turns,
+        turn_sense=conditions.turn_sense,
+        full_attitude=full,
+        gyro_bias_deg_per_h=conditions.gyro_bias_deg_per_h,
+        heading_resolution_deg=conditions.heading_resolution_deg,
+        reference_temperature_degC=conditions.reference_temperature_degC,
+        initial_order=conditions.initial_order,
+        temperature_range_degC=conditions.temperature_range_degC,
+        verification=verification,
+        drive=drive,
+        history=history_of(turns),
+    )
+
+
+def read_turns(path: Path, full_attitude: bool) -> TurnTable:
+    """Return the table of turns in a CSV file; FaultList names each row that cannot be."""
+    angles = ("heading", "pitch", "roll") if full_attitude else ("heading",)
+    wanted = ["set", "t_before_s", "t_after_s", "axis", "commanded_deg"]
+    wanted += [f"{angle}_{side}_deg" for side in SIDES for angle in angles]
+    wanted += [f"gyro_temperature_{side}_degC" for side in SIDES]
+    table = read_table(path, wanted, (CHAMBER,), text=("axis",))
+    check_ascending(path, table, "t_before_s")
+    _check_rows(table)
+    nothing = np.full(len(table.lines), np.nan)
+
+    def attitude(side: str) -> Array:
+        names = [f"{angle}_{side}_deg" for angle in ("heading", "pitch", "roll")]
+        return np.column_stack([table.get(name, nothing) for name in names])
+
+    return TurnTable(
+        set_number=np.rint(table["set"]).astype(np.int64),
+        before_s=table["t_before_s"],
+        after_s=table["t_after_s"],
+        axis=table["axis"],
+        commanded_deg=table["commanded_deg"],
+        attitude_before_deg=attitude("before"),
+        attitude_after_deg=attitude("after"),
+        temperature_before_degC=table["gyro_temperature_before_degC"],
+        temperature_after_degC=table["gyro_temperature_after_degC"],
+        chamber_degC=table.get(CHAMBER, nothing),
+    )
+
+
+def read_drive(path: Path, latitude_deg: float, first_heading_deg: float | None) -> Drive:
+    """Return the drive in a CSV file; FaultList names file, row and reason."""
+    table = read_table(path, DRIVE_COLUMNS, (REFERENCE_HEADING,))
+    check_ascending(path, table, "t_s")
+    if len(table.lines) < 2:
+        what = "a drive needs at least two rows"
+        raise FaultList([Fault(str(path), table.lines[0], 1, "file", what)])
+    return Drive(
+        time_s=table["t_s"],
+        rate_deg_per_s=np.column_stack([table[f"rate_{axis}_deg_per_s"] for axis in AXES]),
+        temperature_degC=np.column_stack([table[f"temperature_{axis}_degC"] for axis in AXES]),
+        latitude_deg=latitude_deg,
+        heading_deg=table.get(REFERENCE_HEADING),
+        first_heading_deg=first_heading_deg or 0.0,
+        first_heading_known=first_heading_deg is not None,
+    )
+
+
+def history_of(turns: TurnTable) -> dict[str, Array]:
+    """Return the temperatures against time that a table of turns holds."""
+    history = {"gyro": np.column_stack((turns.middle_s, turns.temperature_degC))}
+    if bool(np.isfinite(turns.chamber_degC).all()):
+        history["chamber"] = np.column_stack((turns.middle_s, turns.chamber_degC))
+    return history
+
+
+def _check_rows(table: Table) -> None:
+    faults = []
+    path = str(table.path)
+    for n, line in enumerate(table.lines):
+        axis = str(table["axis"][n])
+        if axis not in AXES:
+            hint = nearest(axis, AXES)
+            what = f"there is no axis '{axis}'; there are {listed(AXES)}"
+            faults.append(Fault(path, line, 1, "axis", what, hint and f"'{hint}'"))
+        before, after = table["t_before_s"][n], table["t_after_s"][n]
+        if after <= before:
+            what = f"{after:.10g} is not after t_before_s, {before:.10g}"
+            faults.append(Fault(path, line, 1, "t_after_s", what))
+        if abs(table["set"][n] - round(table["set"][n])) > 1e-9:
+            what = f"{table['set'][n]:g} is not a whole number"
+            faults.append(Fault(path, line, 1, "set", what))
+    if faults:
+        raise FaultList(faults[:MOST_FAULTS])

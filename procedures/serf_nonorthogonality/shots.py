@@ -1,0 +1,68 @@
+"""Which shots a plan takes, in which order, and which of them carry a signal."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+AXES = ("x", "y", "z")
+PAIRS = (("x", "y"), ("x", "z"), ("y", "z"))
+ROUND = ((1, 1), (-1, -1), (1, -1), (-1, 1))
+"""The polarities of a pair, so that a drift in time falls on all four alike."""
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """One shot of a plan: its name, and the field in nT that each coil is told."""
+
+    id: str
+    field_nT: tuple[float, float, float]
+
+    @property
+    def coils(self) -> str:
+        """The coils that carry a field, such as `xy`."""
+        return "".join(axis for axis, field in zip(AXES, self.field_nT, strict=True) if field)
+
+
+def single_axis(pump_axis: str, probe_axis: str) -> str:
+    """Return the coil whose field alone lets the spins precess before the detector.
+
+    A field along the pump axis turns no spin, and one along the probe axis turns none towards it:
+    the third axis is left.
+    """
+    return next(axis for axis in AXES if axis not in (pump_axis, probe_axis))
+
+
+def shots_of(
+    kind: str, fields_nT: dict[str, float], pump_axis: str, probe_axis: str
+) -> tuple[Wanted, ...]:
+    """Return the shots of a plan in the order in which they are taken.
+
+    `as_published`: the single axis and the three pairs, all positive. `reversal`: the single axis
+    of either sign and the four polarities of each pair, interleaved.
+    """
+    alone = single_axis(pump_axis, probe_axis)
+    wishes: list[dict[str, int]]
+    if kind == "as_published":
+        wishes = [{alone: 1}, *({one: 1, other: 1} for one, other in PAIRS)]
+    else:
+        wishes = [{alone: 1}]
+        for first, second in ROUND:
+            wishes += [{one: first, other: second} for one, other in PAIRS]
+            if len(wishes) == 1 + 2 * len(PAIRS):
+                wishes.append({alone: -1})
+    return tuple(
+        Wanted(
+            name_of(wish),
+            (
+                fields_nT["x"] * wish.get("x", 0),
+                fields_nT["y"] * wish.get("y", 0),
+                fields_nT["z"] * wish.get("z", 0),
+            ),
+        )
+        for wish in wishes
+    )
+
+
+def name_of(wish: dict[str, int]) -> str:
+    """Return a shot's name, such as `+x-z`."""
+    return "".join(f"{'+' if sign > 0 else '-'}{axis}" for axis, sign in wish.items())
