@@ -16,7 +16,8 @@ from typing import Any, ClassVar
 
 import cantools
 
-from drivers.navigator import InertialNavigator, Output, Request
+from drivers.navigator import InertialNavigator
+from drivers.navigator_messages import Output, Request
 from drivers.roles import Place
 from drivers.transport.can_line import CanLine, Frame
 from station.errors import InstrumentError

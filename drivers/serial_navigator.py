@@ -40,7 +40,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar
 
-from drivers.navigator import COMMANDS, RESULTS, InertialNavigator, Output, Request
+from drivers.navigator import InertialNavigator
+from drivers.navigator_messages import COMMANDS, RESULTS, Output, Request
 from drivers.roles import Place
 from drivers.serial_navigator_frames import (
     ACKNOWLEDGEMENT,

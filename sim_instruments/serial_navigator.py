@@ -41,6 +41,7 @@ NAMES = {
 }
 COMMANDS = {START: "start", STOP: "stop", IDENTIFY: "identify", REPORT: "report", ALIGN: "align"}
 HEAD_BYTES, CRC_BYTES, COMMAND_BYTES = 4, 4, 7
+LONGEST_PAYLOAD = 32
 ANGLE_STEPS, TEMPERATURE_STEPS = 1e7, 100.0  # per deg, per degC
 LARGEST_TEMPERATURE = 32767
 LONGEST_TOLD = 0xFFFF
@@ -86,6 +87,9 @@ def commands_in(pending: bytes) -> Arrived:
         if len(pending) < HEAD_BYTES:
             return Arrived(frames, pending)
         end = HEAD_BYTES + pending[3] + CRC_BYTES
+        if pending[3] > LONGEST_PAYLOAD:  # waited for, it would swallow what follows
+            pending = pending[1:]
+            continue
         if len(pending) < end:
             return Arrived(frames, pending)
         whole = pending[: end - CRC_BYTES]

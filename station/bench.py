@@ -48,6 +48,7 @@ NEEDED_LIMITS = {
     "rotary_stage": ("rate", "acceleration"),
     "turntable": ("rate", "acceleration"),
     "signal_generator": ("voltage",),
+    "thermal_chamber": ("temperature_low", "temperature_high"),
 }
 NEEDED_SETTINGS = {"coil_supply": {"coil_constant": "mT/A"}}
 

@@ -81,6 +81,7 @@ class SetPoint:
     acceleration_deg_per_s2: float | None = None
     angle_deg: float | None = None
     temperature_slew_degC_per_min: float | None = None
+    voltage_V: float | None = None
 
 
 @dataclass(frozen=True)

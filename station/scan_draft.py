@@ -22,6 +22,8 @@ EXAMPLES = {
     "zero_current": "A",
     "rate": "deg/s",
     "acceleration": "deg/s^2",
+    "temperature_low": "degC",
+    "temperature_high": "degC",
 }
 """The unit of each limit that a role must have."""
 

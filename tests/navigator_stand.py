@@ -9,12 +9,14 @@ from threading import RLock, Thread
 from typing import Any
 
 import numpy as np
+import yaml
 from trigger_stand import Stand, standing
 
 from drivers.can_navigator import CanNavigator
 from drivers.serial_navigator import SerialNavigator
 from sim_instruments.can_navigator import CanNavigator as SimulatedOnCan
 from sim_instruments.serial_navigator import SerialNavigator as SimulatedOnSerial
+from station.lookup import BENCHES, find
 
 NAME = "navigator"
 KINDS = ("can", "serial")
@@ -144,3 +146,16 @@ def bitwise_crc(data: bytes) -> int:
             if feedback:
                 crc ^= 0x04C11DB7
     return crc
+
+
+def bench_of(kind: str) -> dict[str, Any]:
+    """Return the shipped bench with a navigator of a kind, and nothing else."""
+    bench: dict[str, Any] = yaml.safe_load(find(BENCHES, "sim").read_text(encoding="utf-8"))
+    entry = bench["instruments"][NAME]
+    if kind == "serial":
+        entry["driver"] = "serial-navigator"
+        del entry["simulator"]["channel"]
+    bench["instruments"] = {NAME: entry}
+    bench["safe_state"] = []
+    bench.pop("interlocks", None)
+    return bench

@@ -10,19 +10,18 @@ from typing import Any
 import cantools
 import numpy as np
 import pytest
-import yaml
 from navigator_stand import (
     KINDS,
     NAME,
     TRUTH,
     Plate,
     RawLine,
+    bench_of,
     bitwise_crc,
     navigator,
     raw_frame,
     raw_frames,
 )
-from test_conformance import conformance
 from trigger_stand import standing
 
 from drivers.can_navigator import CanNavigator, decoder_of, message_file
@@ -34,7 +33,6 @@ from sim_instruments.serial_navigator import SerialNavigator as SimulatedOnSeria
 from sim_instruments.serial_navigator import crc32
 from station.clock import Clock, RealClock, VirtualClock
 from station.errors import InstrumentError
-from station.lookup import BENCHES, find
 from station.runner.opening import Place
 
 FOG = "fog-scale-factor-temperature"
@@ -114,7 +112,7 @@ def test_a_frame_of_another_length_is_none_of_its_messages() -> None:
     with navigator("can", entry) as (stand, driver):
         driver.start(10.0)
         stand.clock.sleep(2.0)
-        with pytest.raises(InstrumentError, match="0B1#.* is none of its messages; check"):
+        with pytest.raises(InstrumentError, match=r"0B1#.* is none of its messages; check"):
             driver.drain()
 
 
@@ -222,19 +220,6 @@ def test_a_new_client_takes_the_serial_line_over() -> None:
 # Its own world.
 
 
-def bench_of(kind: str) -> dict[str, Any]:
-    """Return the shipped bench with a navigator of a kind, and nothing else."""
-    bench: dict[str, Any] = yaml.safe_load(find(BENCHES, "sim").read_text(encoding="utf-8"))
-    entry = bench["instruments"][NAME]
-    if kind == "serial":
-        entry["driver"] = "serial-navigator"
-        del entry["simulator"]["channel"]
-    bench["instruments"] = {NAME: entry}
-    bench["safe_state"] = []
-    bench.pop("interlocks", None)
-    return bench
-
-
 def opened(kind: str, simulation: SimulatedBench, clock: Clock) -> Any:
     driver: Any = CanNavigator if kind == "can" else SerialNavigator
     return driver(Place(NAME, simulation.instruments[NAME]["address"], clock))
@@ -271,17 +256,8 @@ def test_in_the_fog_world_it_aligns_and_shows_the_turn_of_the_table(kind: str) -
         outer.move_to(clock.now(), 90.0, 10.0, 20.0)
         clock.sleep(30.0)
         heading = driver.drain().columns["heading_deg"]
-        turned = (heading[-1] - heading[-25]) % 360.0
+        turned = (heading[-1] - heading[-35]) % 360.0
         assert turned == pytest.approx(90.0, abs=0.05)
         driver.close()
     simulation.close()
     clock.stop()
-
-
-@pytest.mark.parametrize("kind", KINDS)
-def test_it_conforms(kind: str, tmp_path: Path) -> None:
-    bench = tmp_path / "bench.yaml"
-    bench.write_text(yaml.safe_dump(bench_of(kind)), encoding="utf-8")
-    done = conformance(tmp_path, f"{kind}-navigator", str(bench), "--station-procedure", FOG)
-    assert done.returncode == 0, done.stdout
-    assert "test_sampled_source" in done.stdout

@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 import pytest
 from fog_stand import (
-    ACCELERATION,
     AXES,
     BENCH,
     EARTH_DEG_PER_S,
@@ -16,7 +15,6 @@ from fog_stand import (
     MIDDLE,
     OUTER,
     TURN_S,
-    Array,
     aligned_world,
     attitude,
     delta_ppm,
@@ -53,8 +51,9 @@ def test_a_turn_about_an_axis_that_is_up_reads_its_scale_factor_error_too_much(
         turn(world, start_s + 60.0, sense)
         error = turned_deg(world, start_s + 55.0, start_s + 65.0 + TURN_S) / (sense * 360.0)
         expected = delta_ppm(world, axis, start_s + 60.0 + TURN_S / 2)
-        assert abs(expected) > 30.0
-        assert 1e6 * error == pytest.approx(expected, abs=0.02)
+        assert abs(expected) > 10.0
+        # Of the earth's rate, too, a gyro reads too much: less than a tenth of a ppm in all.
+        assert 1e6 * error == pytest.approx(expected, abs=0.1)
         chilled(world, 45.0, 20_100.0)
 
 
@@ -138,26 +137,203 @@ def test_the_navigator_integrates_its_rates_as_small_steps_do() -> None:
     for axis, rate in ((OUTER, 14.0), (MIDDLE, -9.0), (INNER, 11.0)):
         table.axis(axis).turn_at(400.0 + axis, rate, 3.0)
         table.axis(axis).stop(430.0 + axis, 5.0)
-    begin_s, end_s, steps = 400.0, 450.0, 10_000
+    begin_s, end_s, steps = 400.0, 450.0, 20_000
     found = attitude(world, begin_s)
-    middles = begin_s + (np.arange(steps) + 0.5) * (end_s - begin_s) / steps
     step_s = (end_s - begin_s) / steps
+    ends = begin_s + np.arange(1, steps + 1) * step_s
     latitude = np.radians(LATITUDE_DEG)
     earth = np.radians(EARTH_DEG_PER_S) * np.array([np.cos(latitude), 0.0, -np.sin(latitude)])
     mounting = BENCH["simulation"]["fog"]["navigator"]["mounting_error"]
-    small = [float(str(mounting[f"about_{axis}"]).split()[0]) for axis in AXES]
-    body = table.motion(middles).attitude @ Rotation.from_rotvec(small, degrees=True).as_matrix()
-    rates = np.einsum("nji,nj->ni", body, table.motion(middles).rate_rad_per_s + earth)
-    measured = rates + world.gyros.errors_rad_per_s(middles, rates)
+    small = [float(mounting[f"about_{axis}"].split()[0]) for axis in AXES]
+    plate = Rotation.from_rotvec(small, degrees=True).as_matrix()
+    middle = table.motion(ends - 0.5 * step_s)
+    rates = np.einsum("nji,nj->ni", middle.attitude @ plate, middle.rate_rad_per_s + earth)
+    measured = rates + world.gyros.errors_rad_per_s(ends - 0.5 * step_s, rates)
     turns = Rotation.from_rotvec(measured * step_s).as_matrix()
-    back = Rotation.from_rotvec(-earth * step_s).as_matrix()
-    for each in turns:
-        found = back @ found @ each
-        down = attitude_down(found, body, len(middles), each)
-        found = Rotation.from_rotvec(down * step_s / 120.0).as_matrix() @ found
+    true = table.motion(ends).attitude @ plate
+    without_earth = Rotation.from_rotvec(-earth * step_s).as_matrix()
+    for step, after in zip(turns, true, strict=True):
+        found = without_earth @ found @ step
+        # What it takes for the vertical, turned back to the vertical that it feels.
+        north, east, _ = (found @ after.T)[:, 2] * step_s / 120.0
+        found = (
+            found + np.array([[0.0, 0.0, -north], [0.0, 0.0, -east], [north, east, 0.0]]) @ found
+        )
     difference = Rotation.from_matrix(attitude(world, end_s) @ found.T).magnitude()
     assert np.degrees(difference) < 2e-5
 
 
-def attitude_down(found: Array, body: Array, count: int, each: Array) -> Array:
-    raise NotImplementedError
+def test_alignment_takes_its_time_and_begins_again_when_the_table_turns() -> None:
+    world = fog_world(powered_at_start=False)
+    world.align(0.0, LATITUDE_DEG)
+    world.power(10.0, True)
+    assert not world.aligned(1000.0), "what is off hears nothing"
+    world.align(1000.0, LATITUDE_DEG)
+    assert not world.aligned(1299.9) and world.aligned(1300.0)
+    world.table.axis(OUTER).move_to(1200.0, 10.0, 10.0, 10.0)
+    assert not world.aligned(1300.0)
+    assert world.aligned(1502.0) and not world.aligned(1501.9)
+    assert not world.navigator_attitude(np.array([1400.0])).any()
+    assert world.navigator_attitude(np.array([1502.0]))[0, 0] == pytest.approx(10.0, abs=1e-3)
+    world.table.axis(OUTER).move_to(1600.0, 0.0, 10.0, 10.0)
+    assert world.aligned(1601.0), "an aligned one may be turned"
+    world.power(1700.0, False)
+    assert world.aligned(1699.0) and not world.aligned(1700.0) and not world.navigator_powered
+    world.table.axis(OUTER).turn_at(1800.0, 1.0, 1.0)
+    world.power(1800.0, True)
+    world.align(1800.0, LATITUDE_DEG)
+    assert not world.aligned(1e5), "a table that turns for ever lets nobody align"
+
+
+def test_a_wrong_latitude_leaves_a_part_of_the_earth_rate() -> None:
+    world = fog_world()
+    world.align(0.0, LATITUDE_DEG + 1.0)
+    drifted = turned_deg(world, 1000.0, 4600.0)
+    wrong = np.sin(np.radians(LATITUDE_DEG + 1.0)) - np.sin(np.radians(LATITUDE_DEG))
+    assert drifted == pytest.approx(15.041067 * wrong, rel=2e-2)
+    right = aligned_world()
+    assert abs(turned_deg(right, 1000.0, 4600.0)) < 1e-3
+
+
+def test_the_vertical_is_held_and_the_heading_is_not() -> None:
+    world = aligned_world(
+        gyros__x__bias="1 deg/h",
+        navigator__alignment__heading_error="0.1 deg",
+        navigator__alignment__level_error="0.05 deg",
+    )
+    first, pitch, _ = world.navigator_attitude(np.array([300.0, 3000.0])).T
+    heading = (first + 180.0) % 360.0 - 180.0
+    assert abs(heading[0]) > 1e-3 and heading[1] == pytest.approx(heading[0], abs=5e-3)
+    roll = world.navigator_attitude(np.array([3000.0]))[0, 2]
+    assert abs(pitch[0]) > 1e-3 and abs(pitch[1]) < 2e-3
+    assert roll == pytest.approx(1.0 / 3600 * 120, rel=0.1)
+
+
+def test_whoever_asks_when_and_in_which_order_gets_the_same() -> None:
+    times = np.arange(300.0, 4000.0, 0.37)
+
+    def worked(look: bool) -> FogBench:
+        world = aligned_world(ideal=False)
+        world.power(0.0, True)
+        moments = [(1000.0, "x"), (1500.0, "y"), (2300.0, "z")]
+        for start_s, axis in moments:
+            if look:  # far ahead, as if nothing came
+                world.navigator_attitude(np.array([start_s - 7.3, start_s + 900.0]))
+                world.gyro_temperature_degC(np.array([start_s + 1e4]))
+            chilled(world, start_s / 50.0, start_s)
+            point_up(world, start_s, axis)
+            turn(world, start_s + 60.0, 1)
+            world.table.axis(INNER).stop(start_s + 3.21, 10.0)
+            if look:
+                world.navigator_attitude(start_s + np.arange(0.0, 70.0, 3.3))
+        return world
+
+    at_once, bit_by_bit = worked(False), worked(True)
+    whole = at_once.navigator_attitude(times)
+    parts = [bit_by_bit.navigator_attitude(some) for some in np.array_split(times, 97)[::-1]]
+    np.testing.assert_allclose(np.concatenate(parts[::-1]), whole, rtol=0, atol=1e-7)
+    sensed = [bit_by_bit.gyro_temperature_degC(some) for some in np.array_split(times, 13)]
+    np.testing.assert_allclose(
+        np.concatenate(sensed), at_once.gyro_temperature_degC(times), rtol=0, atol=1e-9
+    )
+    assert at_once.version != fog_world().version
+
+
+def test_noise_is_as_large_as_the_truth_says() -> None:
+    world = aligned_world(gyros__angle_random_walk="0.002 deg/sqrt(h)")
+    heading = world.navigator_attitude(np.arange(1000.0, 200_000.0, 100.0))[:, 0]
+    steps = (np.diff(heading) + 180.0) % 360.0 - 180.0
+    assert np.std(steps) == pytest.approx(0.002 * np.sqrt(100.0 / 3600.0), rel=0.1)
+    walks = aligned_world(gyros__bias_walk="0.05 deg/h/sqrt(h)")
+    hours = np.arange(1.0, 400.0) * 3600.0
+    rates = walks.gyros.bias_rad_per_s(hours, np.zeros((399, 3)), np.zeros((399, 3)))
+    per_hour = np.degrees(np.diff(rates, axis=0)) * 3600.0
+    assert np.std(per_hour) == pytest.approx(0.05, rel=0.1)
+    put_out = aligned_world(navigator__heading_noise="0.01 deg", navigator__level_noise="0.02 deg")
+    angles = (put_out.navigator_attitude(np.arange(1000.0, 2000.0)) + 180.0) % 360.0 - 180.0
+    np.testing.assert_allclose(angles.std(axis=0), [0.01, 0.02, 0.02], rtol=0.1)
+    sensed = aligned_world(gyros__sensor_noise="0.02 K").gyro_temperature_degC
+    assert np.std(sensed(np.arange(1000.0, 2000.0))[:, 0]) == pytest.approx(0.02, rel=0.1)
+
+
+def test_ripple_and_hysteresis_add_to_the_curve() -> None:
+    plain = fog_world()
+    world = fog_world(
+        gyros__x__ripple={"amplitude": "8 ppm", "period": "25 K"},
+        gyros__x__hysteresis={"half_width": "5 ppm", "rate": "2 degC/h"},
+    )
+    at = np.tile(np.array([[6.25], [12.5]]), 3)
+    added = [
+        1e6 * (world.gyros.scale_factor_error(at, rate) - plain.gyros.scale_factor_error(at))
+        for rate in (0.0, 12.0 / 3600, -12.0 / 3600)
+    ]
+    np.testing.assert_allclose(added[0][:, 0], [8.0, 0.0], atol=1e-9)
+    np.testing.assert_allclose(added[1][:, 0], [13.0, 5.0], atol=1e-3)
+    np.testing.assert_allclose(added[2][:, 0], [3.0, -5.0], atol=1e-3)
+    assert not np.array(added)[:, :, 1:].any()
+
+
+def test_a_day_at_rest_costs_little_and_a_turn_some_thirty_panels() -> None:
+    world = aligned_world(ideal=False)
+    course = world._navigator._course(world._navigator._alignments[0])
+    day_s = 86_400.0
+    world.navigator_attitude(np.array([day_s]))
+    resting = course._nodes.count
+    assert resting <= day_s / 15.0
+    turn(world, day_s, 1)
+    world.navigator_attitude(np.array([day_s + 37.0]))
+    assert course._nodes.count - resting < 45
+
+
+def test_acts_mount_connect_and_switch() -> None:
+    world = fog_world(powered_at_start=False)
+    assert not world.dut_powered
+    for prompt in world.preparations:
+        world.act(prompt, 5.0)
+    assert world.dut_powered and world.navigator_powered
+    world.act("dut-power-off", 6.0)
+    assert not world.dut_powered
+    with pytest.raises(SimulationError, match="dut-power-on"):
+        world.act("heat-cell", 7.0)
+
+
+def test_a_truth_that_cannot_be_is_refused() -> None:
+    for path, value, words in (
+        ("table__outer__axis", 2, "1, 2 and 3"),
+        ("table__inner__along", "w", "x, y or z"),
+        ("gyros__x__lag", "5 min", "one of the chamber's own"),
+        ("gyros__x__scale_factor_error", {}, "u0"),
+        ("gyros__temperature_range", {"low": "60 degC", "high": "-40 degC"}, "below"),
+        ("navigator__levelling", "0 s", "positive"),
+        ("chamber__heating", "0 degC/min", "positive"),
+    ):
+        with pytest.raises(SimulationError, match=words):
+            fog_world(**{path: value})
+    with pytest.raises(SimulationError, match="not 4"):
+        fog_world().table.axis(4)
+
+
+def test_the_whole_bench_serves_in_this_world() -> None:
+    assert WORLDS[PROCEDURE] is FogBench
+    clock = VirtualClock()
+    bench = SimulatedBench(BENCH, clock, PROCEDURE)
+    try:
+        bench.make_ready()
+        report: dict[str, Any] = bench.simulation_report()
+        assert report["dut_powered"] and "coil_supply.dc" in bench.instruments
+    finally:
+        bench.close()
+        clock.stop()
+
+
+def test_the_axes_of_a_table_lean_as_the_truth_says() -> None:
+    world = fog_world(table__outer__lean={"towards_x": "1 deg", "towards_y": "0 deg"})
+    table: Table = world.table
+    table.axis(OUTER).turn_at(0.0, 5.0, 1e6)
+    rate = table.motion(np.array([10.0])).rate_rad_per_s[0]
+    leaning = np.array([np.sin(np.radians(1.0)), 0.0, np.cos(np.radians(1.0))])
+    np.testing.assert_allclose(np.degrees(rate), 5.0 * leaning, rtol=1e-12)
+    wandering = fog_world(table__wander="1 arcsec").table
+    times = np.arange(0.0, 50_000.0, 47.0)
+    angles = Rotation.from_matrix(wandering.attitude(times)).as_rotvec() * 3600 * 180 / np.pi
+    np.testing.assert_allclose(angles.std(axis=0), 1.0, rtol=0.1)

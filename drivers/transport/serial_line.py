@@ -199,9 +199,7 @@ class SerialLine:
         end = self._answer_end.decode(ENCODING)
         text = text.removesuffix(end)
         if end in text:
-            raise self._wrong(
-                attempted, f"{shortened(text)!r} came back, more than one answer"
-            )
+            raise self._wrong(attempted, f"{shortened(text)!r} came back, more than one answer")
         return text
 
     def _traced(self, direction: str, data: bytes) -> None:

@@ -49,6 +49,16 @@ def report(findings: Findings, document: ResultDocument) -> Sequence[Part]:
     return draw_parts(findings.detail.analysis, findings.detail.dataset, document)
 
 
+def files(findings: Findings, document: ResultDocument) -> Mapping[str, str]:
+    """Return the compensation as a table and as source code, name to text."""
+    from procedures.fog_scale_factor_temperature.compensation import compensation_files
+
+    fits = findings.detail.analysis.fits
+    return compensation_files(
+        {axis: fit.curve for axis, fit in fits.items() if fit.curve is not None}
+    )
+
+
 def outlook(parameters: FogParameters) -> Sequence[str]:
     """Return in lines what a plan determines and how well."""
     from procedures.fog_scale_factor_temperature.outlook import outlook

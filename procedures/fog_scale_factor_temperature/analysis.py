@@ -7,12 +7,13 @@ from __future__ import annotations
 
 import numpy as np
 
+from .axis_turns import AxisTurns
 from .dataset import AXES, Array, FogDataset, Mask, TurnTable
 from .driving import evaluate_drive
 from .findings import AnalysisSettings, AxisFit, FogAnalysis, PublishedFit, Verified
 from .flags import data_flags, drive_flags, fit_flags, verification_flags
 from .published import published_fit
-from .solution import AxisTurns, fit_axis
+from .solution import fit_axis
 from .turning import FULL_TURN_DEG, PPM, turn_errors_deg
 from .verification import verify_axis
 

@@ -53,10 +53,10 @@ def chamber_problems(parameters: FogParameters, bench: Bench) -> Iterator[Proble
             f"{high:g} degC is above the {highest:g} degC that the bench allows for {CHAMBER}",
         )
     fastest = chamber.limits.get("temperature_slew")
-    ramps = [(RAMP_RATE, parameters.ramp_rate_degC_per_h)]
+    ramps: list[tuple[tuple[str, ...], float]] = [(RAMP_RATE, parameters.ramp_rate_degC_per_h)]
     if parameters.verification is not None:
-        where = ("parameters", "verification", "ramp_rate")
-        ramps.append((where, parameters.verification.ramp_rate_degC_per_h))
+        own = ("parameters", "verification", "ramp_rate")
+        ramps.append((own, parameters.verification.ramp_rate_degC_per_h))
     for where, rate in ramps:
         if fastest is not None and rate / MINUTES_PER_HOUR > fastest * (1.0 + 1e-9):
             yield Problem(

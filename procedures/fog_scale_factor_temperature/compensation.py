@@ -61,6 +61,19 @@ def table_csv(curves: Mapping[str, Curve], step_degC: float = 1.0) -> str:
     return "\n".join(lines) + "\n"
 
 
+def compensation_files(curves: Mapping[str, Curve]) -> dict[str, str]:
+    """Return the table and the three sources, file name to text; nothing without a curve."""
+    if not curves:
+        return {}
+    definition = definition_of(curves)
+    return {
+        "compensation.csv": table_csv(curves),
+        "compensation.c": c_source(definition),
+        "compensated.m": matlab_source(definition),
+        "compensation.py": python_source(definition),
+    }
+
+
 def python_source(definition: tuple[AxisDefinition, ...]) -> str:
     """Return a Python module without imports: `compensated(axis, rate, temperature_degC)`."""
     rows = "".join(

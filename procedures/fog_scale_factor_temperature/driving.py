@@ -70,7 +70,7 @@ def heading_deg(drive: Drive, rate_deg_per_s: Array) -> Array:
         roll, pitch = roll + step_s * two[0], pitch + step_s * two[1]
         heading += step_s * two[2]
         course.append(heading)
-    return np.degrees(np.array(course))
+    return np.asarray(np.degrees(np.array(course)))
 
 
 def evaluate_drive(drive: Drive, curves: Mapping[str, Curve]) -> Driven:

@@ -6,10 +6,11 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from .axis_problem import stiffness
+from .axis_turns import AxisTurns
 from .curve import Curve
 from .dataset import FogDataset
 from .findings import AnalysisSettings, AxisFit, Driven, Flag, Verified
-from .solution import AxisTurns, stiffness
 
 MOST_LISTED = 12
 

@@ -86,7 +86,7 @@ class FogParameters(StrictModel):
         default=None, validate_default=True
     )
     initial_order: Annotated[int, Field(ge=0, le=8)] = 4
-    reference_temperature_degC: Celsius = Field(default=20.0, validate_default=True)
+    reference_temperature_degC: Celsius = 20.0
     asked_uncertainty_ppm: Annotated[float, Unit("ppm"), Field(gt=0)] | None = None
     verification: Verification | None = None
     drive: Annotated[str, Field(min_length=1)] | None = None

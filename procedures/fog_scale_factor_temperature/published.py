@@ -11,9 +11,9 @@ import numpy as np
 
 from procedures.estimation.orthogonal import solve_by_qr
 
+from .axis_turns import AxisTurns
 from .curve import Curve, chebyshev_columns
 from .findings import PublishedFit
-from .solution import AxisTurns
 
 
 def published_fit(turns: AxisTurns, order: int) -> PublishedFit:

@@ -113,4 +113,4 @@ def _body_rates_deg_per_s(
             (cr * sp * ch + sr * sh) * north + cr * cp * down,
         ]
     )
-    return np.degrees(own + turned).T
+    return np.asarray(np.degrees(own + turned).T)

@@ -8,10 +8,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from .axis_turns import AxisTurns
 from .curve import Curve
 from .dataset import Array
 from .findings import AxisFit, Verified
-from .solution import AxisTurns
 from .turning import PPM
 
 OUTSIDE_DEGC = 1.0

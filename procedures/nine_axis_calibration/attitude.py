@@ -12,7 +12,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import solve_triangular
 
 from .dataset import Prior
 from .positions import ATTITUDES, earth_rate
@@ -20,7 +19,7 @@ from .positions import ATTITUDES, earth_rate
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-ROUNDS = 4
+ROUNDS = 3
 SMALLEST_PRIOR = 1e-9
 HEADING_CONTRADICTED = 2.0
 BIASES, HEADING, ACCELEROMETER, MISALIGNED, OWN = 3, 1, 3, 6, 3
@@ -108,7 +107,7 @@ def _solve(
         design = np.vstack((jacobian, prior_rows))
         left = data - np.concatenate((model, prior_rows @ state))
         q, r = np.linalg.qr(design / size[:, None])
-        inverse = solve_triangular(r, np.eye(len(state)))
+        inverse = np.linalg.inv(r)
         state = state + inverse @ (q.T @ (left / size))
     model, _ = _model(state, nominal, level, turning, gain.scale_factor)
     left = data - np.concatenate((model, prior_rows @ state))

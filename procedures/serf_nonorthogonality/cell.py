@@ -29,6 +29,9 @@ CHANNELS: Mapping[str, tuple[str, int]] = {
 }
 """The generator and the channel at each coil, as the names of the instances say."""
 
+REPEATED = "shot-repeated"
+"""The event of a shot that was bad and is taken again."""
+
 LOOK_S = 0.02
 SURE_OF_DARK = 1.3
 """The field comes when the light has been off for a third of the shutter's delay again."""

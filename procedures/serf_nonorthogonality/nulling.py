@@ -1,11 +1,20 @@
-"""Step 2: the residual field is solved from the spins' own precession, and taken off, in a loop."""
+"""Step 2: the residual field is solved from the spins' own precession, and taken off, in a loop.
+
+The source nulls by modulation. That finds the zero only within the width of the magnetometer's
+resonance, a nanotesla or two; fields of both senses tell the residual field at any size, on the
+scale of the coils themselves. What is left is part of the results.
+"""
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
-from procedures.serf_nonorthogonality.cell import Cell
-from procedures.serf_nonorthogonality.shots import shots_of
+from procedures.serf_nonorthogonality.cell import Cell, signal_of
+from procedures.serf_nonorthogonality.shots import AXES, PAIRS, Wanted, shots_of
+from procedures.serf_nonorthogonality.single import frequency_Hz
+from station.errors import ConditionNotReached
 
 if TYPE_CHECKING:
     from procedures.serf_nonorthogonality.parameters import SerfParameters
@@ -21,31 +30,73 @@ def fields_lost(field_nT: float) -> float:
 
 
 def null_residual_field(run: Run, cell: Cell) -> None:
-    """Solve the residual field from shots of every polarity, take it off, and look again.
+    """Solve the residual field from pairs of every polarity, take it off, and look again.
 
-    The source nulls by modulation, which finds the zero only within the width of the magnetometer's
-    resonance (a nanotesla or two); fields of both senses tell the residual field at any size, on
-    the scale of the coils themselves. What is left is part of the results.
+    Raises ConditionNotReached where a pair shows no precession.
     """
-    import numpy as np
-
     parameters: SerfParameters = run.parameters
     rule = parameters.null
-    looks = shots_of(
-        "reversal", parameters.field_levels_nT, parameters.pump_axis, parameters.probe_axis
-    )
+    levels_nT = parameters.field_levels_nT
+    every = shots_of("reversal", levels_nT, parameters.pump_axis, parameters.probe_axis)
+    pairs = [shot for shot in every if len(shot.coils) == len(PAIRS[0])]
     for number in range(1, rule.rounds + 1):
-        found = solved_residual_nT(run, cell, looks, f"nulling, round {number}")
-        if found is None:
-            run.progress.say("    the residual field cannot be told from these shots")
-            return
-        residual_nT, correction_nT = found
-        size_nT = float(np.linalg.norm(residual_nT))
-        run.record.event(
-            "residual-field", round=number, field_nT=[round(float(x), 4) for x in residual_nT]
-        )
+        said = f"nulling, round {number}"
+        squares = {shot.id: fired_square(run, cell, shot, said) for shot in pairs}
+        residual_nT = residual_of_pairs_nT(pairs, squares, levels_nT)
+        size_nT = math.hypot(*residual_nT.values())
+        told = {axis: round(value, 4) for axis, value in residual_nT.items()}
+        run.record.event("residual-field", round=number, field_nT=told)
         run.progress.say(f"    residual field {size_nT:.2f} nT in round {number}")
         if size_nT <= rule.tolerance_nT:
             return
-        for axis, change_nT in zip("xyz", correction_nT, strict=True):
-            cell.hold(axis, cell.held_nT[axis] + float(change_nT))
+        for axis in AXES:
+            cell.hold(axis, cell.held_nT[axis] - residual_nT[axis])
+
+
+def fired_square(run: Run, cell: Cell, shot: Wanted, said: str) -> float:
+    """Fire a shot and return the square of its frequency, Hz^2; it is a look, and not recorded."""
+    block = cell.fire(dict(zip(AXES, shot.field_nT, strict=True)), f"{said}, {shot.id}")
+    time_s, voltage_V = signal_of(block, cell.delay_s)
+    seen_Hz = frequency_Hz(time_s, voltage_V, run.parameters.mains_frequency_Hz)
+    if seen_Hz is None:
+        raise ConditionNotReached(
+            f"{said}: the shot {shot.id} shows no precession; look at the pump light, the probe "
+            "light, the cell's temperature and the coils' cables"
+        )
+    return seen_Hz**2
+
+
+def residual_of_pairs_nT(
+    pairs: Sequence[Wanted], squares: Mapping[str, float], levels_nT: Mapping[str, float]
+) -> dict[str, float]:
+    """Return the residual field along each coil axis in nT of that coil.
+
+    The squared frequency of a pair of signs s, t is a^2 + b^2 + r^2 + 2 s t a b cos + 2 s a r_a
+    + 2 t b r_b: summed over the four polarities times s, 8 a r_a is left. Each coil stands in two
+    pairs, whose results are averaged; their means give the coils' strengths a.
+    """
+    means: dict[str, float] = {}
+    sums: dict[tuple[str, str], float] = {}
+    for one, other in PAIRS:
+        coils = one + other
+        mine = [shot for shot in pairs if shot.coils == coils]
+        means[coils] = sum(squares[shot.id] for shot in mine) / len(mine)
+        for axis in (one, other):
+            place = AXES.index(axis)
+            sums[coils, axis] = sum(
+                math.copysign(squares[shot.id], shot.field_nT[place]) for shot in mine
+            )
+    strength = {
+        axis: (
+            sum(means[coils] for coils in means if axis in coils)
+            - sum(means[coils] for coils in means if axis not in coils)
+        )
+        / 2
+        for axis in AXES
+    }
+    return {
+        axis: levels_nT[axis]
+        * sum(value for (_, of), value in sums.items() if of == axis)
+        / (2 * 8 * strength[axis])
+        for axis in AXES
+    }

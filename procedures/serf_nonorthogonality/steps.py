@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from procedures.serf_nonorthogonality.cell import DIGITIZER, Cell, signal_of
+from procedures.serf_nonorthogonality.cell import DIGITIZER, REPEATED, Cell, signal_of
 from procedures.serf_nonorthogonality.nulling import fields_lost, null_residual_field
 from procedures.serf_nonorthogonality.parameters import SerfParameters
 from procedures.serf_nonorthogonality.shots import Wanted
@@ -24,7 +24,6 @@ CELL = "the cell"
 FIRST_HZ = "the first shot's frequency"
 SHOT_EXTRA_S = 1.2
 NULLING_SHOTS = 14
-REPEATED = "shot-repeated"
 
 CABLES = Prompt(
     "connect-cables",
@@ -86,8 +85,8 @@ def depolarise(run: Run) -> None:
     raise ConditionNotReached(
         f"after {rule.rounds} times {rule.duration_s:g} s of {rule.gradient_nT_per_cm:g} nT/cm the "
         f"precession is {'not seen' if seen_Hz is None else f'{seen_Hz:.1f} Hz'}, "
-        f"{low_Hz:.0f} Hz to {high_Hz:.0f} Hz would be right without a field of the nuclei; let the "
-        "gradient act longer (depolarise.duration), or look for a field that nobody commanded"
+        f"{low_Hz:.0f} Hz to {high_Hz:.0f} Hz would be right without a field of the nuclei; let "
+        "the gradient act longer (depolarise.duration), or look for a field that nobody commanded"
     )
 
 

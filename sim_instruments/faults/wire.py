@@ -1,6 +1,7 @@
 """Faults on the wire: what becomes of a message on its way in, of a reply on its way out.
 
-A reply is one line of a text protocol, one Modbus frame, or the data of one CAN frame.
+A reply is one line of a text protocol, one Modbus or checksummed frame, or the data of one CAN
+frame.
 """
 
 from __future__ import annotations

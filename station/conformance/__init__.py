@@ -16,14 +16,16 @@ limits, turns to no angle before its zero is found, reads the angle that was com
 from any movement. A meter or a thermometer gives each burst of readings once and whole, in
 exchanges that do not wait for it. A digitizer brings one whole record about each trigger that
 it gives, and its trigger output comes to rest. A shutter proves where it stands, and closes from
-any state. A supply of the device under test asks the operator for nothing that it did not declare.
+any state. A thermal chamber takes its limits, ramps evenly to where it was told, holds, and
+switches heater and compressor off from any state. A supply of the device under test asks the
+operator for nothing that it did not declare.
 
 On a simulated bench (one with `simulation`) the instrument's simulator answers, on virtual time,
 in the world of `--station-procedure`. On a real bench the tests wait in real time, and whatever
 would energise something is left out unless `--station-energise` is given: a quarter of the bench
 file's current limit then flows, as a sine of 0.1 Hz. The silent and garbled partners are servers of
 the tests' own on the loopback interface, so a line that is neither `TCPIP::…::SOCKET`,
-`socketcand://` nor `socket://` is not tried with them.
+`socketcand://`, `modbus-tcp://` nor `socket://` is not tried with them.
 
 The package is part of `station`, because it reads benches and opens instruments as a run does. It
 knows no driver: roles come by the entry points of `station.roles`, and a role's Protocol says which

@@ -27,6 +27,7 @@ ROLES = (
     "pump_laser",
     "rotary_stage",
     "signal_generator",
+    "thermal_chamber",
     "thermometer",
     "turntable",
 )
@@ -157,6 +158,12 @@ def dut_power(instrument: Any) -> Any:
 @pytest.fixture
 def rotary_stage(instrument: Any) -> Any:
     """Give a rotary stage."""
+    return instrument
+
+
+@pytest.fixture
+def thermal_chamber(instrument: Any) -> Any:
+    """Give a thermal chamber."""
     return instrument
 
 

@@ -193,6 +193,7 @@ CHECKS = (
         magnitude("field_mT"),
         "{value:g} mT is more than the {allowed:g} mT that the bench allows for {name}",
     ),
+    Check("voltage", magnitude("voltage_V"), too_much("V")),
     Check("rate", magnitude("rate_deg_per_s"), too_much("deg/s")),
     Check("acceleration", magnitude("acceleration_deg_per_s2"), too_much("deg/s^2")),
     Check("angle_high", signed("angle_deg"), too_much("deg")),

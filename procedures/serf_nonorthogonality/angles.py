@@ -1,0 +1,285 @@
+"""Coil factors, angles and residual field from the frequencies of all shots.
+
+With v_i = a_i B_i for the commanded fields B_i, C the Gram matrix of the coil axes (its elements
+the cosines of their angles) and r_i the residual field's projections on them, in rad/s,
+
+    w² = v'C v + 2 v'r + r'C^-1 r.
+
+Solved by weighted Gauss-Newton for as many of the nine unknowns as the shots determine. Over the
+four polarities of a pair the terms in r cancel, which is the closed form.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import chdtrc
+
+from .dataset import AXES, PAIRS
+
+Array = NDArray[np.float64]
+
+NAMES = (*AXES, *PAIRS, "rx", "ry", "rz")
+COUNT = len(NAMES)
+PLACES = {"xy": (0, 1), "xz": (0, 2), "yz": (1, 2)}
+INDEPENDENT = 1e-3
+"""Part of a scaled column, orthogonal to those before it, that makes it one of its own."""
+MOST_ITERATIONS = 60
+IMPROBABLE = 1e-3
+
+
+@dataclass(frozen=True)
+class Solution:
+    """The nine unknowns: a (3,) in rad/s/nT, cosines (3,) of xy, xz, yz, r (3,) in rad/s.
+
+    `covariance` (9, 9) is that of the noise of the frequencies, enlarged by chi-square over its
+    degrees of freedom where that is improbable (`enlarged`); rows of what is not free are zero.
+    `determined` (9,) says which of them the shots determine, cosines and a given that residual
+    fields which are not determined are zero. `by_field` (9, 3) are the derivatives by relative
+    errors of the commanded fields of x, y, z; `by_residual` (9, 3) those by a residual field (as r)
+    that is there but taken for zero; `gain` (9, shots) those by the frequencies. `free_of_residual`
+    tells whether the residual field was solved for.
+    """
+
+    scale: Array
+    cosine: Array
+    residual: Array
+    covariance: Array
+    determined: tuple[bool, ...]
+    free_of_residual: bool
+    by_field: Array
+    by_residual: Array
+    gain: Array
+    misfit_rad_per_s: Array
+    chi_square: float
+    degrees_of_freedom: int
+    enlarged: bool
+    converged: bool
+
+    @property
+    def gram(self) -> Array:
+        """The Gram matrix of the coil axes."""
+        return gram_of(self.cosine)
+
+    @property
+    def positive_definite(self) -> bool:
+        """Whether three axes with these angles between them exist."""
+        return bool(np.linalg.eigvalsh(self.gram)[0] > 0.0)
+
+    @property
+    def probability(self) -> float:
+        """How probable a chi-square as large as this is where the model holds."""
+        freedom = self.degrees_of_freedom
+        return float(chdtrc(freedom, self.chi_square)) if freedom > 0 else 1.0
+
+
+def gram_of(cosine: Array) -> Array:
+    """Return the Gram matrix (3, 3) of unit vectors from their cosines xy, xz, yz."""
+    xy, xz, yz = (float(one) for one in cosine)
+    return np.array([[1.0, xy, xz], [xy, 1.0, yz], [xz, yz, 1.0]])
+
+
+def frequencies(commanded_nT: Array, p: Array) -> Array:
+    """Return the frequencies (shots,) in rad/s of nine unknowns."""
+    v, gram, r = commanded_nT * p[:3], gram_of(p[3:6]), p[6:]
+    square = np.sum((v @ gram) * v, axis=1) + 2.0 * v @ r + r @ np.linalg.solve(gram, r)
+    return np.asarray(np.sqrt(np.maximum(square, 1e-300)))
+
+
+def _slopes(commanded_nT: Array, p: Array) -> Array:
+    """Return the derivatives (shots, 9) of the frequencies."""
+    v, gram, r = commanded_nT * p[:3], gram_of(p[3:6]), p[6:]
+    omega = frequencies(commanded_nT, p)
+    slopes = np.empty((len(v), COUNT))
+    field = v @ gram + r
+    slopes[:, :3] = commanded_nT * field
+    in_line = np.linalg.solve(gram, r)
+    for k, pair in enumerate(PAIRS):
+        i, j = PLACES[pair]
+        slopes[:, 3 + k] = v[:, i] * v[:, j] - in_line[i] * in_line[j]
+    slopes[:, 6:] = v + in_line
+    return np.asarray(slopes / omega[:, None])
+
+
+def solve(commanded_nT: Array, omega: Array, covariance: Array, *, known: bool) -> Solution:
+    """Solve for what the shots determine; `commanded_nT` (n, 3), `omega` (n,) with covariance.
+
+    `known`: commanded fields are exact, so that all three a are one. Raises ValueError without a
+    shot.
+    """
+    if not len(omega):
+        raise ValueError("no shot")
+    size = np.linalg.norm(commanded_nT, axis=1)
+    a = float(np.median(omega / size))
+    p = np.zeros(COUNT)
+    p[:3] = a
+    natural = np.array([a] * 3 + [1.0] * 3 + [a * float(np.median(size))] * 3)
+    maps = _maps(known)
+    kept, determined, free_of_residual = _judge(commanded_nT, p, natural, maps)
+    mapping = maps[:, kept] * natural[:, None]
+    weight = np.linalg.inv(covariance)
+    converged = False
+    for _ in range(MOST_ITERATIONS):
+        slopes = _slopes(commanded_nT, p) @ mapping
+        left = omega - frequencies(commanded_nT, p)
+        move = np.linalg.lstsq(_root(weight) @ slopes, _root(weight) @ left, rcond=None)[0]
+        step = mapping @ move
+        # Far from the solution a full step may leave the region where three axes exist.
+        step *= min(1.0, 0.3 / max(float(np.max(np.abs(move))), 1e-300))
+        p = p + step
+        if float(np.max(np.abs(step / natural))) < 1e-13:
+            converged = True
+            break
+    slopes = _slopes(commanded_nT, p)
+    own = slopes @ mapping
+    inverse = np.linalg.pinv(own.T @ weight @ own, hermitian=True)
+    gain = mapping @ inverse @ own.T @ weight
+    left = omega - frequencies(commanded_nT, p)
+    chi_square = float(left @ weight @ left)
+    freedom = len(omega) - len(kept)
+    improbable = freedom > 0 and float(chdtrc(freedom, chi_square)) < IMPROBABLE
+    covered = mapping @ inverse @ mapping.T
+    by_residual = np.zeros((COUNT, 3))
+    if not free_of_residual:
+        by_residual = -gain @ slopes[:, 6:]
+    return Solution(
+        scale=p[:3],
+        cosine=p[3:6],
+        residual=p[6:],
+        covariance=covered * (chi_square / freedom if improbable else 1.0),
+        determined=determined,
+        free_of_residual=free_of_residual,
+        by_field=-gain @ (slopes[:, :3] * p[:3]),
+        by_residual=by_residual,
+        gain=gain,
+        misfit_rad_per_s=left,
+        chi_square=chi_square,
+        degrees_of_freedom=freedom,
+        enlarged=improbable,
+        converged=converged,
+    )
+
+
+def _root(weight: Array) -> Array:
+    return np.linalg.cholesky(weight).T
+
+
+def _maps(known: bool) -> Array:
+    """Return which unknowns each free parameter moves, shape (9, parameters)."""
+    if not known:
+        return np.eye(COUNT)
+    maps = np.zeros((COUNT, COUNT - 2))
+    maps[:3, 0] = 1.0
+    maps[3:, 1:] = np.eye(COUNT - 3)
+    return maps
+
+
+def _judge(
+    commanded_nT: Array, p: Array, natural: Array, maps: Array
+) -> tuple[list[int], tuple[bool, ...], bool]:
+    """Return which parameters to solve for, which unknowns are determined, and if r is solved for.
+
+    In the order a, cosines, r a parameter is kept that is independent of those before it.
+    """
+    slopes = _slopes(commanded_nT, p) @ (maps * natural[:, None])
+    slopes = slopes / float(np.max(np.abs(slopes)))
+    kept: list[int] = []
+    basis = np.zeros((len(slopes), 0))
+    for k in range(slopes.shape[1]):
+        column = slopes[:, k]
+        left = column - basis @ (basis.T @ column)
+        left = left - basis @ (basis.T @ left)
+        length = float(np.linalg.norm(left))
+        if length > INDEPENDENT * np.sqrt(len(slopes)):
+            kept.append(k)
+            basis = np.column_stack([basis, left / length])
+    residual = maps[6:].any(axis=0)
+    alone = _alone(slopes[:, ~residual])
+    whole = _alone(slopes)
+    free = bool(np.all(whole[residual]))
+    ok = np.where(residual, whole, False)
+    ok[~residual] = alone
+    if not free:
+        # A residual field that is not wholly determined is taken for zero.
+        kept = [k for k in kept if not residual[k]]
+        ok[residual] = False
+    determined = tuple(bool(ok[np.flatnonzero(maps[n])[0]]) for n in range(COUNT))
+    return kept, determined, free
+
+
+def _alone(slopes: Array) -> NDArray[np.bool_]:
+    """Return which columns nothing in the others can stand in for."""
+    if not slopes.size:
+        return np.zeros(slopes.shape[1], dtype=bool)
+    _, values, rows = np.linalg.svd(slopes, full_matrices=True)
+    rank = int(np.sum(values > INDEPENDENT * np.sqrt(len(slopes))))
+    return np.asarray(np.max(np.abs(rows[rank:]), axis=0, initial=0.0) < 1e-6)
+
+
+def directions(gram: Array, pump_axis: str, probe_axis: str) -> Array:
+    """Return the unit vectors of the coil axes, rows, in the frame of the light.
+
+    Its third axis is the pump light, its second the probe's. Taken to lie along: pump light at
+    right angles to the two other coils, the coil that is neither pump's nor probe's along the first
+    axis.
+    """
+    first = next(axis for axis in AXES if axis not in (pump_axis, probe_axis))
+    order = [AXES.index(axis) for axis in (first, probe_axis, pump_axis)]
+    lower = np.linalg.cholesky(gram[np.ix_(order, order)])
+    placed = np.empty((3, 3))
+    placed[order] = lower
+    return placed
+
+
+def fields_in_light(commanded_nT: Array, solution: Solution, pump: str, probe: str) -> Array:
+    """Return unit vectors (shots, 3) of the fields, residual included, in the frame of the light."""
+    axes = directions(solution.gram, pump, probe)
+    # r holds projections on the axes; the vector with these projections is axes^-1 r.
+    rest = np.linalg.solve(axes, solution.residual)
+    field = (commanded_nT * solution.scale) @ axes + rest
+    return np.asarray(field / np.linalg.norm(field, axis=1)[:, None])
+
+
+def closed_form(commanded_nT: Array, omega: Array) -> dict[str, float]:
+    """Return the cosine of each pair of coils whose four polarities were measured at equal fields.
+
+    Mean of w² over the four is a_i² B_i² + a_j² B_j² + residual², its contrast 2 a_i a_j B_i B_j
+    cos; the three pairs together give the a. Empty where a pair is wanting.
+    """
+    sums: dict[str, float] = {}
+    contrasts: dict[str, float] = {}
+    for pair in PAIRS:
+        i, j = PLACES[pair]
+        other = 3 - i - j
+        inside = (
+            (commanded_nT[:, i] != 0.0)
+            & (commanded_nT[:, j] != 0.0)
+            & (commanded_nT[:, other] == 0.0)
+        )
+        rows, square = commanded_nT[inside][:, [i, j]], omega[inside] ** 2
+        signs = {tuple(row) for row in np.sign(rows).tolist()}
+        sizes = np.abs(rows)
+        if len(signs) < 4 or not bool(np.all(sizes == sizes[:1])):
+            return {}
+        means = [float(np.mean(square[_same(rows, sign)])) for sign in sorted(signs)]
+        sums[pair] = float(np.mean(means))
+        unlike = [sign[0] * sign[1] for sign in sorted(signs)]
+        contrasts[pair] = float(np.mean(np.array(means) * np.array(unlike)))
+    squares = {
+        "x": 0.5 * (sums["xy"] + sums["xz"] - sums["yz"]),
+        "y": 0.5 * (sums["xy"] + sums["yz"] - sums["xz"]),
+        "z": 0.5 * (sums["xz"] + sums["yz"] - sums["xy"]),
+    }
+    if min(squares.values()) <= 0.0:
+        return {}
+    return {
+        pair: contrasts[pair] / (2.0 * float(np.sqrt(squares[pair[0]] * squares[pair[1]])))
+        for pair in PAIRS
+    }
+
+
+def _same(rows: Array, sign: Sequence[float]) -> NDArray[np.bool_]:
+    return np.asarray(np.all(np.sign(rows) == np.asarray(sign), axis=1))

@@ -1,0 +1,161 @@
+"""From the fits of single shots to frequencies and angles, jointly where the frequency falls."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .angles import Solution, fields_in_light, solve
+from .dataset import SerfDataset
+from .findings import AnalysisSettings
+from .joint import JointFit, NoJointFit, Record, decay_line, fit_jointly, joint_start
+from .law import SPINS, SlowingDown
+from .precession import Precession
+from .tone import pooled_chirp
+
+Array = NDArray[np.float64]
+
+WEAK_CHIRP = 0.02
+"""Up to here the fits of single shots are near enough to begin the joint one."""
+ROUNDS = 6
+STILL = 0.02
+"""A change of the cosines, in their uncertainties, at which the directions stand still."""
+BETA_U = 3.0
+LEAN_RAD = 2e-3
+
+
+@dataclass(frozen=True)
+class Frequencies:
+    """What all usable shots give: frequencies (n,) freed from the pull of spin exchange.
+
+    `covariance` (n, n); `chirp` with `chirp_u` is the relative fall over the decay. `by_lean` (n,
+    2) are derivatives of the frequencies by a lean of the pump light towards the first and second
+    axis of its frame, in rad/s/rad. `failed` says why a joint fit was wanted but is not there.
+    """
+
+    omega_rad_per_s: Array
+    covariance: Array
+    chirp: float
+    chirp_u: float
+    rate_per_s: float
+    beta_s: float
+    joint: JointFit | None
+    by_lean: Array
+    solution: Solution
+    failed: str | None = None
+
+
+def frequencies_and_angles(
+    dataset: SerfDataset, used: Sequence[Precession], settings: AnalysisSettings
+) -> Frequencies:
+    """Solve for angles from all usable shots; jointly where a falling frequency is significant."""
+    spin = SPINS[dataset.nuclear_spin]
+    fits = [one.used_fit for one in used]
+    commanded_nT = np.array([one.shot.field_nT for one in used])
+    measured = np.array([fit.omega_rad_per_s for fit in fits])
+    decay_u = np.array([fit.decay_u for fit in fits])
+    rate, beta, beta_u = decay_line(measured, np.array([f.decay_per_s for f in fits]), decay_u)
+    beta = beta if beta > BETA_U * beta_u else 0.0
+    omega = measured / (1.0 + spin.pull(beta, measured))
+    covariance = np.diag([fit.omega_u**2 for fit in fits])
+    chirp, chirp_u = pooled_chirp(fits)
+    solution = solve(commanded_nT, omega, covariance, known=dataset.constants_known)
+    alone = Frequencies(
+        omega, covariance, chirp, chirp_u, rate, beta, None, np.zeros((len(used), 2)), solution
+    )
+    if not chirp > settings.chirp_u * chirp_u:
+        return alone
+    try:
+        return _jointly(dataset, used, spin, alone)
+    except (NoJointFit, np.linalg.LinAlgError) as error:
+        return replace(alone, failed=str(error))
+
+
+def _jointly(
+    dataset: SerfDataset, used: Sequence[Precession], spin: SlowingDown, alone: Frequencies
+) -> Frequencies:
+    fits = [one.used_fit for one in used]
+    records = [
+        Record(one.shot.time_s[f.kept], one.shot.voltage_V[f.kept], f.noise_V)
+        for one, f in zip(used, fits, strict=True)
+    ]
+    commanded_nT = np.array([one.shot.field_nT for one in used])
+    mains_Hz, solution = dataset.mains_Hz, alone.solution
+    along = _along(dataset, commanded_nT, solution)
+    if alone.chirp < WEAK_CHIRP:
+        shared = np.array([1.5 * alone.chirp, alone.rate_per_s, alone.beta_s])
+        measured = np.array([fit.omega_rad_per_s for fit in fits])
+        start = shared, measured / (1.0 + 0.5 * alone.chirp)
+    else:
+        start = joint_start(records, spin, along, fits, mains_Hz)
+    for round_ in range(ROUNDS):
+        joint = fit_jointly(records, spin, along, start, mains_Hz)
+        start = np.array([joint.square, joint.rate_per_s, joint.beta_s]), joint.omega_rad_per_s
+        if round_ < 2:
+            records = _with_own_noise(records, joint, mains_Hz)
+        beta_u = float(np.sqrt(joint.shared_covariance[2, 2]))
+        beta = joint.beta_s if joint.beta_s > BETA_U * beta_u else 0.0
+        omega = joint.omega_rad_per_s / (1.0 + spin.pull(beta, joint.omega_rad_per_s))
+        before = solution.cosine
+        solution = solve(commanded_nT, omega, joint.covariance, known=dataset.constants_known)
+        if not solution.positive_definite:
+            raise NoJointFit("no three axes have the angles that it leads to")
+        size = np.sqrt(np.diag(solution.covariance)[3:6])
+        along = _along(dataset, commanded_nT, solution)
+        if round_ >= 2 and bool(np.all(np.abs(solution.cosine - before) <= STILL * size)):
+            break
+    chirp, slope = _fall(spin, joint.square)
+    chirp_u = abs(slope) * float(np.sqrt(joint.shared_covariance[0, 0]))
+    leaning = []
+    for towards in (0, 1):
+        leant = _along(dataset, commanded_nT, solution, towards)
+        moved = fit_jointly(records, spin, leant, start, mains_Hz)
+        leaning.append((moved.omega_rad_per_s - joint.omega_rad_per_s) / LEAN_RAD)
+    return Frequencies(
+        omega,
+        joint.covariance,
+        chirp,
+        chirp_u,
+        joint.rate_per_s,
+        beta,
+        joint,
+        np.column_stack(leaning),
+        solution,
+    )
+
+
+def _along(
+    dataset: SerfDataset, commanded_nT: Array, solution: Solution, leaning: int | None = None
+) -> Array:
+    """Return the squares of the cosine between field and pump light of each shot.
+
+    Where axes with the solved angles do not exist, those of orthogonal coils.
+    """
+    if not solution.positive_definite:
+        solution = replace(solution, cosine=np.zeros(3), residual=np.zeros(3))
+    light = np.array([0.0, 0.0, 1.0])
+    if leaning is not None:
+        light[leaning] = LEAN_RAD
+    fields = fields_in_light(commanded_nT, solution, dataset.pump_axis, dataset.probe_axis)
+    return np.asarray((fields @ light) ** 2)
+
+
+def _with_own_noise(
+    records: Sequence[Record], joint: JointFit, mains_Hz: float | None
+) -> list[Record]:
+    """Return the records with the noise that the joint fit leaves of each."""
+    own = 5 + (2 if mains_Hz is not None else 0)
+    return [
+        replace(record, noise_V=float(np.sqrt(residual @ residual / max(len(residual) - own, 1))))
+        for record, residual in zip(records, joint.residual_V, strict=True)
+    ]
+
+
+def _fall(spin: SlowingDown, square: float) -> tuple[float, float]:
+    """Return the relative fall of the frequency from P² to none, and its derivative by P²."""
+    near = np.array([square, square + 1e-5])
+    fall = spin.at_rest / spin.at(near) - 1.0
+    return float(fall[0]), float((fall[1] - fall[0]) / 1e-5)

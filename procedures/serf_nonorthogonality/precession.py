@@ -1,0 +1,162 @@
+"""Every shot on its own: which samples are any, the fit, and whether it can be used."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .dataset import SerfDataset, Shot
+from .findings import AnalysisSettings
+from .joint import decay_line
+from .tone import NoTone, ToneFit, fit_tone
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+AT_THE_END = 0.9995
+"""Part of full scale from which a sample counts as saturated."""
+CLIPPED = 4
+"""Equal extreme values in a row that nobody knows another reason for."""
+MOST_SATURATED = 0.1
+UNLIKE = 0.1
+UNLIKE_U = 5.0
+"""By how much, relative and in uncertainties, a decay may be faster than that of the others."""
+
+
+@dataclass(frozen=True)
+class Precession:
+    """A shot, its fit or None, which samples were saturated, and why it is not to be used."""
+
+    shot: Shot
+    fit: ToneFit | None
+    saturated: int
+    rejected: str | None
+
+    @property
+    def used(self) -> bool:
+        """Whether the shot can be used."""
+        return self.rejected is None and self.fit is not None
+
+    @property
+    def used_fit(self) -> ToneFit:
+        """The fit of a shot that has one."""
+        if self.fit is None:
+            raise ValueError(f"{self.shot.name} has no fit")
+        return self.fit
+
+
+def saturated_samples(shot: Shot) -> Mask:
+    """Return which samples (n,) the recorder could not follow."""
+    volts = shot.voltage_V
+    if shot.full_scale_V is not None:
+        return np.asarray(np.abs(volts) >= AT_THE_END * shot.full_scale_V)
+    found = np.zeros(len(volts), dtype=bool)
+    for end in (float(np.max(volts)), float(np.min(volts))):
+        here = np.concatenate([[False], volts == end, [False]])
+        edges = np.flatnonzero(np.diff(here.astype(np.int8)))
+        for first, last in zip(edges[::2], edges[1::2], strict=True):
+            if last - first >= CLIPPED:
+                found[first:last] = True
+    return found
+
+
+def look_at(shot: Shot, settings: AnalysisSettings, mains_Hz: float | None = None) -> Precession:
+    """Fit a shot on its own, baseline as fast as the tone, and judge it."""
+    saturated = saturated_samples(shot)
+    usable = ~saturated & (shot.time_s >= settings.skip_s)
+    count = int(saturated.sum())
+    if count > MOST_SATURATED * len(saturated):
+        said = f"{count} of {len(saturated)} samples are saturated"
+        return Precession(shot, None, count, said)
+    try:
+        fit = fit_tone(shot.time_s, shot.voltage_V, usable, mains_Hz=mains_Hz)
+    except NoTone as error:
+        return Precession(shot, None, count, str(error))
+    return Precession(shot, fit, count, _too_few(shot, fit, settings))
+
+
+def _too_few(shot: Shot, fit: ToneFit, settings: AnalysisSettings) -> str | None:
+    if fit.cycles >= settings.least_cycles:
+        return None
+    # Decay by spin exchange left aside, cycles grow with the field.
+    field_nT = float(np.linalg.norm(shot.field_nT))
+    wanted_nT = field_nT * settings.few_cycles / fit.cycles
+    share = wanted_nT / field_nT
+    each = ", ".join(
+        f"{abs(one) * share:.0f} nT in {axis}"
+        for axis, one in zip("xyz", shot.field_nT, strict=True)
+        if one
+    )
+    return f"{fit.cycles:.2f} cycles pass within the 1/e time; {each} would give 1.5"
+
+
+def look_at_all(dataset: SerfDataset, settings: AnalysisSettings) -> list[Precession]:
+    """Fit all shots, the baseline decaying as they say together, and judge them."""
+    found = [look_at(shot, settings, dataset.mains_Hz) for shot in dataset.shots]
+    for _ in range(2):
+        rate = common_rate([one.used_fit for one in found if one.used])
+        if rate is None:
+            return found
+        found = [_again(one, dataset, settings, rate) for one in found]
+    return _unlike_the_others(found)
+
+
+def common_rate(fits: Sequence[ToneFit]) -> float | None:
+    """Return the decay in 1/s that the baselines of all shots have, None with too few of them."""
+    if len(fits) < 3:
+        return None
+    return decay_line(*_decays(fits))[0]
+
+
+def _decays(fits: Sequence[ToneFit]) -> tuple[Array, Array, Array]:
+    return (
+        np.array([fit.omega_rad_per_s for fit in fits]),
+        np.array([fit.decay_per_s for fit in fits]),
+        np.array([fit.decay_u for fit in fits]),
+    )
+
+
+def _again(
+    one: Precession, dataset: SerfDataset, settings: AnalysisSettings, rate: float
+) -> Precession:
+    if not one.used or one.fit is None:
+        return one
+    start = (one.fit.omega_rad_per_s, one.fit.decay_per_s)
+    shot = one.shot
+    usable = ~saturated_samples(shot) & (shot.time_s >= settings.skip_s)
+    try:
+        fit = fit_tone(shot.time_s, shot.voltage_V, usable, rate, dataset.mains_Hz, start)
+    except NoTone:
+        return one
+    return Precession(shot, fit, one.saturated, _too_few(shot, fit, settings))
+
+
+def _unlike_the_others(found: list[Precession]) -> list[Precession]:
+    """Reject shots that fade much faster than the others: the pump light was not off."""
+    used = [one for one in found if one.used]
+    if len(used) < 4:
+        return found
+    omega, decay, decay_u = _decays([one.used_fit for one in used])
+    # Medians of one size of field each: broadening makes pairs fade faster than single coils.
+    result = []
+    for one in found:
+        if not one.used:
+            result.append(one)
+            continue
+        fit = one.used_fit
+        alike = np.abs(omega / fit.omega_rad_per_s - 1.0) < 0.1
+        usual = float(np.median(decay[alike]))
+        spread = 1.4826 * float(np.median(np.abs(decay[alike] - usual)))
+        beyond = fit.decay_per_s - usual
+        limit = max(UNLIKE * usual, UNLIKE_U * float(np.hypot(fit.decay_u, spread)))
+        if int(alike.sum()) >= 4 and beyond > limit:
+            said = (
+                f"it fades at {fit.decay_per_s:.3g} /s where others fade at {usual:.3g} /s: pump "
+                "light leaked, or the field was not steady"
+            )
+            one = replace(one, rejected=said)
+        result.append(one)
+    return result
