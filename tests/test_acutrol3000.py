@@ -569,10 +569,25 @@ def test_the_wrong_framing_is_told(served: str) -> None:
         assert text.startswith("turntable: sent '*IDN?': ")
 
 
-def test_our_table_conforms_in_the_other_form(tmp_path: Path) -> None:
+def test_what_closes_a_servo_or_forgets_what_it_tells_is_said_once() -> None:
+    declared = Acutrol3000.repeatable
+    for message in (":Demand:Rate 2,0", ":Mode 2,Rate", ":Mode ALL,Off", ":Status:CSR? A1STATE"):
+        assert message in declared
+    for message in (
+        ":Demand:Rate 2,0.5",
+        ":Interlock:Close 1",
+        ":Interlock:Reset",
+        "*STB?",
+        ":Status:MSG? QERROR",
+        ":Mode 2,Position",
+    ):
+        assert message not in declared
+
+
+def test_our_table_conforms_in_both_forms(tmp_path: Path, form: dict[str, str]) -> None:
     bench = yaml.safe_load(find(BENCHES, "sim").read_text(encoding="utf-8"))
     table = bench["instruments"][TABLE]
-    table["settings"]["framing"] = table["simulator"]["framing"] = "line"
+    table["settings"]["framing"] = table["simulator"]["framing"] = form["framing"]
     bench["instruments"] = {TABLE: table}
     bench["safe_state"] = [{"role": TABLE, "within": "15 s"}]
     bench.pop("interlocks", None)

@@ -86,6 +86,11 @@ class ErrorCourse:
         """
         from_s, stretch_s = self._nodes.all[-1, [0, 5]].tolist()
         to_s = max(to_s, from_s)
+        if self._table.rests_from_s < from_s:
+            numbers = ((np.array([from_s, to_s]) - stretch_s) / PANEL_RESTING_S).astype(np.int64)
+            edges = stretch_s + np.arange(numbers[0], numbers[1] + 1) * PANEL_RESTING_S
+            edges = np.concatenate(([from_s], edges[edges > from_s]))
+            return edges, np.full(edges.size - 1, stretch_s)
         starts = self._table.breakpoints(np.nextafter(from_s, -np.inf), to_s)
         if not starts.size or starts[0] > from_s:
             starts = np.concatenate(([stretch_s], starts))
@@ -130,6 +135,8 @@ class ErrorCourse:
 
         The same as `_over`, in numbers of Python's own.
         """
+        if edges_s.size < 2:
+            return
         length = np.diff(edges_s)
         share = (-np.expm1(-self._levelling * length)).tolist()
         earth = (-0.5 * length[:, None] * self._assumed).tolist()

@@ -82,6 +82,7 @@ class Table:
             _Ring(truth.section(name), partial(self._moved, place))
             for place, name in enumerate(RINGS)
         ]
+        self._resting: tuple[Array, list[Array]] | None = None
         self._by_number = {ring.number: ring.rotation for ring in self._rings}
         if sorted(self._by_number) != [1, 2, 3]:
             raise SimulationError(f"{truth.where}: the axes must have the numbers 1, 2 and 3")
@@ -94,24 +95,48 @@ class Table:
             raise SimulationError(f"the simulated table has the axes 1, 2 and 3, not {number}")
         return self._by_number[number]
 
+    @property
+    def rests_from_s(self) -> float:
+        """The time from which all axes stand still by what they were told; infinite if never."""
+        return max(ring.rotation.at_rest_from_s for ring in self._rings)
+
     def motion(self, time_s: Array) -> Motion:
         """Return attitude and rate of the plate at each time, as the axes were told to move."""
-        attitude = np.broadcast_to(np.eye(3), (time_s.size, 3, 3))
-        rate = np.zeros((time_s.size, 3))
-        for ring in self._rings:
-            angle_deg, speed = ring.rotation.angle_and_rate(time_s)
-            rate += (speed * DEG)[:, None] * (attitude @ ring.direction)
-            attitude = attitude @ ring.turned(angle_deg)
-        return Motion(attitude, rate)
+        return self._motion(time_s)[0]
 
     def attitude(self, time_s: Array) -> Array:
         """Return plate to n at each time, the wander of the axes included, (times, 3, 3)."""
-        wander_deg = self._wander.at(time_s)
+        (attitude, _), axes = self._motion(time_s)
+        wander = DEG * self._wander.at(time_s)
+        outer, middle, inner = axes
+        x, y, z = (wander[:, :1] * outer + wander[:, 1:2] * middle + wander[:, 2:] * inner).T
+        none = np.zeros_like(x)
+        cross = np.array(((none, -z, y), (z, none, -x), (-y, x, none))).transpose(2, 0, 1)
+        turned = cross @ attitude
+        # To second order: an attitude near the vertical must be a rotation to be taken apart.
+        return np.asarray(attitude + turned + 0.5 * (cross @ turned))
+
+    def _motion(self, time_s: Array) -> tuple[Motion, list[Array]]:
+        """Return the motion, and the directions of the axes along n, each (times or 1, 3)."""
+        if time_s.size and self.rests_from_s <= time_s.min():
+            if self._resting is None:
+                motion, axes = self._computed(time_s[:1])
+                self._resting = motion.attitude, axes
+            attitude, axes = self._resting
+            return Motion(
+                np.broadcast_to(attitude, (time_s.size, 3, 3)), np.zeros((time_s.size, 3))
+            ), axes
+        return self._computed(time_s)
+
+    def _computed(self, time_s: Array) -> tuple[Motion, list[Array]]:
         attitude = np.broadcast_to(np.eye(3), (time_s.size, 3, 3))
-        for place, ring in enumerate(self._rings):
-            angle_deg = ring.rotation.angle_deg(time_s) + wander_deg[:, place]
+        rate, axes = np.zeros((time_s.size, 3)), []
+        for ring in self._rings:
+            angle_deg, speed = ring.rotation.angle_and_rate(time_s)
+            axes.append(attitude @ ring.direction)
+            rate += (speed * DEG)[:, None] * axes[-1]
             attitude = attitude @ ring.turned(angle_deg)
-        return attitude
+        return Motion(attitude, rate), axes
 
     def breakpoints(self, first_s: float, last_s: float) -> Array:
         """Return the times between two others at which the acceleration of an axis changes."""
@@ -145,4 +170,5 @@ class Table:
         return np.inf
 
     def _moved(self, place: int) -> None:
+        self._resting = None
         self._changed(self._rings[place].rotation.commanded_s)

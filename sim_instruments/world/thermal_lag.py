@@ -35,11 +35,15 @@ class ThermalLag:
                 "the time constant of a body in a chamber must be positive, and not one of the "
                 "chamber's own"
             )
-        # By piece of the air's course: its beginning, what is left there of all before, and how
-        # much of its fading part is felt.
-        self._pieces = Rows(1 + 2 * tau_s.size)
-        self._left = slice(1, 1 + tau_s.size)
-        self._felt = slice(1 + tau_s.size, None)
+        # The air's cycling, as each body feels it: what of its sine, and of its cosine.
+        self._turning = chamber.cycling_rad_per_s
+        late = self._turning * tau_s
+        self._sine = chamber.cycling_K / (1.0 + late**2)
+        self._cosine = -late * self._sine
+        # By piece of the air's course: see `_begin`.
+        self._pieces = Rows(6 + 2 * tau_s.size)
+        self._felt = slice(6, 6 + tau_s.size)
+        self._left = slice(6 + tau_s.size, None)
         self._begin(np.full(tau_s.size, chamber.room_degC))
         self._switched = Rows(2 + tau_s.size)
         self._switched.add(LONG_AGO_S, 0.0, *[0.0] * tau_s.size)
@@ -66,40 +70,36 @@ class ThermalLag:
         return followed + own, rate + own_rate
 
     def _begin(self, temperature_degC: Array) -> None:
-        """Begin to follow the next piece of the air's course, from where the bodies are."""
-        row = self._chamber.pieces.all[self._pieces.count]
-        # A fading that a body follows slowly is felt little, and less than nothing later.
-        felt = row[AMPLITUDE] / (1.0 - self._tau_s / row[TAU])
-        self._pieces.add(row[START], *np.zeros(self._tau_s.size), *felt)
-        part, _ = self._response(row[START : START + 1], np.array([self._pieces.count - 1]))
-        self._pieces.cut(self._pieces.count - 1)
-        self._pieces.add(row[START], *(temperature_degC - part[0]), *felt)
+        """Begin to follow the next piece of the air's course, from where the bodies are.
+
+        A row holds the piece's start, level, slope and time constant, whether it cycles and since
+        when, how much of its fading part each body feels, and what is left in each of all before.
+        """
+        air = self._chamber.pieces.all[self._pieces.count]
+        cycles = bool(np.isfinite(air[CYCLES]))
+        since_s = air[CYCLES] if cycles else 0.0
+        felt = air[AMPLITUDE] / (1.0 - self._tau_s / air[TAU])
+        row = [*air[[START, LEVEL, SLOPE, TAU]], float(cycles), since_s, *felt]
+        at = np.array([self._pieces.count])
+        self._pieces.add(*row, *np.zeros(self._tau_s.size))
+        lasting, _ = self._follow(air[START : START + 1], at)
+        self._pieces.cut(int(at[0]))
+        self._pieces.add(*row, *(temperature_degC - lasting[0]))
 
     def _follow(self, time_s: Array, k: npt.NDArray[np.int64]) -> tuple[Array, Array]:
         """Return temperatures and rates that the pieces `k` of the air's course make."""
-        own = self._pieces.all[k]
-        part, part_rate = self._response(time_s, k)
-        left = own[:, self._left] * np.exp(-(time_s - own[:, 0])[:, None] / self._tau_s)
-        return part + left, part_rate - left / self._tau_s
-
-    def _response(self, time_s: Array, k: npt.NDArray[np.int64]) -> tuple[Array, Array]:
-        """Return the lasting response to the pieces, without what is left from before."""
-        row = self._chamber.pieces.all[k]
-        tau_s, turning = self._tau_s, self._chamber.cycling_rad_per_s
-        since_s = time_s - row[:, START]
-        fading = np.exp(-since_s / row[:, TAU])[:, None] * self._pieces.all[k, self._felt]
-        slope = row[:, SLOPE]
-        steady = (row[:, LEVEL] + slope * since_s)[:, None] - slope[:, None] * tau_s
-        cycles = np.isfinite(row[:, CYCLES])
-        phase = turning * np.where(cycles, time_s - row[:, CYCLES], 0.0)
-        late = turning * tau_s
-        size = np.where(cycles, self._chamber.cycling_K, 0.0)[:, None] / (1.0 + late**2)
-        sine, cosine = np.sin(phase)[:, None], np.cos(phase)[:, None]
-        cycle, cycle_rate = sine - late * cosine, turning * (cosine + late * sine)
-        return (
-            steady + fading + size * cycle,
-            slope[:, None] - fading / row[:, TAU, None] + size * cycle_rate,
-        )
+        row = self._pieces.all[k]
+        since_s = time_s - row[:, 0]
+        left = row[:, self._left] * np.exp(since_s[:, None] / -self._tau_s)
+        fading = row[:, self._felt] * np.exp(since_s / -row[:, 3])[:, None]
+        slope = row[:, 2:3]
+        steady = (row[:, 1] + row[:, 2] * since_s)[:, None] - slope * self._tau_s
+        phase = self._turning * (time_s - row[:, 5])
+        sine, cosine = row[:, 4] * np.sin(phase), row[:, 4] * np.cos(phase)
+        cycle = sine[:, None] * self._sine + cosine[:, None] * self._cosine
+        turned = cosine[:, None] * self._sine - sine[:, None] * self._cosine
+        rate = slope - fading / row[:, 3:4] - left / self._tau_s + self._turning * turned
+        return steady + fading + left + cycle, rate
 
     def _own(self, time_s: Array) -> tuple[Array, Array]:
         """Return how much the bodies are warmed by themselves, and how fast that grows."""

@@ -20,6 +20,15 @@ def file_hash(path: Path) -> str:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
+def covered_files(folder: Path) -> dict[str, str]:
+    """Return the files that a folder's manifest names, with their SHA-256; none without one."""
+    manifest = folder / MANIFEST
+    if not manifest.is_file():
+        return {}
+    files: dict[str, str] = json.loads(manifest.read_text(encoding="utf-8"))["files"]
+    return files
+
+
 def write_manifest(folder: Path) -> None:
     """Write the manifest of `folder`: relative paths with `/`, in order."""
     files = {

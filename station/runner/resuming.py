@@ -13,10 +13,12 @@ from station.bench import Bench
 from station.clock import RealClock, utc_now
 from station.console import span
 from station.errors import InputError
+from station.evaluation import evaluate_run, exit_code_of
 from station.plan import Plan
 from station.procedure import Procedure, Prompt
 from station.record.creation import EVENTS
 from station.record.folder import RESULTS, RESUMED, RUN, RunFolder, RunRecord
+from station.record.manifest import covered_files
 from station.recorded import read_plan_and_bench, used_instruments
 from station.runner.execute import all_prompts, conclude, content_hashes
 from station.runner.outcome import Outcome
@@ -110,12 +112,18 @@ def resume(request: ResumeRequest) -> Outcome:
 
 def evaluate_only(folder: RunFolder, *, report: bool) -> Outcome:
     """Evaluate a run that was measured to its end and then interrupted; raises InputError."""
-    if (folder.path / RESULTS).is_file():
+    evaluated = (folder.path / RESULTS).is_file()
+    if evaluated and RESULTS in covered_files(folder.path):
         raise InputError(f"{folder.path} is finished; `station analyse` computes its results again")
     record = RunRecord.go_on(folder.path, RealClock())
     record.close()
     outcome = Outcome(record.path, exit_code=0)
-    conclude(record, outcome, report=report)
+    if evaluated:  # only the manifest is missing
+        outcome.document, _ = evaluate_run(folder)
+        outcome.exit_code = exit_code_of(outcome.document)
+        record.seal()
+    else:
+        conclude(record, outcome, report=report)
     return outcome
 
 
