@@ -301,3 +301,16 @@ def test_a_run_that_was_only_not_evaluated_is_evaluated(reference: Path, tmp_pat
     assert raw_hashes(copy) == raw
     assert results_of(copy)["results"] == results_of(reference)["results"]
     assert (copy / "manifest.json").is_file()
+
+
+def test_a_run_that_died_before_its_manifest_is_sealed(reference: Path, tmp_path: Path) -> None:
+    folder = tmp_path / reference.name
+    shutil.copytree(reference, folder)
+    (folder / "manifest.json").unlink()
+    before = (folder / "results.json").read_bytes()
+    outcome = resume(ResumeRequest(folder, quiet=True, report=False))
+    assert outcome.exit_code == 0
+    assert (folder / "manifest.json").is_file()
+    assert (folder / "results.json").read_bytes() == before
+    with pytest.raises(InputError, match="is finished"):
+        resume(ResumeRequest(folder, quiet=True, report=False))
