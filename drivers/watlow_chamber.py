@@ -111,11 +111,12 @@ class WatlowChamber(ABC):
     def is_ramping(self) -> bool:
         """Whether the set-point is still on its way; a ramp that the driver steps is stepped here.
 
-        Raises InstrumentError for an alarm, and for a control that is no longer on.
+        With the control off nothing is on its way. Raises InstrumentError for an alarm, and for a
+        control that is no longer on.
         """
         self._step()
         self._look("followed the ramp")
-        return self._steps is not None or self._ramp_goes()
+        return self._on and (self._steps is not None or self._ramp_goes())
 
     def temperature_degC(self) -> float:
         """Return the process value; InstrumentError for an alarm, or for a value that is none."""

@@ -23,7 +23,7 @@ EARTH_DEG_PER_S = 15.041067 / 3600
 AXES = ("x", "y", "z")
 UP = {"x": (90.0, 0.0), "y": (0.0, -90.0), "z": (0.0, 180.0)}
 """Angles of the middle and the inner axis at which an axis points up."""
-OUTER, MIDDLE, INNER = 3, 2, 1
+OUTER, MIDDLE, INNER = 1, 2, 3
 RATE, ACCELERATION = 10.0, 10.0
 TURN_S = 37.0
 

@@ -7,13 +7,14 @@ from typing import TYPE_CHECKING
 
 from procedures.fog_scale_factor_temperature.check import check, instruments
 from procedures.fog_scale_factor_temperature.parameters import FogParameters
+from procedures.fog_scale_factor_temperature.steps import STEPS, prompts
 from station.procedure import Procedure, ResultKind
 
 if TYPE_CHECKING:
     from station.bench import Bench
     from station.dataset_reading import RawDataset
     from station.fields import StrictModel
-    from station.procedure import Prompt
+    from station.procedure import Prompt as Prompt
     from station.record.folder import RunFolder
     from station.report.parts import Part
     from station.results import Findings, ResultDocument
@@ -66,11 +67,6 @@ def outlook(parameters: FogParameters) -> Sequence[str]:
     return outlook(parameters)
 
 
-def prompts(parameters: FogParameters) -> tuple[Prompt, ...]:
-    """Return what the operator may be asked to do."""
-    return ()
-
-
 def measured_axes(parameters: FogParameters) -> Mapping[str, tuple[str, ...]]:
     """Return the axes that a plan measures; a verification only where it is asked for."""
     measured: tuple[str, ...] = parameters.axes
@@ -95,7 +91,7 @@ PROCEDURE = Procedure(
         "heading_error_uncompensated": ResultKind((), "deg"),
         "heading_error_compensated": ResultKind((), "deg"),
     },
-    steps=(),
+    steps=STEPS,
     instruments=instruments,
     prompts=prompts,
     check=check,

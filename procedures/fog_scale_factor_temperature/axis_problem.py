@@ -52,7 +52,10 @@ class AxisProblem:
     def highest_order(self, kept: Mask) -> int:
         """Return the highest order that the kept turns can carry, -1 where they carry none."""
         sensing = kept & (self.turns.commanded_deg != 0.0)
-        distinct = distinct_temperatures(self.turns.temperature_degC[sensing])
+        distinct = min(
+            distinct_temperatures(self.turns.temperature_degC[sensing]),
+            len(np.unique(self.turns.set_number[sensing])),
+        )
         spare = int(sensing.sum()) - SPARE - (2 if self.paired else 0)
         third = max(distinct // 3, min(distinct - SPARE, 4))
         return min(self.settings.highest_order, distinct - SPARE, spare, third)

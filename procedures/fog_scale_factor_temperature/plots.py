@@ -82,7 +82,7 @@ def _curve(axes: Axes, fit: AxisFit, analysis: FogAnalysis) -> None:
     published = analysis.published[fit.axis].curve
     if published is not None:
         values = published.error_ppm(heat)
-        axes.plot(heat, values, "--", color=GREY, linewidth=1.0, label="published rule")
+        axes.plot(heat, values, "--", color=PURPLE, linewidth=1.2, label="published rule", zorder=4)
 
 
 def _band(axes: Axes, fit: AxisFit) -> None:

@@ -8,7 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
-from procedures.estimation.allan import AllanDeviation, allan_deviation, noise_coefficients
+from procedures.estimation.allan import (
+    AllanDeviation,
+    NoiseCoefficients,
+    allan_deviation,
+    noise_coefficients,
+)
 from procedures.estimation.noise import grid_index
 
 from .attitude import PAIRS, BiasSolution, GyroGain, StaticMeans, solve_biases
@@ -147,7 +152,9 @@ def _allan(
     return tuple(found)
 
 
-def _noise(static: Sequence[StaticSummary], dataset: NineAxisDataset):  # type: ignore[no-untyped-def]
+def _noise(
+    static: Sequence[StaticSummary], dataset: NineAxisDataset
+) -> tuple[NoiseCoefficients | None, ...]:
     """Return each gyro's noise coefficients from its longest static record."""
     if not static:
         return (None, None, None)

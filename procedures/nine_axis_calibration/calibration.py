@@ -106,7 +106,7 @@ def snippet_matlab(correction: Correction) -> str:
 
 def snippet_python(correction: Correction) -> str:
     """Return the correction as a Python function."""
-    body = [f"    output{n + 1} = output[{n}]" for n in range(3)]
+    body = [f"    output{n + 1} = float(output[{n}])" for n in range(3)]
     body += [f"    {name} = {text}" for name, text in assignments(correction)]
     body.append("    return [rate1, rate2, rate3]")
     return "\n".join([f"def {NAME}(output):", f'    """{WHAT}"""', *body, ""])

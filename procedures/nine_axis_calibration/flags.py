@@ -46,25 +46,25 @@ def data_flags(
         own = [one for one in saturated if one.axis == axis]
         count = sum(one.count for one in own)
         rates = sorted({one.commanded_deg_per_s for one in own}, key=abs)
-        said = (
-            f"{count} samples of gyro {AXES[axis]} at {listed_numbers(rates)} deg/s are saturated"
+        what = "the records" if any(one.whole for one in own) else "they"
+        overload_said = (
+            f"{count} samples of gyro {AXES[axis]} at {listed_numbers(rates)} deg/s are saturated; "
+            f"{what} are left out."
         )
-        whole = any(one.whole for one in own)
-        rest = "; the records are left out." if whole else "; they are left out."
-        flags.append(Flag("overload", said + rest, AXES[axis], count, {"rates": rates}))
+        flags.append(Flag("overload", overload_said, AXES[axis], count, {"rates": rates}))
     if at_rest:
-        said = f"{at_rest} samples at rest are saturated; they are left out."
-        flags.append(Flag("overload", said, None, at_rest))
+        at_rest_said = f"{at_rest} samples at rest are saturated; they are left out."
+        flags.append(Flag("overload", at_rest_said, None, at_rest))
     flags += _outliers(dataset, static, means)
     flags += _gaps(dataset, settings)
     for axis, one in means.items():
         rates = sorted({abs(float(rate)) for rate in one.commanded[one.part]})
         if rates:
-            said = (
+            part_said = (
                 f"{AXES[axis]} did not turn whole turns at {listed_numbers(rates)} deg/s; the part "
                 "of the earth's rotation that this leaves in the means is solved for and taken off."
             )
-            flags.append(Flag("part-turns", said, AXES[axis], len(rates), {"rates": rates}))
+            flags.append(Flag("part-turns", part_said, AXES[axis], len(rates), {"rates": rates}))
         flags += _rates(axis, one)
     return flags
 
@@ -88,12 +88,12 @@ def _outliers(
                 if bool(kept.any())
             )
         if at_rest + turning:
-            said = (
+            outliers_said = (
                 f"{at_rest} samples of gyro {name} at rest and {turning} of it turning lie far "
                 "from the others and are left out."
             )
             details = {"at_rest": at_rest, "turning": turning}
-            flags.append(Flag("outliers-rejected", said, name, at_rest + turning, details))
+            flags.append(Flag("outliers-rejected", outliers_said, name, at_rest + turning, details))
     return flags
 
 
@@ -110,12 +110,12 @@ def _gaps(dataset: NineAxisDataset, settings: AnalysisSettings) -> list[Flag]:
             longest_s = max(longest_s, float(wide.max())) if len(wide) else longest_s
     if not gaps:
         return []
-    said = (
+    gap_said = (
         f"The records have {gaps} gap{'s' if gaps > 1 else ''}, the longest {longest_s:g} s, with "
         f"{missing} samples missing; the means do not mind."
     )
     details = {"missing_samples": missing, "longest_s": longest_s}
-    return [Flag("gap", said, None, gaps, details)]
+    return [Flag("gap", gap_said, None, gaps, details)]
 
 
 def _rates(axis: int, means: AxisMeans) -> list[Flag]:
@@ -123,21 +123,29 @@ def _rates(axis: int, means: AxisMeans) -> list[Flag]:
     flags = []
     rates = sorted({abs(float(rate)) for rate in means.commanded})
     if len(rates) < FEWEST_RATES:
-        said = (
+        few_rates_said = (
             f"{AXES[axis]} was turned at {len(rates)} rates; the method is published for five and "
             "more."
         )
-        flags.append(Flag("outside-published-range", said, AXES[axis], len(rates)))
+        flags.append(Flag("outside-published-range", few_rates_said, AXES[axis], len(rates)))
     off = means.rate / means.commanded - 1.0
     off = np.where(np.isfinite(off), off, 0.0)
     worst = int(np.argmax(np.abs(off)))
     if abs(off[worst]) > RATE_DIFFERS:
-        said = (
+        rate_said = (
             f"At {means.commanded[worst]:g} deg/s the encoder of {AXES[axis]} says "
             f"{means.rate[worst]:.5g} deg/s; the result uses the encoder."
         )
         details = {"relative_difference": float(off[worst])}
-        flags.append(Flag("rate-differs-from-commanded", said, AXES[axis], None, details))
+        flags.append(
+            Flag(
+                "rate-differs-from-commanded",
+                rate_said,
+                AXES[axis],
+                None,
+                details,
+            )
+        )
     return flags
 
 
@@ -154,37 +162,37 @@ def result_flags(
     """Return the flags on the results: wrong positions, what is noise, what is not determined."""
     flags = _positions(static)
     if bias is not None and not bias.heading_used and len({s.position for s in static}) > 1:
-        said = (
+        heading_said = (
             f"By the gyros the plate's heading is {_arcmin(bias.heading_rad):.1f} arcmin off, "
             "beyond its prior; the biases are solved without that prior."
         )
         details = {"heading_arcmin": _arcmin(bias.heading_rad)}
-        flags.append(Flag("heading-differs-from-prior", said, None, None, details))
+        flags.append(Flag("heading-differs-from-prior", heading_said, None, None, details))
     if wider > 1.0:
-        said = (
+        disagree_said = (
             "The static means contradict each other beyond their uncertainties, which are "
             f"multiplied by {wider:.2g}: a bias changed between the positions, or the sensor stood "
             "less well than the priors say."
         )
-        flags.append(Flag("positions-disagree", said, None, None, {"factor": wider}))
+        flags.append(Flag("positions-disagree", disagree_said, None, None, {"factor": wider}))
     for axis, name in enumerate(AXES):
         if wander[axis] > 0.0:
-            said = (
+            wander_said = (
                 f"The bias of gyro {name} wanders by {wander[axis]:.2g} deg/h at rest; that is in "
                 "its uncertainty. Longer records do not help."
             )
             details = {"wander_deg_per_h": float(wander[axis])}
-            flags.append(Flag("bias-wanders", said, name, None, details))
+            flags.append(Flag("bias-wanders", wander_said, name, None, details))
     flags += _noise(estimates, axes, settings)
     for axis, one in axes.items():
         if one is not None and one.one_sense:
             rates = list(one.one_sense)
-            said = (
+            one_sense_said = (
                 f"{AXES[axis]} has usable records at {listed_numbers(rates)} deg/s in one sense "
                 "only; these rates are left out."
             )
             which: dict[str, object] = {"rates": rates}
-            flags.append(Flag("one-sense-only", said, AXES[axis], len(rates), which))
+            flags.append(Flag("one-sense-only", one_sense_said, AXES[axis], len(rates), which))
     return flags + _undetermined(estimates, published)
 
 
@@ -193,21 +201,21 @@ def _positions(static: Sequence[StaticSummary]) -> list[Flag]:
     for one in static:
         if one.pose.right:
             continue
-        said = f"The sensor did not stand as in position {one.position}: {one.pose.why}"
+        wrong_said = f"The sensor did not stand as in position {one.position}: {one.pose.why}"
         if one.pose.stands_as is not None:
-            said += f", as in position {one.pose.stands_as}"
-        said += "; the record is left out of the best estimate."
+            wrong_said += f", as in position {one.pose.stands_as}"
+        wrong_said += "; the record is left out of the best estimate."
         details = {"position": int(one.position)}
-        flags.append(Flag("wrong-position", said, None, None, details))
+        flags.append(Flag("wrong-position", wrong_said, None, None, details))
     there = {one.position for one in static}
     for position in PUBLISHED:
         if static and position not in there:
-            said = (
+            missing_said = (
                 f"Position {position} was not recorded: the published mean of the axis that faces "
                 "east there is missing, the best estimate takes the other positions."
             )
             details = {"position": position}
-            flags.append(Flag("position-missing", said, None, None, details))
+            flags.append(Flag("position-missing", missing_said, None, None, details))
     return flags
 
 
@@ -225,12 +233,12 @@ def _noise(
         solution = axes[AXES.index(one.axis)]
         agree = one.name == NONLINEARITY and solution is not None and solution.agree
         if small or agree:
-            said = (
+            noise_said = (
                 f"The {one.name} of {one.axis}, {one.value:.3g} ppm with u = {u:.2g} ppm, cannot "
                 "be told from noise."
             )
             details = {"name": one.name}
-            flags.append(Flag("not-significant", said, one.axis, None, details))
+            flags.append(Flag("not-significant", noise_said, one.axis, None, details))
     return flags
 
 
@@ -238,25 +246,33 @@ def _undetermined(estimates: Sequence[Estimate], published: Sequence[Published])
     flags = []
     cross = [one.axis for one in estimates if one.name == MISALIGNMENT and one.value is None]
     if cross:
-        said = (
+        cross_said = (
             f"The misalignments {', '.join(cross)} are not determined: only the turned axis was "
             "recorded there."
         )
         details = {"coefficients": [f"{MISALIGNMENT} {axis}" for axis in cross]}
-        flags.append(Flag("not-identifiable", said, None, len(cross), details))
+        flags.append(Flag("not-identifiable", cross_said, None, len(cross), details))
     other = [one for one in estimates if one.name != MISALIGNMENT and one.value is None]
     if other:
         names = [f"{one.name} {one.axis}" for one in other]
-        said = f"The data do not determine {', '.join(names)}."
+        undetermined_said = f"The data do not determine {', '.join(names)}."
         if any(one.name == BIAS for one in other):
-            said += " No static record was usable."
+            undetermined_said += " No static record was usable."
         details = {"coefficients": names}
-        flags.append(Flag("not-identifiable", said, None, len(names), details))
+        flags.append(Flag("not-identifiable", undetermined_said, None, len(names), details))
     silent = [f"{one.name} {one.axis}" for one in published if one.value is None]
     if silent:
-        said = f"The published rule has no data for {', '.join(silent)}."
+        silent_said = f"The published rule has no data for {', '.join(silent)}."
         details = {"coefficients": silent}
-        flags.append(Flag("published-rule-without-data", said, None, len(silent), details))
+        flags.append(
+            Flag(
+                "published-rule-without-data",
+                silent_said,
+                None,
+                len(silent),
+                details,
+            )
+        )
     return flags
 
 

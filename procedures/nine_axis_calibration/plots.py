@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import NullFormatter
 from numpy.typing import NDArray
 
 from procedures.nine_axis_calibration.dataset import AXES, NineAxisDataset
@@ -23,9 +25,8 @@ from station.report.drawing import (
 Array = NDArray[np.float64]
 
 COLOURS = (BLUE, ORANGE, GREEN)
-PPM = 1e6
+PPM = MICRO = 1e6
 MOST_DOTS = 600
-FEWEST_RATES_TO_DRAW = 2
 
 
 def pose_check(analysis: NineAxisAnalysis) -> Figure:
@@ -38,7 +39,7 @@ def pose_check(analysis: NineAxisAnalysis) -> Figure:
     for axis, name in enumerate(AXES):
         shift = 0.16 * (axis - 1)
         off = [one.accelerometer[axis] - gravity_pattern(one.position)[axis] for one in static]
-        left.plot(place + shift, np.array(off) * 1e3, "o", color=COLOURS[axis], label=name)
+        left.plot(place + shift, np.array(off) * MICRO, "o", color=COLOURS[axis], label=name)
         if analysis.bias is None:
             continue
         rows = [n for n, one in enumerate(static) if one.pose.right]
@@ -59,7 +60,7 @@ def pose_check(analysis: NineAxisAnalysis) -> Figure:
         axes.axhline(0.0, color=INK, linewidth=0.7)
         axes.set_xticks(place, [f"position {one.position}" for one in static])
         axes.set_xlim(-0.5, len(static) - 0.5)
-    left.set_ylabel("mean − expected, mg")
+    left.set_ylabel("mean − expected, µg")
     label_above(left, "accelerometers")
     left.legend(loc="best", ncols=3)
     right.set_ylabel("mean − solution, deg/h")
@@ -106,9 +107,10 @@ def static_records(analysis: NineAxisAnalysis, dataset: NineAxisDataset) -> Figu
     return figure
 
 
-def _allan_axes(axes, analysis: NineAxisAnalysis, axis: int) -> None:  # type: ignore[no-untyped-def]
+def _allan_axes(axes: Axes, analysis: NineAxisAnalysis, axis: int) -> None:
     axes.set_xscale("log")
     axes.set_yscale("log")
+    axes.yaxis.set_minor_formatter(NullFormatter())
     noise = analysis.noise[axis]
     if noise is None:
         return

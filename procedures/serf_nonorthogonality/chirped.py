@@ -33,7 +33,7 @@ class Frequencies:
 
     `covariance` (n, n); `chirp` with `chirp_u` is the relative fall over the decay. `by_lean` (n,
     2) are derivatives of the frequencies by a lean of the pump light towards the first and second
-    axis of its frame, in rad/s/rad. `failed` says why a joint fit was wanted but is not there.
+    axis of its frame, in rad/s/rad. `single_residual_V` is what the single fits leave. `failed` says why a joint fit was wanted but is not there.
     """
 
     omega_rad_per_s: Array
@@ -45,6 +45,7 @@ class Frequencies:
     joint: JointFit | None
     by_lean: Array
     solution: Solution
+    single_residual_V: tuple[Array, ...]
     failed: str | None = None
 
 
@@ -64,7 +65,16 @@ def frequencies_and_angles(
     chirp, chirp_u = pooled_chirp(fits)
     solution = solve(commanded_nT, omega, covariance, known=dataset.constants_known)
     alone = Frequencies(
-        omega, covariance, chirp, chirp_u, rate, beta, None, np.zeros((len(used), 2)), solution
+        omega,
+        covariance,
+        chirp,
+        chirp_u,
+        rate,
+        beta,
+        None,
+        np.zeros((len(used), 2)),
+        solution,
+        tuple(fit.residual_V[fit.kept] for fit in fits),
     )
     if not chirp > settings.chirp_u * chirp_u:
         return alone
@@ -124,6 +134,7 @@ def _jointly(
         joint,
         np.column_stack(leaning),
         solution,
+        alone.single_residual_V,
     )
 
 

@@ -1,0 +1,172 @@
+"""Chamber, table and navigator as one run uses them: follow, soak, turn an axis up, turn around."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from procedures.fog_scale_factor_temperature.check import CHAMBER, NAVIGATOR, TABLE
+from procedures.fog_scale_factor_temperature.parameters import FogParameters
+from station.errors import ConditionNotReached, InstrumentError
+
+if TYPE_CHECKING:
+    from station.runner.run import Run
+
+LOOK_S = 2.0
+MOVING_LOOK_S = 0.5
+CHAMBER_EVERY_S = 30.0
+SILENT_AFTER_S = 10.0
+FULL_TURN_DEG = 360.0
+AXES = ("x", "y", "z")
+UP: dict[str, tuple[float, float]] = {"x": (90.0, 0.0), "y": (0.0, -90.0), "z": (0.0, 180.0)}
+"""Angles of the middle and the inner axis, in deg, that let a body axis point up (z is down)."""
+CHAMBER_COLUMNS = {
+    "process_value_degC": "degC, the chamber's air",
+    "set_point_degC": "degC, what it is controlled to",
+}
+
+
+@dataclass(frozen=True)
+class TableAxes:
+    """Numbers of the table's axes: the outer one is vertical and carries the middle one."""
+
+    outer: int
+    middle: int
+    inner: int
+
+
+class BenchWork:
+    """The instruments of this procedure; what they say goes to the record all the time."""
+
+    def __init__(self, run: Run) -> None:
+        from drivers.roles import Navigator, ThermalChamber, Turntable
+
+        self.run = run
+        self.parameters: FogParameters = run.parameters
+        self.chamber = run.role(CHAMBER, ThermalChamber)
+        self.table = run.role(TABLE, Turntable)
+        self.navigator = run.role(NAVIGATOR, Navigator)
+        settings = run.bench.instruments[TABLE].settings
+        numbers = [int(settings.get(f"{name}_axis", k)) for name, k in DEFAULT_AXES.items()]
+        self.axes = TableAxes(*numbers)
+        self.newest: Any = None
+        """The navigator's last row, a structured array of shape (1,); None before the first."""
+        self.navigates = False
+        self._chamber_due_s = run.clock.now()
+        self._heard_s = run.clock.now()
+
+    def look(self, unit: str) -> None:
+        """Take what has come meanwhile, and step the chamber's ramp where the driver does that."""
+        from station.record.raw import ARRIVAL
+        from station.runner.acquisition import to_rows
+
+        run = self.run
+        now_s = run.clock.now()
+        if self.navigates:
+            rows = to_rows(self.navigator.drain())
+            if len(rows):
+                run.record.block(self.navigator.source, unit, self.navigator.columns, rows)
+                self.newest, self._heard_s = rows[-1:], now_s
+            elif now_s - self._heard_s > SILENT_AFTER_S:
+                raise InstrumentError(
+                    NAVIGATOR,
+                    f"record {unit}",
+                    f"no output came for {SILENT_AFTER_S:g} s",
+                    "check its cable and its power",
+                )
+        if now_s >= self._chamber_due_s:
+            self._chamber_due_s = now_s + CHAMBER_EVERY_S
+            self.chamber.is_ramping()
+            names = [(name, np.float64) for name in (*CHAMBER_COLUMNS, ARRIVAL)]
+            values = (self.chamber.temperature_degC(), self.chamber.set_point_degC(), now_s)
+            run.record.block(CHAMBER, unit, CHAMBER_COLUMNS, np.array([values], dtype=names))
+
+    def follow(self, until_s: float, unit: str, said: str = "") -> None:
+        """Record until a run time."""
+        clock = self.run.clock
+        while clock.now() < until_s:
+            clock.sleep_until(min(clock.now() + LOOK_S, until_s))
+            self.look(unit)
+            self.run.say_progress(said)
+
+    def follow_until(
+        self, reached: Callable[[], bool], at_most_s: float, unit: str, said: Callable[[], str]
+    ) -> bool:
+        """Record until something is reached; False where it was not within `at_most_s`."""
+        until_s = self.run.clock.now() + at_most_s
+        while not reached():
+            if self.run.clock.now() >= until_s:
+                return False
+            self.follow(self.run.clock.now() + LOOK_S, unit, said())
+        return True
+
+    def gyro_degC(self) -> NDArray[np.float64]:
+        """Return the last temperatures of the three gyros (3,), NaN before any were heard."""
+        if self.newest is None:
+            return np.full(3, np.nan)
+        return np.array([float(self.newest[f"temperature_{axis}_degC"][0]) for axis in AXES])
+
+    def start_navigator(self) -> None:
+        """Let the navigator output for the rest of the run."""
+        self.navigator.start(self.parameters.navigator_rate_Hz)
+        self.navigates = True
+        self._heard_s = self.run.clock.now()
+
+    def reach(self, temperature_degC: float, unit: str) -> None:
+        """Bring the chamber's air to a temperature as fast as it can.
+
+        Raises ConditionNotReached where it does not come there in the plan's time.
+        """
+        self.chamber.set_temperature(temperature_degC)
+        within = self.parameters.soaked_within_degC
+        there = self.follow_until(
+            lambda: abs(self.chamber.temperature_degC() - temperature_degC) <= within,
+            self.parameters.chamber_at_most_s,
+            unit,
+            lambda: f"the chamber goes to {temperature_degC:g} degC",
+        )
+        if not there:
+            raise ConditionNotReached(
+                f"the chamber did not come to {temperature_degC:g} degC within "
+                f"{self.parameters.chamber_at_most_s / 3600:g} h, it stands at "
+                f"{self.chamber.temperature_degC():.1f} degC; look at its door, its alarms and its "
+                "load"
+            )
+
+    def go_to(self, axis: int, angle_deg: float, unit: str, said: str) -> None:
+        """Turn one table axis to an angle and wait until it rests there."""
+        self.table.move_to(axis, angle_deg)
+        while self.table.is_moving(axis):
+            self.run.clock.sleep(MOVING_LOOK_S)
+            self.look(unit)
+            self.run.say_progress(said)
+
+    def put_up(self, axis: str, unit: str) -> None:
+        """Turn the table until a body axis points up."""
+        middle_deg, inner_deg = UP[axis]
+        self.go_to(self.axes.middle, middle_deg, unit, f"{axis} is turned up")
+        self.go_to(self.axes.inner, inner_deg, unit, f"{axis} is turned up")
+
+    def turn_around(self, unit: str, sign: int, said: str) -> tuple[float, float, float, float]:
+        """Turn the vertical axis once, at rest before and after.
+
+        Returns the run times of the end of the first rest, of both ends of the second, and the
+        angle that the encoder turned in deg.
+        """
+        settle_s = self.parameters.settle_s
+        outer = self.axes.outer
+        begins_s = self.run.clock.now()
+        self.follow(begins_s + settle_s, unit, said)
+        before_s, before_deg = self.run.clock.now(), self.table.angle_deg(outer)
+        self.go_to(outer, before_deg + sign * FULL_TURN_DEG, unit, said)
+        rests_s = self.run.clock.now()
+        self.follow(rests_s + settle_s, unit, said)
+        turned_deg = self.table.angle_deg(outer) - before_deg
+        return before_s, rests_s, self.run.clock.now(), turned_deg
+
+
+DEFAULT_AXES = {"outer": 3, "middle": 2, "inner": 1}

@@ -1,0 +1,114 @@
+"""From a run's raw rows to the dataset: attitude and temperature before and after each turn."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from procedures.fog_scale_factor_temperature.check import CHAMBER, NAVIGATOR
+from procedures.fog_scale_factor_temperature.dataset import FogDataset, TurnTable
+from procedures.fog_scale_factor_temperature.parameters import FogParameters
+from station.errors import RecordError
+
+if TYPE_CHECKING:
+    from station.bench import Bench
+    from station.record.folder import RunFolder
+
+Array = NDArray[np.float64]
+ARRIVAL = "arrival_time_s"
+ATTITUDE = ("heading_deg", "pitch_deg", "roll_deg")
+RAMP, PROOF = "ramp", "proof"
+SHORT_OF_MOTION_S = 0.3
+"""The last outputs before a turn may already have left when it began; they arrive late."""
+
+
+def dataset_of_run(folder: RunFolder, parameters: FogParameters, bench: Bench) -> FogDataset:
+    """Return all finished turns of a run; those of the verification ramp apart."""
+    turns = turn_table(folder, RAMP)
+    proof = turn_table(folder, PROOF)
+    return FogDataset(
+        turns=turns,
+        turn_sense="heading",
+        full_attitude=True,
+        gyro_bias_deg_per_h=parameters.gyro_bias_deg_per_h,
+        heading_resolution_deg=parameters.heading_resolution_deg,
+        reference_temperature_degC=parameters.reference_temperature_degC,
+        initial_order=parameters.initial_order,
+        temperature_range_degC=parameters.temperature_range_degC,
+        verification=proof if len(proof) else None,
+        history=history(folder),
+    )
+
+
+def turn_table(folder: RunFolder, name: str) -> TurnTable:
+    """Return the finished turns of one ramp in the order in which they were made."""
+    units = [
+        (unit, details)
+        for unit, details in folder.finished_units().items()
+        if unit.split(" ")[0] == name
+    ]
+    rows = [reading(folder, unit, details) for unit, details in units]
+
+    def column(key: str) -> Array:
+        return np.array([row[key] for row in rows], dtype=np.float64)
+
+    return TurnTable(
+        set_number=np.array([details["set"] for _, details in units], dtype=np.int64),
+        before_s=column("before_s"),
+        after_s=column("after_s"),
+        axis=np.array([details["axis"] for _, details in units], dtype=np.str_),
+        commanded_deg=np.array([details["turned_deg"] for _, details in units], dtype=np.float64),
+        attitude_before_deg=np.array([row["before"] for row in rows]).reshape(-1, 3),
+        attitude_after_deg=np.array([row["after"] for row in rows]).reshape(-1, 3),
+        temperature_before_degC=column("temperature_before"),
+        temperature_after_degC=column("temperature_after"),
+        chamber_degC=np.array([details["chamber_degC"] for _, details in units], dtype=np.float64),
+    )
+
+
+def reading(folder: RunFolder, unit: str, details: dict[str, Any]) -> dict[str, Any]:
+    """Return the means of a turn's two rests: attitudes (3,) in deg, temperatures, times."""
+    rows = folder.rows(NAVIGATOR, unit)
+    arrival_s = rows[ARRIVAL]
+    temperature = rows[f"temperature_{details['axis']}_degC"]
+    before = arrival_s <= float(details["before_s"]) - SHORT_OF_MOTION_S
+    after = (arrival_s >= float(details["rests_s"]) + 1.0) & (arrival_s <= details["after_s"])
+    if not before.any() or not after.any():
+        raise RecordError(f"{unit}: the navigator said nothing while the table rested")
+    return {
+        "before_s": float(arrival_s[before].mean()),
+        "after_s": float(arrival_s[after].mean()),
+        "before": mean_attitude_deg(rows[before]),
+        "after": mean_attitude_deg(rows[after]),
+        "temperature_before": float(temperature[before].mean()),
+        "temperature_after": float(temperature[after].mean()),
+    }
+
+
+def mean_attitude_deg(rows: NDArray[Any]) -> Array:
+    """Return the mean heading, pitch and roll (3,) of attitudes that differ by their noise alone.
+
+    With an axis up that stands at a pitch of 90 deg, heading and roll turn together and only their
+    combination means anything: the attitudes are averaged as rotations.
+    """
+    from scipy.spatial.transform import Rotation
+
+    angles = np.column_stack([rows[name] for name in ATTITUDE])
+    mean = Rotation.from_euler("ZYX", angles, degrees=True).mean()
+    return np.asarray(mean.as_euler("ZYX", degrees=True), dtype=np.float64)
+
+
+def history(folder: RunFolder) -> dict[str, Array]:
+    """Return the temperatures of chamber and gyros against time, for the report."""
+    found: dict[str, list[tuple[float, float]]] = {"chamber": []}
+    for unit in folder.finished_units():
+        try:
+            rows = folder.rows(CHAMBER, unit)
+        except RecordError:
+            continue
+        found["chamber"] += zip(rows[ARRIVAL], rows["process_value_degC"], strict=True)
+    return {
+        name: np.array(sorted(values)).reshape(-1, 2) for name, values in found.items() if values
+    }

@@ -1,0 +1,330 @@
+"""Steps 1 to 4 of the method for a gyro's scale factor over temperature, with its own numbers.
+
+Source: the Chinese patent text on calibrating the full-temperature scale factor of a fibre-optic
+gyro by continuous turns while the temperature rises, steps one to four.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from procedures.fog_scale_factor_temperature.bench_work import AXES, BenchWork
+from procedures.fog_scale_factor_temperature.check import CHAMBER, NAVIGATOR, POWER, TABLE
+from procedures.fog_scale_factor_temperature.parameters import FogParameters
+from station.errors import ConditionNotReached
+from station.procedure import Prompt, Step
+
+if TYPE_CHECKING:
+    from station.runner.run import Run
+
+WORK = "the bench"
+SOAK, WARM_UP, RANDOM, RAMP, PROOF = "soak", "warm-up", "random-rotation", "ramp", "proof"
+APPROACH_S = 3600.0
+LEG_S = 20.0
+DRIFTED_DEGC = 1.0
+SECONDS_PER_HOUR = 3600.0
+EXPECTED_LAG_DEGC = 5.0
+"""A gyro that heats itself is about as much warmer than the chamber as it lags behind it."""
+
+MOUNT = Prompt(
+    "mount",
+    "Mount the navigation system on the three-axis table in the chamber, x along the inner axis "
+    "and z down with all axes at zero; close the door.",
+)
+CABLES = Prompt("connect-cables", "Connect its power and its data line through the slip rings.")
+
+
+def prompts(parameters: FogParameters) -> tuple[Prompt, ...]:
+    """Return what the operator may be asked to do."""
+    return (MOUNT, CABLES)
+
+
+def work_of(run: Run) -> BenchWork:
+    """Return the bench as this process of the run uses it."""
+    if WORK not in run.handed_on:
+        run.handed_on[WORK] = BenchWork(run)
+    work: BenchWork = run.handed_on[WORK]
+    return work
+
+
+def last_turn(run: Run) -> dict[str, float] | None:
+    """Return where the ramp stood at the last turn of an earlier process, None without one."""
+    turns = [details for unit, details in run.past.finished.items() if is_turn(unit)]
+    return dict(turns[-1]["stands"]) if turns else None
+
+
+def is_turn(unit: str) -> bool:
+    """Whether a unit of work is a turn of a ramp."""
+    return unit.split(" ")[0] in (RAMP, PROOF)
+
+
+def soak(run: Run) -> None:
+    """Step 1: mount, lowest temperature, soak, power on, align, warm gyros, random rotation.
+
+    The soak counts from the chamber's reaching the temperature. A run that goes on in the middle of
+    a ramp goes to where the ramp stood, and waits until the gyros are as warm as they were.
+    """
+    from drivers.roles import DutPower
+
+    parameters: FogParameters = run.parameters
+    run.ask(MOUNT.id, MOUNT.text)
+    run.ask(CABLES.id, CABLES.text)
+    work = work_of(run)
+    work.chamber.programme_limits()
+    work.table.programme_limits()
+    run.record.event("field-on", instrument=CHAMBER)
+    for axis in (work.axes.outer, work.axes.middle, work.axes.inner):
+        if not work.table.is_homed(axis):
+            work.table.home(axis)
+            while work.table.is_moving(axis):
+                run.clock.sleep(1.0)
+    stood = last_turn(run)
+    work.chamber.switch_on()
+    low_degC = parameters.temperature_range_degC[0]
+    work.reach(low_degC if stood is None else stood["set_point_degC"], SOAK)
+    if stood is None:
+        began_s = run.clock.now()
+        work.follow(began_s + parameters.soak_s, SOAK, f"soaking at {low_degC:g} degC")
+    run.role(POWER, DutPower).switch_on()
+    work.start_navigator()
+    align(run)
+    if stood is None:
+        warm_up(run)
+        rotate_at_random(run)
+    else:
+        soak_again(run, stood)
+
+
+def align(run: Run) -> None:
+    """Let the navigator find its attitude at rest; raises ConditionNotReached where it does not."""
+    parameters: FogParameters = run.parameters
+    work = work_of(run)
+    for axis in (work.axes.outer, work.axes.middle, work.axes.inner):
+        work.go_to(axis, 0.0, WARM_UP, "the table goes to zero")
+    work.navigator.align(parameters.latitude_deg)
+    aligned = work.follow_until(
+        lambda: work.navigator.status().aligned,
+        parameters.alignment_at_most_s,
+        WARM_UP,
+        lambda: "the navigator aligns",
+    )
+    if not aligned:
+        faults = ", ".join(work.navigator.status().faults) or "none told"
+        raise ConditionNotReached(
+            f"the navigator was not aligned within {parameters.alignment_at_most_s / 60:g} min "
+            f"(faults: {faults}); let it rest, and compare the plan's latitude with the place"
+        )
+
+
+def warm_up(run: Run) -> None:
+    """Wait until the gyros' own temperature is steady: self-heating is over.
+
+    Raises ConditionNotReached when |slope| + 2 u stays above the plan's limit.
+    """
+    import numpy as np
+
+    from procedures.estimation.slope import slope_with_uncertainty
+
+    rule = run.parameters.warm_up
+    work = work_of(run)
+    began_s = run.clock.now()
+    seen: list[tuple[float, float]] = []
+    said = "the gyros warm up"
+    while True:
+        work.follow(run.clock.now() + rule.window_s / 60, WARM_UP, said)
+        now_s = run.clock.now()
+        seen.append((now_s, float(np.mean(work.gyro_degC()))))
+        seen = [one for one in seen if one[0] > now_s - rule.window_s]
+        if now_s - began_s >= rule.window_s and len(seen) > 3:
+            times, temperatures = np.array(seen).T
+            slope, u = slope_with_uncertainty(times, temperatures)
+            size = SECONDS_PER_HOUR * (abs(slope) + 2 * u)
+            said = f"the gyros change by {SECONDS_PER_HOUR * slope:+.2f} degC/h"
+            if size < rule.slope_limit_degC_per_h:
+                run.progress.say(f"    warm: {said}")
+                return
+        if now_s - began_s > rule.at_most_s:
+            raise ConditionNotReached(
+                f"the gyros did not become steady within {rule.at_most_s / 3600:g} h: {said}, the "
+                f"plan allows {rule.slope_limit_degC_per_h:g}; wait longer (warm_up.at_most)"
+            )
+
+
+def soak_again(run: Run, stood: dict[str, float]) -> None:
+    """Wait until the gyros are as warm as they were when the run was interrupted."""
+    work = work_of(run)
+    wanted_degC = stood["gyro_degC"]
+    run.progress.say(f"    the gyros go back to {wanted_degC:.1f} degC")
+
+    def there() -> bool:
+        return bool(abs(work.gyro_degC().mean() - wanted_degC) <= DRIFTED_DEGC)
+
+    limit_s = run.parameters.warm_up.at_most_s
+    if not work.follow_until(there, limit_s, WARM_UP, lambda: "soaking again"):
+        run.progress.say("    they do not come there: the ramp goes on from where they are")
+
+
+def rotate_at_random(run: Run) -> None:
+    """Turn about changing axes at changing rates for a while; the navigator's output is kept."""
+    import random
+
+    parameters: FogParameters = run.parameters
+    work = work_of(run)
+    draw = random.Random(1)
+    until_s = run.clock.now() + parameters.random_rotation_s
+    numbers = (work.axes.outer, work.axes.middle, work.axes.inner)
+    while run.clock.now() < until_s:
+        axis = draw.choice(numbers)
+        work.table.turn(axis, draw.uniform(-1.0, 1.0) * parameters.turn_rate_deg_per_s)
+        work.follow(min(run.clock.now() + LEG_S, until_s), RANDOM, "random rotation")
+        work.table.stop(axis)
+        while work.table.is_moving(axis):
+            run.clock.sleep(0.5)
+
+
+def ramp_up(run: Run) -> None:
+    """Step 2: the chamber warms slowly; every interval each axis up in turn, and turned once."""
+    parameters: FogParameters = run.parameters
+    ramp(run, RAMP, parameters.temperature_range_degC[1], parameters.ramp_rate_degC_per_h)
+
+
+def ramp(run: Run, name: str, end_degC: float, rate_degC_per_h: float) -> None:
+    """Do sets of turns until every gyro has reached `end_degC`, the chamber on its way there."""
+    parameters: FogParameters = run.parameters
+    work = work_of(run)
+    done = [unit for unit in run.past.finished if unit.split(" ")[0] == name]
+    first = max((int(unit.split(" ")[1]) for unit in done), default=-1)
+    upwards = end_degC > work.gyro_degC().mean()
+    work.chamber.ramp_to(end_degC, rate_degC_per_h / 60.0)
+    began_s = run.clock.now()
+    number = max(first, 0)
+    ended_s = math.inf
+    while True:
+        run.may_pause()
+        due_s = began_s + (number - max(first, 0)) * parameters.set_interval_s
+        work.follow(due_s, name, said_of(work))
+        one_set(run, name, number)
+        number += 1
+        gyros = work.gyro_degC()
+        there = (gyros >= end_degC).all() if upwards else (gyros <= end_degC).all()
+        if there:
+            return
+        if not work.chamber.is_ramping():
+            ended_s = min(ended_s, run.clock.now())
+        if run.clock.now() - ended_s > parameters.chamber_at_most_s:
+            raise ConditionNotReached(
+                f"{parameters.chamber_at_most_s / 3600:g} h after the end of the ramp the gyros "
+                f"stand at {', '.join(f'{one:.1f}' for one in gyros)} degC, not at {end_degC:g} "
+                "degC; take a range that they reach with their own heat"
+            )
+
+
+def said_of(work: BenchWork) -> str:
+    """Return how warm it is, for the operator."""
+    return f"gyros {work.gyro_degC().mean():.1f} degC"
+
+
+def one_set(run: Run, name: str, number: int) -> None:
+    """Turn about each axis in turn; each turn is a unit of work."""
+    parameters: FogParameters = run.parameters
+    work = work_of(run)
+    for axis in parameters.axes:
+        units = [(f"{name} {number} {axis} {k}", sign) for k, sign in enumerate(parameters.signs)]
+        if all(run.is_finished(unit) for unit, _ in units):
+            continue
+        work.put_up(axis, name)
+        for unit, sign in units:
+            if run.is_finished(unit):
+                continue
+            run.record.event("unit-started", durable=False, unit=unit)
+            said = f"set {number}, {axis}, {said_of(work)}"
+            before_s, rests_s, after_s, turned_deg = work.turn_around(unit, sign, said)
+            stands = {
+                "gyro_degC": float(work.gyro_degC().mean()),
+                "set_point_degC": work.chamber.set_point_degC(),
+            }
+            run.record.finish_unit(
+                unit,
+                axis=axis,
+                set=number,
+                commanded_deg=360.0 * sign,
+                turned_deg=turned_deg,
+                before_s=before_s,
+                rests_s=rests_s,
+                after_s=after_s,
+                chamber_degC=work.chamber.temperature_degC(),
+                stands=stands,
+            )
+            work.follow(run.clock.now() + parameters.pause_s, name, said)
+
+
+def fit(run: Run) -> None:
+    """Step 3: heading differences over gyro temperature, and a polynomial, of what is recorded."""
+    import numpy as np
+
+    from procedures.fog_scale_factor_temperature.analysis import analyse
+    from procedures.fog_scale_factor_temperature.from_record import dataset_of_run
+
+    found = analyse(dataset_of_run(run.read_back(), run.parameters, run.bench))
+    for axis, one in found.fits.items():
+        if one.curve is not None:
+            at = one.curve.largest_at_degC()
+            run.progress.say(
+                f"    {axis}: order {one.curve.order}, largest error "
+                f"{float(one.curve.error_ppm(np.array([at]))[0]):+.1f} ppm at {at:.1f} degC"
+            )
+
+
+def prove(run: Run) -> None:
+    """Step 4: another ramp, whose turns never enter the fit; then table, device and chamber off."""
+    from drivers.roles import DutPower
+
+    parameters: FogParameters = run.parameters
+    work = work_of(run)
+    rule = parameters.verification
+    if rule is not None:
+        low_degC, high_degC = parameters.temperature_range_degC
+        end_degC = low_degC if rule.direction == "down" else high_degC
+        if rule.direction == "up":
+            work.reach(low_degC, PROOF)
+        ramp(run, PROOF, end_degC, rule.ramp_rate_degC_per_h)
+    for axis in (work.axes.outer, work.axes.middle, work.axes.inner):
+        work.table.stop(axis)
+    work.navigates = False
+    work.navigator.stop()
+    run.role(POWER, DutPower).switch_off()
+
+
+def instruments(parameters: FogParameters) -> tuple[str, ...]:
+    """Return the bench instances that a plan needs."""
+    return (CHAMBER, TABLE, NAVIGATOR, POWER)
+
+
+def soak_s(parameters: FogParameters) -> float:
+    """Return the expected bench time in s of step 1."""
+    warm_s = parameters.alignment_s + 4 * parameters.warm_up.window_s
+    return APPROACH_S + parameters.soak_s + warm_s + parameters.random_rotation_s
+
+
+def ramp_s(parameters: FogParameters) -> float:
+    """Return the expected bench time in s of step 2."""
+    return parameters.span_degC / parameters.ramp_rate_degC_per_h * SECONDS_PER_HOUR
+
+
+def proof_s(parameters: FogParameters) -> float:
+    """Return the expected bench time in s of step 4."""
+    rule = parameters.verification
+    if rule is None:
+        return 1.0
+    return (parameters.span_degC + EXPECTED_LAG_DEGC) / rule.ramp_rate_degC_per_h * SECONDS_PER_HOUR
+
+
+STEPS = (
+    Step("1", "Lowest temperature, soak, power on, align, rotate", soak, soak_s),
+    Step("2", "Slow ramp; every 10 min each axis up and turned", ramp_up, ramp_s),
+    Step("3", "Scale-factor error over temperature: a polynomial", fit, lambda _: 0.0),
+    Step("4", "Another ramp, compensated; then everything off", prove, proof_s),
+)
+
+__all__ = ["AXES", "STEPS", "instruments", "prompts"]

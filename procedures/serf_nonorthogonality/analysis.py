@@ -1,0 +1,97 @@
+"""The analysis of the angles between three coils: a pure function of the dataset."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .checks import checks_of
+from .chirped import Frequencies, frequencies_and_angles
+from .dataset import AXES, PAIRS, SerfDataset
+from .findings import AnalysisSettings, Published, SerfAnalysis, ShotResult
+from .flags import data_flags, result_flags
+from .precession import Precession, look_at_all
+from .published import PublishedAngles, published_angles
+from .results import estimates, residual_magnitude_nT, scale_axis
+
+Array = NDArray[np.float64]
+
+__all__ = ["AnalysisSettings", "SerfAnalysis", "analyse"]
+
+
+def analyse(dataset: SerfDataset, settings: AnalysisSettings | None = None) -> SerfAnalysis:
+    """Estimate angles, residual field, coil factors and slowing-down factor from all shots.
+
+    Each shot is fitted on its own; where the frequency falls while the polarisation fades, all are
+    fitted once more together, in turn with the angles, which say how the fields lie to the light.
+    Beside it stands the law of cosines on the frequencies of the single fits. Deterministic; raises
+    nothing for poor data: what they do not determine is None and flagged.
+    """
+    settings = settings or AnalysisSettings()
+    seen = look_at_all(dataset, settings)
+    used = [one for one in seen if one.used]
+    found: Frequencies | None = None
+    if used:
+        try:
+            found = frequencies_and_angles(dataset, used, settings)
+        except np.linalg.LinAlgError:
+            found = None
+    freedom = float(sum(one.used_fit.degrees_of_freedom for one in used))
+    results = estimates(dataset, found, freedom)
+    paper = _published(dataset, seen)
+    shots = _shots(dataset, seen, found)
+    solution = found.solution if found is not None else None
+    size_nT = residual_magnitude_nT(dataset, solution) if solution is not None else None
+    flags = data_flags(dataset, seen, settings)
+    flags += result_flags(dataset, found, results, paper, size_nT, settings)
+    return SerfAnalysis(
+        shots=shots,
+        solution=solution,
+        joint=found.joint if found is not None else None,
+        estimates=results,
+        published=tuple(Published(pair, paper.angles_deg[pair]) for pair in PAIRS),
+        flags=tuple(flags),
+        checks=checks_of(dataset, shots, found, results, size_nT),
+        chirp=found.chirp if found is not None else 0.0,
+        chirp_u=found.chirp_u if found is not None else np.inf,
+        rate_per_s=found.rate_per_s if found is not None else None,
+        beta_s=found.beta_s if found is not None else 0.0,
+        residual_field_nT=size_nT,
+    )
+
+
+def _published(dataset: SerfDataset, seen: list[Precession]) -> PublishedAngles:
+    """Return the law of cosines on the single fits; the published rule knows no chirp."""
+    omega = [one.used_fit.omega_rad_per_s if one.used else np.nan for one in seen]
+    return published_angles(dataset.commanded_nT, np.array(omega), dataset.gamma_rad_per_s_nT)
+
+
+def _shots(
+    dataset: SerfDataset, seen: list[Precession], found: Frequencies | None
+) -> tuple[ShotResult, ...]:
+    scale = np.nan
+    if found is not None:
+        axis = scale_axis(dataset, found.solution)
+        scale = float(found.solution.scale[AXES.index(axis)]) if axis else np.nan
+    results, place = [], 0
+    for one in seen:
+        omega = omega_u = misfit = np.nan
+        if one.used and found is not None:
+            omega = float(found.omega_rad_per_s[place])
+            omega_u = float(np.sqrt(found.covariance[place, place]))
+            misfit = float(found.solution.misfit_rad_per_s[place]) / omega_u
+            place += 1
+        results.append(
+            ShotResult(
+                name=one.shot.name,
+                fit=one.fit,
+                rejected=one.rejected,
+                omega_rad_per_s=omega,
+                omega_u=omega_u,
+                field_nT=omega / scale,
+                misfit=misfit,
+            )
+        )
+    return tuple(results)
+
+
