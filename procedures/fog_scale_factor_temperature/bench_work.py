@@ -24,6 +24,8 @@ FULL_TURN_DEG = 360.0
 AXES = ("x", "y", "z")
 UP: dict[str, tuple[float, float]] = {"x": (90.0, 0.0), "y": (0.0, -90.0), "z": (0.0, 180.0)}
 """Angles of the middle and the inner axis, in deg, that let a body axis point up (z is down)."""
+AXIS_SETTINGS = ("outer_axis", "middle_axis", "inner_axis")
+"""Settings of the table in the bench file: which number the controller gives each axis."""
 CHAMBER_COLUMNS = {
     "process_value_degC": "degC, the chamber's air",
     "set_point_degC": "degC, what it is controlled to",
@@ -51,8 +53,7 @@ class BenchWork:
         self.table = run.role(TABLE, Turntable)
         self.navigator = run.role(NAVIGATOR, Navigator)
         settings = run.bench.instruments[TABLE].settings
-        numbers = [int(settings.get(f"{name}_axis", k)) for name, k in DEFAULT_AXES.items()]
-        self.axes = TableAxes(*numbers)
+        self.axes = TableAxes(*(int(settings[key]) for key in AXIS_SETTINGS))
         self.newest: Any = None
         """The navigator's last row, a structured array of shape (1,); None before the first."""
         self.navigates = False
@@ -167,6 +168,3 @@ class BenchWork:
         self.follow(rests_s + settle_s, unit, said)
         turned_deg = self.table.angle_deg(outer) - before_deg
         return before_s, rests_s, self.run.clock.now(), turned_deg
-
-
-DEFAULT_AXES = {"outer": 3, "middle": 2, "inner": 1}

@@ -30,8 +30,21 @@ def instruments(parameters: FogParameters) -> tuple[str, ...]:
 
 def check(parameters: FogParameters, bench: Bench) -> Iterator[Problem]:
     """Yield what the chamber cannot do, and an uncertainty that the plan cannot reach."""
+    yield from table_problems(bench)
     yield from chamber_problems(parameters, bench)
     yield from uncertainty_problems(parameters)
+
+
+def table_problems(bench: Bench) -> Iterator[Problem]:
+    """Yield each axis of the table whose number the bench file does not say: it decides a sign."""
+    table = bench.instruments.get(TABLE)
+    for key in ("outer_axis", "middle_axis", "inner_axis") if table is not None else ():
+        if table is not None and not isinstance(table.settings.get(key), int):
+            yield Problem(
+                ("procedure",),
+                f"the bench file does not say which axis of {TABLE} is the {key[:-5]} one; write "
+                f"instruments.{TABLE}.settings.{key}, such as 1",
+            )
 
 
 def chamber_problems(parameters: FogParameters, bench: Bench) -> Iterator[Problem]:

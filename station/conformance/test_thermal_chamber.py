@@ -106,12 +106,12 @@ def test_a_temperature_beyond_the_limits_is_refused(stand: Stand, thermal_chambe
         stand.limits["temperature_high"] + 0.5,
         float("nan"),
     ):
-        for ask in (
-            lambda beyond=beyond: thermal_chamber.set_temperature(beyond),
-            lambda beyond=beyond: thermal_chamber.ramp_to(beyond, RATE_K_PER_MIN),
+        for verb, *rate in (
+            (thermal_chamber.set_temperature,),
+            (thermal_chamber.ramp_to, RATE_K_PER_MIN),
         ):
             with pytest.raises(InstrumentError) as raised:
-                ask()
+                verb(beyond, *rate)
             assert raised.value.instrument == stand.name
     assert not thermal_chamber.is_ramping()
     assert abs(thermal_chamber.set_point_degC() - before_degC) <= AGREES_K

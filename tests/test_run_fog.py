@@ -1,0 +1,146 @@
+"""The scale factor over temperature from end to end on the simulated bench: a short ramp."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+
+from station import registry
+from station.bench import read_bench
+from station.evaluation import conclude_run
+from station.lookup import BENCHES, PLANS, find
+from station.plan import read_plan
+from station.record.folder import RunFolder
+from station.runner.execute import Request, execute
+from station.runner.outcome import Outcome
+
+PROCEDURE = "fog-scale-factor-temperature"
+SHORT: dict[str, Any] = {
+    "outside_published_range": True,
+    "temperature_range": ["20 degC", "30 degC"],
+    "reference_temperature": "26 degC",
+    "soak": "10 min",
+    "random_rotation": "20 s",
+    "verification": None,
+    "asked_uncertainty": None,
+    "warm_up": {"slope_limit": "6 degC/h", "window": "10 min", "at_most": "4 h"},
+}
+
+
+def short_run(folder: Path, seed: int, **changes: Any) -> tuple[Outcome, dict[str, Any]]:
+    """Run a ramp over ten degrees; return the truth of the gyros beside it."""
+    plan = yaml.safe_load(find(PLANS, PROCEDURE).read_text(encoding="utf-8"))
+    bench = yaml.safe_load(find(BENCHES, "sim").read_text(encoding="utf-8"))
+    plan["parameters"] |= SHORT | changes
+    plan["limits"] = {"scale_factor_error": {"max_abs": "500 ppm"}}
+    bench["simulation"]["seed"] = seed
+    folder.mkdir(exist_ok=True)
+    (folder / "plan.yaml").write_text(yaml.safe_dump(plan), encoding="utf-8")
+    (folder / "bench.yaml").write_text(yaml.safe_dump(bench), encoding="utf-8")
+    outcome = execute(
+        Request(
+            read_plan(folder / "plan.yaml", registry.Procedures()),
+            read_bench(folder / "bench.yaml", registry.names(registry.DRIVERS)),
+            folder / "runs",
+            quiet=True,
+            report=False,
+        )
+    )
+    truth: dict[str, Any] = bench["simulation"]["fog"]["gyros"]
+    return outcome, truth
+
+
+def true_ppm(truth: dict[str, Any], axis: str, temperature_degC: float) -> float:
+    """Return the true scale-factor error of a gyro, by the powers of u over -40 to 60 degC."""
+    u = (temperature_degC - 10.0) / 50.0
+    terms = truth[axis]["scale_factor_error"]
+    return sum(float(str(terms[f"u{k}"]).split()[0]) * u**k for k in range(5))
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> tuple[Outcome, dict[str, Any]]:
+    """One short run with pairs of turns."""
+    return short_run(tmp_path_factory.mktemp("fog"), seed=3)
+
+
+def test_the_true_curve_comes_back_at_the_reference_and_at_its_largest(
+    run: tuple[Outcome, dict[str, Any]],
+) -> None:
+    outcome, truth = run
+    assert outcome.exit_code == 0, outcome.error
+    assert outcome.document is not None
+    found = {(one.estimate.name, one.estimate.axis): one for one in outcome.document.results}
+    for axis in "xyz":
+        at = found["scale_factor_error", axis]
+        assert at.combined is not None
+        error_ppm = at.estimate.value - true_ppm(truth, axis, 26.0)
+        # The rests before and after a turn are a minute apart: the gyro warms meanwhile.
+        assert abs(error_ppm) < 4 * at.combined.standard_uncertainty + 0.1
+        assert at.estimate.extra["model"]["basis"] == "chebyshev"
+
+
+def test_each_turn_is_a_unit_and_was_verified_by_the_encoder(
+    run: tuple[Outcome, dict[str, Any]],
+) -> None:
+    units = RunFolder(run[0].folder).finished_units()
+    turns = {name: details for name, details in units.items() if name.startswith("ramp ")}
+    assert len(turns) >= 5 * 3 * 2
+    for details in turns.values():
+        assert details["turned_deg"] == pytest.approx(details["commanded_deg"], abs=0.01)
+
+
+def test_the_turns_go_on_until_the_gyros_themselves_are_warm(
+    run: tuple[Outcome, dict[str, Any]],
+) -> None:
+    folder = RunFolder(run[0].folder)
+    last = list(folder.finished_units())[-1]
+    rows = folder.rows("navigator", last)
+    warmest = [rows[f"temperature_{axis}_degC"][-1] for axis in "xyz"]
+    assert min(warmest) > 29.0
+
+
+def test_a_new_analysis_gives_the_same_bytes(run: tuple[Outcome, dict[str, Any]]) -> None:
+    folder = run[0].folder
+    conclude_run(folder, report=False)
+    again = (folder / "revisions" / "001" / "results.json").read_bytes()
+    assert again == (folder / "results.json").read_bytes()
+
+
+def test_a_navigator_that_cannot_align_ends_the_run_with_a_sentence(tmp_path: Path) -> None:
+    bench = yaml.safe_load(find(BENCHES, "sim").read_text(encoding="utf-8"))
+    bench["simulation"]["faults"] = [
+        {"instrument": "navigator", "fault": "alignment-fails", "at": "1 s"}
+    ]
+    plan = yaml.safe_load(find(PLANS, PROCEDURE).read_text(encoding="utf-8"))
+    plan["parameters"] |= SHORT
+    plan.pop("limits")
+    (tmp_path / "plan.yaml").write_text(yaml.safe_dump(plan), encoding="utf-8")
+    (tmp_path / "bench.yaml").write_text(yaml.safe_dump(bench), encoding="utf-8")
+    outcome = execute(
+        Request(
+            read_plan(tmp_path / "plan.yaml", registry.Procedures()),
+            read_bench(tmp_path / "bench.yaml", registry.names(registry.DRIVERS)),
+            tmp_path / "runs",
+            quiet=True,
+            report=False,
+        )
+    )
+    assert outcome.exit_code == 3
+    assert outcome.error is not None
+    assert "not aligned within 20 min" in outcome.error
+    assert all(one.verified for one in outcome.safe)
+    log = (outcome.folder / "events.jsonl").read_text(encoding="utf-8").splitlines()
+    assert json.loads(log[-1])["event"] == "run-ended"
+
+
+def test_a_mean_attitude_does_not_mind_a_heading_that_wraps() -> None:
+    from procedures.fog_scale_factor_temperature.from_record import ATTITUDE, mean_attitude_deg
+
+    rows = np.zeros(2, dtype=[(name, float) for name in ATTITUDE])
+    rows["heading_deg"] = [359.9, 0.3]
+    assert mean_attitude_deg(rows)[0] == pytest.approx(0.1, abs=1e-9)
