@@ -105,12 +105,12 @@ def _closed_form(
 def _axes(found: Frequencies, results: Sequence[Estimate]) -> Check:
     angles = [one.value for one in results if one.name == ANGLE and one.value is not None]
     smallest = float(np.linalg.eigvalsh(found.solution.gram)[0])
-    near = bool(angles) and all(LOWEST_DEG < one < HIGHEST_DEG for one in angles)
+    near = all(LOWEST_DEG < one < HIGHEST_DEG for one in angles)
     return Check(
         "three axes with these angles exist",
         f"smallest eigenvalue of the Gram matrix {smallest:.4f}",
         f"positive, every angle between {LOWEST_DEG:g} and {HIGHEST_DEG:g} deg",
-        smallest > 0.0 and near,
+        smallest > 0.0 and near if angles else None,
     )
 
 

@@ -13,6 +13,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from .starts import starting_points
@@ -90,8 +91,8 @@ def fit_tone(
     """Fit one record; `usable` (n,) leaves out samples that are none, such as saturated ones.
 
     The baseline decays with `baseline_decay_per_s`, or as fast as the tone where that is None.
-    `start` is (w, G) to begin with, found from the record where it is None. Samples beyond six
-    robust standard deviations are left out. Raises NoTone.
+    `start` is (w, G) to begin with, found from the record where it is None. Samples that
+    stand six robust standard deviations from fit and neighbours are left out. Raises NoTone.
     """
     kept = np.isfinite(voltage_V) if usable is None else usable & np.isfinite(voltage_V)
     if int(kept.sum()) < LEAST_SAMPLES:
@@ -262,10 +263,14 @@ def _chirp(state: _State, t: Array, omega: float, decay: float) -> tuple[float, 
 
 
 def _wild(residual: Array) -> Mask:
-    """Return which residuals stand far out of the others; none where there are too many."""
-    middle = float(np.median(residual))
-    spread = 1.4826 * float(np.median(np.abs(residual - middle)))
-    found: Mask = np.abs(residual - middle) > WILD * spread
+    """Return which residuals stand far out of their neighbours; none where there are too many.
+
+    What a wrong model leaves is as large in the neighbours.
+    """
+    beside = np.median(sliding_window_view(np.pad(residual, 2, mode="edge"), 5), axis=1)
+    out = residual - beside
+    spread = 1.4826 * float(np.median(np.abs(residual - np.median(residual))))
+    found: Mask = (np.abs(out) > WILD * spread) & (np.abs(residual) > WILD * spread)
     if spread <= 0.0 or found.mean() > MOST_WILD:
         return np.zeros(len(residual), dtype=bool)
     return found

@@ -1,0 +1,136 @@
+"""From an imported dataset folder to the dataset of the analysis."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import numpy as np
+from pydantic import Field, ValidationInfo, field_validator
+
+from procedures.serf_nonorthogonality.dataset import GAMMA_HZ_PER_NT, SerfDataset, Shot
+from procedures.serf_nonorthogonality.law import SPINS
+from station.dataset_reading import Table, check_ascending, read_table
+from station.faults import Fault, FaultList
+from station.fields import StrictModel, Unit
+from station.yaml.reading import validate_model
+
+if TYPE_CHECKING:
+    from station.dataset_reading import RawDataset
+
+Axis = Literal["x", "y", "z"]
+TIME = "t_s"
+RATE_TOLERANCE = 0.01
+LEAST_SAMPLES = 16
+
+
+class ImportedShot(StrictModel):
+    """A column of the file, and the field that was commanded along the coils x, y, z."""
+
+    id: Annotated[str, Field(min_length=1)]
+    field_nT: tuple[
+        Annotated[float, Unit("nT")], Annotated[float, Unit("nT")], Annotated[float, Unit("nT")]
+    ]
+
+    @field_validator("id")
+    @classmethod
+    def not_the_time(cls, name: str) -> str:
+        """Refuse the name of the column of times."""
+        if name == TIME:
+            raise ValueError(f"'{TIME}' is the column of times; give the shot another name")
+        return name
+
+    @field_validator("field_nT")
+    @classmethod
+    def some_field(cls, field_nT: tuple[float, float, float]) -> tuple[float, float, float]:
+        """Refuse a shot without a field."""
+        if not any(field_nT):
+            raise ValueError("all fields are zero; the spins precess only in a field")
+        return field_nT
+
+
+class Conditions(StrictModel):
+    """The conditions of a dataset of shots; what decides the geometry has no default."""
+
+    sample_rate_Hz: Annotated[float, Unit("Hz"), Field(gt=0)]
+    gyromagnetic_ratio_Hz_per_nT: Annotated[float, Unit("Hz/nT"), Field(gt=0)] = GAMMA_HZ_PER_NT
+    nuclear_spin: float
+    pump_axis: Axis
+    probe_axis: Axis
+    coil_constants: Literal["known", "nominal"]
+    mains_frequency_Hz: Annotated[float, Unit("Hz"), Field(gt=0)] | None = None
+    shots: Annotated[tuple[ImportedShot, ...], Field(min_length=1)] = Field()
+
+    @field_validator("nuclear_spin")
+    @classmethod
+    def of_an_alkali(cls, nuclear_spin: float) -> float:
+        """Refuse a spin whose slowing-down factor is not known."""
+        if nuclear_spin not in SPINS:
+            raise ValueError("must be 1.5 (K, Rb-87, Na), 2.5 (Rb-85) or 3.5 (Cs)")
+        return nuclear_spin
+
+    @field_validator("probe_axis")
+    @classmethod
+    def not_the_pump_axis(cls, probe_axis: Axis, info: ValidationInfo) -> Axis:
+        """Refuse a probe along the pump light."""
+        if probe_axis == info.data.get("pump_axis"):
+            raise ValueError("must be another axis than pump_axis: no shot would carry a signal")
+        return probe_axis
+
+    @field_validator("shots")
+    @classmethod
+    def each_once_and_with_a_signal(
+        cls, shots: tuple[ImportedShot, ...], info: ValidationInfo
+    ) -> tuple[ImportedShot, ...]:
+        """Refuse a name that stands twice, and a field along pump or probe alone."""
+        names = [shot.id for shot in shots]
+        twice = [name for name in names if names.count(name) > 1]
+        if twice:
+            raise ValueError(f"the shot '{twice[0]}' stands twice")
+        lights = {info.data.get("pump_axis"): "pump", info.data.get("probe_axis"): "probe"}
+        for shot in shots:
+            axes = "".join(a for a, b in zip("xyz", shot.field_nT, strict=True) if b)
+            if axes in lights and None not in lights:
+                usable = next(axis for axis in "xyz" if axis not in lights)
+                raise ValueError(
+                    f"the shot '{shot.id}' has its field along the {lights[axes]} light alone and "
+                    f"carries no signal; use coil {usable} for a single axis"
+                )
+        return shots
+
+
+def dataset_of_import(raw: RawDataset) -> SerfDataset:
+    """Return the shots of an imported folder; FaultList names file, row and reason."""
+    conditions = validate_model(raw.document, Conditions, at=("conditions",))
+    raw.require_files(("shots",))
+    path = raw.file("shots")
+    table = read_table(path, (TIME, *(shot.id for shot in conditions.shots)))
+    check_ascending(path, table, TIME)
+    _check_rate(table, conditions.sample_rate_Hz)
+    return SerfDataset(
+        shots=[
+            Shot(shot.id, np.array(shot.field_nT), table[TIME], table[shot.id])
+            for shot in conditions.shots
+        ],
+        pump_axis=conditions.pump_axis,
+        probe_axis=conditions.probe_axis,
+        nuclear_spin=conditions.nuclear_spin,
+        constants_known=conditions.coil_constants == "known",
+        sample_rate_Hz=conditions.sample_rate_Hz,
+        gamma_Hz_per_nT=conditions.gyromagnetic_ratio_Hz_per_nT,
+        mains_Hz=conditions.mains_frequency_Hz,
+    )
+
+
+def _check_rate(table: Table, rate_Hz: float) -> None:
+    """Refuse too few rows, and times that contradict the sample rate."""
+    where = str(table.path)
+    if len(table.lines) < LEAST_SAMPLES:
+        what = f"{len(table.lines)} rows are too few for a fit; at least {LEAST_SAMPLES} are needed"
+        raise FaultList([Fault(where, table.lines[-1], 1, TIME, what)])
+    interval_s = float(np.median(np.diff(table[TIME])))
+    if abs(interval_s * rate_Hz - 1.0) > RATE_TOLERANCE:
+        what = (
+            f"the rows are {interval_s:.6g} s apart, which is {1.0 / interval_s:.6g} Hz; "
+            f"sample_rate says {rate_Hz:g} Hz"
+        )
+        raise FaultList([Fault(where, table.lines[0], 1, TIME, what)])
