@@ -167,9 +167,7 @@ class Keysight33522B:
             for message in messages.step(held_V, voltage_V, duration_s, delay_s):
                 self._line.command(message)
             self._line.command(messages.switch(on=True))
-            wanted = messages.stepping(
-                self._load_ohm, held_V, voltage_V, duration_s, delay_s
-            )
+            wanted = messages.stepping(self._load_ohm, held_V, voltage_V, duration_s, delay_s)
             self._prove(wanted)
         self._armed.add(channel)
         self.place.publish("output", "on")

@@ -14,7 +14,6 @@ LOOK_S = 0.1
 TROUBLE_EVERY_S = 60.0
 NO_POWER_PERCENT = 0.05
 SENSIBLE_DEGC = (-200.0, 500.0)
-SECONDS_PER_MINUTE = 60.0
 
 
 class WatlowChamber(ABC):
@@ -49,8 +48,7 @@ class WatlowChamber(ABC):
         low, high = self._limit("temperature_low"), self._limit("temperature_high")
         has_low, has_high = self._limits_found()
         if low < has_low - self.resolution_K or high > has_high + self.resolution_K:
-            raise InstrumentError(
-                self.place.name,
+            raise self._fault(
                 f"limit the set-point to {low:g} degC to {high:g} degC",
                 f"the controller's own limits are {has_low:g} degC and {has_high:g} degC",
                 "narrow limits.temperature_low and limits.temperature_high in the bench file; only "
@@ -91,8 +89,7 @@ class WatlowChamber(ABC):
         attempted = f"ramp to {temperature_degC:g} degC at {rate_K_per_min:g} degC/min"
         slew = self.place.limits.get("temperature_slew", math.inf)
         if not 0 < rate_K_per_min <= slew or not math.isfinite(rate_K_per_min):
-            raise InstrumentError(
-                self.place.name,
+            raise self._fault(
                 attempted,
                 f"the bench allows rates above 0 and up to {slew:g} degC/min",
                 "correct the plan's rate, or limits.temperature_slew",
@@ -215,9 +212,8 @@ class WatlowChamber(ABC):
 
     def _begin_ramp(self, target_degC: float, rate_K_per_min: float) -> None:
         here_degC = self._stands_at()
-        rate = rate_K_per_min / SECONDS_PER_MINUTE
-        now_s = self.place.clock.now()
-        self._steps = Steps(here_degC, target_degC, rate, now_s, here_degC)
+        rate_K_per_s, now_s = rate_K_per_min / 60.0, self.place.clock.now()
+        self._steps = Steps(here_degC, target_degC, rate_K_per_s, now_s, here_degC)
 
     def _end_ramp(self) -> None:
         """End a ramp where the set-point stands."""
@@ -246,8 +242,7 @@ class WatlowChamber(ABC):
     def _air(self, line: RegisterLine) -> float:
         air_degC = self._process_degC(line)
         if not SENSIBLE_DEGC[0] <= air_degC <= SENSIBLE_DEGC[1]:
-            raise InstrumentError(
-                self.place.name,
+            raise self._fault(
                 "read the temperature",
                 f"its process value reads {air_degC:g} degC",
                 "look at the controller's panel, and at the sensor and its cable",
@@ -264,17 +259,13 @@ class WatlowChamber(ABC):
     def _ready_for(self, temperature_degC: float, attempted: str) -> None:
         low, high = self._limit("temperature_low"), self._limit("temperature_high")
         if not low <= temperature_degC <= high:
-            raise InstrumentError(
-                self.place.name,
+            raise self._fault(
                 attempted,
                 f"the bench allows {low:g} degC to {high:g} degC",
-                "correct the plan's temperatures, or limits.temperature_low and "
-                "limits.temperature_high",
+                "correct the plan's temperatures, or the bench file's limits",
             )
         if not self._on:
-            raise InstrumentError(
-                self.place.name, attempted, "its control is off", "switch it on before"
-            )
+            raise self._fault(attempted, "its control is off", "switch it on before")
         self._prepare(attempted)
 
     def _look(self, attempted: str, *, now: bool = False) -> None:
@@ -290,8 +281,7 @@ class WatlowChamber(ABC):
                 troubles.append("its control is off though it was switched on")
         if troubles:
             self._looked_s = -math.inf
-            raise InstrumentError(
-                self.place.name,
+            raise self._fault(
                 attempted,
                 ", and ".join(troubles),
                 "look at the chamber and at its controller's panel, and clear the cause there",
@@ -299,10 +289,12 @@ class WatlowChamber(ABC):
 
     def _limit(self, name: str) -> float:
         if name not in self.place.limits:
-            raise InstrumentError(
-                self.place.name,
+            raise self._fault(
                 "read the bench file",
                 f"it gives no limits.{name}",
                 "write it there; the chamber is not switched on without it",
             )
         return self.place.limits[name]
+
+    def _fault(self, attempted: str, came_back: str, do_now: str) -> InstrumentError:
+        return InstrumentError(self.place.name, attempted, came_back, do_now)

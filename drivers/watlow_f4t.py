@@ -17,7 +17,8 @@ from __future__ import annotations
 from typing import ClassVar
 
 from drivers.roles import Identity, Place
-from drivers.transport.modbus_line import NO_REGISTER, SCHEME, ModbusRefusal
+from drivers.transport.modbus_line import SCHEME
+from drivers.transport.modbus_refusal import NO_REGISTER, ModbusRefusal
 from drivers.transport.patient_registers import RegisterLine
 from drivers.transport.retry import Repeatable
 from drivers.watlow_chamber import LOOK_S, WatlowChamber

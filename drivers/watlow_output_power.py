@@ -11,7 +11,7 @@ from __future__ import annotations
 from typing import ClassVar
 
 from drivers.roles import Identity, Place
-from drivers.transport.modbus_line import DEVICE_FAILURE, ModbusRefusal
+from drivers.transport.modbus_refusal import DEVICE_FAILURE, ModbusRefusal
 from drivers.transport.retry import Repeatable
 from drivers.watlow_f4t_registers import OFF, ON, REPEATABLE, F4TRegisters, io_register
 from station.errors import InputError, InstrumentError

@@ -42,9 +42,7 @@ class WatlowF4:
     def __init__(self, setting: Setting) -> None:
         truth = setting.truth
         if not setting.serial.isdecimal() or int(setting.serial) > HIGHEST_SERIAL:
-            raise SimulationError(
-                f"{truth.where}: an F4 has a serial number of six digits"
-            )
+            raise SimulationError(f"{truth.where}: an F4 has a serial number of six digits")
         self._plant = Plant(setting)
         self._low = round(truth.quantity("set_point_low", "degC") * PER_K)
         self._high = round(truth.quantity("set_point_high", "degC") * PER_K)

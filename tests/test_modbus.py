@@ -11,7 +11,8 @@ import pytest
 from pymodbus.framer import FramerRTU
 from watlow_stand import NAME, Stand, controller
 
-from drivers.transport.modbus_line import ModbusLine, ModbusRefusal
+from drivers.transport.modbus_line import ModbusLine
+from drivers.transport.modbus_refusal import ModbusRefusal
 from drivers.transport.patient_registers import PatientRegisters
 from drivers.transport.retry import Repeatable
 from drivers.transport.serial_port import Framing

@@ -11,13 +11,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from procedures.estimation.linear import combine
 from procedures.estimation.orthogonal import choose_by_information, project, thin_qr
 
 from .axis_turns import SAME_TEMPERATURE_DEGC, AxisTurns, distinct_temperatures, is_paired
 from .curve import chebyshev_columns
 from .dataset import Array, Mask
 from .findings import AnalysisSettings
-from .wandering_bias import CorrelatedFit, Walk, walk_kernel, walk_ratio
+from .wandering_bias import CorrelatedFit, Walk, course_of, walk_ratio
 
 BIAS_ORDER = 4
 SPARE = 3
@@ -46,7 +47,7 @@ class AxisProblem:
         self.floor_ppm = floor_ppm
         self.paired = is_paired(turns)
         self.candidates = turns.usable & (self.paired | (turns.commanded_deg != 0.0))
-        self.kernel = walk_kernel(turns.middle_s, turns.duration_s, turns.set_interval_s)
+        self.course = course_of(turns.middle_s, turns.duration_s, turns.set_interval_s)
         self.data = turns.data_ppm
 
     def highest_order(self, kept: Mask) -> int:
@@ -105,13 +106,13 @@ class AxisProblem:
         if not self.paired:
             return 0.0
         design = self.design(domain, order)[0][kept]
-        return walk_ratio(design, self.data[kept], self.kernel[np.ix_(kept, kept)])
+        return walk_ratio(design, self.data[kept], self.course.of(kept))
 
     def _order(self, kept: Mask, domain: tuple[float, float], highest: int, ratio: float) -> int:
         design, biases = self.design(domain, highest)
-        walk = Walk(self.kernel[np.ix_(kept, kept)], ratio)
+        walk = Walk(self.course.of(kept), ratio)
         q, _ = thin_qr(walk.whiten(design[kept]))
-        data = walk.whiten(self.data[kept])
+        data = combine(walk.factor, self.data[kept])
         gains = project(q, data) ** 2
         left = float(data @ data) - np.cumsum(gains)
         sums = np.maximum(left[biases:], 0.0)
@@ -120,7 +121,7 @@ class AxisProblem:
 
     def _fit(self, kept: Mask, domain: tuple[float, float], order: int, ratio: float) -> Solved:
         design, _ = self.design(domain, order)
-        walk = Walk(self.kernel[np.ix_(kept, kept)], ratio)
+        walk = Walk(self.course.of(kept), ratio)
         fit = walk.fit(design[kept], self.data[kept])
         return Solved(domain, order, ratio, fit, self._lag_one(kept, fit.white))
 

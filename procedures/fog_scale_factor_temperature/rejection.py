@@ -68,9 +68,9 @@ def _surprise(problem: AxisProblem, end: tuple[Mask, Solved | None]) -> float:
     wild = int(problem.candidates.sum()) - count
     span = float(np.ptp(problem.data[problem.candidates])) or 1.0
     noise = max(solved.fit.noise, problem.floor_ppm, 1e-9 * span)
-    walk = Walk(problem.kernel[np.ix_(kept, kept)], solved.ratio)
+    walk = Walk(problem.course.of(kept), solved.ratio)
     told = count * (np.log(2.0 * np.pi * noise**2) + 1.0)
-    told += 2.0 * float(np.log(np.diag(walk.factor)).sum())
+    told += walk.log_determinant
     told += (solved.order + 1) * np.log(count)
     return float(told + 2.0 * wild * np.log(span * (1.0 - WILD_SHARE) / WILD_SHARE))
 
@@ -91,7 +91,7 @@ def _settle(problem: AxisProblem, kept: Mask) -> tuple[Mask, Solved | None]:
             deleted_residuals(
                 design[problem.candidates],
                 problem.data[problem.candidates],
-                problem.kernel[np.ix_(problem.candidates, problem.candidates)],
+                problem.course.of(problem.candidates),
                 solved.ratio,
                 kept[problem.candidates],
             )

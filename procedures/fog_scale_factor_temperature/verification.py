@@ -26,10 +26,10 @@ def verify_axis(turns: AxisTurns, fit: AxisFit) -> Verified | None:
     sensing = turns.usable & (turns.commanded_deg != 0.0)
     if fit.curve is None or not bool(sensing.any()):
         return None
-    before, own_u, own_bias = _set_by_set(turns, fit.noise_ppm or 0.0)
-    heat = turns.temperature_degC[sensing]
-    before, own_u, own_bias = before[sensing], own_u[sensing], own_bias[sensing]
     curve = fit.curve
+    left, own_u, own_bias = (one[sensing] for one in _set_by_set(turns, curve, fit.noise_ppm))
+    heat = turns.temperature_degC[sensing]
+    before = left + curve.error_ppm(heat)
     after = compensated_ppm(curve, heat, before)
     low, high = curve.domain_degC
     outside = (heat < low - OUTSIDE_DEGC) | (heat > high + OUTSIDE_DEGC)
@@ -51,9 +51,17 @@ def compensated_ppm(curve: Curve, temperature_degC: Array, error_ppm: Array) -> 
     return np.asarray(((1.0 + error_ppm / PPM) / model - 1.0) * PPM)
 
 
-def _set_by_set(turns: AxisTurns, noise_ppm: float) -> tuple[Array, Array, Array]:
-    """Return each turn's scale-factor error, its uncertainty, and what 1 deg/h of bias adds."""
-    error, u, by_bias = (np.full(len(turns.rows), np.nan) for _ in range(3))
+def _set_by_set(
+    turns: AxisTurns, curve: Curve, noise_ppm: float | None
+) -> tuple[Array, Array, Array]:
+    """Return what the curve leaves of each turn's scale-factor error, and what that depends on.
+
+    That is its uncertainty, and what 1 deg/h of bias adds. The curve is taken off first: the turns
+    of a set have not quite the same temperature.
+    """
+    left, u, by_bias = (np.full(len(turns.rows), np.nan) for _ in range(3))
+    noise = noise_ppm or 0.0
+    data = turns.data_ppm - turns.turns * curve.error_ppm(turns.temperature_degC)
     for number in turns.sets():
         own = turns.usable & (turns.set_number == number)
         scale = turns.turns[own]
@@ -62,9 +70,9 @@ def _set_by_set(turns: AxisTurns, noise_ppm: float) -> tuple[Array, Array, Array
         if len(np.unique(scale)) > 1:
             design = np.column_stack((scale, turns.by_bias_ppm[own]))
             inverse = np.linalg.inv(design.T @ design)
-            found = inverse @ (design.T @ turns.data_ppm[own])
-            error[own], u[own], by_bias[own] = found[0], noise_ppm * np.sqrt(inverse[0, 0]), 0.0
+            found = inverse @ (design.T @ data[own])
+            left[own], u[own], by_bias[own] = found[0], noise * np.sqrt(inverse[0, 0]), 0.0
         else:
-            error[own] = turns.data_ppm[own] / scale
-            u[own], by_bias[own] = noise_ppm / np.abs(scale), turns.by_bias_ppm[own] / scale
-    return error, u, by_bias
+            left[own] = data[own] / scale
+            u[own], by_bias[own] = noise / np.abs(scale), turns.by_bias_ppm[own] / scale
+    return left, u, by_bias

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from procedures.serf_nonorthogonality.cell import CHANNELS, DIGITIZER, PUMP, Coils, coils_of
+from procedures.serf_nonorthogonality.check import knows_its_coils
 from procedures.serf_nonorthogonality.parameters import SerfParameters
 from procedures.serf_nonorthogonality.steps import shot_s
 from station.procedure import Forecast, Recording, SetPoint
@@ -17,7 +18,12 @@ FIELD = ("parameters", "field")
 
 
 def forecast(parameters: SerfParameters, bench: Bench) -> Forecast:
-    """Return the set-points of steps 1 to 7 and the rows of the digitizer."""
+    """Return the set-points of steps 1 to 7 and the rows of the digitizer.
+
+    Nothing where the bench file does not say what a volt makes at the coils.
+    """
+    if not knows_its_coils(bench):
+        return Forecast()
     shots = len(parameters.wanted)
     rows = round(shots * parameters.record_s * parameters.sample_rate_Hz)
     return Forecast(

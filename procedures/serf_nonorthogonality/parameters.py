@@ -57,6 +57,7 @@ class SerfParameters(StrictModel):
 
     pump_axis: Axis
     probe_axis: Axis = Field()
+    single_axis: Axis | None = None
     nuclear_spin: float
     shots: Literal["as_published", "reversal"] = "reversal"
     coil_constants: Literal["known", "nominal"] = "nominal"
@@ -85,6 +86,19 @@ class SerfParameters(StrictModel):
         if probe_axis == info.data.get("pump_axis"):
             raise ValueError("must be another axis than pump_axis: no shot would carry a signal")
         return probe_axis
+
+    @field_validator("single_axis")
+    @classmethod
+    def carries_a_signal(cls, axis: Axis | None, info: ValidationInfo) -> Axis | None:
+        """Refuse a shot with one coil whose field lies along the pump or the probe light."""
+        lights = {info.data.get("pump_axis"): "pump", info.data.get("probe_axis"): "probe"}
+        if axis in lights and None not in lights:
+            usable = next(one for one in AXES if one not in lights)
+            raise ValueError(
+                f"a field along {axis}, the {lights[axis]} light, lets nothing be seen to precess; "
+                f"use {usable}"
+            )
+        return axis
 
     @field_validator("nuclear_spin")
     @classmethod

@@ -215,7 +215,7 @@ class DoorOpen(LastingFault):
 
 
 class ChamberAlarm(LastingFault):
-    """An alarm of a thermal chamber is on, `number` 1 unless said, and heater and compressor off."""
+    """Alarm `number` (1 unless said) of a thermal chamber is on and has cut its power."""
 
     kind = "chamber-alarm"
     options = ("number",)
