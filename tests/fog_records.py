@@ -63,9 +63,7 @@ def record(
     for name, curve in (curves or CURVES).items():
         truth = np.where(axis == name, curve(heat), truth)
     steps = np.diff(start, prepend=start[0]) / 3600.0
-    bias = bias_deg_per_h + np.cumsum(
-        walk * np.sqrt(steps) * generator.standard_normal(len(rows))
-    )
+    bias = bias_deg_per_h + np.cumsum(walk * np.sqrt(steps) * generator.standard_normal(len(rows)))
     error = commanded * truth * 1e-6 + bias * TURN_S / 3600.0
     error = error + noise_deg * generator.standard_normal(len(rows))
     before = generator.uniform(0.0, 360.0, len(rows))

@@ -1,7 +1,7 @@
 """Free precession shots by the equations of a spin in a field, integrated on their own.
 
 dP_perp/dt = -(R/q(|P|) + Gamma_se) P_perp, dP_par/dt = -(R/q) P_par, dphi/dt = gamma B/q(|P|), and
-the detector sees (p.n)(s.n) of what is along the field and |s_perp| |p_perp| of what turns about it.
+the detector sees (p.n)(s.n) of what is along the field, |s_perp| |p_perp| of what turns about it.
 Coil x lies on x of the laboratory, coil y in its plane xy; the pump light comes along the axis z,
 the probe along y, each with a lean where wanted.
 """
@@ -125,8 +125,9 @@ class Cell:
         turned = np.cross(n, across_s)
         grid = np.linspace(0.0, self.duration_s + self.delay_s, GRID)
         state = np.zeros((GRID, 3, len(n)))
-        state[0, 0], state[0, 1] = self.polarisation * (n @ s), self.polarisation * np.linalg.norm(
-            across_s, axis=1
+        state[0, 0], state[0, 1] = (
+            self.polarisation * (n @ s),
+            self.polarisation * np.linalg.norm(across_s, axis=1),
         )
         broad = self.broadening(size)
         omega = self.frequency_rad_per_s() * self.factor_at_rest

@@ -125,11 +125,37 @@ def test_a_real_feature_of_the_curve_is_no_heap_of_wild_turns() -> None:
     assert np.abs(off_ppm(curve, bumpy)).max() < 5.0
 
 
-def test_a_curve_that_no_order_follows_is_flagged_as_too_stiff() -> None:
-    def saw(heat: np.ndarray) -> np.ndarray:
-        return 20.0 * np.sign(np.sin(2.0 * np.pi * heat / 14.0))
+def bump(width_degC: float) -> dict[str, object]:
+    def bumpy(heat: np.ndarray) -> np.ndarray:
+        return quartic(heat) + 300.0 * np.exp(-0.5 * ((heat - 5.0) / width_degC) ** 2)
 
-    assert "model-too-stiff" in codes(analyse(record(0, curves={"x": saw})))
+    return {"x": bumpy}
+
+
+def test_a_curve_that_no_order_follows_is_flagged_as_too_stiff() -> None:
+    analysis = analyse(record(0, curves=bump(5.0)))  # type: ignore[arg-type]
+    assert codes(analysis) == {"model-too-stiff"}
+    assert bool(analysis.fits["x"].kept.all())
+
+
+def test_neighbouring_sets_that_all_disagree_are_rather_a_feature_than_wild_turns() -> None:
+    analysis = analyse(record(0, curves=bump(2.5)))  # type: ignore[arg-type]
+    (flag,) = (flag for flag in analysis.flags if flag.code == "model-too-stiff")
+    low, high = flag.details["between_degC"]  # type: ignore[misc]
+    assert -5.0 < low < 5.0 < high < 15.0
+
+
+def test_an_encoders_angles_are_no_two_the_same_and_still_one_sense() -> None:
+    for turns, paired in (((360,), False), ((360, -360), True), (WAITING, True)):
+        dataset = record(0, turns, noise_deg=1e-8)
+        table = dataset.turns
+        generator = np.random.default_rng(0)
+        off = 2e-4 * generator.standard_normal(len(table))
+        after = table.attitude_after_deg + off[:, None]
+        moved = replace(table, commanded_deg=table.commanded_deg + off, attitude_after_deg=after)
+        fit, curve = fit_of(analyse(replace(dataset, turns=moved)))
+        assert fit.paired is paired
+        assert np.abs(off_ppm(curve)).max() < (0.1 if paired else 1.0)
 
 
 def test_coarse_headings_throw_no_honest_turn_out() -> None:

@@ -63,9 +63,7 @@ def test_the_c_source_compensates_as_the_curve_says(
     build = ["cc", "-std=c99", "-Wall", "-Werror", "-pedantic", "-o", "it", "main.c"]
     subprocess.run(build, cwd=tmp_path, check=True)
     done = subprocess.run([str(tmp_path / "it")], capture_output=True, text=True, check=True)
-    assert [float(one) for one in done.stdout.split()] == pytest.approx(
-        expected(curves), rel=1e-14
-    )
+    assert [float(one) for one in done.stdout.split()] == pytest.approx(expected(curves), rel=1e-14)
 
 
 def test_the_matlab_source_compensates_as_the_curve_says(curves: dict[str, Curve]) -> None:

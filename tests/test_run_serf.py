@@ -137,7 +137,7 @@ def test_a_gyro_that_was_running_is_depolarised_by_step_1(tmp_path: Path) -> Non
 
 
 def test_a_saturated_shot_is_taken_again_and_then_ends_the_run(tmp_path: Path) -> None:
-    outcome, _ = run_plan(tmp_path, 0, full_scale="0.05 V", repeats=1, null={"rounds": 0})
+    outcome, _ = run_plan(tmp_path, 0, full_scale="0.05 V", repeats=1, nulling={"rounds": 0})
     assert outcome.exit_code == 3
     assert outcome.error is not None
     assert "stayed bad 2 times: saturated" in outcome.error

@@ -46,13 +46,13 @@ class AxisProblem:
         self.settings = settings
         self.floor_ppm = floor_ppm
         self.paired = is_paired(turns)
-        self.candidates = turns.usable & (self.paired | (turns.commanded_deg != 0.0))
+        self.candidates = turns.usable & (self.paired | turns.sensing)
         self.course = course_of(turns.middle_s, turns.duration_s, turns.set_interval_s)
         self.data = turns.data_ppm
 
     def highest_order(self, kept: Mask) -> int:
         """Return the highest order that the kept turns can carry, -1 where they carry none."""
-        sensing = kept & (self.turns.commanded_deg != 0.0)
+        sensing = kept & self.turns.sensing
         distinct = min(
             distinct_temperatures(self.turns.temperature_degC[sensing]),
             len(np.unique(self.turns.set_number[sensing])),
@@ -63,7 +63,7 @@ class AxisProblem:
 
     def domain(self, kept: Mask) -> tuple[float, float]:
         """Return the range of the kept turns' temperatures."""
-        inside = self.turns.temperature_degC[kept & (self.turns.commanded_deg != 0.0)]
+        inside = self.turns.temperature_degC[kept & self.turns.sensing]
         return float(inside.min()), float(inside.max())
 
     def design(
@@ -128,7 +128,7 @@ class AxisProblem:
     def _lag_one(self, kept: Mask, white: Array) -> float:
         """Return the correlation of neighbouring sets' residuals in the order of temperature."""
         turns = self.turns
-        sensing = turns.commanded_deg[kept] != 0.0
+        sensing = turns.sensing[kept]
         own = white[sensing] / turns.turns[kept][sensing]
         _, place = np.unique(turns.set_number[kept][sensing], return_inverse=True)
         count = np.bincount(place)

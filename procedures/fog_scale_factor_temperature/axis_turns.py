@@ -12,6 +12,8 @@ from .turning import FULL_TURN_DEG, PPM, SECONDS_PER_HOUR
 COVERED = 0.8
 NEXT_SET = 1.6
 SAME_TEMPERATURE_DEGC = 0.5
+SAME_COMMAND_DEG = 90.0
+"""Commands are those of the encoder in a run, and no two of them are quite the same."""
 
 
 @dataclass(frozen=True)
@@ -39,6 +41,11 @@ class AxisTurns:
         return self.commanded_deg / FULL_TURN_DEG
 
     @property
+    def sensing(self) -> Mask:
+        """Whether a row is a turn; a wait tells the bias alone."""
+        return np.asarray(np.abs(self.commanded_deg) > SAME_COMMAND_DEG)
+
+    @property
     def by_bias_ppm(self) -> Array:
         """What a bias of 1 deg/h adds to `data_ppm`."""
         return self.duration_s / SECONDS_PER_HOUR / FULL_TURN_DEG * PPM
@@ -62,12 +69,13 @@ def is_paired(turns: AxisTurns) -> bool:
     Beside is within the same set or the next: only there can the bias be told from the scale
     factor however it changes with temperature.
     """
-    sensing = turns.usable & (turns.commanded_deg != 0.0)
+    sensing = turns.usable & turns.sensing
     if not bool(sensing.any()):
         return False
     within_s = NEXT_SET * turns.set_interval_s
     near = np.abs(np.subtract.outer(turns.middle_s, turns.middle_s)) <= within_s
-    other = np.not_equal.outer(turns.commanded_deg, turns.commanded_deg)
+    apart_deg = np.abs(np.subtract.outer(turns.commanded_deg, turns.commanded_deg))
+    other = apart_deg > SAME_COMMAND_DEG
     covered = np.any(near & other & turns.usable[None, :], axis=1)
     return bool(covered[sensing].mean() >= COVERED)
 

@@ -13,6 +13,8 @@ from .dataset import FogDataset
 from .findings import AnalysisSettings, AxisFit, Driven, Flag, Verified
 
 MOST_LISTED = 12
+PAIRED_HEAP, SINGLE_HEAP = 3, 4
+"""As many neighbouring sets without a good turn are no chance."""
 
 
 def rejected_rows(fit: AxisFit) -> list[int]:
@@ -42,11 +44,42 @@ def data_flags(turns: AxisTurns, fit: AxisFit, settings: AnalysisSettings) -> li
                 {"count": len(rows), "rows": rows},
             )
         )
-    return flags + _gaps(turns, settings)
+    return flags + _heaps(turns, fit) + _gaps(turns, settings)
+
+
+def _heaps(turns: AxisTurns, fit: AxisFit) -> list[Flag]:
+    """Return the flag of neighbouring sets that all disagree: wild turns do not come in heaps."""
+    if fit.curve is None:
+        return []
+    sensing = turns.usable & turns.sensing
+    numbers = turns.sets()
+    whole = [n for n in numbers if bool((sensing & (turns.set_number == n)).any())]
+    heat = [float(turns.temperature_degC[sensing & (turns.set_number == n)].mean()) for n in whole]
+    order = np.argsort(heat, kind="stable")
+    most = PAIRED_HEAP if fit.paired else SINGLE_HEAP
+    run: list[float] = []
+    for place in (*order, None):
+        rows = sensing & (turns.set_number == whole[place]) if place is not None else None
+        if rows is not None and place is not None and not bool(fit.kept[rows].any()):
+            run.append(heat[place])
+        elif len(run) >= most:
+            return [
+                Flag(
+                    "model-too-stiff",
+                    f"All turns about {turns.axis} in {len(run)} neighbouring sets, {run[0]:.1f} "
+                    f"to {run[-1]:.1f} degC, disagree with the curve and were left out: rather a "
+                    "feature of the gyro, narrower than the polynomial can follow, than wild turns.",
+                    turns.axis,
+                    {"sets": len(run), "between_degC": [run[0], run[-1]]},
+                )
+            ]
+        else:
+            run = []
+    return []
 
 
 def _gaps(turns: AxisTurns, settings: AnalysisSettings) -> list[Flag]:
-    sensing = turns.usable & (turns.commanded_deg != 0.0)
+    sensing = turns.usable & turns.sensing
     number = turns.set_number[sensing]
     if len(np.unique(number)) < 3:
         return []

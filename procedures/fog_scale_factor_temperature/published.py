@@ -18,9 +18,9 @@ from .findings import PublishedFit
 
 def published_fit(turns: AxisTurns, order: int) -> PublishedFit:
     """Return the published polynomial of one axis; its curve is None with too few turns."""
-    forward = turns.commanded_deg > 0.0
+    forward = turns.sensing & (turns.commanded_deg > 0.0)
     if not bool(forward.any()):
-        forward = turns.commanded_deg < 0.0
+        forward = turns.sensing
     rows = forward & np.isfinite(turns.error_deg) & np.isfinite(turns.temperature_degC)
     heat = turns.temperature_degC[rows]
     if len(np.unique(heat)) <= order:

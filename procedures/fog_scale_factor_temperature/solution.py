@@ -18,7 +18,7 @@ def fit_axis(turns: AxisTurns, settings: AnalysisSettings, floor_ppm: float = 0.
     """Return the model of one axis; `floor_ppm` is the least deviation that is called noise."""
     problem = AxisProblem(turns, settings, floor_ppm)
     kept, solved = reject(problem)
-    sensing = turns.commanded_deg != 0.0
+    sensing = turns.sensing
     safe = np.where(sensing, turns.turns, 1.0)
     error = np.where(sensing, turns.data_ppm / safe, np.nan)
     blank = np.full(len(error), np.nan)

@@ -8,11 +8,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from .axis_turns import AxisTurns
+from .axis_turns import SAME_COMMAND_DEG, AxisTurns
 from .curve import Curve
 from .dataset import Array
 from .findings import AxisFit, Verified
-from .turning import PPM
+from .turning import FULL_TURN_DEG, PPM
 
 OUTSIDE_DEGC = 1.0
 
@@ -23,7 +23,7 @@ def verify_axis(turns: AxisTurns, fit: AxisFit) -> Verified | None:
     In a set with turns of both senses, or with a wait, the bias is taken off. Outside the
     calibrated range the model is held at its ends, as the compensation does.
     """
-    sensing = turns.usable & (turns.commanded_deg != 0.0)
+    sensing = turns.usable & turns.sensing
     if fit.curve is None or not bool(sensing.any()):
         return None
     curve = fit.curve
@@ -65,9 +65,9 @@ def _set_by_set(
     for number in turns.sets():
         own = turns.usable & (turns.set_number == number)
         scale = turns.turns[own]
-        if not bool((scale != 0.0).any()):
+        if not bool((own & turns.sensing).any()):
             continue
-        if len(np.unique(scale)) > 1:
+        if float(np.ptp(scale)) * FULL_TURN_DEG > SAME_COMMAND_DEG:
             design = np.column_stack((scale, turns.by_bias_ppm[own]))
             inverse = np.linalg.inv(design.T @ design)
             found = inverse @ (design.T @ data[own])

@@ -1,4 +1,4 @@
-"""Angles between the three coils of a SERF gyro's cell, from the spins' own precession."""
+"""SERF gyro: angles between the three coils of its cell, from free precession in their fields."""
 
 from __future__ import annotations
 
@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from station.results import Findings, ResultDocument
 
 AXES = ("x", "y", "z")
+PAIRS = ("xy", "xz", "yz")
 
 
 def evaluate_run(folder: RunFolder, parameters: SerfParameters, bench: Bench) -> Findings:
@@ -51,7 +52,7 @@ def report(findings: Findings, document: ResultDocument) -> Sequence[Part]:
 
 
 def outlook(parameters: SerfParameters) -> Sequence[str]:
-    """Return in lines what a plan determines and how well, before anything moves."""
+    """Return in lines what a plan determines, what it does not, and how well."""
     from procedures.serf_nonorthogonality.outlook import outlook
 
     return outlook(parameters)
@@ -59,12 +60,12 @@ def outlook(parameters: SerfParameters) -> Sequence[str]:
 
 PROCEDURE = Procedure(
     name="serf-nonorthogonality",
-    title="SERF gyro: angles between the three coils of the cell",
+    title="SERF gyro: non-orthogonality angles of its coils",
     source="In-situ calibration of the non-orthogonality angles of a SERF gyro's magnetic field by "
     "its built-in magnetometer (Chinese patent text 36201635, 2023-01-04), steps 1 to 7",
     parameters=SerfParameters,
     results={
-        "nonorthogonality_angle": ResultKind(("xy", "xz", "yz"), "deg"),
+        "nonorthogonality_angle": ResultKind(PAIRS, "deg"),
         "residual_field": ResultKind(AXES, "nT"),
         "coil_factor": ResultKind(AXES, "1"),
         "slowing_down_factor": ResultKind((), "1"),
@@ -80,4 +81,15 @@ PROCEDURE = Procedure(
     units=units,
     forecast=forecast,
     outlook=outlook,
+    assumptions=(
+        "Only coil factor over slowing-down factor is seen. Nothing here measures a field in "
+        "absolute terms; the angles do not need it.",
+        "The fields are steady during a shot. A field of nuclei that still precess, or that decay "
+        "from shot to shot, is not: it shows in the residual field and in chi-square.",
+        "A falling frequency is taken for the slowing-down factor of one alkali at spin "
+        "temperature, with a broadening that follows the square of the frequency; pump and probe "
+        "light are taken to lie along their axes to 0.3 deg (standard uncertainty).",
+        "The law of cosines as published runs on the frequencies of this fit, which knows the "
+        "baseline. On those of the printed signal formula, which has none, it is worse.",
+    ),
 )

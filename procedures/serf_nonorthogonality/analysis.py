@@ -93,5 +93,3 @@ def _shots(
             )
         )
     return tuple(results)
-
-

@@ -120,12 +120,13 @@ def solve(commanded_nT: Array, omega: Array, covariance: Array, *, known: bool) 
     maps = _maps(known)
     kept, determined, free_of_residual = _judge(commanded_nT, p, natural, maps)
     mapping = maps[:, kept] * natural[:, None]
-    weight = np.linalg.inv(covariance)
+    weight: Array = np.asarray(np.linalg.inv(covariance), dtype=np.float64)
+    root = _root(weight)
     converged = False
     for _ in range(MOST_ITERATIONS):
         slopes = _slopes(commanded_nT, p) @ mapping
         left = omega - frequencies(commanded_nT, p)
-        move = np.linalg.lstsq(_root(weight) @ slopes, _root(weight) @ left, rcond=None)[0]
+        move = np.linalg.lstsq(root @ slopes, root @ left, rcond=None)[0]
         step = mapping @ move
         # Far from the solution a full step may leave the region where three axes exist.
         step *= min(1.0, 0.3 / max(float(np.max(np.abs(move))), 1e-300))
@@ -164,7 +165,7 @@ def solve(commanded_nT: Array, omega: Array, covariance: Array, *, known: bool) 
 
 
 def _root(weight: Array) -> Array:
-    return np.linalg.cholesky(weight).T
+    return np.asarray(np.linalg.cholesky(weight).T, dtype=np.float64)
 
 
 def _maps(known: bool) -> Array:
@@ -196,11 +197,11 @@ def _judge(
         if length > INDEPENDENT * np.sqrt(len(slopes)):
             kept.append(k)
             basis = np.column_stack([basis, left / length])
-    residual = maps[6:].any(axis=0)
+    residual: NDArray[np.bool_] = np.asarray(np.any(maps[6:] != 0.0, axis=0))
     alone = _alone(slopes[:, ~residual])
     whole = _alone(slopes)
     free = bool(np.all(whole[residual]))
-    ok = np.where(residual, whole, False)
+    ok = np.asarray(residual & whole)
     ok[~residual] = alone
     if not free:
         # A residual field that is not wholly determined is taken for zero.
@@ -235,7 +236,7 @@ def directions(gram: Array, pump_axis: str, probe_axis: str) -> Array:
 
 
 def fields_in_light(commanded_nT: Array, solution: Solution, pump: str, probe: str) -> Array:
-    """Return unit vectors (shots, 3) of the fields, residual included, in the frame of the light."""
+    """Return unit vectors (shots, 3) of the fields, residual included, in the light's frame."""
     axes = directions(solution.gram, pump, probe)
     # r holds projections on the axes; the vector with these projections is axes^-1 r.
     rest = np.linalg.solve(axes, solution.residual)

@@ -96,9 +96,9 @@ def bench_inputs(
         yield InputQuantity(
             f"residual_{axis}_nT",
             f"residual field along {axis}, taken for zero",
-            parameters.null.tolerance_nT / math.sqrt(3.0),
+            parameters.nulling.tolerance_nT / math.sqrt(3.0),
             "nT",
-            "null.tolerance of the plan",
+            "nulling.tolerance of the plan",
         )
 
 

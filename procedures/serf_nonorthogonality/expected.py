@@ -61,4 +61,4 @@ def _relative_u(share: float) -> float:
 
     It goes as decay^1.5 / w, as of any damped tone in white noise.
     """
-    return (1.0 + share) ** 1.5 / math.sqrt(share)
+    return math.sqrt((1.0 + share) ** 3 / share)

@@ -67,7 +67,9 @@ def _rejected(seen: Sequence[Precession]) -> list[Flag]:
 def _outliers(seen: Sequence[Precession]) -> list[Flag]:
     # Samples left out before the fit are saturated or early, not far from it.
     beyond = {
-        one.shot.name: int(np.sum(~one.fit.kept & (np.abs(one.fit.residual_V) > 5.0 * one.fit.noise_V)))
+        one.shot.name: int(
+            np.sum(~one.fit.kept & (np.abs(one.fit.residual_V) > 5.0 * one.fit.noise_V))
+        )
         for one in seen
         if one.fit is not None and one.used and not one.saturated
     }
@@ -115,8 +117,7 @@ def _shape(seen: Sequence[Precession], settings: AnalysisSettings) -> list[Flag]
     large = [
         one
         for one in used
-        if one.used
-        and abs(one.used_fit.baseline_V) > LARGE_BASELINE * one.used_fit.amplitude_V
+        if one.used and abs(one.used_fit.baseline_V) > LARGE_BASELINE * one.used_fit.amplitude_V
     ]
     if large:
         flags.append(
@@ -222,9 +223,7 @@ def _not_identifiable(
     return flags
 
 
-def _scale(
-    dataset: SerfDataset, found: Frequencies, results: Sequence[Estimate]
-) -> list[Flag]:
+def _scale(dataset: SerfDataset, found: Frequencies, results: Sequence[Estimate]) -> list[Flag]:
     axis = scale_axis(dataset, found.solution)
     if dataset.constants_known or axis is None:
         return []
@@ -304,4 +303,3 @@ def _stiff(found: Frequencies, settings: AnalysisSettings) -> list[Flag]:
             {"lag_one_correlation": worst},
         )
     ]
-

@@ -95,7 +95,8 @@ def fit_jointly(
     damping = 1e-4
     step = _evaluate(records, spin, along, shared, omega, mains_Hz)
     iterations = 0
-    for iterations in range(1, MOST_ITERATIONS + 1):
+    while iterations < MOST_ITERATIONS:
+        iterations += 1
         scale = np.sqrt(np.diag(step.normal))
         if not np.all(np.isfinite(scale)) or np.any(scale <= 0.0):
             raise NoJointFit("a parameter has no influence")

@@ -35,7 +35,7 @@ def null_residual_field(run: Run, cell: Cell) -> None:
     Raises ConditionNotReached where a pair shows no precession.
     """
     parameters: SerfParameters = run.parameters
-    rule = parameters.null
+    rule = parameters.nulling
     levels_nT = parameters.field_levels_nT
     every = shots_of("reversal", levels_nT, parameters.pump_axis, parameters.probe_axis)
     pairs = [shot for shot in every if len(shot.coils) == len(PAIRS[0])]

@@ -76,7 +76,7 @@ class SerfParameters(StrictModel):
     mains_frequency_Hz: Annotated[float, Unit("Hz"), Field(gt=0)] | None = None
     gyro_was_running: bool = False
     depolarise: Depolarising = Depolarising()
-    null: Nulling = Nulling()
+    nulling: Nulling = Nulling()
     thresholds: Thresholds = Thresholds()
 
     @field_validator("probe_axis")
@@ -139,13 +139,17 @@ class SerfParameters(StrictModel):
 
     @property
     def best_field_nT(self) -> float:
-        """The field at which spin exchange broadens a line by half its width without it."""
+        """The field of each coil at which spin exchange broadens a pair's line by half its width.
+
+        There the frequency of a pair is told best in relation to itself.
+        """
         assert self.relaxation_rate_Hz is not None
         assert self.exchange_rate_Hz is not None
         q = self.largest_slowing_down
         width = self.relaxation_rate_Hz / q
         omega = math.sqrt(width * self.exchange_rate_Hz / (2.0 * BROADENING[self.nuclear_spin]))
-        return round(omega * q / (2 * math.pi * self.gyromagnetic_ratio_Hz_per_nT), 1)
+        pair_nT = omega * q / (2 * math.pi * self.gyromagnetic_ratio_Hz_per_nT)
+        return round(pair_nT / math.sqrt(2.0), 1)
 
     @property
     def largest_slowing_down(self) -> float:

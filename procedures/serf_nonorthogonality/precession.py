@@ -139,7 +139,7 @@ def _unlike_the_others(found: list[Precession]) -> list[Precession]:
     used = [one for one in found if one.used]
     if len(used) < 4:
         return found
-    omega, decay, decay_u = _decays([one.used_fit for one in used])
+    omega, decay, _ = _decays([one.used_fit for one in used])
     # Medians of one size of field each: broadening makes pairs fade faster than single coils.
     result = []
     for one in found:

@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class PublishedAngles:
-    """The angles in deg by pair, None where the rule cannot run, with the reason; and the factor."""
+    """Angles in deg by pair, None where the rule cannot run, with the reason; and the factor."""
 
     angles_deg: dict[str, float | None]
     wanting: dict[str, str]

@@ -49,9 +49,7 @@ def estimates(
     angles = [_angle(pair, solution, found, method, freedom) for pair in PAIRS]
     residual = [_residual(one, axis, dataset, solution, found, method, freedom) for one in AXES]
     some_angle = any(one.value is not None for one in angles)
-    factors = [
-        _factor(one, axis, dataset, solution, method, freedom, some_angle) for one in AXES
-    ]
+    factors = [_factor(one, axis, dataset, solution, method, freedom, some_angle) for one in AXES]
     return (*angles, *residual, *factors, _slowing_down(axis, dataset, found, method, freedom))
 
 
@@ -71,7 +69,9 @@ def _sensitivities(
     """Return what a value depends on whose derivatives by the nine unknowns are `slope` (9,)."""
     result: dict[str, float] = {}
     if known:
-        result = {f"coil_{one}": float(slope @ solution.by_field[:, k]) for k, one in enumerate(AXES)}
+        result = {
+            f"coil_{one}": float(slope @ solution.by_field[:, k]) for k, one in enumerate(AXES)
+        }
     if not solution.free_of_residual:
         scale = float(solution.scale[AXES.index(axis)])
         for k, one in enumerate(AXES):
@@ -85,7 +85,7 @@ def _sensitivities(
 
 
 def _u(slope: Array, solution: Solution) -> float:
-    return float(np.sqrt(max(slope @ solution.covariance @ slope, 0.0)))
+    return float(np.sqrt(max(float(slope @ solution.covariance @ slope), 0.0)))
 
 
 def _angle(
@@ -96,7 +96,7 @@ def _angle(
         return Estimate(ANGLE, pair, "deg", None, None, None, method)
     cosine = float(solution.cosine[place - 3])
     slope = np.zeros(len(NAMES))
-    slope[place] = -1.0 / np.sqrt(1.0 - cosine**2) / RAD_PER_DEG
+    slope[place] = -1.0 / float(np.sqrt(1.0 - cosine * cosine)) / RAD_PER_DEG
     known = bool(np.ptp(solution.scale) == 0.0)
     return Estimate(
         ANGLE,
@@ -127,9 +127,7 @@ def _residual(
     slope = np.zeros(len(NAMES))
     slope[place], slope[scale_place] = 1.0 / scale, -value / scale
     sensitivities = _sensitivities(slope, solution, found, axis, dataset.constants_known)
-    return Estimate(
-        RESIDUAL, one, "nT", value, _u(slope, solution), freedom, method, sensitivities
-    )
+    return Estimate(RESIDUAL, one, "nT", value, _u(slope, solution), freedom, method, sensitivities)
 
 
 def _factor(
@@ -169,9 +167,7 @@ def _slowing_down(
     )
 
 
-def residual_magnitude_nT(
-    dataset: SerfDataset, solution: Solution
-) -> float | None:
+def residual_magnitude_nT(dataset: SerfDataset, solution: Solution) -> float | None:
     """Return the size of the residual field, None where it is not determined."""
     axis = scale_axis(dataset, solution)
     if axis is None or not solution.free_of_residual or not solution.positive_definite:

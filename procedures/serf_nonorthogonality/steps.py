@@ -240,7 +240,7 @@ def depolarise_s(parameters: SerfParameters) -> float:
 
 def null_s(parameters: SerfParameters) -> float:
     """Return the expected bench time in s of step 2: two rounds, of at most those of the plan."""
-    return min(parameters.null.rounds, 2) * NULLING_SHOTS * shot_s(parameters)
+    return min(parameters.nulling.rounds, 2) * NULLING_SHOTS * shot_s(parameters)
 
 
 STEPS = (

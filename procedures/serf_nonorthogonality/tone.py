@@ -196,7 +196,7 @@ def _search(
         state.slow,
         state.linear,
         state.residual,
-        np.linalg.inv(normal),
+        np.asarray(np.linalg.inv(normal), dtype=np.float64),
         state.columns,
         _chirp(state, t, omega, decay),
     )

@@ -1,0 +1,197 @@
+"""What this procedure adds to the report: the angles, checks, every shot, and what was fitted."""
+
+from __future__ import annotations
+
+import matplotlib as mpl
+import numpy as np
+
+from procedures.serf_nonorthogonality import plots
+from procedures.serf_nonorthogonality.dataset import AXES, PAIRS, SerfDataset
+from procedures.serf_nonorthogonality.findings import SerfAnalysis
+from procedures.serf_nonorthogonality.results import ANGLE, FACTOR, RESIDUAL, SLOWING_DOWN
+from station.report.drawing import STYLE
+from station.report.numbers import NOTHING, format_number, format_with_uncertainty
+from station.report.parts import Part, Plot, Table
+from station.results import Result, ResultDocument
+
+ARCSEC_PER_DEG = 3600.0
+
+
+def draw_parts(
+    analysis: SerfAnalysis, dataset: SerfDataset, document: ResultDocument
+) -> tuple[Part, ...]:
+    """Return the parts of the report: the angles first, then what is behind them."""
+    parts: list[Part] = [_angles(analysis, document)]
+    parts.append(_coils(analysis, dataset, document))
+    if analysis.checks:
+        parts.append(_checks(analysis))
+    shots = plots.drawn_shots(analysis, dataset)
+    with mpl.rc_context(STYLE):
+        if shots:
+            said = "A decaying tone with decaying baseline and offset"
+            if analysis.joint is not None:
+                said = "The joint fit of all shots, whose frequency falls as the polarisation fades"
+            parts += [
+                Plot(
+                    "Shots and their fits",
+                    f"Samples (grey) and fit (line). {said}; where the field lies between pump and "
+                    "probe the baseline is as large as the tone.",
+                    plots.signals(shots),
+                ),
+                Plot(
+                    "What the fits leave",
+                    "Residuals over the standard deviation of a sample: noise without a shape "
+                    "where the model is right.",
+                    plots.residuals(shots),
+                ),
+                Plot(
+                    "Spectra",
+                    "Amplitude of signal (blue) and residual (green); dashed, the fitted "
+                    "frequency. The highest point of a spectrum is not it: lines are as wide as "
+                    "they fade, and the baseline leaks into them.",
+                    plots.spectra(shots),
+                ),
+            ]
+        if any(shot.used and np.isfinite(shot.misfit) for shot in analysis.shots):
+            parts.append(
+                Plot(
+                    "Shots against the solution",
+                    "Frequency of each shot less that of angles, factors and residual field as "
+                    "solved, over its uncertainty. With as many shots as unknowns all are zero.",
+                    plots.misfit(analysis),
+                )
+            )
+    return (*parts, _shots(analysis))
+
+
+def _result(document: ResultDocument, name: str, axis: str | None) -> Result:
+    return next(
+        one for one in document.results if (one.estimate.name, one.estimate.axis) == (name, axis)
+    )
+
+
+def _expanded(one: Result) -> float | None:
+    return one.combined.expanded_uncertainty if one.combined else None
+
+
+def _angles(analysis: SerfAnalysis, document: ResultDocument) -> Table:
+    paper = {one.axis: one.value for one in analysis.published}
+    rows = []
+    for pair in PAIRS:
+        one = _result(document, ANGLE, pair)
+        value, spread = format_with_uncertainty(one.estimate.value, _expanded(one))
+        off = None if one.estimate.value is None else (one.estimate.value - 90.0) * ARCSEC_PER_DEG
+        u = _expanded(one)
+        off_text, off_spread = format_with_uncertainty(
+            off, None if u is None else u * ARCSEC_PER_DEG
+        )
+        limit = NOTHING
+        if one.limit:
+            limit = ", ".join(f"{key} {bound:g}" for key, bound in one.limit.to_data().items())
+        published = NOTHING if paper[pair] is None else f"{paper[pair]:.4f}"
+        rows.append([f"θ{pair}", value, spread, off_text, off_spread, limit, published])
+    return Table(
+        "Angles between the coil axes",
+        "Between the positive axes; 90 deg is orthogonal. U is the expanded uncertainty; the last "
+        "column is the law of cosines of the source document on the same frequencies.",
+        [
+            "",
+            "angle, deg",
+            "U (95 %), deg",
+            "less 90 deg, arcsec",
+            "U (95 %), arcsec",
+            "limit",
+            "as published, deg",
+        ],
+        rows,
+    )
+
+
+def _coils(analysis: SerfAnalysis, dataset: SerfDataset, document: ResultDocument) -> Table:
+    rows = []
+    for axis in AXES:
+        row = [axis]
+        for name in (FACTOR, RESIDUAL):
+            one = _result(document, name, axis)
+            row += format_with_uncertainty(one.estimate.value, _expanded(one))
+        rows.append(row)
+    one = _result(document, SLOWING_DOWN, None)
+    value, spread = format_with_uncertainty(one.estimate.value, _expanded(one))
+    said = f"Slowing-down factor Q = {value} ± {spread} (95 %) without polarisation. "
+    if analysis.residual_field_nT is not None:
+        said += f"Residual field {format_number(analysis.residual_field_nT, 3)} nT in all. "
+    if analysis.joint is not None:
+        said += (
+            f"Polarisation at the beginning {analysis.joint.polarisation:.3f}; the frequency falls "
+            f"by {100.0 * analysis.chirp:.3g} % over the decay. "
+        )
+    if analysis.rate_per_s is not None:
+        said += f"Decay R/Q(0) = {format_number(analysis.rate_per_s, 4)} /s"
+        if analysis.beta_s > 0.0:
+            said += f", spin-exchange broadening {format_number(analysis.beta_s, 3)} s × ω²"
+        said += ". "
+    said += (
+        "Commanded fields were taken as exact."
+        if dataset.constants_known
+        else "Factors are true over commanded field, relative to the coil whose factor is one."
+    )
+    return Table(
+        "Coils, residual field and slowing-down factor",
+        said,
+        ["coil", "factor", "U (95 %)", "residual field, nT", "U (95 %), nT"],
+        rows,
+    )
+
+
+def _checks(analysis: SerfAnalysis) -> Table:
+    words = {True: "yes", False: "NO", None: "not to be told"}
+    rows = [[one.what, one.found, one.wanted, words[one.passed]] for one in analysis.checks]
+    return Table(
+        "Checks", "What the result should agree with.", ["check", "found", "wanted", "holds"], rows
+    )
+
+
+def _shots(analysis: SerfAnalysis) -> Table:
+    rows = []
+    for shot in analysis.shots:
+        fit = shot.fit
+        if fit is None:
+            rows.append([shot.name, *[NOTHING] * 8, shot.rejected or ""])
+            continue
+        omega, omega_u = shot.omega_rad_per_s, shot.omega_u
+        if not np.isfinite(omega):
+            omega, omega_u = fit.omega_rad_per_s, fit.omega_u
+        value, u = format_with_uncertainty(omega, omega_u)
+        rows.append(
+            [
+                shot.name,
+                value,
+                u,
+                format_number(omega / (2.0 * np.pi), 6),
+                format_number(fit.decay_per_s, 4),
+                f"{fit.cycles:.2f}",
+                format_number(fit.amplitude_V, 3),
+                format_number(fit.baseline_V, 3),
+                format_number(shot.field_nT, 6) if np.isfinite(shot.field_nT) else NOTHING,
+                shot.rejected or "used",
+            ]
+        )
+    return Table(
+        "Shots",
+        "ω as it is in the solution, without the pull of spin exchange, at the end of the decay "
+        "where the fit is a joint one; decay, cycles within the 1/e time, tone and baseline from "
+        "the fit of the shot alone; field = ω Q / γ.",
+        [
+            "shot",
+            "ω, rad/s",
+            "u",
+            "f, Hz",
+            "decay, 1/s",
+            "cycles",
+            "tone, V",
+            "baseline, V",
+            "field, nT",
+            "",
+        ],
+        rows,
+    )

@@ -1,0 +1,155 @@
+"""Plots of the shots: signals with their fits, what the fits leave, spectra, the misfit."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from procedures.serf_nonorthogonality.dataset import SerfDataset
+from procedures.serf_nonorthogonality.findings import SerfAnalysis
+from station.report.drawing import BLUE, GREEN, GREY, INK, VERMILION, label_above, new_figure
+
+Array = NDArray[np.float64]
+
+COLUMNS = 4
+MOST_PANELS = 16
+MILLI = 1e3
+PADDING = 4
+NOISE_SPAN = 4.5
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """A shot as it is drawn: its samples, those used, and what the fit says at these."""
+
+    name: str
+    time_s: Array
+    voltage_V: Array
+    used_s: Array
+    model_V: Array
+    residual_V: Array
+    noise_V: float
+    frequency_Hz: float
+    decay_per_s: float
+
+
+def drawn_shots(analysis: SerfAnalysis, dataset: SerfDataset) -> tuple[Drawn, ...]:
+    """Return all shots with a fit; that of the joint fit where there is one."""
+    found, place = [], 0
+    for shot, outcome in zip(dataset.shots, analysis.shots, strict=True):
+        fit = outcome.fit
+        if fit is None:
+            continue
+        residual_V = fit.residual_V[fit.kept]
+        frequency_Hz = fit.frequency_Hz
+        if outcome.used and analysis.joint is not None:
+            residual_V = analysis.joint.residual_V[place]
+            frequency_Hz = float(analysis.joint.omega_rad_per_s[place]) / (2.0 * np.pi)
+            place += 1
+        found.append(
+            Drawn(
+                shot.name,
+                shot.time_s,
+                shot.voltage_V,
+                shot.time_s[fit.kept],
+                shot.voltage_V[fit.kept] - residual_V,
+                residual_V,
+                fit.noise_V,
+                frequency_Hz,
+                fit.decay_per_s,
+            )
+        )
+    return tuple(found)
+
+
+def signals(shots: Sequence[Drawn]) -> Figure:
+    """Draw each shot's samples and its fit."""
+    figure, grid = _panels(len(shots))
+    for axes, shot in zip(grid, shots, strict=False):
+        axes.plot(shot.time_s * MILLI, shot.voltage_V, ".", color=GREY, markersize=1.6)
+        axes.plot(shot.used_s * MILLI, shot.model_V, color=BLUE, linewidth=0.9)
+        label_above(axes, f"{shot.name}  {shot.frequency_Hz:.2f} Hz")
+    _label(grid, len(shots), "time, ms", "signal, V")
+    return figure
+
+
+def residuals(shots: Sequence[Drawn]) -> Figure:
+    """Draw what the fits leave, each on the scale of its own noise."""
+    figure, grid = _panels(len(shots))
+    for axes, shot in zip(grid, shots, strict=False):
+        scale = shot.noise_V if shot.noise_V > 0.0 else 1.0
+        axes.plot(shot.used_s * MILLI, shot.residual_V / scale, ".", color=BLUE, markersize=1.6)
+        axes.axhline(0.0, color=INK, linewidth=0.6)
+        axes.set_ylim(-NOISE_SPAN, NOISE_SPAN)
+        label_above(axes, f"{shot.name}  σ = {MILLI * shot.noise_V:.3g} mV")
+    _label(grid, len(shots), "time, ms", "residual, σ")
+    return figure
+
+
+def spectra(shots: Sequence[Drawn]) -> Figure:
+    """Draw the amplitude spectra of signal and residual, the fitted frequency marked."""
+    figure, grid = _panels(len(shots))
+    for axes, shot in zip(grid, shots, strict=False):
+        frequency_Hz, amplitude = _spectrum(shot.used_s, shot.model_V + shot.residual_V)
+        _, left = _spectrum(shot.used_s, shot.residual_V)
+        shown = frequency_Hz <= 3.0 * shot.frequency_Hz
+        axes.semilogy(frequency_Hz[shown], amplitude[shown] * MILLI, color=BLUE, linewidth=0.9)
+        axes.semilogy(frequency_Hz[shown], left[shown] * MILLI, color=GREEN, linewidth=0.7)
+        axes.axvline(shot.frequency_Hz, color=VERMILION, linewidth=0.8, linestyle="--")
+        label_above(axes, shot.name)
+    _label(grid, len(shots), "frequency, Hz", "mV")
+    return figure
+
+
+def misfit(analysis: SerfAnalysis) -> Figure:
+    """Draw how far each shot's frequency is from the solution, in its uncertainty."""
+    used = [shot for shot in analysis.shots if shot.used and np.isfinite(shot.misfit)]
+    figure = new_figure(2.6)
+    axes = figure.add_subplot()
+    places = np.arange(len(used))
+    axes.plot(places, [shot.misfit for shot in used], "o", color=BLUE, markersize=5)
+    axes.axhline(0.0, color=INK, linewidth=0.7)
+    for edge in (-2.0, 2.0):
+        axes.axhline(edge, color=GREY, linewidth=0.8, linestyle="--")
+    axes.set_xticks(places, [shot.name for shot in used], rotation=45 if len(used) > 8 else 0)
+    axes.set_ylabel("misfit, u")
+    reach = max(3.0, 1.2 * max((abs(shot.misfit) for shot in used), default=0.0))
+    axes.set_ylim(-reach, reach)
+    return figure
+
+
+def _spectrum(time_s: Array, volts: Array) -> tuple[Array, Array]:
+    count = len(volts)
+    length = PADDING * int(2 ** np.ceil(np.log2(count)))
+    interval_s = float(time_s[-1] - time_s[0]) / (count - 1)
+    amplitude = 2.0 / count * np.abs(np.fft.rfft(volts - volts.mean(), length))
+    return np.asarray(np.fft.rfftfreq(length, interval_s)), np.maximum(amplitude, 1e-9)
+
+
+def _panels(count: int) -> tuple[Figure, list[Axes]]:
+    count = min(count, MOST_PANELS)
+    rows = -(-count // COLUMNS)
+    figure = new_figure(0.5 + 1.45 * rows)
+    columns = min(count, COLUMNS)
+    grid = figure.subplots(rows, columns, sharex=False, sharey=True, squeeze=False)
+    figure.subplots_adjust(hspace=0.62, wspace=0.08)
+    panels = list(grid.flat)
+    for axes in panels[count:]:
+        axes.set_visible(False)
+    return figure, panels[:count]
+
+
+def _label(grid: list[Axes], count: int, below: str, beside: str) -> None:
+    count = min(count, MOST_PANELS)
+    for number, axes in enumerate(grid):
+        if number % COLUMNS == 0:
+            axes.set_ylabel(beside)
+        if number + COLUMNS >= count:
+            axes.set_xlabel(below)
+        else:
+            axes.tick_params(labelbottom=False)
