@@ -60,6 +60,8 @@ class Cell:
     exchange: float = 5e5
     pull: bool = True
     spin: float = 1.5
+    momentary_broadening: bool = False
+    """Whether spin exchange broadens by the slowing-down factor of the moment, not that at rest."""
     noise_V: float = 0.01
     signal_V: float = 1.0
     offset_V: float = 0.0
@@ -103,9 +105,9 @@ class Cell:
         """The slowing-down factor without polarisation."""
         return float(slowing_down(self.spin, np.zeros(1))[0])
 
-    def broadening(self, size_nT: Array) -> Array:
-        """Return Gamma_se in 1/s of fields."""
-        q, n = self.factor_at_rest, 2.0 * self.spin + 1.0
+    def broadening(self, size_nT: Array, q: float | Array) -> Array:
+        """Return Gamma_se in 1/s of fields at a slowing-down factor."""
+        n = 2.0 * self.spin + 1.0
         return np.asarray((GAMMA * size_nT / q) ** 2 / self.exchange * (q**2 - n**2) / (2.0 * q))
 
     def frequency_rad_per_s(self) -> Array:
@@ -129,12 +131,13 @@ class Cell:
             self.polarisation * (n @ s),
             self.polarisation * np.linalg.norm(across_s, axis=1),
         )
-        broad = self.broadening(size)
+        at_rest = self.broadening(size, self.factor_at_rest)
         omega = self.frequency_rad_per_s() * self.factor_at_rest
 
         def slopes(y: Array) -> Array:
             q = slowing_down(self.spin, y[0] ** 2 + y[1] ** 2)
             rate = self.relaxation / q
+            broad = self.broadening(size, q) if self.momentary_broadening else at_rest
             return np.array([-rate * y[0], -(rate + broad) * y[1], omega / q])
 
         h = grid[1]
@@ -187,7 +190,7 @@ def bound_of_frequency(cell: Cell) -> Array:
     found = []
     for k, omega in enumerate(cell.frequency_rad_per_s()):
         size_V = cell.signal_V * across[k] * seen[k]
-        fade = np.exp(-(slow + cell.broadening(size)[k]) * t)
+        fade = np.exp(-(slow + cell.broadening(size, cell.factor_at_rest)[k]) * t)
         even = np.sum((s - (n[k] @ s) * n[k]) * (p - (n[k] @ p) * n[k])) / (across[k] * seen[k])
         phase = omega * t - np.arccos(np.clip(even, -1.0, 1.0))
         c, d = size_V * fade * np.cos(phase), size_V * fade * np.sin(phase)

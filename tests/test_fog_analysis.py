@@ -187,7 +187,7 @@ def test_missing_sets_are_gaps() -> None:
     (flag,) = (flag for flag in analysis.flags if flag.code == "gap")
     assert flag.details["missing_sets"] == 8
     assert flag.details["widest_degC"] == pytest.approx(97.0 / 54 * 9, rel=0.05)
-    fit, curve = fit_of(analysis)
+    _, curve = fit_of(analysis)
     within = curve.standard_uncertainty_ppm(np.array([2.0, 30.0]))
     assert within[0] > within[1]
 

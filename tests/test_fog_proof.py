@@ -155,7 +155,7 @@ def exact() -> dict[str, Curve]:
 
 @pytest.mark.parametrize("known", [True, False])
 def test_a_drives_heading_comes_back_to_where_it_began(known: bool) -> None:
-    still = {axis: np.zeros_like for axis in CURVES}
+    still = dict.fromkeys(CURVES, np.zeros_like)
     drive = simulated_drive(still, laps=3, first_heading_known=known)
     course = heading_deg(drive, drive.rate_deg_per_s)
     assert course[-1] - course[0] == pytest.approx(3 * 360.0, abs=2e-3)
@@ -163,7 +163,7 @@ def test_a_drives_heading_comes_back_to_where_it_began(known: bool) -> None:
 
 @pytest.mark.parametrize("latitude", [-40.0, 0.0, 60.0])
 def test_the_earths_rate_is_taken_off_at_every_latitude(latitude: float) -> None:
-    still = {axis: np.zeros_like for axis in CURVES}
+    still = dict.fromkeys(CURVES, np.zeros_like)
     drive = simulated_drive(still, laps=2, latitude_deg=latitude)
     driven = evaluate_drive(drive, exact())
     assert driven.raw_error_deg == pytest.approx(0.0, abs=2e-3)
@@ -185,7 +185,7 @@ def test_compensation_takes_the_heading_error_of_many_turns_away(reference: bool
 
 
 def test_a_drive_that_does_not_close_has_no_heading_error() -> None:
-    still = {axis: np.zeros_like for axis in CURVES}
+    still = dict.fromkeys(CURVES, np.zeros_like)
     drive = simulated_drive(still, laps=2)
     half = len(drive.time_s) // 5
     cut = replace(

@@ -121,7 +121,7 @@ def test_a_new_analysis_gives_the_same_bytes(
 def test_a_gyro_that_was_running_is_flagged_where_step_1_is_passed_over(tmp_path: Path) -> None:
     nulling = {"tolerance": "0.5 nT", "rounds": 0}
     outcome, _ = run_plan(
-        tmp_path, 0, {"gyro_was_running": True}, gyro_was_running=False, null=nulling
+        tmp_path, 0, {"gyro_was_running": True}, gyro_was_running=False, nulling=nulling
     )
     assert outcome.document is not None, outcome.error
     assert "residual-field-large" in {flag.code for flag in outcome.document.flags}
@@ -136,11 +136,15 @@ def test_a_gyro_that_was_running_is_depolarised_by_step_1(tmp_path: Path) -> Non
         assert found[pair] == pytest.approx(float(str(text).split()[0]), abs=0.1)
 
 
-def test_a_saturated_shot_is_taken_again_and_then_ends_the_run(tmp_path: Path) -> None:
+def test_shots_that_stay_saturated_leave_the_angles_undetermined(tmp_path: Path) -> None:
     outcome, _ = run_plan(tmp_path, 0, full_scale="0.05 V", repeats=1, nulling={"rounds": 0})
-    assert outcome.exit_code == 3
-    assert outcome.error is not None
-    assert "stayed bad 2 times: saturated" in outcome.error
+    assert outcome.exit_code == 6, outcome.error
+    assert outcome.document is not None
+    assert "shot-repeated" in {flag.code for flag in outcome.document.flags}
+    angles = [one for one in outcome.document.results if one.limit is not None]
+    assert [one.estimate.value for one in angles] == [None] * 3
+    kept = list(RunFolder(outcome.folder).events_of("shot-stays-bad"))
+    assert "saturated" in kept[0].details["reason"]
     assert all(one.verified for one in outcome.safe)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -16,11 +17,16 @@ from station.errors import ConditionNotReached, InstrumentError
 if TYPE_CHECKING:
     from station.runner.run import Run
 
-LOOK_S = 2.0
+LOOK_S = 5.0
+"""Run time between two looks; less where time runs by itself, so that a kill loses little."""
 MOVING_LOOK_S = 0.5
+TURNING_LOOK_S = 0.9
+"""Less than a second: an interlock on the rate then needs no reading of its own."""
 CHAMBER_EVERY_S = 30.0
 SILENT_AFTER_S = 10.0
 FULL_TURN_DEG = 360.0
+SHORT_OF_TURN_S = 1.0
+"""The axis goes to its angle when it is so near to it: it brakes, then covers the rest."""
 AXES = ("x", "y", "z")
 UP: dict[str, tuple[float, float]] = {"x": (90.0, 0.0), "y": (0.0, -90.0), "z": (0.0, 180.0)}
 """Angles of the middle and the inner axis, in deg, that let a body axis point up (z is down)."""
@@ -90,7 +96,7 @@ class BenchWork:
         """Record until a run time."""
         clock = self.run.clock
         while clock.now() < until_s:
-            clock.sleep_until(min(clock.now() + LOOK_S, until_s))
+            clock.sleep_until(min(clock.now() + clock.holding_s(LOOK_S), until_s))
             self.look(unit)
             self.run.say_progress(said)
 
@@ -142,9 +148,18 @@ class BenchWork:
         """Turn one table axis to an angle and wait until it rests there."""
         self.table.move_to(axis, angle_deg)
         while self.table.is_moving(axis):
-            self.run.clock.sleep(MOVING_LOOK_S)
-            self.look(unit)
-            self.run.say_progress(said)
+            self.follow(self.run.clock.now() + MOVING_LOOK_S, unit, said)
+
+    def turn_to(self, axis: int, angle_deg: float, unit: str, said: str) -> None:
+        """Turn one table axis to an angle at the plan's rate and wait until it rests there."""
+        rate = self.parameters.turn_rate_deg_per_s
+        left_deg = angle_deg - self.table.angle_deg(axis)
+        self.table.turn(axis, math.copysign(rate, left_deg))
+        ends_s = self.run.clock.now() + abs(left_deg) / rate - SHORT_OF_TURN_S
+        while self.run.clock.now() < ends_s:
+            self.follow(min(self.run.clock.now() + TURNING_LOOK_S, ends_s), unit, said)
+            self.table.is_at_rate(axis)  # raises where it does not keep it
+        self.go_to(axis, angle_deg, unit, said)
 
     def put_up(self, axis: str, unit: str) -> None:
         """Turn the table until a body axis points up."""
@@ -163,7 +178,7 @@ class BenchWork:
         begins_s = self.run.clock.now()
         self.follow(begins_s + settle_s, unit, said)
         before_s, before_deg = self.run.clock.now(), self.table.angle_deg(outer)
-        self.go_to(outer, before_deg + sign * FULL_TURN_DEG, unit, said)
+        self.turn_to(outer, before_deg + sign * FULL_TURN_DEG, unit, said)
         rests_s = self.run.clock.now()
         self.follow(rests_s + settle_s, unit, said)
         turned_deg = self.table.angle_deg(outer) - before_deg

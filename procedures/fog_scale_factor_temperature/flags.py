@@ -68,7 +68,8 @@ def _heaps(turns: AxisTurns, fit: AxisFit) -> list[Flag]:
                     "model-too-stiff",
                     f"All turns about {turns.axis} in {len(run)} neighbouring sets, {run[0]:.1f} "
                     f"to {run[-1]:.1f} degC, disagree with the curve and were left out: rather a "
-                    "feature of the gyro, narrower than the polynomial can follow, than wild turns.",
+                    "feature of the gyro, narrower than the polynomial can follow, than wild "
+                    "turns.",
                     turns.axis,
                     {"sets": len(run), "between_degC": [run[0], run[-1]]},
                 )

@@ -70,7 +70,7 @@ class FogParameters(StrictModel):
     pause_s: Annotated[float, Unit("s"), Field(ge=0)] = 2.0
     reorientation_s: Annotated[float, Unit("s"), Field(gt=0)] = 75.0
     turn_acceleration_deg_per_s2: Annotated[float, Unit("deg/s^2"), Field(gt=0)] = 10.0
-    turn_rate_deg_per_s: Annotated[float, Unit("deg/s"), Field(gt=0)] = 10.0
+    turn_rate_deg_per_s: Annotated[float, Unit("deg/s"), Field(gt=0)]
     latitude_deg: Annotated[Degree, Field(ge=-90, le=90)]
     alignment_s: Annotated[float, Unit("s"), Field(gt=0)] = 300.0
     alignment_at_most_s: Annotated[float, Unit("s"), Field(gt=0)] = 1200.0

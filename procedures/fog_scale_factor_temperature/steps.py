@@ -20,10 +20,13 @@ if TYPE_CHECKING:
 
 WORK = "the bench"
 SOAK, WARM_UP, RANDOM, RAMP, PROOF = "soak", "warm-up", "random-rotation", "ramp", "proof"
+COOLING = "cooling"
 APPROACH_S = 3600.0
 LEG_S = 20.0
 DRIFTED_DEGC = 1.0
 SECONDS_PER_HOUR = 3600.0
+PROVED_WITHIN_DEGC = 2.0
+"""So near to where the first turns were made the proof begins and ends; nearer takes hours."""
 EXPECTED_LAG_DEGC = 5.0
 """A gyro that heats itself is about as much warmer than the chamber as it lags behind it."""
 
@@ -186,17 +189,21 @@ def rotate_at_random(run: Run) -> None:
 def ramp_up(run: Run) -> None:
     """Step 2: the chamber warms slowly; every interval each axis up in turn, and turned once."""
     parameters: FogParameters = run.parameters
-    ramp(run, RAMP, parameters.temperature_range_degC[1], parameters.ramp_rate_degC_per_h)
+    high_degC = parameters.temperature_range_degC[1]
+    ramp(run, RAMP, high_degC, parameters.ramp_rate_degC_per_h, high_degC)
 
 
-def ramp(run: Run, name: str, end_degC: float, rate_degC_per_h: float) -> None:
-    """Do sets of turns until every gyro has reached `end_degC`, the chamber on its way there."""
+def ramp(run: Run, name: str, chamber_degC: float, rate_degC_per_h: float, end_degC: float) -> None:
+    """Do sets of turns until every gyro has come to `end_degC`, the chamber to `chamber_degC`.
+
+    Gyros that are switched on never become as cold as the chamber.
+    """
     parameters: FogParameters = run.parameters
     work = work_of(run)
     done = [unit for unit in run.past.finished if unit.split(" ")[0] == name]
     first = max((int(unit.split(" ")[1]) for unit in done), default=-1)
     upwards = end_degC > work.gyro_degC().mean()
-    work.chamber.ramp_to(end_degC, rate_degC_per_h / 60.0)
+    work.chamber.ramp_to(chamber_degC, rate_degC_per_h / 60.0)
     began_s = run.clock.now()
     number = max(first, 0)
     ended_s = math.inf
@@ -218,6 +225,32 @@ def ramp(run: Run, name: str, end_degC: float, rate_degC_per_h: float) -> None:
                 f"stand at {', '.join(f'{one:.1f}' for one in gyros)} degC, not at {end_degC:g} "
                 "degC; take a range that they reach with their own heat"
             )
+
+
+def first_of_the_ramp(run: Run) -> float:
+    """Return how warm the gyros were, in degC, in the mean, at the first turn of the fit."""
+    units = run.read_back().finished_units()
+    first = next(details for unit, details in units.items() if unit.split(" ")[0] == RAMP)
+    return float(first["stands"]["gyro_degC"])
+
+
+def cool_down(run: Run, chamber_degC: float, gyros_degC: float) -> None:
+    """Let the gyros become cold again; raises ConditionNotReached where they do not."""
+    work = work_of(run)
+    work.reach(chamber_degC, COOLING)
+    limit_s = run.parameters.chamber_at_most_s
+    there = work.follow_until(
+        lambda: bool((work.gyro_degC() <= gyros_degC).all()),
+        limit_s,
+        COOLING,
+        lambda: said_of(work),
+    )
+    if not there:
+        raise ConditionNotReached(
+            f"within {limit_s / SECONDS_PER_HOUR:g} h the gyros did not become as cold as "
+            f"{gyros_degC:.1f} degC again, in a chamber at {chamber_degC:g} degC; they were that "
+            "cold at the first turns: wait longer (chamber_at_most)"
+        )
 
 
 def said_of(work: BenchWork) -> str:
@@ -285,10 +318,13 @@ def prove(run: Run) -> None:
     rule = parameters.verification
     if rule is not None:
         low_degC, high_degC = parameters.temperature_range_degC
-        end_degC = low_degC if rule.direction == "down" else high_degC
-        if rule.direction == "up":
-            work.reach(low_degC, PROOF)
-        ramp(run, PROOF, end_degC, rule.ramp_rate_degC_per_h)
+        coldest_degC = first_of_the_ramp(run) + PROVED_WITHIN_DEGC
+        if rule.direction == "down":
+            ramp(run, PROOF, low_degC, rule.ramp_rate_degC_per_h, coldest_degC)
+        else:
+            if not any(unit.split(" ")[0] == PROOF for unit in run.past.finished):
+                cool_down(run, low_degC, coldest_degC)
+            ramp(run, PROOF, high_degC, rule.ramp_rate_degC_per_h, high_degC)
     for axis in (work.axes.outer, work.axes.middle, work.axes.inner):
         work.table.stop(axis)
     work.navigates = False

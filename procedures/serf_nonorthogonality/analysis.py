@@ -9,10 +9,11 @@ from .checks import checks_of
 from .chirped import Frequencies, frequencies_and_angles
 from .dataset import AXES, PAIRS, SerfDataset
 from .findings import AnalysisSettings, Published, SerfAnalysis, ShotResult
-from .flags import data_flags, result_flags
+from .flags import result_flags
 from .precession import Precession, look_at_all
 from .published import PublishedAngles, published_angles
 from .results import estimates, residual_magnitude_nT, scale_axis
+from .shot_flags import data_flags
 
 Array = NDArray[np.float64]
 

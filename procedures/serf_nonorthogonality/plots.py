@@ -94,13 +94,16 @@ def residuals(shots: Sequence[Drawn]) -> Figure:
 def spectra(shots: Sequence[Drawn]) -> Figure:
     """Draw the amplitude spectra of signal and residual, the fitted frequency marked."""
     figure, grid = _panels(len(shots))
+    end_Hz = 3.0 * max(shot.frequency_Hz for shot in shots)
     for axes, shot in zip(grid, shots, strict=False):
         frequency_Hz, amplitude = _spectrum(shot.used_s, shot.model_V + shot.residual_V)
         _, left = _spectrum(shot.used_s, shot.residual_V)
-        shown = frequency_Hz <= 3.0 * shot.frequency_Hz
+        span_s = float(shot.used_s[-1] - shot.used_s[0])
+        shown = (frequency_Hz <= end_Hz) & (frequency_Hz >= 1.0 / span_s)
         axes.semilogy(frequency_Hz[shown], amplitude[shown] * MILLI, color=BLUE, linewidth=0.9)
         axes.semilogy(frequency_Hz[shown], left[shown] * MILLI, color=GREEN, linewidth=0.7)
         axes.axvline(shot.frequency_Hz, color=VERMILION, linewidth=0.8, linestyle="--")
+        axes.set_xlim(0.0, end_Hz)
         label_above(axes, shot.name)
     _label(grid, len(shots), "frequency, Hz", "mV")
     return figure

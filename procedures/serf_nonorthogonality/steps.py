@@ -121,7 +121,7 @@ def null(run: Run) -> None:
 def take(run: Run, shot: Wanted) -> None:
     """Take one shot; a bad one is taken again, up to the plan's number of times.
 
-    Raises ConditionNotReached where it stays bad.
+    One that stays bad is kept as it is: the analysis leaves it out, and says so.
     """
     parameters: SerfParameters = run.parameters
     if run.is_finished(shot.id):
@@ -144,9 +144,7 @@ def take(run: Run, shot: Wanted) -> None:
             run.progress.say(f"    {shot.id}: {reason}")
             if attempt < parameters.repeats:
                 run.record.event(REPEATED, unit=shot.id, reason=reason)
-        raise ConditionNotReached(
-            f"shot {shot.id} stayed bad {parameters.repeats + 1} times: {reason}"
-        )
+        run.record.event("shot-stays-bad", unit=shot.id, reason=reason)
 
 
 def keep(run: Run, unit: str, block: Block) -> None:

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
+from .projection import chirp_of, design_of, project
 from .starts import starting_points
 
 Array = NDArray[np.float64]
@@ -135,20 +136,6 @@ class _Found:
         return float(self.residual @ self.residual)
 
 
-def _design(t: Array, omega: float, decay: float, slow: float, mains_Hz: float | None) -> Array:
-    fade = np.exp(-decay * t)
-    columns = [
-        fade * np.cos(omega * t),
-        fade * np.sin(omega * t),
-        np.exp(-slow * t),
-        np.ones_like(t),
-    ]
-    if mains_Hz is not None:
-        turn = 2.0 * np.pi * mains_Hz * t
-        columns += [np.cos(turn), np.sin(turn)]
-    return np.column_stack(columns)
-
-
 def _search(
     t: Array,
     y: Array,
@@ -163,7 +150,7 @@ def _search(
     damping, before = 1e-3, np.inf
     state = None
     for _ in range(MOST_ITERATIONS):
-        state = _project(t, y, omega, decay, baseline_decay_per_s, mains_Hz)
+        state = project(t, y, omega, decay, baseline_decay_per_s, mains_Hz)
         before = state.cost
         scale = np.linalg.norm(state.slopes, axis=0)
         if not bool(np.all(scale > 0.0)):
@@ -174,7 +161,7 @@ def _search(
             step = np.linalg.solve(normal + damping * np.eye(2), right) / scale
             new_omega, new_decay = omega + float(step[0]), decay + float(step[1])
             if new_decay > 0.0 and 0.0 < new_omega < largest:
-                after = _project(t, y, new_omega, new_decay, baseline_decay_per_s, mains_Hz)
+                after = project(t, y, new_omega, new_decay, baseline_decay_per_s, mains_Hz)
                 if after.cost <= before:
                     break
             damping *= 8.0
@@ -186,7 +173,7 @@ def _search(
             break
     if omega * span_s < np.pi or decay * span_s < 0.05:
         return None
-    state = _project(t, y, omega, decay, baseline_decay_per_s, mains_Hz)
+    state = project(t, y, omega, decay, baseline_decay_per_s, mains_Hz)
     normal = state.slopes.T @ state.slopes
     if not np.all(np.isfinite(normal)) or np.linalg.cond(normal) > 1e20:
         return None
@@ -198,68 +185,8 @@ def _search(
         state.residual,
         np.asarray(np.linalg.inv(normal), dtype=np.float64),
         state.columns,
-        _chirp(state, t, omega, decay),
+        chirp_of(state, t, omega, decay),
     )
-
-
-@dataclass(frozen=True)
-class _State:
-    """The linear solution at a place, with the projected slopes by w and G."""
-
-    linear: Array
-    residual: Array
-    slopes: Array
-    basis: Array
-    slow: float
-    columns: int
-
-    @property
-    def cost(self) -> float:
-        return float(self.residual @ self.residual)
-
-
-def _project(
-    t: Array,
-    y: Array,
-    omega: float,
-    decay: float,
-    baseline_decay_per_s: float | None,
-    mains_Hz: float | None,
-) -> _State:
-    slow = decay if baseline_decay_per_s is None else baseline_decay_per_s
-    design = _design(t, omega, decay, slow, mains_Hz)
-    basis, triangle = np.linalg.qr(design)
-    linear = np.linalg.solve(triangle, basis.T @ y)
-    cosine, sine, baseline = design[:, 0], design[:, 1], design[:, 2]
-    by_omega = t * (linear[1] * cosine - linear[0] * sine)
-    by_decay = -t * (linear[0] * cosine + linear[1] * sine)
-    if baseline_decay_per_s is None:
-        by_decay = by_decay - t * linear[2] * baseline
-    slopes = np.column_stack([by_omega, by_decay])
-    slopes -= basis @ (basis.T @ slopes)
-    return _State(linear, y - basis @ (basis.T @ y), slopes, basis, slow, design.shape[1])
-
-
-def _chirp(state: _State, t: Array, omega: float, decay: float) -> tuple[float, float]:
-    """Return by how much frequency and decay are higher at the beginning, relative, and its u.
-
-    What the slowing-down factor of a fading polarisation does to first order in its square: both
-    rates are larger by the share c e^(-2 G t).
-    """
-    early = -np.expm1(-2.0 * decay * t) / (2.0 * decay)
-    a, b = state.linear[:2]
-    fade, turn = np.exp(-decay * t), omega * t
-    cosine, sine = fade * np.cos(turn), fade * np.sin(turn)
-    column = early * (omega * (b * cosine - a * sine) - decay * (a * cosine + b * sine))
-    column -= state.basis @ (state.basis.T @ column)
-    share, *_ = np.linalg.lstsq(state.slopes, column, rcond=None)
-    column = column - state.slopes @ share
-    power = float(column @ column)
-    if power <= 0.0:
-        return 0.0, np.inf
-    freedom = max(len(t) - state.columns - 2, 1)
-    noise = np.sqrt(state.cost / freedom)
-    return float(column @ state.residual) / power, float(noise / np.sqrt(power))
 
 
 def _wild(residual: Array) -> Mask:
@@ -281,7 +208,7 @@ def _said(
 ) -> ToneFit:
     freedom = max(int(kept.sum()) - found.columns - 2, 1)
     noise = float(np.sqrt(found.cost / freedom))
-    model = _design(time_s, found.omega, found.decay, found.slow, mains_Hz) @ found.linear
+    model = design_of(time_s, found.omega, found.decay, found.slow, mains_Hz) @ found.linear
     linear = found.linear
     return ToneFit(
         omega_rad_per_s=found.omega,

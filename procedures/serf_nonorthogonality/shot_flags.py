@@ -1,0 +1,127 @@
+"""What the reader must know about the shots themselves, one flag a sentence."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from .dataset import SerfDataset
+from .findings import AnalysisSettings, Flag
+from .precession import Precession
+
+LARGE_BASELINE = 1.5
+"""A baseline beyond this many amplitudes of the tone."""
+
+
+def data_flags(
+    dataset: SerfDataset, seen: Sequence[Precession], settings: AnalysisSettings
+) -> list[Flag]:
+    """Return the flags on the shots themselves."""
+    flags = [*_repeated(dataset), *_overload(seen), *_rejected(seen), *_outliers(seen)]
+    return [*flags, *_gap(dataset, settings), *_shape(seen, settings)]
+
+
+def _names(seen: Sequence[Precession]) -> str:
+    return ", ".join(one.shot.name for one in seen)
+
+
+def _repeated(dataset: SerfDataset) -> list[Flag]:
+    if not dataset.repeated:
+        return []
+    names = list(dict.fromkeys(name for name, _ in dataset.repeated))
+    why = "; ".join(dict.fromkeys(reason for _, reason in dataset.repeated))
+    said = f"Shots were taken again, the bad ones are left out: {', '.join(names)} ({why})."
+    return [Flag("shot-repeated", said, None, {"shots": names, "count": len(dataset.repeated)})]
+
+
+def _overload(seen: Sequence[Precession]) -> list[Flag]:
+    over = [one for one in seen if one.saturated]
+    if not over:
+        return []
+    count = sum(one.saturated for one in over)
+    said = f"{count} samples are saturated and left out, in {_names(over)}."
+    return [
+        Flag("overload", said, None, {"count": count, "shots": [one.shot.name for one in over]})
+    ]
+
+
+def _rejected(seen: Sequence[Precession]) -> list[Flag]:
+    return [
+        Flag(
+            "shot-rejected",
+            f"The shot {one.shot.name} is not used: {one.rejected}.",
+            None,
+            {"shot": one.shot.name},
+        )
+        for one in seen
+        if not one.used
+    ]
+
+
+def _outliers(seen: Sequence[Precession]) -> list[Flag]:
+    # Samples left out before the fit are saturated or early, not far from it.
+    beyond = {
+        one.shot.name: int(
+            np.sum(~one.fit.kept & (np.abs(one.fit.residual_V) > 5.0 * one.fit.noise_V))
+        )
+        for one in seen
+        if one.fit is not None and one.used and not one.saturated
+    }
+    count = sum(beyond.values())
+    if not count:
+        return []
+    said = (
+        f"{count} samples stand more than six standard deviations from the fit and are left out, "
+        f"in {', '.join(name for name, number in beyond.items() if number)}."
+    )
+    return [Flag("outliers-rejected", said, None, {"count": count})]
+
+
+def _gap(dataset: SerfDataset, settings: AnalysisSettings) -> list[Flag]:
+    nominal_s = 1.0 / dataset.sample_rate_Hz
+    gaps, missing = 0, 0
+    for shot in dataset.shots:
+        steps = np.diff(shot.time_s) / nominal_s
+        wide = steps > settings.gap
+        gaps += int(wide.sum())
+        missing += int(np.sum(np.rint(steps[wide]) - 1.0))
+    if not gaps:
+        return []
+    said = f"The records have {gaps} gaps with {missing} missing samples; the fits do not mind."
+    return [Flag("gap", said, None, {"count": gaps, "missing_samples": missing})]
+
+
+def _shape(seen: Sequence[Precession], settings: AnalysisSettings) -> list[Flag]:
+    """Return the flags on what the fits of single shots show."""
+    flags = []
+    used = [one for one in seen if one.fit is not None]
+    few = [one for one in used if one.used_fit.cycles < settings.few_cycles]
+    if few:
+        least = min(few, key=lambda one: one.used_fit.cycles)
+        flags.append(
+            Flag(
+                "few-cycles",
+                f"Fewer than {settings.few_cycles:g} cycles pass within the 1/e time in "
+                f"{_names(few)}, the fewest in {least.shot.name}, {least.used_fit.cycles:.2f}; a "
+                "larger field would be told better.",
+                None,
+                {"shots": [one.shot.name for one in few], "cycles": least.used_fit.cycles},
+            )
+        )
+    large = [
+        one
+        for one in used
+        if one.used and abs(one.used_fit.baseline_V) > LARGE_BASELINE * one.used_fit.amplitude_V
+    ]
+    if large:
+        flags.append(
+            Flag(
+                "baseline",
+                f"The decaying baseline is larger than {LARGE_BASELINE:g} amplitudes of the tone "
+                f"in {_names(large)}: the field lies near pump and probe.",
+                None,
+                {"shots": [one.shot.name for one in large]},
+            )
+        )
+    return flags
