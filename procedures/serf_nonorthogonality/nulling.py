@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING
 
 from procedures.serf_nonorthogonality.cell import Cell, signal_of
 from procedures.serf_nonorthogonality.shots import AXES, PAIRS, Wanted, shots_of
-from procedures.serf_nonorthogonality.single import frequency_Hz
 from station.errors import ConditionNotReached
 
 if TYPE_CHECKING:
@@ -41,7 +40,7 @@ def null_residual_field(run: Run, cell: Cell) -> None:
     pairs = [shot for shot in every if len(shot.coils) == len(PAIRS[0])]
     for number in range(1, rule.rounds + 1):
         said = f"nulling, round {number}"
-        squares = {shot.id: fired_square(run, cell, shot, said) for shot in pairs}
+        squares = fired_squares(run, cell, pairs, said)
         residual_nT = residual_of_pairs_nT(pairs, squares, levels_nT)
         size_nT = math.hypot(*residual_nT.values())
         told = {axis: round(value, 4) for axis, value in residual_nT.items()}
@@ -53,17 +52,43 @@ def null_residual_field(run: Run, cell: Cell) -> None:
             cell.hold(axis, cell.held_nT[axis] - residual_nT[axis])
 
 
-def fired_square(run: Run, cell: Cell, shot: Wanted, said: str) -> float:
-    """Fire a shot and return the square of its frequency, Hz^2; it is a look, and not recorded."""
-    block = cell.fire(dict(zip(AXES, shot.field_nT, strict=True)), f"{said}, {shot.id}")
-    time_s, voltage_V = signal_of(block, cell.delay_s)
-    seen_Hz = frequency_Hz(time_s, voltage_V, run.parameters.mains_frequency_Hz)
-    if seen_Hz is None:
+def fired_squares(run: Run, cell: Cell, pairs: Sequence[Wanted], said: str) -> dict[str, float]:
+    """Fire each shot as a look, not recorded, and return the squares of their frequencies, Hz^2.
+
+    All are fitted with one decay of the baseline: a shot alone may take a baseline for its tone.
+    """
+    import numpy as np
+
+    from procedures.serf_nonorthogonality.dataset import SerfDataset, Shot
+    from procedures.serf_nonorthogonality.findings import AnalysisSettings
+    from procedures.serf_nonorthogonality.precession import look_at_all
+
+    parameters: SerfParameters = run.parameters
+    looks = []
+    for shot in pairs:
+        block = cell.fire(dict(zip(AXES, shot.field_nT, strict=True)), f"{said}, {shot.id}")
+        time_s, voltage_V = signal_of(block, cell.delay_s)
+        field_nT = np.array(shot.field_nT)
+        looks.append(Shot(shot.id, field_nT, time_s, voltage_V, parameters.full_scale_V))
+    seen = look_at_all(
+        SerfDataset(
+            looks,
+            parameters.pump_axis,
+            parameters.probe_axis,
+            parameters.nuclear_spin,
+            constants_known=False,
+            sample_rate_Hz=parameters.sample_rate_Hz,
+            mains_Hz=parameters.mains_frequency_Hz,
+        ),
+        AnalysisSettings(),
+    )
+    bad = [one for one in seen if not one.used]
+    if bad:
         raise ConditionNotReached(
-            f"{said}: the shot {shot.id} shows no precession; look at the pump light, the probe "
-            "light, the cell's temperature and the coils' cables"
+            f"{said}: the shot {bad[0].shot.name} cannot be used ({bad[0].rejected}); look at the "
+            "pump light, the probe light, the cell's temperature and the coils' cables"
         )
-    return seen_Hz**2
+    return {one.shot.name: one.used_fit.frequency_Hz**2 for one in seen}
 
 
 def residual_of_pairs_nT(
