@@ -26,8 +26,8 @@ from numpy.typing import NDArray
 from scipy.optimize import curve_fit
 from scipy.special import stdtrit
 
-ROOT = Path(__file__).resolve().parents[1]
-sys.path[:0] = [str(ROOT), str(ROOT / "tests")]
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+sys.path.insert(1, str(Path(__file__).resolve().parents[1] / "tests"))
 
 from serf_shots import FOUR, Cell, bound_of_frequency
 

@@ -134,6 +134,16 @@ def test_what_the_chamber_cannot_do_is_said(limits: dict[str, str], where: str, 
     assert said in problems[0].what
 
 
+def test_a_drive_must_be_a_file_with_the_columns_of_one(tmp_path: Path) -> None:
+    missing = parameters(drive=str(tmp_path / "drive.csv"))
+    (problem,) = check(missing, bench())
+    assert "there is no file" in problem.what
+    (tmp_path / "drive.csv").write_text("t_s,heading_deg\n0,0\n", encoding="utf-8")
+    problems = list(check(missing, bench()))
+    assert {one.where for one in problems} == {("parameters", "drive")}
+    assert "rate_x_deg_per_s" in problems[0].what
+
+
 def test_only_what_a_plan_measures_may_have_a_limit() -> None:
     measured = PROCEDURE.measured_axes(parameters(axes=["z"]))
     assert measured["scale_factor_error"] == ("z",)

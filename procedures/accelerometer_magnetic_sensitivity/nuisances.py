@@ -21,6 +21,12 @@ Mask = NDArray[np.bool_]
 INDEPENDENT_PART = 1e-3
 """A nuisance term is fitted when more than this part of its column is its own."""
 
+WARMED_K = 0.05
+"""From such a range of temperature on no criterion is asked: at 150 ppm/degC it is 7.5 µV at 1 g,
+and where temperature follows the angle the coefficients take it up and leave no residual."""
+FREE_ROWS = 6
+"""So many rows must be left over then, or the criterion is asked all the same."""
+
 ARCSEC_PER_RAD = 3600.0 * 180.0 / np.pi
 OFFSET, JUMP, KO, KP = "encoder offset", "encoder jump", "Ko", "Kp"
 K0_T, KI_T = "K0_T", "Ki_T"
@@ -83,8 +89,8 @@ def chosen(
 ) -> tuple[str, ...]:
     """Return the slow terms that the data ask for, by the Bayesian information criterion.
 
-    Tried is every order of drift with no temperature term, with K0_T, and with K0_T and Ki_T.
-    Where there is drift, one order more is taken than it asks for: what a criterion leaves out is
+    Tried is every order of drift with no temperature term, with K0_T, and with K0_T and Ki_T; with
+    both alone where the temperature changed by more than `WARMED_K`. Where there is drift, one order more is taken than it asks for: what a criterion leaves out is
     small against the noise of all rows, but not against that of a coefficient which one plane, and
     so a part of the time, decides. `fixed` (rows, k) are the columns that are always there; only
     `kept` rows count.
@@ -98,7 +104,8 @@ def chosen(
     models: list[tuple[str, ...]] = []
     squares: list[float] = []
     counts: list[int] = []
-    for first in ([], warm[:1], warm) if warm else ([],):
+    sure = rows - basis.shape[1] - len(warm) >= FREE_ROWS and _warmed(terms, kept)
+    for first in ([warm] if sure else [[], warm[:1], warm]) if warm else [[]]:
         own, rest = basis, left
         for order in range(-len(first), len(drift) + 1):
             added = first[order] if order < 0 else (drift[order - 1] if order > 0 else None)
@@ -115,3 +122,9 @@ def chosen(
     best = models[choose_by_information(squares, counts, rows)]
     found = sum(name.startswith("drift") for name in best)
     return (*best, *drift[found : found + 1]) if found else best
+
+
+def _warmed(terms: Candidates, kept: Mask) -> bool:
+    if K0_T not in terms.names:
+        return False
+    return float(np.ptp(terms.columns[kept, terms.names.index(K0_T)])) > WARMED_K

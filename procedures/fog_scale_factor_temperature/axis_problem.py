@@ -89,15 +89,16 @@ class AxisProblem:
         if domain[1] - domain[0] <= 0.0:
             domain = (domain[0] - SAME_TEMPERATURE_DEGC, domain[1] + SAME_TEMPERATURE_DEGC)
             highest = 0
-        order = highest
+        order, ratio = highest, self._ratio(kept, domain, highest)
         for _ in range(2):
-            ratio = self._ratio(kept, domain, order)
-            order = self._order(kept, domain, highest, ratio)
-        ratio = self._ratio(kept, domain, order)
+            asked = self._order(kept, domain, highest, ratio)
+            if asked == order:
+                break
+            order, ratio = asked, self._ratio(kept, domain, asked)
         best = self._fit(kept, domain, order, ratio)
         if self._stiff(best):
             for higher in range(order + 1, highest + 1):
-                raised = self._fit(kept, domain, higher, self._ratio(kept, domain, higher))
+                raised = self._fit(kept, domain, higher, ratio)
                 if not self._stiff(raised):
                     return raised
         return best

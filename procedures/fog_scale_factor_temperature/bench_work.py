@@ -17,6 +17,7 @@ from station.errors import ConditionNotReached, InstrumentError
 if TYPE_CHECKING:
     from station.runner.run import Run
 
+WORK = "the bench"
 LOOK_S = 5.0
 """Run time between two looks; less where time runs by itself, so that a kill loses little."""
 MOVING_LOOK_S = 0.5
@@ -183,3 +184,11 @@ class BenchWork:
         self.follow(rests_s + settle_s, unit, said)
         turned_deg = self.table.angle_deg(outer) - before_deg
         return before_s, rests_s, self.run.clock.now(), turned_deg
+
+
+def work_of(run: Run) -> BenchWork:
+    """Return the bench as this process of the run uses it."""
+    if WORK not in run.handed_on:
+        run.handed_on[WORK] = BenchWork(run)
+    work: BenchWork = run.handed_on[WORK]
+    return work

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from procedures.fog_scale_factor_temperature.parameters import FogParameters
@@ -20,6 +21,7 @@ RAMP_RATE = ("parameters", "ramp_rate")
 TURN_RATE = ("parameters", "turn_rate")
 RESOLUTION = ("parameters", "heading_resolution")
 ASKED = ("parameters", "asked_uncertainty")
+DRIVE = ("parameters", "drive")
 MINUTES_PER_HOUR = 60.0
 
 
@@ -29,7 +31,7 @@ def instruments(parameters: FogParameters) -> tuple[str, ...]:
 
 
 def check(parameters: FogParameters, bench: Bench) -> Iterator[Problem]:
-    """Yield what the chamber cannot do, and an uncertainty that the plan cannot reach."""
+    """Yield what the chamber cannot do, an uncertainty out of reach, a drive that is no drive."""
     yield from table_problems(bench)
     yield from chamber_problems(parameters, bench)
     yield from uncertainty_problems(parameters)
@@ -102,3 +104,22 @@ def uncertainty_problems(parameters: FogParameters) -> Iterator[Problem]:
         )
     else:
         yield Problem(ASKED, f"{what}; take more turns (turns: pairs or +--+), or a slower ramp")
+
+
+def drive_problems(parameters: FogParameters) -> Iterator[Problem]:
+    """Yield why the file of the vehicle test cannot be used."""
+    if parameters.drive is None:
+        return
+    path = Path(parameters.drive)
+    if not path.is_file():
+        what = f"there is no file '{path}'; its path is relative to where the station is started"
+        yield Problem(DRIVE, what)
+        return
+    from procedures.fog_scale_factor_temperature.from_import import read_drive
+    from station.faults import FaultList
+
+    try:
+        read_drive(path, parameters.latitude_deg, None)
+    except FaultList as found:
+        for fault in found.faults:
+            yield Problem(DRIVE, str(fault))

@@ -6,27 +6,32 @@ gyro by continuous turns while the temperature rises, steps one to four.
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING
 
-from procedures.fog_scale_factor_temperature.bench_work import AXES, BenchWork
+from procedures.fog_scale_factor_temperature.bench_work import AXES, work_of
 from procedures.fog_scale_factor_temperature.check import CHAMBER, NAVIGATOR, POWER, TABLE
 from procedures.fog_scale_factor_temperature.parameters import FogParameters
+from procedures.fog_scale_factor_temperature.ramping import (
+    EXPECTED_HEAT_DEGC,
+    PROOF,
+    RAMP,
+    Ramp,
+    coldest_degC,
+    cool_down,
+    last_turn,
+    make_ramp,
+    soak_again,
+)
 from station.errors import ConditionNotReached
 from station.procedure import Prompt, Step
 
 if TYPE_CHECKING:
     from station.runner.run import Run
 
-WORK = "the bench"
-SOAK, WARM_UP, RANDOM, RAMP, PROOF = "soak", "warm-up", "random-rotation", "ramp", "proof"
-COOLING = "cooling"
+SOAK, WARM_UP, RANDOM = "soak", "warm-up", "random-rotation"
 APPROACH_S = 3600.0
 LEG_S = 20.0
-DRIFTED_DEGC = 1.0
 SECONDS_PER_HOUR = 3600.0
-PROVED_WITHIN_DEGC = 2.0
-"""So near to where the first turns were made the proof begins and ends; nearer takes hours."""
 EXPECTED_LAG_DEGC = 5.0
 """A gyro that heats itself is about as much warmer than the chamber as it lags behind it."""
 
@@ -41,25 +46,6 @@ CABLES = Prompt("connect-cables", "Connect its power and its data line through t
 def prompts(parameters: FogParameters) -> tuple[Prompt, ...]:
     """Return what the operator may be asked to do."""
     return (MOUNT, CABLES)
-
-
-def work_of(run: Run) -> BenchWork:
-    """Return the bench as this process of the run uses it."""
-    if WORK not in run.handed_on:
-        run.handed_on[WORK] = BenchWork(run)
-    work: BenchWork = run.handed_on[WORK]
-    return work
-
-
-def last_turn(run: Run) -> dict[str, float] | None:
-    """Return where the ramp stood at the last turn of an earlier process, None without one."""
-    turns = [details for unit, details in run.past.finished.items() if is_turn(unit)]
-    return dict(turns[-1]["stands"]) if turns else None
-
-
-def is_turn(unit: str) -> bool:
-    """Whether a unit of work is a turn of a ramp."""
-    return unit.split(" ")[0] in (RAMP, PROOF)
 
 
 def soak(run: Run) -> None:
@@ -84,8 +70,12 @@ def soak(run: Run) -> None:
                 run.clock.sleep(1.0)
     stood = last_turn(run)
     work.chamber.switch_on()
-    low_degC = parameters.temperature_range_degC[0]
-    work.reach(low_degC if stood is None else stood["set_point_degC"], SOAK)
+    low_degC, high_degC = parameters.temperature_range_degC
+    begins_degC = low_degC
+    if stood is not None:
+        # Where the gyros, with their own heat, come to rest at the temperature that they had.
+        begins_degC = min(max(stood["gyro_degC"] - EXPECTED_HEAT_DEGC, low_degC), high_degC)
+    work.reach(begins_degC, SOAK)
     if stood is None:
         began_s = run.clock.now()
         work.follow(began_s + parameters.soak_s, SOAK, f"soaking at {low_degC:g} degC")
@@ -154,20 +144,6 @@ def warm_up(run: Run) -> None:
             )
 
 
-def soak_again(run: Run, stood: dict[str, float]) -> None:
-    """Wait until the gyros are as warm as they were when the run was interrupted."""
-    work = work_of(run)
-    wanted_degC = stood["gyro_degC"]
-    run.progress.say(f"    the gyros go back to {wanted_degC:.1f} degC")
-
-    def there() -> bool:
-        return bool(abs(work.gyro_degC().mean() - wanted_degC) <= DRIFTED_DEGC)
-
-    limit_s = run.parameters.warm_up.at_most_s
-    if not work.follow_until(there, limit_s, WARM_UP, lambda: "soaking again"):
-        run.progress.say("    they do not come there: the ramp goes on from where they are")
-
-
 def rotate_at_random(run: Run) -> None:
     """Turn about changing axes at changing rates for a while; the navigator's output is kept."""
     import random
@@ -190,106 +166,7 @@ def ramp_up(run: Run) -> None:
     """Step 2: the chamber warms slowly; every interval each axis up in turn, and turned once."""
     parameters: FogParameters = run.parameters
     high_degC = parameters.temperature_range_degC[1]
-    ramp(run, RAMP, high_degC, parameters.ramp_rate_degC_per_h, high_degC)
-
-
-def ramp(run: Run, name: str, chamber_degC: float, rate_degC_per_h: float, end_degC: float) -> None:
-    """Do sets of turns until every gyro has come to `end_degC`, the chamber to `chamber_degC`.
-
-    Gyros that are switched on never become as cold as the chamber.
-    """
-    parameters: FogParameters = run.parameters
-    work = work_of(run)
-    done = [unit for unit in run.past.finished if unit.split(" ")[0] == name]
-    first = max((int(unit.split(" ")[1]) for unit in done), default=-1)
-    upwards = end_degC > work.gyro_degC().mean()
-    work.chamber.ramp_to(chamber_degC, rate_degC_per_h / 60.0)
-    began_s = run.clock.now()
-    number = max(first, 0)
-    ended_s = math.inf
-    while True:
-        run.may_pause()
-        due_s = began_s + (number - max(first, 0)) * parameters.set_interval_s
-        work.follow(due_s, name, said_of(work))
-        one_set(run, name, number)
-        number += 1
-        gyros = work.gyro_degC()
-        there = (gyros >= end_degC).all() if upwards else (gyros <= end_degC).all()
-        if there:
-            return
-        if not work.chamber.is_ramping():
-            ended_s = min(ended_s, run.clock.now())
-        if run.clock.now() - ended_s > parameters.chamber_at_most_s:
-            raise ConditionNotReached(
-                f"{parameters.chamber_at_most_s / 3600:g} h after the end of the ramp the gyros "
-                f"stand at {', '.join(f'{one:.1f}' for one in gyros)} degC, not at {end_degC:g} "
-                "degC; take a range that they reach with their own heat"
-            )
-
-
-def first_of_the_ramp(run: Run) -> float:
-    """Return how warm the gyros were, in degC, in the mean, at the first turn of the fit."""
-    units = run.read_back().finished_units()
-    first = next(details for unit, details in units.items() if unit.split(" ")[0] == RAMP)
-    return float(first["stands"]["gyro_degC"])
-
-
-def cool_down(run: Run, chamber_degC: float, gyros_degC: float) -> None:
-    """Let the gyros become cold again; raises ConditionNotReached where they do not."""
-    work = work_of(run)
-    work.reach(chamber_degC, COOLING)
-    limit_s = run.parameters.chamber_at_most_s
-    there = work.follow_until(
-        lambda: bool((work.gyro_degC() <= gyros_degC).all()),
-        limit_s,
-        COOLING,
-        lambda: said_of(work),
-    )
-    if not there:
-        raise ConditionNotReached(
-            f"within {limit_s / SECONDS_PER_HOUR:g} h the gyros did not become as cold as "
-            f"{gyros_degC:.1f} degC again, in a chamber at {chamber_degC:g} degC; they were that "
-            "cold at the first turns: wait longer (chamber_at_most)"
-        )
-
-
-def said_of(work: BenchWork) -> str:
-    """Return how warm it is, for the operator."""
-    return f"gyros {work.gyro_degC().mean():.1f} degC"
-
-
-def one_set(run: Run, name: str, number: int) -> None:
-    """Turn about each axis in turn; each turn is a unit of work."""
-    parameters: FogParameters = run.parameters
-    work = work_of(run)
-    for axis in parameters.axes:
-        units = [(f"{name} {number} {axis} {k}", sign) for k, sign in enumerate(parameters.signs)]
-        if all(run.is_finished(unit) for unit, _ in units):
-            continue
-        work.put_up(axis, name)
-        for unit, sign in units:
-            if run.is_finished(unit):
-                continue
-            run.record.event("unit-started", durable=False, unit=unit)
-            said = f"set {number}, {axis}, {said_of(work)}"
-            before_s, rests_s, after_s, turned_deg = work.turn_around(unit, sign, said)
-            stands = {
-                "gyro_degC": float(work.gyro_degC().mean()),
-                "set_point_degC": work.chamber.set_point_degC(),
-            }
-            run.record.finish_unit(
-                unit,
-                axis=axis,
-                set=number,
-                commanded_deg=360.0 * sign,
-                turned_deg=turned_deg,
-                before_s=before_s,
-                rests_s=rests_s,
-                after_s=after_s,
-                chamber_degC=work.chamber.temperature_degC(),
-                stands=stands,
-            )
-            work.follow(run.clock.now() + parameters.pause_s, name, said)
+    make_ramp(run, Ramp(RAMP, high_degC, parameters.ramp_rate_degC_per_h, high_degC, True))
 
 
 def fit(run: Run) -> None:
@@ -318,13 +195,11 @@ def prove(run: Run) -> None:
     rule = parameters.verification
     if rule is not None:
         low_degC, high_degC = parameters.temperature_range_degC
-        coldest_degC = first_of_the_ramp(run) + PROVED_WITHIN_DEGC
-        if rule.direction == "down":
-            ramp(run, PROOF, low_degC, rule.ramp_rate_degC_per_h, coldest_degC)
-        else:
-            if not any(unit.split(" ")[0] == PROOF for unit in run.past.finished):
-                cool_down(run, low_degC, coldest_degC)
-            ramp(run, PROOF, high_degC, rule.ramp_rate_degC_per_h, high_degC)
+        down, cold_degC = rule.direction == "down", coldest_degC(run)
+        if not down and not any(unit.split(" ")[0] == PROOF for unit in run.past.finished):
+            cool_down(run, low_degC, cold_degC)
+        ends = (low_degC, cold_degC) if down else (high_degC, high_degC)
+        make_ramp(run, Ramp(PROOF, ends[0], rule.ramp_rate_degC_per_h, ends[1], not down))
     for axis in (work.axes.outer, work.axes.middle, work.axes.inner):
         work.table.stop(axis)
     work.navigates = False

@@ -61,6 +61,8 @@ def settings(parameters: SerfParameters) -> AnalysisSettings:
         few_cycles=thresholds.few_cycles,
         residual_field_nT=thresholds.residual_field_large_nT,
         chirp=thresholds.chirp,
+        gap=thresholds.gap,
+        model_too_stiff=thresholds.model_too_stiff,
     )
 
 

@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 SHARED = 3
 MOST_ITERATIONS = 25
 ENOUGH = 1e-9
-SQUARES = (0.003, 0.01, 0.03, 0.07, 0.13, 0.2, 0.3, 0.42, 0.56, 0.72)
+SQUARES = (0.03, 0.08, 0.15, 0.25, 0.36, 0.5, 0.68, 0.85)
 """P² to begin with."""
 
 
@@ -208,25 +208,20 @@ def joint_start(
     """Return where the joint fit begins: (P², R/q(0), beta) and the frequencies.
 
     In the time of the right clock each shot is a tone of one frequency. The clock of each P² of a
-    grid is tried on the shots with the most signal; then all shots are fitted in the time of the
+    grid is tried on the shot with the most signal; then all shots are fitted in the time of the
     best. Raises NoJointFit.
     """
-    order = np.argsort([-fit.signal_to_noise for fit in fits], kind="stable")[:2]
+    strongest = int(np.argmax([fit.signal_to_noise for fit in fits]))
     rate = float(np.median([fit.decay_per_s for fit in fits])) * 0.85
     best: tuple[float, float, float] | None = None
     for square in SQUARES:
-        cost, decays = 0.0, []
-        for k in order:
-            found = _in_its_time(records[k], spin, square, rate, float(along[k]), mains_Hz)
-            if found is None:
-                cost = np.inf
-                break
-            cost += found.degrees_of_freedom * (found.noise_V / records[k].noise_V) ** 2
-            decays.append(found.decay_per_s)
-        if best is None or cost < best[0]:
-            best = (cost, square, float(np.median(decays)) if decays else rate)
-    if best is None or not np.isfinite(best[0]):
-        raise NoJointFit("no polarisation explains the strongest shots")
+        found = _in_its_time(
+            records[strongest], spin, square, rate, float(along[strongest]), mains_Hz
+        )
+        if found is not None and (best is None or found.noise_V < best[0]):
+            best = (found.noise_V, square, found.decay_per_s)
+    if best is None:
+        raise NoJointFit("no polarisation explains the strongest shot")
     _, square, rate = best
     rate *= 0.9
     omega, decay = [], []

@@ -46,10 +46,11 @@ class Depolarising(StrictModel):
 class Thresholds(StrictModel):
     """Where a flag is raised; the defaults are those of the result format."""
 
-    not_significant: Annotated[float, Field(gt=0)] = 2.0
     residual_field_large_nT: Nanotesla = 1.5
-    few_cycles: Annotated[float, Field(gt=0)] = 1.5
+    few_cycles: Annotated[float, Field(ge=1)] = 1.5
     chirp: Annotated[float, Unit("1"), Field(gt=0)] = 0.01
+    gap: Annotated[float, Field(gt=1)] = 1.5
+    model_too_stiff: Annotated[float, Field(gt=0)] = 0.3
 
 
 class SerfParameters(StrictModel):

@@ -26,5 +26,5 @@ def identify_bench(bench_name: str, mounted: str, *, as_json: bool) -> int:
         print(json.dumps([row.to_data() for row in rows], indent=1, ensure_ascii=False))
     else:
         for row in rows:
-            print(f"{'ok   ' if row.ok else 'WRONG'} {row.name:<18} {row.said}")
+            print(f"{'ok   ' if row.ok else 'WRONG'} {row.name:<27} {row.said}")
     return EXIT_DONE if all(row.ok for row in rows) else EXIT_FAULT

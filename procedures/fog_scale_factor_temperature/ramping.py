@@ -1,0 +1,167 @@
+"""Ramps of the chamber with sets of turns: of the fit and of the proof; a ramp may be resumed."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from procedures.fog_scale_factor_temperature.bench_work import BenchWork, work_of
+from procedures.fog_scale_factor_temperature.parameters import FogParameters
+from station.errors import ConditionNotReached
+
+if TYPE_CHECKING:
+    from station.runner.run import Run
+
+RAMP, PROOF = "ramp", "proof"
+COOLING = "cooling"
+DRIFTED_DEGC = 1.0
+PROVED_WITHIN_DEGC = 2.0
+"""So near to where the first turns were made the proof begins and ends; nearer takes hours."""
+
+EXPECTED_HEAT_DEGC = 5.0
+"""By how much gyros warm themselves."""
+
+SECONDS_PER_HOUR = 3600.0
+
+
+@dataclass(frozen=True)
+class Ramp:
+    """A ramp: the chamber goes to one temperature, the turns go on until the gyros pass another.
+
+    Gyros that are switched on never become as cold as the chamber.
+    """
+
+    name: str
+    chamber_degC: float
+    rate_degC_per_h: float
+    gyros_degC: float
+    upwards: bool
+
+    @property
+    def end(self) -> str:
+        """The unit that is finished when the ramp is."""
+        return f"end of {self.name}"
+
+
+def is_turn(unit: str) -> bool:
+    """Whether a unit of work is a turn of a ramp."""
+    return unit.split(" ")[0] in (RAMP, PROOF)
+
+
+def last_turn(run: Run) -> dict[str, float] | None:
+    """Return where the ramp stood at the last turn of an earlier process, None without one."""
+    turns = [details for unit, details in run.past.finished.items() if is_turn(unit)]
+    return dict(turns[-1]["stands"]) if turns else None
+
+
+def soak_again(run: Run, stood: dict[str, float]) -> None:
+    """Bring gyros and chamber to where they were when the run was interrupted."""
+    work = work_of(run)
+    wanted_degC = stood["gyro_degC"]
+    run.progress.say(f"    the gyros go back to {wanted_degC:.1f} degC")
+
+    def there() -> bool:
+        return bool(abs(work.gyro_degC().mean() - wanted_degC) <= DRIFTED_DEGC)
+
+    limit_s = run.parameters.warm_up.at_most_s
+    if not work.follow_until(there, limit_s, COOLING, lambda: said_of(work)):
+        run.progress.say("    they do not come there: the ramp goes on from where they are")
+    work.reach(stood["set_point_degC"], COOLING)
+
+
+def make_ramp(run: Run, ramp: Ramp) -> None:
+    """Do sets of turns until every gyro has come to its end, the chamber on its way.
+
+    Raises ConditionNotReached where they do not come there on the ramp of the fit.
+    """
+    if run.is_finished(ramp.end):
+        return
+    parameters: FogParameters = run.parameters
+    work = work_of(run)
+    done = [unit for unit in run.past.finished if unit.split(" ")[0] == ramp.name]
+    first = max((int(unit.split(" ")[1]) for unit in done), default=0)
+    work.chamber.ramp_to(ramp.chamber_degC, ramp.rate_degC_per_h / 60.0)
+    began_s = run.clock.now()
+    number, ended_s = first, math.inf
+    while True:
+        run.may_pause()
+        work.follow(
+            began_s + (number - first) * parameters.set_interval_s, ramp.name, said_of(work)
+        )
+        one_set(run, ramp.name, number)
+        number += 1
+        gyros = work.gyro_degC()
+        there = gyros >= ramp.gyros_degC if ramp.upwards else gyros <= ramp.gyros_degC
+        if there.all():
+            break
+        if not work.chamber.is_ramping():
+            ended_s = min(ended_s, run.clock.now())
+        if run.clock.now() - ended_s > parameters.chamber_at_most_s:
+            if ramp.name == PROOF:
+                run.progress.say(f"    the proof ends at {said_of(work)}: they go no further")
+                break
+            raise ConditionNotReached(
+                f"{parameters.chamber_at_most_s / SECONDS_PER_HOUR:g} h after the end of the ramp "
+                f"the gyros stand at {', '.join(f'{one:.1f}' for one in gyros)} degC, not at "
+                f"{ramp.gyros_degC:g} degC; take a range that they reach with their own heat"
+            )
+    run.record.finish_unit(ramp.end)
+
+
+def coldest_degC(run: Run) -> float:
+    """Return how cold, in the mean, the gyros have to become in a proof."""
+    units = run.read_back().finished_units()
+    first = next(details for unit, details in units.items() if unit.split(" ")[0] == RAMP)
+    return float(first["stands"]["gyro_degC"]) + PROVED_WITHIN_DEGC
+
+
+def cool_down(run: Run, chamber_degC: float, gyros_degC: float) -> None:
+    """Let the gyros become cold again, as far as they do within the plan's time."""
+    work = work_of(run)
+    work.reach(chamber_degC, COOLING)
+    work.follow_until(
+        lambda: bool((work.gyro_degC() <= gyros_degC).all()),
+        run.parameters.chamber_at_most_s,
+        COOLING,
+        lambda: said_of(work),
+    )
+
+
+def said_of(work: BenchWork) -> str:
+    """Return how warm it is, for the operator."""
+    return f"gyros {work.gyro_degC().mean():.1f} degC"
+
+
+def one_set(run: Run, name: str, number: int) -> None:
+    """Turn about each axis in turn; each turn is a unit of work."""
+    parameters: FogParameters = run.parameters
+    work = work_of(run)
+    for axis in parameters.axes:
+        units = [(f"{name} {number} {axis} {k}", sign) for k, sign in enumerate(parameters.signs)]
+        if all(run.is_finished(unit) for unit, _ in units):
+            continue
+        work.put_up(axis, name)
+        for unit, sign in units:
+            if run.is_finished(unit):
+                continue
+            run.record.event("unit-started", durable=False, unit=unit)
+            said = f"set {number}, {axis}, {said_of(work)}"
+            before_s, rests_s, after_s, turned_deg = work.turn_around(unit, sign, said)
+            stands = {
+                "gyro_degC": float(work.gyro_degC().mean()),
+                "set_point_degC": work.chamber.set_point_degC(),
+            }
+            run.record.finish_unit(
+                unit,
+                axis=axis,
+                set=number,
+                commanded_deg=360.0 * sign,
+                turned_deg=turned_deg,
+                before_s=before_s,
+                rests_s=rests_s,
+                after_s=after_s,
+                chamber_degC=work.chamber.temperature_degC(),
+                stands=stands,
+            )
+            work.follow(run.clock.now() + parameters.pause_s, name, said)
