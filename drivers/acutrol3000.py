@@ -207,6 +207,9 @@ class Acutrol3000:
             table.patiently_tell(":Mode ALL,Off")
         except InstrumentError:
             table.last_attempt(":Mode ALL,Off")
+            # It may have been heard though nothing is: until then nothing else goes on.
+            stands_s = self.place.clock.now() + table.brakes_within_s()
+            self.place.clock.sleep_until(min(stands_s, deadline_s))
             raise
         table.forget_errors()
 

@@ -19,6 +19,7 @@ STEP_DEG, STEP_AGAIN_DEG = 150.0, 100.0
 the second is left, so that an axis that is looked at often does not slow down on its way."""
 
 MARGIN_S = 5.0
+BRAKES_LATE_S = 2.0
 RATE_AGREES, RATE_KEPT = 1e-3, 0.05
 
 
@@ -231,6 +232,11 @@ class Table:
     def patient_mode(self, n: int) -> str:
         """Return the mode of an axis, where one lost answer must not decide."""
         return repeated(self._repeatable, f":Mode? {n}", lambda: self._line.mode(n))
+
+    def brakes_within_s(self) -> float:
+        """Return the time in which the fastest axis that the bench allows comes to rest."""
+        limits = self._place.limits
+        return limits.get("rate", 0.0) / limits.get("acceleration", math.inf) + BRAKES_LATE_S
 
     def last_attempt(self, message: str) -> None:
         """Send a command once more, whatever comes back."""

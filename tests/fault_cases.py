@@ -62,6 +62,26 @@ SHORT_FORMS: Mapping[str, tuple[str, ...]] = {
         "parameters.nplc=1",
         "parameters.warm_up=30 s",
     ),
+    "fog-scale-factor-temperature": (
+        "parameters.outside_published_range=true",
+        "parameters.temperature_range=[22 degC, 24 degC]",
+        "parameters.reference_temperature=23.5 degC",
+        "parameters.soak=1 min",
+        "parameters.ramp_rate=120 degC/h",
+        "parameters.set_interval=2 min",
+        "parameters.axes=[x, z]",
+        "parameters.turn_rate=90 deg/s",
+        "parameters.turn_acceleration=50 deg/s^2",
+        "parameters.settle=3 s",
+        "parameters.reorientation=20 s",
+        "parameters.random_rotation=10 s",
+        "parameters.chamber_at_most=20 min",
+        "parameters.initial_order=1",
+        "parameters.asked_uncertainty=null",
+        "parameters.verification.ramp_rate=120 degC/h",
+        "parameters.warm_up.slope_limit=200 degC/h",
+        "parameters.warm_up.window=1 min",
+    ),
 }
 """What makes a procedure's plan short; without an entry a plan runs as it is shipped."""
 

@@ -20,8 +20,10 @@ from station.runner.acquisition import POLL_S
 
 NOTHING_LEFT_A = 0.001
 GOOD, FAULT, TRIPPED = frozenset({0, 1, 6}), 3, 5
-SAFE_STATE_S, PROCEDURE_WAITS_S = 120.0, 420.0
+SAFE_STATE_S, STEP_WAITS_S = 120.0, 420.0
 """Bench time that the safe state of one instrument, and the waits of a step, may take."""
+LONG_WAITS_S: Mapping[str, float] = {"fog-scale-factor-temperature": 2700.0}
+"""Procedures whose steps wait longer: 20 min for a temperature, then 20 min for an alignment."""
 STEP_OF_A_RAMP_A = 0.25
 STEPS_BY_ITSELF = frozenset({"compliance", "overdrive"})
 ITS_OWN_STEP_S, OVERDRIVEN = 0.5, 3.5
@@ -50,9 +52,29 @@ def accelerometer_truth(bench: Mapping[str, Any], result: Mapping[str, Any]) -> 
     return sum(factor * number(true[name]) for name, factor in result["terms"].items())
 
 
+def fog_truth(bench: Mapping[str, Any], result: Mapping[str, Any]) -> float | None:
+    """Return the scale-factor error of a simulated gyro at the result's temperature."""
+    if result["name"] != "scale_factor_error":
+        return None
+    gyros = bench["simulation"]["fog"]["gyros"]
+    low, high = (number(gyros["temperature_range"][end]) for end in ("low", "high"))
+    u = (2.0 * result["reference_temperature"] - low - high) / (high - low)
+    true = gyros[result["axis"]]["scale_factor_error"]
+    return sum(number(text) * u ** int(power[1:]) for power, text in true.items())
+
+
+def serf_truth(bench: Mapping[str, Any], result: Mapping[str, Any]) -> float | None:
+    """Return the angle between two coils of the simulated cell."""
+    if result["name"] != "nonorthogonality_angle":
+        return None
+    return number(bench["simulation"]["serf"]["coils"]["angles"][result["axis"]])
+
+
 TRUTHS: Mapping[str, Callable[[Mapping[str, Any], Mapping[str, Any]], float | None]] = {
     "rlg-magnetic-sensitivity": rlg_truth,
     "accelerometer-magnetic-sensitivity": accelerometer_truth,
+    "fog-scale-factor-temperature": fog_truth,
+    "serf-nonorthogonality": serf_truth,
 }
 """What a result of a procedure should be; None where the world has no one number for it."""
 
@@ -240,7 +262,7 @@ def nothing_is_left(
         yield f"left behind: {ended.left_behind}"
     allowed_s = (
         max(reference.marks[-1].time_s, ended.first_s or 0.0)
-        + PROCEDURE_WAITS_S
+        + LONG_WAITS_S.get(case.plan, STEP_WAITS_S)
         + SAFE_STATE_S * len(ended.world["outputs"])
     )
     if ended.world["time_s"] > allowed_s:

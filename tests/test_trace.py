@@ -25,7 +25,7 @@ from station.runner.trace import Trace, readable
 from tests.campaign_helpers import file_hashes, short_plan
 
 LINE = re.compile(r" *(?P<time_s>\d+\.\d{6}) (?P<direction>[-><!]) (?P<text>.*)")
-SPOKEN = ("coil_supply.x", "gaussmeter", "gyro_acquisition")
+SPOKEN = ("coil_supply.x", "gaussmeter", "gyro_acquisition", "interlock_chain")
 
 
 def traced_run(folder: Path, *, trace: bool) -> Outcome:

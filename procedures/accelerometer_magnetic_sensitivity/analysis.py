@@ -28,6 +28,7 @@ Mask = NDArray[np.bool_]
 __all__ = ["AccelerometerAnalysis", "AnalysisSettings", "analyse"]
 
 BEYOND = "beyond {:g} sigma from the fit"
+SMALLEST_SINGULAR = 1e-7
 
 
 def analyse(
@@ -49,8 +50,10 @@ def analyse(
         dataset.gravity_g,
     )
     solution: Solution | None = None
-    if found.rank and int(usable.sum()) > found.rank:
-        solution = solve_rows(_rows(dataset, usable), found.kept, settings)
+    rows = _rows(dataset, usable)
+    as_planned = found.rank > 0 and _as_planned(rows, found)
+    if as_planned and int(usable.sum()) > found.rank:
+        solution = solve_rows(rows, found.kept, settings)
         if solution.degrees_of_freedom < 1:
             solution = None
     residual_V = np.full(len(dataset), np.nan)
@@ -68,7 +71,8 @@ def analyse(
     drift = _drift_order(solution)
     lag_one = solution.lag_one_correlation if solution is not None else None
     flags = data_flags(dataset, left_out, settings)
-    flags += result_flags(found, estimates, drift, lag_one, int(used.sum()), settings)
+    counted = int(used.sum() if solution is not None else usable.sum())
+    flags += result_flags(found, estimates, drift, lag_one, counted, settings, as_planned)
     if solution is not None and solution.jump_row is not None:
         row = int(np.flatnonzero(usable)[solution.jump_row])
         flags += jump_flags(row, _nuisances(solution, found.rank))
@@ -104,6 +108,17 @@ def _rows(dataset: AccelerometerDataset, usable: Mask) -> Rows:
         noise_group=None if group is None else group[usable],
         gravity_g=dataset.gravity_g,
     )
+
+
+def _as_planned(rows: Rows, found: Identifiability) -> bool:
+    """Whether measured angles and fields tell the columns apart that the commanded ones do."""
+    places = [COEFFICIENTS.index(name) for name in found.kept]
+    columns = model_columns(rows.accelerations(), rows.field_T)[:, places]
+    size = np.linalg.norm(columns, axis=0)
+    if len(columns) < len(places) or not bool(np.all(size > 0.0)):
+        return len(columns) < len(places)
+    singular = np.linalg.svd(columns / size, compute_uv=False)
+    return bool(singular[-1] > SMALLEST_SINGULAR)
 
 
 def _estimates(found: Identifiability, solution: Solution | None) -> tuple[Estimate, ...]:

@@ -114,6 +114,7 @@ def result_flags(
     lag_one: float | None,
     rows: int,
     settings: AnalysisSettings,
+    as_planned: bool = True,
 ) -> list[Flag]:
     """Return the flags on the solution: what it cannot tell, drift, what the model leaves."""
     flags: list[Flag] = []
@@ -122,6 +123,8 @@ def result_flags(
     if wanting:
         few = bool(set(undetermined) - set(found.folded))
         why = f"{rows} usable rows are too few." if few else " ".join(describe(found))
+        if few and not as_planned:
+            why = "The measured angles or fields do not follow the commanded ones: nothing is told."
         flags.append(
             Flag(
                 "not-identifiable",

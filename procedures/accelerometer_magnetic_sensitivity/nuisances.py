@@ -89,8 +89,8 @@ def chosen(
 ) -> tuple[str, ...]:
     """Return the slow terms that the data ask for, by the Bayesian information criterion.
 
-    Tried is every order of drift with no temperature term, with K0_T, and with K0_T and Ki_T; with
-    both alone where the temperature changed by more than `WARMED_K`. Where there is drift, one order more is taken than it asks for: what a criterion leaves out is
+    Tried is every order of drift with no temperature term, with K0_T, and with K0_T and Ki_T; only
+    with both where the temperature changed by more than `WARMED_K`. Where there is drift, one order more is taken than it asks for: what a criterion leaves out is
     small against the noise of all rows, but not against that of a coefficient which one plane, and
     so a part of the time, decides. `fixed` (rows, k) are the columns that are always there; only
     `kept` rows count.

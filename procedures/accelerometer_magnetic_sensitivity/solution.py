@@ -43,6 +43,8 @@ Names = NDArray[np.str_]
 
 ROUNDS = 8
 SETTLED_RAD = 1e-10
+LARGE_RAD = 3e-4
+"""The square of such an angle is 0.05 µV at 1 V/g."""
 FEWEST_OF_A_GROUP = 20
 MANY_STRAYS = 0.1
 """So many wild rows are no accident."""
@@ -149,6 +151,7 @@ def _solve(
     start = model.with_misalignment(columns)
     inside = keep_inliers(start, data, settings.outlier)
     model.guess(solve_by_qr(start[inside], data[inside]).coefficients)
+    begin = model.without_large_offset(begin, inside)
     fixed_names, fixed = model.fixed(begin)
     room = max(0, (len(data) - fixed.shape[1]) // 6)
     slow = slow_terms(
@@ -163,6 +166,8 @@ def _solve(
     weight = group_weights(rows, np.column_stack((fixed, usable.columns)), inside)
     terms = usable.only(chosen(fixed, data, usable, inside, weight))
     angles = {name: (angles or {}).get(name, 0.0) for name in ANGLES if name in fixed_names}
+    if OFFSET in angles:
+        angles[OFFSET] = float(begin[0])
     kept = inside
     for n in range(ROUNDS):
         _, fixed = model.fixed(model.correction_rad(angles))
@@ -211,6 +216,23 @@ class _Model:
         taken = independent_of(columns, other, INDEPENDENT_PART)
         return np.column_stack((columns, other[:, list(taken)]))
 
+    def without_large_offset(self, begin_rad: Array, inside: Mask) -> Array:
+        """Return the correction of the encoder's angle with a large offset already in it.
+
+        The square of one would look like drift or temperature when those are chosen.
+        """
+        for _ in range(ROUNDS):
+            names, design = self.fixed(begin_rad)
+            if OFFSET not in names:
+                break
+            fit = solve_by_qr(design[inside], self.rows.output_V[inside])
+            self.guess(fit.coefficients)
+            step_rad = float(fit.coefficients[names.index(OFFSET)])
+            if abs(step_rad) < LARGE_RAD:
+                break
+            begin_rad = begin_rad + step_rad
+        return begin_rad
+
     def guess(self, coefficients: Array) -> None:
         """Take the kept coefficients as those of the next derivative by the angle."""
         self._guess[self._places] = coefficients[: len(self._places)]
@@ -223,7 +245,8 @@ class _Model:
         change = accelerations_by_angle(rows.plane, turned, rows.gravity_g)
         columns = model_columns(acceleration_g, rows.field_T)[:, self._places]
         slope = model_columns_by_angle(acceleration_g, change, rows.field_T)
-        slope = combine(slope, self._guess)
+        # Without input acceleration the encoder's zero turns only what is too small to tell it.
+        slope = combine(slope, self._guess) * ("Ki" in self.names)
         self.slope = slope
         misaligned = acceleration_g[:, 1:]
         other = np.column_stack((slope, misaligned, slope * self._later))

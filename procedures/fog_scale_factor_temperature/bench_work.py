@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from station.runner.run import Run
 
 WORK = "the bench"
-LOOK_S = 5.0
+LOOK_S = 2.0
 """Run time between two looks; less where time runs by itself, so that a kill loses little."""
 MOVING_LOOK_S = 0.5
 TURNING_LOOK_S = 0.9

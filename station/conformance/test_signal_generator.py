@@ -103,12 +103,13 @@ def test_a_step_without_a_length_is_refused(
 def test_a_channel_that_is_not_there_is_refused(stand: Stand, signal_generator: Any) -> None:
     """Nothing is sent for it, whatever is asked."""
     signal_generator.programme_limits()
-    for ask in (
+    asked: list[Callable[[], object]] = [
         lambda: signal_generator.hold(NO_CHANNEL, some_V(stand)),
         lambda: signal_generator.prepare_step(NO_CHANNEL, some_V(stand), DURATION_S),
         lambda: signal_generator.disarm(NO_CHANNEL),
         lambda: signal_generator.switch_off(NO_CHANNEL),
-    ):
+    ]
+    for ask in asked:
         with pytest.raises(InstrumentError):
             ask()
 
