@@ -78,9 +78,11 @@ SHORT_FORMS: Mapping[str, tuple[str, ...]] = {
         "parameters.chamber_at_most=20 min",
         "parameters.initial_order=1",
         "parameters.asked_uncertainty=null",
-        "parameters.verification.ramp_rate=120 degC/h",
+        "parameters.verification=null",
         "parameters.warm_up.slope_limit=200 degC/h",
         "parameters.warm_up.window=1 min",
+        "limits.residual_scale_factor_error=null",
+        "limits.scale_factor_error.max_abs=500 ppm",
     ),
 }
 """What makes a procedure's plan short; without an entry a plan runs as it is shipped."""

@@ -139,8 +139,8 @@ class BenchWork:
         )
         if not there:
             raise ConditionNotReached(
-                f"the chamber did not come to {temperature_degC:g} degC within "
-                f"{self.parameters.chamber_at_most_s / 3600:g} h, it stands at "
+                f"{CHAMBER} did not come to {temperature_degC:g} degC within "
+                f"{self.parameters.chamber_at_most_s / 3600:.3g} h, it stands at "
                 f"{self.chamber.temperature_degC():.1f} degC; look at its door, its alarms and its "
                 "load"
             )

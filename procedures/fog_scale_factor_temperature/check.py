@@ -35,6 +35,7 @@ def check(parameters: FogParameters, bench: Bench) -> Iterator[Problem]:
     yield from table_problems(bench)
     yield from chamber_problems(parameters, bench)
     yield from uncertainty_problems(parameters)
+    yield from drive_problems(parameters)
 
 
 def table_problems(bench: Bench) -> Iterator[Problem]:

@@ -6,7 +6,8 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from procedures.fog_scale_factor_temperature.bench_work import BenchWork, work_of
+from procedures.fog_scale_factor_temperature.bench_work import AXES, BenchWork, work_of
+from procedures.fog_scale_factor_temperature.check import CHAMBER, NAVIGATOR
 from procedures.fog_scale_factor_temperature.parameters import FogParameters
 from station.errors import ConditionNotReached
 
@@ -82,6 +83,14 @@ def make_ramp(run: Run, ramp: Ramp) -> None:
     done = [unit for unit in run.past.finished if unit.split(" ")[0] == ramp.name]
     first = max((int(unit.split(" ")[1]) for unit in done), default=0)
     work.chamber.ramp_to(ramp.chamber_degC, ramp.rate_degC_per_h / 60.0)
+    if ramp.name == PROOF:
+        between = fitted_degC(run)
+        work.follow_until(
+            lambda: is_inside(work, between),
+            parameters.chamber_at_most_s,
+            PROOF,
+            lambda: said_of(work),
+        )
     began_s = run.clock.now()
     number, ended_s = first, math.inf
     while True:
@@ -102,11 +111,28 @@ def make_ramp(run: Run, ramp: Ramp) -> None:
                 run.progress.say(f"    the proof ends at {said_of(work)}: they go no further")
                 break
             raise ConditionNotReached(
-                f"{parameters.chamber_at_most_s / SECONDS_PER_HOUR:g} h after the end of the ramp "
-                f"the gyros stand at {', '.join(f'{one:.1f}' for one in gyros)} degC, not at "
-                f"{ramp.gyros_degC:g} degC; take a range that they reach with their own heat"
+                f"{parameters.chamber_at_most_s / SECONDS_PER_HOUR:.3g} h after the end of the "
+                f"ramp {NAVIGATOR} says that the gyros stand at "
+                f"{', '.join(f'{one:.1f}' for one in gyros)} degC, not at {ramp.gyros_degC:g} "
+                f"degC, and {CHAMBER} that its air does at {work.chamber.temperature_degC():.1f} "
+                "degC; take a range that they reach with their own heat"
             )
     run.record.finish_unit(ramp.end)
+
+
+def fitted_degC(run: Run) -> dict[str, tuple[float, float]]:
+    """Return the lowest and the highest temperature of each gyro's turns of the fit."""
+    found: dict[str, list[float]] = {}
+    for unit, details in run.read_back().finished_units().items():
+        if unit.split(" ")[0] == RAMP:
+            found.setdefault(details["axis"], []).append(details["stands"]["own_degC"])
+    return {axis: (min(values), max(values)) for axis, values in found.items()}
+
+
+def is_inside(work: BenchWork, between: dict[str, tuple[float, float]]) -> bool:
+    """Whether no gyro is still warmer, or colder, than in any turn of the fit."""
+    gyros = dict(zip(AXES, work.gyro_degC(), strict=True))
+    return all(low <= gyros[axis] <= high for axis, (low, high) in between.items())
 
 
 def coldest_degC(run: Run) -> float:
@@ -150,6 +176,7 @@ def one_set(run: Run, name: str, number: int) -> None:
             before_s, rests_s, after_s, turned_deg = work.turn_around(unit, sign, said)
             stands = {
                 "gyro_degC": float(work.gyro_degC().mean()),
+                "own_degC": float(work.gyro_degC()[AXES.index(axis)]),
                 "set_point_degC": work.chamber.set_point_degC(),
             }
             run.record.finish_unit(

@@ -105,7 +105,7 @@ def align(run: Run) -> None:
     if not aligned:
         faults = ", ".join(work.navigator.status().faults) or "none told"
         raise ConditionNotReached(
-            f"the navigator was not aligned within {parameters.alignment_at_most_s / 60:g} min "
+            f"{NAVIGATOR} was not aligned within {parameters.alignment_at_most_s / 60:g} min "
             f"(faults: {faults}); let it rest, and compare the plan's latitude with the place"
         )
 
@@ -139,7 +139,8 @@ def warm_up(run: Run) -> None:
                 return
         if now_s - began_s > rule.at_most_s:
             raise ConditionNotReached(
-                f"the gyros did not become steady within {rule.at_most_s / 3600:g} h: {said}, the "
+                f"{NAVIGATOR}: the gyros did not become steady within {rule.at_most_s / 3600:.3g} "
+                f"h: {said}, the "
                 f"plan allows {rule.slope_limit_degC_per_h:g}; wait longer (warm_up.at_most)"
             )
 
