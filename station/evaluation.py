@@ -106,6 +106,7 @@ def write_revision(folder: RunFolder, place: Path, *, report: bool = True) -> Re
     """Evaluate a run into `place`: results, a report where it is wanted, a manifest of both."""
     document, findings = evaluate_run(folder)
     write_results(place, document)
+    write_files(place, document, findings)
     if report:
         from station.report.run_report import report_of_run
 
@@ -119,6 +120,13 @@ def write_results(place: Path, document: ResultDocument) -> None:
     """Write `results.json` into `place`."""
     text = json.dumps(document.to_data(), indent=1, ensure_ascii=False, allow_nan=False)
     write_whole_file(place / RESULTS, f"{text}\n".encode())
+
+
+def write_files(place: Path, document: ResultDocument, findings: Findings) -> None:
+    """Write what the procedure leaves beside the results, such as a calibration file."""
+    procedure = registry.procedure(document.procedure)
+    for name, text in procedure.files(findings, document).items():
+        write_whole_file(place / name, text.encode())
 
 
 def evaluate_dataset(raw: RawDataset) -> tuple[ResultDocument, Findings]:

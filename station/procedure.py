@@ -121,6 +121,11 @@ def no_outlook(parameters: Any) -> Sequence[str]:
     return ()
 
 
+def no_files(findings: Findings, document: ResultDocument) -> Mapping[str, str]:
+    """Return nothing: results and report are all that the procedure leaves."""
+    return {}
+
+
 def no_forecast(parameters: Any, bench: Bench) -> Forecast:
     """Return no set-point and no row, for a procedure that does not tell them beforehand."""
     return Forecast()
@@ -139,6 +144,7 @@ class Procedure:
     report(findings, document): plots and tables of its own;
     units(parameters): the units of work that a run of the plan will finish, in order;
     forecast(parameters, bench): what a run will command and record; opens nothing;
+    files(findings, document): name to text of files beside the results, such as a compensation;
     outlook(parameters): in lines, what a plan determines and how well, before anything moves;
     measured_axes(parameters): the axes of those results of which a plan may leave some out;
     assumptions: what its numbers do not say;
@@ -160,6 +166,7 @@ class Procedure:
     units: Callable[[Any], tuple[str, ...]] = not_told
     forecast: Callable[[Any, Bench], Forecast] = no_forecast
     outlook: Callable[[Any], Sequence[str]] = no_outlook
+    files: Callable[[Findings, ResultDocument], Mapping[str, str]] = no_files
     measured_axes: Callable[[Any], Mapping[str, tuple[str, ...]]] = every_axis
     assumptions: tuple[str, ...] = ()
     conditions: Callable[[], type[StrictModel]] | None = None

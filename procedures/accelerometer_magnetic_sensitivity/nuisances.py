@@ -24,7 +24,7 @@ INDEPENDENT_PART = 1e-3
 WARMED_K = 0.05
 """From such a range of temperature on no criterion is asked: at 150 ppm/degC it is 7.5 µV at 1 g,
 and where temperature follows the angle the coefficients take it up and leave no residual."""
-FREE_ROWS = 6
+FREE_ROWS = 3
 """So many rows must be left over then, or the criterion is asked all the same."""
 
 ARCSEC_PER_RAD = 3600.0 * 180.0 / np.pi
@@ -90,10 +90,10 @@ def chosen(
     """Return the slow terms that the data ask for, by the Bayesian information criterion.
 
     Tried is every order of drift with no temperature term, with K0_T, and with K0_T and Ki_T; only
-    with both where the temperature changed by more than `WARMED_K`. Where there is drift, one order more is taken than it asks for: what a criterion leaves out is
-    small against the noise of all rows, but not against that of a coefficient which one plane, and
-    so a part of the time, decides. `fixed` (rows, k) are the columns that are always there; only
-    `kept` rows count.
+    with both where the temperature changed by more than `WARMED_K`. Where there is drift, one
+    order more is taken than it asks for: what a criterion leaves out is small against the noise of
+    all rows, but not against that of a coefficient which one plane, and so a part of the time,
+    decides. `fixed` (rows, k) are the columns that are always there; only `kept` rows count.
     """
     warm = [name for name in terms.names if not name.startswith("drift")]
     drift = [name for name in terms.names if name.startswith("drift")]

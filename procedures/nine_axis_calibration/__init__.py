@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from procedures.nine_axis_calibration.check import check, instruments
 from procedures.nine_axis_calibration.parameters import NineAxisParameters
+from station.errors import InputError
 from station.procedure import Procedure, Prompt, ResultKind
 
 if TYPE_CHECKING:
@@ -22,10 +23,8 @@ PAIRS = ("XY", "XZ", "YX", "YZ", "ZX", "ZY")
 
 
 def evaluate_run(folder: RunFolder, parameters: NineAxisParameters, bench: Bench) -> Findings:
-    """Return what a run's recorded data say."""
-    from procedures.nine_axis_calibration.evaluate import findings_of_run
-
-    return findings_of_run(folder, parameters, bench)
+    """Raise InputError: there are no steps yet that could have recorded a run."""
+    raise InputError(f"{folder.path}: nine-axis-calibration analyses imported datasets only")
 
 
 def evaluate_dataset(raw: RawDataset) -> Findings:
@@ -96,6 +95,7 @@ PROCEDURE = Procedure(
     conditions=conditions,
     units=units,
     outlook=outlook,
+    files=files,
     assumptions=(
         "The three positions do not determine the accelerometers or the magnetometer: each feels "
         "gravity or the field in too few directions. Their records are kept.",

@@ -15,13 +15,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.polynomial.polynomial import polyval
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-STEPS = 128
-DECAYS = 12.0
+STEPS = 80
+DECAYS = 8.0
 """After so many decays of P nothing is left of a square of it."""
 
 
@@ -36,7 +35,7 @@ class SlowingDown:
 
     def at(self, square: Array) -> Array:
         """Return the factor at polarisations squared, any shape."""
-        return np.asarray(polyval(square, self.above) / polyval(square, self.below))
+        return _polynomial(self.above, square) / _polynomial(self.below, square)
 
     @property
     def at_rest(self) -> float:
@@ -62,6 +61,13 @@ class SlowingDown:
         spread = self.at_rest**2 - self.levels**2
         share = 2.0 * self.levels**2 / spread * (max(beta_s, 0.0) * omega_rad_per_s) ** 2
         return np.asarray(share)
+
+
+def _polynomial(coefficients: tuple[float, ...], x: Array) -> Array:
+    total = np.full_like(x, coefficients[-1])
+    for one in coefficients[-2::-1]:
+        total = total * x + one
+    return total
 
 
 SPINS = {

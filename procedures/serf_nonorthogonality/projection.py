@@ -1,4 +1,9 @@
-"""The linear part of a shot's fit at a given frequency and decay, and its slopes."""
+"""The linear part of a shot's fit at a given frequency and decay, and its slopes.
+
+Everything the search needs is in the products of a few columns with each other and with the record,
+so that a step costs one pass over the samples (variable projection, Golub and Pereyra 1973, with
+the derivatives of Kaufman 1975).
+"""
 
 from __future__ import annotations
 
@@ -10,36 +15,30 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 
-def design_of(t: Array, omega: float, decay: float, slow: float, mains_Hz: float | None) -> Array:
-    """Return the columns (n, 4 or 6): tone, baseline with the decay `slow`, offset, mains."""
-    fade = np.exp(-decay * t)
-    columns = [
-        fade * np.cos(omega * t),
-        fade * np.sin(omega * t),
-        np.exp(-slow * t),
-        np.ones_like(t),
-    ]
+def rows_of(t: Array, omega: float, decay: float, slow: float, mains_Hz: float | None) -> Array:
+    """Return the columns of the fit as rows (4 or 6, n): tone, baseline, offset, mains."""
+    fade, turn = np.exp(-decay * t), omega * t
+    base = fade if slow == decay else np.exp(-slow * t)
+    rows = [fade * np.cos(turn), fade * np.sin(turn), base, np.ones_like(t)]
     if mains_Hz is not None:
-        turn = 2.0 * np.pi * mains_Hz * t
-        columns += [np.cos(turn), np.sin(turn)]
-    return np.column_stack(columns)
+        hum = 2.0 * np.pi * mains_Hz * t
+        rows += [np.cos(hum), np.sin(hum)]
+    return np.array(rows)
 
 
 @dataclass(frozen=True)
 class Projection:
-    """The linear solution at a place, with the projected slopes by w and G."""
+    """The linear solution at a place: what is left of record and slopes beside the columns.
+
+    `normal` (k, k) and `right` (k,) are the normal equations of the slopes by w and G, and by the
+    chirp where that was asked for, `cost` the sum of squares that is left.
+    """
 
     linear: Array
-    residual: Array
-    slopes: Array
-    basis: Array
+    normal: Array
+    right: Array
+    cost: float
     slow: float
-    columns: int
-
-    @property
-    def cost(self) -> float:
-        """The sum of squares that is left."""
-        return float(self.residual @ self.residual)
 
 
 def project(
@@ -49,39 +48,46 @@ def project(
     decay: float,
     baseline_decay_per_s: float | None,
     mains_Hz: float | None,
+    *,
+    chirp: bool = False,
 ) -> Projection:
-    """Return the linear solution; the baseline is as fast as the tone where no decay is given."""
-    slow = decay if baseline_decay_per_s is None else baseline_decay_per_s
-    design = design_of(t, omega, decay, slow, mains_Hz)
-    basis, triangle = np.linalg.qr(design)
-    linear = np.linalg.solve(triangle, basis.T @ y)
-    cosine, sine, baseline = design[:, 0], design[:, 1], design[:, 2]
-    by_omega = t * (linear[1] * cosine - linear[0] * sine)
-    by_decay = -t * (linear[0] * cosine + linear[1] * sine)
-    if baseline_decay_per_s is None:
-        by_decay = by_decay - t * linear[2] * baseline
-    slopes = np.column_stack([by_omega, by_decay])
-    slopes -= basis @ (basis.T @ slopes)
-    return Projection(linear, y - basis @ (basis.T @ y), slopes, basis, slow, design.shape[1])
+    """Return the linear solution; the baseline is as fast as the tone where no decay is given.
 
-
-def chirp_of(state: Projection, t: Array, omega: float, decay: float) -> tuple[float, float]:
-    """Return by how much frequency and decay are higher at the beginning, relative, and its u.
-
-    What the slowing-down factor of a fading polarisation does to first order in its square: both
+    The chirp is by how much frequency and decay are higher at the beginning, relative, as the
+    slowing-down factor of a fading polarisation makes them to first order in its square: both
     rates are larger by the share c e^(-2 G t).
     """
-    early = -np.expm1(-2.0 * decay * t) / (2.0 * decay)
-    a, b = state.linear[:2]
-    fade, turn = np.exp(-decay * t), omega * t
-    cosine, sine = fade * np.cos(turn), fade * np.sin(turn)
-    column = early * (omega * (b * cosine - a * sine) - decay * (a * cosine + b * sine))
-    column -= state.basis @ (state.basis.T @ column)
-    share, *_ = np.linalg.lstsq(state.slopes, column, rcond=None)
-    column = column - state.slopes @ share
-    power = float(column @ column)
-    if power <= 0.0:
-        return 0.0, np.inf
-    freedom = max(len(t) - state.columns - 2, 1)
-    noise = np.sqrt(state.cost / freedom)
-    return float(column @ state.residual) / power, float(noise / np.sqrt(power))
+    slow = decay if baseline_decay_per_s is None else baseline_decay_per_s
+    rows = rows_of(t, omega, decay, slow, mains_Hz)
+    count = len(rows)
+    tone = rows[:2]
+    late = [t * tone[0], t * tone[1]]
+    if baseline_decay_per_s is None:
+        late.append(t * rows[2])
+    if chirp:
+        early = -np.expm1(-2.0 * decay * t) / (2.0 * decay)
+        late += [early * tone[0], early * tone[1]]
+    everything = np.vstack([rows, *late, y])
+    products = everything @ everything.T
+    scale = np.sqrt(np.diag(products)[:count])
+    inner = products[:count, :count] / np.outer(scale, scale)
+    beside = products[:count, count:] / scale[:, None]
+    solved = np.linalg.solve(inner, beside)
+    # Of everything but the columns, what is left when the columns are taken off.
+    left = products[count:, count:] - beside.T @ solved
+    linear = solved[:, -1] / scale
+    a, b, c = (float(one) for one in linear[:3])
+    mixing = np.zeros((len(late), 3 if chirp else 2))
+    mixing[:2, 0] = b, -a
+    mixing[:2, 1] = -a, -b
+    if baseline_decay_per_s is None:
+        mixing[2, 1] = -c
+    if chirp:
+        mixing[-2:, 2] = omega * b - decay * a, -omega * a - decay * b
+    return Projection(
+        linear=linear,
+        normal=mixing.T @ left[:-1, :-1] @ mixing,
+        right=mixing.T @ left[:-1, -1],
+        cost=max(float(left[-1, -1]), 0.0),
+        slow=slow,
+    )

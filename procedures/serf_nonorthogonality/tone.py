@@ -16,14 +16,16 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
-from .projection import chirp_of, design_of, project
+from .projection import project, rows_of
 from .starts import starting_points
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 MOST_ITERATIONS = 40
-STEP_ENOUGH = 1e-10
+ENOUGH = 1e-9
+"""Of the sum of squares: with a thousand samples a thousandth of an uncertainty."""
+FIRST_LOOK = 5
 LEAST_SAMPLES = 16
 WILD = 6.0
 MOST_WILD = 0.05
@@ -102,17 +104,22 @@ def fit_tone(
     if float(np.ptp(y)) == 0.0:
         raise NoTone("the signal does not change")
     places = [start] if start is not None else starting_points(t, y, mains_Hz)
-    fits = [_search(t, y, place, baseline_decay_per_s, mains_Hz) for place in places]
-    sound = [fit for fit in fits if fit is not None]
-    if not sound:
+    begun = [_search(t, y, place, baseline_decay_per_s, mains_Hz, FIRST_LOOK) for place in places]
+    ahead = sorted((one for one in begun if one is not None), key=lambda one: one[2])
+    best = None
+    for omega, decay, _ in ahead:
+        # The one that is ahead after a few steps is the right one, unless it ends at no tone.
+        best = _minimum(t, y, (omega, decay), baseline_decay_per_s, mains_Hz)
+        if best is not None:
+            break
+    if best is None:
         raise NoTone("no decaying tone fits the record")
-    best = min(sound, key=lambda fit: fit.cost)
-    wild = _wild(best.residual)
+    wild = _wild(y - _model(t, best, mains_Hz))
     if wild.any():
         again = kept.copy()
         again[np.flatnonzero(kept)[wild]] = False
         t, y = time_s[again], voltage_V[again]
-        better = _search(t, y, (best.omega, best.decay), baseline_decay_per_s, mains_Hz)
+        better = _minimum(t, y, (best.omega, best.decay), baseline_decay_per_s, mains_Hz)
         if better is not None:
             kept, best = again, better
     return _said(best, time_s, voltage_V, kept, mains_Hz)
@@ -126,14 +133,10 @@ class _Found:
     decay: float
     slow: float
     linear: Array
-    residual: Array
+    cost: float
     inverse: Array
-    columns: int
     chirp: tuple[float, float]
-
-    @property
-    def cost(self) -> float:
-        return float(self.residual @ self.residual)
+    freedom: int
 
 
 def _search(
@@ -142,51 +145,71 @@ def _search(
     start: tuple[float, float],
     baseline_decay_per_s: float | None,
     mains_Hz: float | None,
-) -> _Found | None:
-    """Go down from a start by damped Gauss-Newton; None where it ends at no tone."""
+    steps: int,
+) -> tuple[float, float, float] | None:
+    """Go down from a start by damped Gauss-Newton: frequency, decay, cost; None at no tone."""
     omega, decay = start
-    span_s = float(t[-1] - t[0])
     largest = np.pi / float(np.median(np.diff(t)))
-    damping, before = 1e-3, np.inf
-    state = None
-    for _ in range(MOST_ITERATIONS):
-        state = project(t, y, omega, decay, baseline_decay_per_s, mains_Hz)
-        before = state.cost
-        scale = np.linalg.norm(state.slopes, axis=0)
-        if not bool(np.all(scale > 0.0)):
+    damping = 1e-3
+    here = project(t, y, omega, decay, baseline_decay_per_s, mains_Hz)
+    for _ in range(steps):
+        scale = np.sqrt(np.diag(here.normal))
+        if not bool(np.all(np.isfinite(scale)) and np.all(scale > 0.0)):
             return None
-        small = state.slopes / scale
-        normal, right = small.T @ small, small.T @ state.residual
+        small, right = here.normal / np.outer(scale, scale), here.right / scale
         for _ in range(12):
-            step = np.linalg.solve(normal + damping * np.eye(2), right) / scale
+            step = np.linalg.solve(small + damping * np.eye(2), right) / scale
             new_omega, new_decay = omega + float(step[0]), decay + float(step[1])
             if new_decay > 0.0 and 0.0 < new_omega < largest:
                 after = project(t, y, new_omega, new_decay, baseline_decay_per_s, mains_Hz)
-                if after.cost <= before:
+                if after.cost <= here.cost:
                     break
             damping *= 8.0
         else:
             break
-        omega, decay, damping = new_omega, new_decay, 0.1 * damping
-        moved = max(abs(step[0]) / omega, abs(step[1]) / decay)
-        if moved < STEP_ENOUGH or before - after.cost <= 1e-12 * before:
+        gained = here.cost - after.cost
+        omega, decay, here, damping = new_omega, new_decay, after, 0.1 * damping
+        if gained <= ENOUGH * here.cost:
             break
+    return omega, decay, here.cost
+
+
+def _minimum(
+    t: Array,
+    y: Array,
+    start: tuple[float, float],
+    baseline_decay_per_s: float | None,
+    mains_Hz: float | None,
+) -> _Found | None:
+    """Return the minimum that a start leads to; None where that is no decaying tone."""
+    found = _search(t, y, start, baseline_decay_per_s, mains_Hz, MOST_ITERATIONS)
+    if found is None:
+        return None
+    omega, decay, _ = found
+    span_s = float(t[-1] - t[0])
     if omega * span_s < np.pi or decay * span_s < 0.05:
         return None
-    state = project(t, y, omega, decay, baseline_decay_per_s, mains_Hz)
-    normal = state.slopes.T @ state.slopes
-    if not np.all(np.isfinite(normal)) or np.linalg.cond(normal) > 1e20:
+    here = project(t, y, omega, decay, baseline_decay_per_s, mains_Hz, chirp=True)
+    own = here.normal[:2, :2]
+    scale = np.sqrt(np.diag(own))
+    if not bool(np.all(np.isfinite(here.normal)) and np.all(scale > 0.0)):
         return None
-    return _Found(
-        omega,
-        decay,
-        state.slow,
-        state.linear,
-        state.residual,
-        np.asarray(np.linalg.inv(normal), dtype=np.float64),
-        state.columns,
-        chirp_of(state, t, omega, decay),
-    )
+    small = own / np.outer(scale, scale)
+    if np.linalg.cond(small) > 1e12:
+        return None
+    inverse = np.asarray(np.linalg.inv(small) / np.outer(scale, scale), dtype=np.float64)
+    freedom = max(len(t) - len(here.linear) - 2, 1)
+    share = inverse @ here.normal[:2, 2]
+    power = float(here.normal[2, 2] - here.normal[2, :2] @ share)
+    chirp = 0.0, np.inf
+    if power > 0.0:
+        noise = float(np.sqrt(here.cost / freedom))
+        chirp = float(here.right[2] - share @ here.right[:2]) / power, noise / float(np.sqrt(power))
+    return _Found(omega, decay, here.slow, here.linear, here.cost, inverse, chirp, freedom)
+
+
+def _model(t: Array, found: _Found, mains_Hz: float | None) -> Array:
+    return np.asarray(found.linear @ rows_of(t, found.omega, found.decay, found.slow, mains_Hz))
 
 
 def _wild(residual: Array) -> Mask:
@@ -206,9 +229,10 @@ def _wild(residual: Array) -> Mask:
 def _said(
     found: _Found, time_s: Array, voltage_V: Array, kept: Mask, mains_Hz: float | None
 ) -> ToneFit:
-    freedom = max(int(kept.sum()) - found.columns - 2, 1)
-    noise = float(np.sqrt(found.cost / freedom))
-    model = design_of(time_s, found.omega, found.decay, found.slow, mains_Hz) @ found.linear
+    model = _model(time_s, found, mains_Hz)
+    # From the residuals themselves: their sum of squares as a difference is less exact.
+    left = (voltage_V - model)[kept]
+    noise = float(np.sqrt(left @ left / found.freedom))
     linear = found.linear
     return ToneFit(
         omega_rad_per_s=found.omega,
@@ -222,7 +246,7 @@ def _said(
         offset_V=float(linear[3]),
         mains_V=float(np.hypot(*linear[4:6])) if mains_Hz is not None else 0.0,
         noise_V=noise,
-        degrees_of_freedom=freedom,
+        degrees_of_freedom=found.freedom,
         chirp=found.chirp[0],
         chirp_u=found.chirp[1],
         kept=kept,

@@ -13,6 +13,7 @@ from station.evaluation import (
     evaluate_dataset,
     exit_code_of,
     largest_difference,
+    write_files,
     write_results,
     write_revision,
 )
@@ -65,6 +66,7 @@ def analyse_dataset(path: Path, output: Path | None) -> ResultDocument:
     if output is not None:
         output.mkdir(parents=True, exist_ok=True)
         write_results(output, document)
+        write_files(output, document, findings)
         (output / REPORT).write_text(report_of_dataset(raw, document, findings), encoding="utf-8")
         print(f"written: {output / RESULTS}, {output / REPORT}", file=sys.stderr)
     return document
