@@ -19,6 +19,8 @@ from station.units import parse_as
 STEP_S = 0.05
 LOOK_S = 0.05
 LOOKS = 4
+FEWEST_LOOKS = 16
+"""Where each look takes long, the patience is over before noise has had the chance to turn back."""
 PATIENCE_S = 2.0
 PATIENCE_TAUS = 20.0
 RELATIVE_TOLERANCE = 0.002
@@ -95,12 +97,14 @@ class SteadyCurrent:
         # Looked at once a time constant, what is still to come is as small as the last change.
         look_s = max(LOOK_S, self._tau_s)
         seen: list[float] = []
+        looks = 0
         while True:
+            looks += 1
             seen = [*seen[1 - LOOKS :], self._current_A()]
             agree = all(abs(one - current_A) <= tolerance_A for one in seen)
             if len(seen) == LOOKS and agree and not moves_one_way(seen):
                 return
-            if clock.now() >= until_s:
+            if clock.now() >= until_s and (looks >= FEWEST_LOOKS or not agree):
                 raise self._not_reached(attempted, seen[-1], agree)
             clock.sleep(look_s)
 

@@ -31,8 +31,10 @@ ITS_OWN_STEP_S, OVERDRIVEN = 0.5, 3.5
 PROTECTED = "the output went off"
 """Its own protection cuts a coil that is driven beyond the supply's limit."""
 UNITS_OF_UNCERTAINTY = 5.0
-UNREACHABLE = frozenset({"port-gone"})
+UNREACHABLE = frozenset({"port-gone", "stuck-open"})
 """Nobody can do anything to an instrument with this fault any more."""
+TOGGLED = frozenset({"pump_laser"})
+"""One command opens and closes it: while nothing it says is understood, nobody may send that."""
 LOST_WHILE_LASTING = frozenset({"lost-command"})
 MUST_TRIP_WITHIN_S = {"chain-open": 1.5, "overheating": 15.0}
 """What puts somebody or something at risk ends a run, in the time between two looks at it."""
@@ -132,7 +134,8 @@ def world_is_safe(
 ) -> Iterator[str]:
     """The world is at rest, and came there gently; only what nobody reaches may be left, named."""
     unsafe = {one.instrument for one in ended.outcome.unsafe} if ended.outcome else set()
-    out_of_reach = case.kind in UNREACHABLE or (case.kind in LOST_WHILE_LASTING and "for" in entry)
+    lost = case.kind in LOST_WHILE_LASTING or case.role in TOGGLED
+    out_of_reach = case.kind in UNREACHABLE or (lost and "for" in entry)
     if not is_safe(ended.world):
         on = sorted(name for name, is_on in ended.world["outputs"].items() if is_on)
         if not (out_of_reach and on == [case.instrument] and case.instrument in unsafe):

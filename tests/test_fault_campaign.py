@@ -26,6 +26,7 @@ from fault_cases import (
 from fault_oracle import TRUTHS, Verdict, judge
 from fault_runs import run_case
 
+from sim_instruments.faults.catalogue import applicable_faults
 from sim_instruments.faults.wire import WIRE_FAULTS
 
 PLANS = plans()
@@ -96,7 +97,12 @@ def test_a_fault_in_any_step_ends_in_order(
     plan: str, step: str, reference: Referred, tmp_path: Path
 ) -> None:
     ran = reference(plan)
-    kinds = [(name, kind) for name in ran.instruments for kind in ("no-reply", "garbled")]
+    kinds = [
+        (name, kind)
+        for name, (protocol, driver) in ran.instruments.items()
+        for kind in ("no-reply", "garbled")
+        if kind in applicable_faults(protocol, driver)
+    ]
     places = [
         (case, entry)
         for name, kind in kinds

@@ -63,12 +63,11 @@ def test_the_examples_come_out_within_their_tolerance(name: str) -> None:
         ("dataset.yaml", "  probe_axis: y\n", "", "probe_axis"),
         ("dataset.yaml", "nuclear_spin: 1.5", "nuclear_spin: 2", "2.5 (Rb-85)"),
         ("dataset.yaml", "28.02495 Hz/nT", "28.02495 nT/Hz", "gyromagnetic_ratio"),
-        ("dataset.yaml", "10000 Hz", "1000 Hz", "sample_rate says 1000 Hz"),
+        ("dataset.yaml", "10000 Hz", "1000 Hz", "1000 Hz contradicts the rows"),
         ("dataset.yaml", "known   #", "exact   #", "coil_constants"),
         ("dataset.yaml", "[55 nT, 55 nT, 0 nT]", "[0 nT, 0 nT, 0 nT]", "all fields are zero"),
         ("dataset.yaml", "[55 nT, 55 nT, 0 nT]", "[55 nT, 55 nT]", "field"),
         ("dataset.yaml", "id: s02", "id: s01", "stands twice"),
-        ("dataset.yaml", "id: s02", "id: s05", "s05"),
         ("dataset.yaml", "shots: shots.csv", "shot: shots.csv", "shots"),
         ("shots.csv", "\n0.00010,", "\n-0.00010,", "times must rise"),
         ("shots.csv", "\n0.00010,-0.15452", "\n0.00010,wild", "'wild' is not a number"),
@@ -81,6 +80,11 @@ def test_a_fault_is_one_sentence_with_its_place(
         analyse_dataset(changed(FOUR, tmp_path, file, old, new), None)
     assert said in str(caught.value)
     assert file in str(caught.value)
+
+
+def test_a_shot_without_a_column_is_named(tmp_path: Path) -> None:
+    with pytest.raises(FaultList, match="s05: the column is missing"):
+        analyse_dataset(changed(FOUR, tmp_path, "dataset.yaml", "id: s02", "id: s05"), None)
 
 
 def test_missing_rows_and_spikes_are_analysed_and_flagged(tmp_path: Path) -> None:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
+from resume_helpers import raw_hashes
 
 from station import registry
 from station.bench import read_bench
@@ -18,6 +19,7 @@ from station.plan import read_plan
 from station.record.folder import RunFolder
 from station.runner.execute import Request, execute
 from station.runner.outcome import Outcome
+from station.runner.resuming import ResumeRequest, resume
 
 PROCEDURE = "fog-scale-factor-temperature"
 SHORT: dict[str, Any] = {
@@ -32,13 +34,15 @@ SHORT: dict[str, Any] = {
 }
 
 
-def short_run(folder: Path, seed: int, **changes: Any) -> tuple[Outcome, dict[str, Any]]:
+def short_run(
+    folder: Path, seed: int, *faults: dict[str, str], **changes: Any
+) -> tuple[Outcome, dict[str, Any]]:
     """Run a ramp over ten degrees; return the truth of the gyros beside it."""
     plan = yaml.safe_load(find(PLANS, PROCEDURE).read_text(encoding="utf-8"))
     bench = yaml.safe_load(find(BENCHES, "sim").read_text(encoding="utf-8"))
     plan["parameters"] |= SHORT | changes
     plan["limits"] = {"scale_factor_error": {"max_abs": "500 ppm"}}
-    bench["simulation"]["seed"] = seed
+    bench["simulation"] |= {"seed": seed, "faults": list(faults)}
     folder.mkdir(exist_ok=True)
     (folder / "plan.yaml").write_text(yaml.safe_dump(plan), encoding="utf-8")
     (folder / "bench.yaml").write_text(yaml.safe_dump(bench), encoding="utf-8")
@@ -109,6 +113,37 @@ def test_a_new_analysis_gives_the_same_bytes(run: tuple[Outcome, dict[str, Any]]
     conclude_run(folder, report=False)
     again = (folder / "revisions" / "001" / "results.json").read_bytes()
     assert again == (folder / "results.json").read_bytes()
+
+
+def test_an_interrupted_ramp_goes_on_where_the_gyros_were(tmp_path: Path) -> None:
+    silence = {"instrument": "navigator", "fault": "silent", "at": "4500 s", "for": "15 s"}
+    ended, truth = short_run(tmp_path, 3, silence)
+    assert ended.exit_code == 3
+    before, raw = RunFolder(ended.folder).finished_units(), raw_hashes(ended.folder)
+    outcome = resume(ResumeRequest(ended.folder, quiet=True, report=False))
+    assert outcome.exit_code == 0, outcome.error
+    assert raw.items() <= raw_hashes(ended.folder).items()
+    units = RunFolder(ended.folder).finished_units()
+    assert {name: units[name] for name in before} == before
+    last, first = list(before)[-1], list(units)[len(before)]
+    drift = units[first]["stands"]["gyro_degC"] - before[last]["stands"]["gyro_degC"]
+    assert abs(drift) < 2.0
+    assert outcome.document is not None
+    for one in outcome.document.results:
+        if one.estimate.name == "scale_factor_error" and one.combined is not None:
+            true = true_ppm(truth, str(one.estimate.axis), 26.0)
+            assert abs(one.estimate.value - true) < 4 * one.combined.standard_uncertainty + 0.1
+
+
+def test_the_table_turns_at_the_rate_of_the_plan(run: tuple[Outcome, dict[str, Any]]) -> None:
+    units = RunFolder(run[0].folder).finished_units()
+    lasted_s = [
+        details["rests_s"] - details["before_s"]
+        for name, details in units.items()
+        if name.startswith("ramp ")
+    ]
+    # A turn at 10 deg/s, from rest to rest.
+    assert all(36.0 < one < 39.0 for one in lasted_s)
 
 
 def test_a_navigator_that_cannot_align_ends_the_run_with_a_sentence(tmp_path: Path) -> None:

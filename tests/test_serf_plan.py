@@ -63,7 +63,7 @@ def test_a_fault_names_what_would_do(parameters: dict[str, Any], said: str) -> N
     ("parameters", "said"),
     [
         ({"sample_rate": "1 kHz"}, "less than four times the fastest precession"),
-        ({"field": "500 nT", "sample_rate": "50 kHz"}, "allows 9 V"),
+        ({"field": "500 nT", "sample_rate": "50 kHz"}, "25 V is more than the 9 V"),
         ({"field": "170 nT", "sample_rate": "50 kHz", "relaxation_rate": "120 Hz"}, "broadens"),
         ({"relaxation_rate": "2000 Hz"}, "fewer than one; take about"),
     ],
@@ -74,12 +74,13 @@ def test_what_the_bench_or_the_cell_cannot_do_is_said(
     assert said in problems(plan(**parameters), bench)
 
 
-def test_a_bench_that_does_not_know_its_coils_is_named(bench: Bench) -> None:
-    name = "signal_generator.xy"
-    known = bench.instruments[name]
-    blind = known.model_copy(update={"settings": {"load": "high-impedance"}})
-    other = bench.model_copy(update={"instruments": {**bench.instruments, name: blind}})
-    assert "settings.constant_x of signal_generator.xy" in problems(plan(), other)
+def test_a_bench_that_does_not_know_its_coils_is_named(tmp_path: Path) -> None:
+    text = find(BENCHES, "sim").read_text(encoding="utf-8")
+    (tmp_path / "bench.yaml").write_text(
+        text.replace(" constant_x: 20 nT/V,", ""), encoding="utf-8"
+    )
+    blind = read_bench(tmp_path / "bench.yaml", registry.names(registry.DRIVERS))
+    assert "settings.constant_x of signal_generator.xy" in problems(plan(), blind)
 
 
 def test_the_field_is_chosen_where_the_angles_are_told_best() -> None:

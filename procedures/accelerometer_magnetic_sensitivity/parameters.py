@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
-from pydantic import Field, ValidationInfo, field_validator
+from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from station.fields import StrictModel, Unit
 
@@ -18,6 +18,8 @@ AngleStep = Annotated[float, Unit("deg"), Field(gt=0, le=180)]
 PUBLISHED_ANGLE_STEP_DEG = 15.0
 EFFICIENT_ANGLE_STEP_DEG = 40.0
 """Nine angles: as efficient a reading as many, and enough to tell the third order apart."""
+MOST_POINTS = 20000
+"""Three days and nights, at twelve seconds a point."""
 
 
 @dataclass(frozen=True)
@@ -170,6 +172,15 @@ class AccelerometerParameters(StrictModel):
         if info.data.get("order") == "palindrome" and repeats % 2:
             raise ValueError("a palindrome goes there and back: the number must be even")
         return repeats
+
+    @model_validator(mode="after")
+    def not_too_many_points(self) -> AccelerometerParameters:
+        """Refuse a plan that nobody lives to see the end of."""
+        count = len(self.planes) * self.repeats
+        count *= len(self.angle_levels_deg) * len(self.field_levels_mT)
+        if count > MOST_POINTS:
+            raise ValueError(f"{count} points are too many; {MOST_POINTS} are the most")
+        return self
 
     @property
     def field_levels_mT(self) -> tuple[float, ...]:

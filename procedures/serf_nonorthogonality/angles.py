@@ -136,7 +136,9 @@ def solve(commanded_nT: Array, omega: Array, covariance: Array, *, known: bool) 
             break
     slopes = _slopes(commanded_nT, p)
     own = slopes @ mapping
-    inverse = np.linalg.pinv(own.T @ weight @ own, hermitian=True)
+    # What ran away without converging says so itself.
+    with np.errstate(over="ignore", invalid="ignore"):
+        inverse = np.linalg.pinv(own.T @ weight @ own, hermitian=True)
     gain = mapping @ inverse @ own.T @ weight
     left = omega - frequencies(commanded_nT, p)
     chi_square = float(left @ weight @ left)

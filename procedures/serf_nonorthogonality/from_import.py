@@ -105,7 +105,7 @@ def dataset_of_import(raw: RawDataset) -> SerfDataset:
     path = raw.file("shots")
     table = read_table(path, (TIME, *(shot.id for shot in conditions.shots)))
     check_ascending(path, table, TIME)
-    _check_rate(table, conditions.sample_rate_Hz)
+    _check_rate(raw, table, conditions.sample_rate_Hz)
     return SerfDataset(
         shots=[
             Shot(shot.id, np.array(shot.field_nT), table[TIME], table[shot.id])
@@ -121,16 +121,15 @@ def dataset_of_import(raw: RawDataset) -> SerfDataset:
     )
 
 
-def _check_rate(table: Table, rate_Hz: float) -> None:
+def _check_rate(raw: RawDataset, table: Table, rate_Hz: float) -> None:
     """Refuse too few rows, and times that contradict the sample rate."""
-    where = str(table.path)
     if len(table.lines) < LEAST_SAMPLES:
         what = f"{len(table.lines)} rows are too few for a fit; at least {LEAST_SAMPLES} are needed"
-        raise FaultList([Fault(where, table.lines[-1], 1, TIME, what)])
+        raise FaultList([Fault(str(table.path), table.lines[-1], 1, TIME, what)])
     interval_s = float(np.median(np.diff(table[TIME])))
     if abs(interval_s * rate_Hz - 1.0) > RATE_TOLERANCE:
         what = (
-            f"the rows are {interval_s:.6g} s apart, which is {1.0 / interval_s:.6g} Hz; "
-            f"sample_rate says {rate_Hz:g} Hz"
+            f"{rate_Hz:g} Hz contradicts the rows of {table.path.name}, which are "
+            f"{interval_s:.6g} s apart, {1.0 / interval_s:.6g} Hz"
         )
-        raise FaultList([Fault(where, table.lines[0], 1, TIME, what)])
+        raise FaultList([raw.document.fault(("conditions", "sample_rate"), what)])

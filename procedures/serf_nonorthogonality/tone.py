@@ -153,9 +153,10 @@ def _search(
     damping = 1e-3
     here = project(t, y, omega, decay, baseline_decay_per_s, mains_Hz)
     for _ in range(steps):
-        scale = np.sqrt(np.diag(here.normal))
-        if not bool(np.all(np.isfinite(scale)) and np.all(scale > 0.0)):
+        squared = np.diag(here.normal)
+        if not bool(np.all(np.isfinite(squared)) and np.all(squared > 0.0)):
             return None
+        scale = np.sqrt(squared)
         small, right = here.normal / np.outer(scale, scale), here.right / scale
         for _ in range(12):
             step = np.linalg.solve(small + damping * np.eye(2), right) / scale

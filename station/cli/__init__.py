@@ -5,30 +5,46 @@ from __future__ import annotations
 import json
 import os
 import sys
+from typing import NoReturn
 
 SHOW_TRACEBACK = "STATION_TRACEBACK"
+
+
+INTERRUPTED = 130
 
 
 def main() -> None:
     """Run the command line and exit with the contract's code."""
     from station.cli.app import app
     from station.console import tell
-    from station.errors import EXIT_ABORTED, EXIT_FAULT, StationError
+    from station.errors import EXIT_ABORTED, EXIT_FAULT, EXIT_WRONG_INPUT, StationError
 
     try:
-        app()
+        code = app(standalone_mode=False)
+        if code == INTERRUPTED:
+            raise KeyboardInterrupt
+        sys.exit(code if isinstance(code, int) else 0)
     except StationError as error:
         tell(str(error))
-        if "--json" in sys.argv:  # a program that asked for a document gets one in every case
-            print(json.dumps({"error": str(error), "exit_code": error.exit_code}))
-        sys.exit(error.exit_code)
+        _exit(str(error), error.exit_code)
     except Exception as error:  # a fault of ours must not look like a result outside its limit
+        show = getattr(error, "show", None)
+        if show is not None:  # a wrong command line, in the words of the library that reads it
+            show()
+            said = str(getattr(error, "message", "")) or "no verb was given"
+            _exit(said, EXIT_WRONG_INPUT)
         if os.environ.get(SHOW_TRACEBACK):
             raise
-        tell(
-            f"a fault of the program: {error!r}; set {SHOW_TRACEBACK}=1 and run again to see where"
-        )
-        sys.exit(EXIT_FAULT)
+        said = f"a fault of the program: {error!r}"
+        tell(f"{said}; set {SHOW_TRACEBACK}=1 and run again to see where")
+        _exit(said, EXIT_FAULT)
     except KeyboardInterrupt:
         tell("ended by the operator")
-        sys.exit(EXIT_ABORTED)
+        _exit("ended by the operator", EXIT_ABORTED)
+
+
+def _exit(error: str, code: int) -> NoReturn:
+    """Exit; a program that asked for a document gets one in every case."""
+    if "--json" in sys.argv:
+        print(json.dumps({"error": error, "exit_code": code}))
+    sys.exit(code)

@@ -9,6 +9,7 @@ from station.console import span
 from station.status import SENTENCES, Status, newest_run, read_status
 
 RUNS = Path("runs")
+MOST_UNITS = 6
 
 
 def print_status(run: Path | None, *, as_json: bool) -> None:
@@ -26,7 +27,8 @@ def rows(status: Status) -> list[tuple[str, str]]:
     dut = status.dut
     done = len(status.units_finished)
     of = "" if status.units_planned is None else f" of {status.units_planned}"
-    listed = f" ({', '.join(status.units_finished)})" if done else ""
+    shown = ", ".join(status.units_finished[-MOST_UNITS:])
+    listed = f" ({'… ' if done > MOST_UNITS else ''}{shown})" if done else ""
     found = [
         ("run", status.run),
         ("procedure", status.procedure or "not told"),

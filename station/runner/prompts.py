@@ -59,12 +59,13 @@ class Operator:
 
     def ask(self, prompt: Prompt) -> Answer:
         """Put a prompt and return its answer; raises Aborted when the operator says abort."""
-        if prompt.id in self._answers:
-            if self._answers[prompt.id].strip().lower() == "abort":
-                raise Aborted(f"the answers file ended the run at the prompt {prompt.id}")
-            return Answer(self._answers[prompt.id], "answers file")
-        if prompt.physical and self._act is not None:
+        given = self._answers.get(prompt.id)
+        if given is not None and given.strip().lower() == "abort":
+            raise Aborted(f"the answers file ended the run at the prompt {prompt.id}")
+        if prompt.physical and self._act is not None:  # a file saying `done` mounts nothing there
             return Answer(self._act(prompt.id), "simulated world")
+        if given is not None:
+            return Answer(given, "answers file")
         if not self._interactive:
             self.check([prompt])
         with self._clock.waiting_for_person(), wishes_end_a_prompt():
