@@ -84,7 +84,8 @@ PARAMETERS = {
         "nuclear_spin": "of the alkali: 1.5 for K, Rb-87 and Na, 2.5 for Rb-85, 3.5 for Cs",
         "shots": "`reversal`: fourteen, every polarity; `as_published`: four, with coil constants "
         "known and no residual field",
-        "coil_constants": "`nominal`: each coil has a factor, that of the first shot's coil is one; "
+        "coil_constants": "`nominal`: each coil has a factor, that of the first shot's coil is "
+        "one; "
         "`known`: those of the bench file are right to their stated uncertainty",
         "field": "of each coil; chosen from the cell's rates unless given",
         "fields": "a field for each coil in place of one for all",
