@@ -19,8 +19,9 @@ from .identifiability import Identifiability, judge
 from .model import COEFFICIENTS, FIELD_POWER, UNITS, accelerations, model_columns
 from .nuisances import unit_of
 from .published import finite_memory_path, published_values
+from .rows import Rows
 from .screening import screen
-from .solution import Rows, Solution, solve_rows
+from .solution import Solution, solve_rows
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
-from pydantic import Field, ValidationInfo, field_validator, model_validator
+from pydantic import Field, ValidationInfo, field_validator
 
 from station.fields import StrictModel, Unit
 
@@ -20,6 +20,12 @@ EFFICIENT_ANGLE_STEP_DEG = 40.0
 """Nine angles: as efficient a reading as many, and enough to tell the third order apart."""
 MOST_POINTS = 20000
 """Three days and nights, at twelve seconds a point."""
+MOST_STEPS = 3600
+_BEFORE_REPEATS = {"planes", "design", "largest_field_mT", "lowest_field_mT", "field_step_mT"} | {
+    "fields_mT",
+    "angle_step_deg",
+    "angles_deg",
+}
 
 
 @dataclass(frozen=True)
@@ -124,6 +130,8 @@ class AccelerometerParameters(StrictModel):
         if step_mT is None or largest_mT is None:
             return step_mT
         steps = (largest_mT - (info.data.get("lowest_field_mT") or 0.0)) / step_mT
+        if steps > MOST_STEPS:
+            raise ValueError(f"the range of the field holds more than {MOST_STEPS} of it")
         if abs(steps - round(steps)) > 1e-6 or round(steps) < 1:
             raise ValueError(f"the range of the field holds {steps:.4g} of it, not a whole number")
         return step_mT
@@ -150,6 +158,8 @@ class AccelerometerParameters(StrictModel):
         """Refuse a step that does not divide the circle: the angle is changed evenly to 360 deg."""
         if step_deg is not None and abs(360.0 / step_deg - round(360.0 / step_deg)) > 1e-6:
             raise ValueError("must divide 360 deg into equal parts")
+        if step_deg is not None and 360.0 / step_deg > MOST_STEPS:
+            raise ValueError(f"divides 360 deg into more than {MOST_STEPS} parts")
         return step_deg
 
     @field_validator("angles_deg")
@@ -171,16 +181,14 @@ class AccelerometerParameters(StrictModel):
         """Require an even number of passes of a palindrome."""
         if info.data.get("order") == "palindrome" and repeats % 2:
             raise ValueError("a palindrome goes there and back: the number must be even")
+        if info.data.keys() >= _BEFORE_REPEATS:
+            once = cls.model_construct(None, **info.data)
+            points = len(once.planes) * len(once.angle_levels_deg) * len(once.field_levels_mT)
+            if points * repeats > MOST_POINTS:
+                raise ValueError(
+                    f"{points * repeats} points in all are too many; {MOST_POINTS} are the most"
+                )
         return repeats
-
-    @model_validator(mode="after")
-    def not_too_many_points(self) -> AccelerometerParameters:
-        """Refuse a plan that nobody lives to see the end of."""
-        count = len(self.planes) * self.repeats
-        count *= len(self.angle_levels_deg) * len(self.field_levels_mT)
-        if count > MOST_POINTS:
-            raise ValueError(f"{count} points are too many; {MOST_POINTS} are the most")
-        return self
 
     @property
     def field_levels_mT(self) -> tuple[float, ...]:

@@ -20,7 +20,6 @@ from .findings import AnalysisSettings
 from .jump import jump_place
 from .model import (
     COEFFICIENTS,
-    accelerations,
     accelerations_by_angle,
     model_columns,
     model_columns_by_angle,
@@ -36,10 +35,10 @@ from .nuisances import (
     separable,
     slow_terms,
 )
+from .rows import Rows
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
-Names = NDArray[np.str_]
 
 ROUNDS = 8
 SETTLED_RAD = 1e-10
@@ -50,24 +49,6 @@ MANY_STRAYS = 0.1
 """So many wild rows are no accident."""
 QUIETER = 0.7
 ANGLES = (OFFSET, JUMP)
-
-
-@dataclass(frozen=True)
-class Rows:
-    """The usable rows, each array (rows,): encoder angle, measured field, output in V."""
-
-    time_s: Array
-    plane: Names
-    theta_rad: Array
-    field_T: Array
-    output_V: Array
-    temperature_degC: Array | None
-    noise_group: NDArray[np.int64] | None
-    gravity_g: float = 1.0
-
-    def accelerations(self, offset_rad: Array | float = 0.0) -> Array:
-        """Return Ai, Ao, Ap in g (rows, 3) at an encoder offset."""
-        return accelerations(self.plane, self.theta_rad + offset_rad, self.gravity_g)
 
 
 @dataclass(frozen=True)

@@ -25,6 +25,9 @@ TURNING_LOOK_S = 0.9
 """Less than a second: an interlock on the rate then needs no reading of its own."""
 CHAMBER_EVERY_S = 30.0
 SILENT_AFTER_S = 10.0
+SETTLED_S = 1.0
+ARRIVES_WITHIN_S = 0.4
+"""Outputs are late: of a rest count those after the first of these and before the second."""
 FULL_TURN_DEG = 360.0
 SHORT_OF_TURN_S = 1.0
 """The axis goes to its angle when it is so near to it: it brakes, then covers the rest."""
@@ -168,20 +171,33 @@ class BenchWork:
         self.go_to(self.axes.middle, middle_deg, unit, f"{axis} is turned up")
         self.go_to(self.axes.inner, inner_deg, unit, f"{axis} is turned up")
 
+    def rest(self, unit: str, said: str) -> None:
+        """Stand for the plan's time to settle, and until an output told the attitude at rest.
+
+        Raises InstrumentError where none comes any more.
+        """
+        from station.record.raw import ARRIVAL
+
+        clock = self.run.clock
+        rests_s = clock.now() + SETTLED_S
+        self.follow(clock.now() + self.parameters.settle_s, unit, said)
+        while self.newest is None or self.newest[ARRIVAL][0] < rests_s:
+            self.follow(clock.now() + MOVING_LOOK_S, unit, said)
+        # An output that is read right before the next movement is not taken for one at rest.
+        self.follow(float(self.newest[ARRIVAL][0]) + ARRIVES_WITHIN_S, unit, said)
+
     def turn_around(self, unit: str, sign: int, said: str) -> tuple[float, float, float, float]:
         """Turn the vertical axis once, at rest before and after.
 
         Returns the run times of the end of the first rest, of both ends of the second, and the
         angle that the encoder turned in deg.
         """
-        settle_s = self.parameters.settle_s
         outer = self.axes.outer
-        begins_s = self.run.clock.now()
-        self.follow(begins_s + settle_s, unit, said)
+        self.rest(unit, said)
         before_s, before_deg = self.run.clock.now(), self.table.angle_deg(outer)
         self.turn_to(outer, before_deg + sign * FULL_TURN_DEG, unit, said)
         rests_s = self.run.clock.now()
-        self.follow(rests_s + settle_s, unit, said)
+        self.rest(unit, said)
         turned_deg = self.table.angle_deg(outer) - before_deg
         return before_s, rests_s, self.run.clock.now(), turned_deg
 

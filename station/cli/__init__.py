@@ -31,8 +31,7 @@ def main() -> None:
         show = getattr(error, "show", None)
         if show is not None:  # a wrong command line, in the words of the library that reads it
             show()
-            said = str(getattr(error, "message", "")) or "no verb was given"
-            _exit(said, EXIT_WRONG_INPUT)
+            _exit(str(getattr(error, "format_message", error.__str__)()), EXIT_WRONG_INPUT)
         if os.environ.get(SHOW_TRACEBACK):
             raise
         said = f"a fault of the program: {error!r}"

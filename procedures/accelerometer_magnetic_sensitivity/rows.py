@@ -1,0 +1,30 @@
+"""The rows that a solution is made of."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .model import Names, accelerations
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Rows:
+    """The usable rows, each array (rows,): encoder angle, measured field, output in V."""
+
+    time_s: Array
+    plane: Names
+    theta_rad: Array
+    field_T: Array
+    output_V: Array
+    temperature_degC: Array | None
+    noise_group: NDArray[np.int64] | None
+    gravity_g: float = 1.0
+
+    def accelerations(self, offset_rad: Array | float = 0.0) -> Array:
+        """Return Ai, Ao, Ap in g (rows, 3) at an encoder offset."""
+        return accelerations(self.plane, self.theta_rad + offset_rad, self.gravity_g)
