@@ -98,6 +98,7 @@ PROCEDURE = Procedure(
     evaluate_run=evaluate_run,
     evaluate_dataset=evaluate_dataset,
     report=report,
+    files=files,
     conditions=conditions,
     outlook=outlook,
     measured_axes=measured_axes,

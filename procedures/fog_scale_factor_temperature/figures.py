@@ -195,7 +195,8 @@ def _compensation(analysis: FogAnalysis) -> Table:
     return Table(
         "Compensation",
         "A true rate is the measured one over 1 + δ(T), with T the gyro's own temperature, held "
-        "at the ends of the range: divide, never multiply. The results hold the coefficients.",
+        "at the ends of the range: divide, never multiply. Files beside the results "
+        "hold the same as a table and as source code.",
         columns,
         rows,
     )

@@ -43,7 +43,7 @@ def analyse(dataset: SerfDataset, settings: AnalysisSettings | None = None) -> S
     shots = _shots(dataset, seen, found)
     solution = found.solution if found is not None else None
     size_nT = residual_magnitude_nT(dataset, solution) if solution is not None else None
-    flags = data_flags(dataset, seen, settings)
+    flags = data_flags(dataset, seen, shots, settings)
     flags += result_flags(dataset, found, results, paper, size_nT, settings)
     return SerfAnalysis(
         shots=shots,
@@ -77,10 +77,13 @@ def _shots(
     results, place = [], 0
     for one in seen:
         omega = omega_u = misfit = np.nan
+        kept = np.zeros(len(one.shot.time_s), dtype=bool) if one.fit is None else one.fit.kept
+        residual_V = np.zeros(0) if one.fit is None else one.fit.residual_V[kept]
         if one.used and found is not None:
             omega = float(found.omega_rad_per_s[place])
             omega_u = float(np.sqrt(found.covariance[place, place]))
             misfit = float(found.solution.misfit_rad_per_s[place]) / omega_u
+            kept, residual_V = found.kept[place], found.residual_V[place]
             place += 1
         results.append(
             ShotResult(
@@ -91,6 +94,8 @@ def _shots(
                 omega_u=omega_u,
                 field_nT=omega / scale,
                 misfit=misfit,
+                kept=kept,
+                residual_V=residual_V,
             )
         )
     return tuple(results)

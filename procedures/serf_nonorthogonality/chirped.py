@@ -14,9 +14,10 @@ from .findings import AnalysisSettings
 from .joint import JointFit, NoJointFit, Record, decay_line, fit_jointly, joint_start
 from .law import SPINS, SlowingDown
 from .precession import Precession
-from .tone import pooled_chirp
+from .tone import pooled_chirp, wild_samples
 
 Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
 
 WEAK_CHIRP = 0.02
 """Up to here the fits of single shots are near enough to begin the joint one."""
@@ -33,8 +34,8 @@ class Frequencies:
 
     `covariance` (n, n); `chirp` with `chirp_u` is the relative fall over the decay. `by_lean` (n,
     2) are derivatives of the frequencies by a lean of the pump light towards the first and second
-    axis of its frame, in rad/s/rad. `single_residual_V` is what the single fits leave. `failed`
-    says why a joint fit was wanted but is not there.
+    axis of its frame, in rad/s/rad. `kept` and `residual_V` are by shot: which samples were used and
+    what is left of these. `failed` says why a joint fit was wanted but is not there.
     """
 
     omega_rad_per_s: Array
@@ -46,7 +47,8 @@ class Frequencies:
     joint: JointFit | None
     by_lean: Array
     solution: Solution
-    single_residual_V: tuple[Array, ...]
+    kept: tuple[Mask, ...]
+    residual_V: tuple[Array, ...]
     failed: str | None = None
 
 
@@ -75,6 +77,7 @@ def frequencies_and_angles(
         None,
         np.zeros((len(used), 2)),
         solution,
+        tuple(fit.kept for fit in fits),
         tuple(fit.residual_V[fit.kept] for fit in fits),
     )
     if not chirp > settings.chirp_u * chirp_u:
@@ -89,10 +92,9 @@ def _jointly(
     dataset: SerfDataset, used: Sequence[Precession], spin: SlowingDown, alone: Frequencies
 ) -> Frequencies:
     fits = [one.used_fit for one in used]
-    records = [
-        Record(one.shot.time_s[f.kept], one.shot.voltage_V[f.kept], f.noise_V)
-        for one, f in zip(used, fits, strict=True)
-    ]
+    # What stands out of a fit that knows no chirp may be the chirp.
+    kept = [one.usable & np.isfinite(one.shot.voltage_V) for one in used]
+    records = _records(used, kept, [fit.noise_V for fit in fits])
     commanded_nT = np.array([one.shot.field_nT for one in used])
     mains_Hz, solution = dataset.mains_Hz, alone.solution
     along = _along(dataset, commanded_nT, solution)
@@ -105,8 +107,10 @@ def _jointly(
     for round_ in range(ROUNDS):
         joint = fit_jointly(records, spin, along, start, mains_Hz)
         start = np.array([joint.square, joint.rate_per_s, joint.beta_s]), joint.omega_rad_per_s
+        if round_ == 0:
+            kept = [_without_wild(k, r) for k, r in zip(kept, joint.residual_V, strict=True)]
         if round_ < 2:
-            records = _with_own_noise(records, joint, mains_Hz)
+            records = _records(used, kept, _noises(joint, mains_Hz))
         beta_u = float(np.sqrt(joint.shared_covariance[2, 2]))
         beta = joint.beta_s if joint.beta_s > BETA_U * beta_u else 0.0
         omega = joint.omega_rad_per_s / (1.0 + spin.pull(beta, joint.omega_rad_per_s))
@@ -135,7 +139,8 @@ def _jointly(
         joint,
         np.column_stack(leaning),
         solution,
-        alone.single_residual_V,
+        tuple(kept),
+        joint.residual_V,
     )
 
 
@@ -155,14 +160,28 @@ def _along(
     return np.asarray((fields @ light) ** 2)
 
 
-def _with_own_noise(
-    records: Sequence[Record], joint: JointFit, mains_Hz: float | None
+def _records(
+    used: Sequence[Precession], kept: Sequence[Mask], noise_V: Sequence[float]
 ) -> list[Record]:
-    """Return the records with the noise that the joint fit leaves of each."""
+    return [
+        Record(one.shot.time_s[mask], one.shot.voltage_V[mask], noise)
+        for one, mask, noise in zip(used, kept, noise_V, strict=True)
+    ]
+
+
+def _without_wild(kept: Mask, residual_V: Array) -> Mask:
+    """Return which samples stay when those that stand out of the joint fit go."""
+    left = kept.copy()
+    left[np.flatnonzero(kept)[wild_samples(residual_V)]] = False
+    return left
+
+
+def _noises(joint: JointFit, mains_Hz: float | None) -> list[float]:
+    """Return the standard deviation of a sample that the joint fit leaves of each record, in V."""
     own = 5 + (2 if mains_Hz is not None else 0)
     return [
-        replace(record, noise_V=float(np.sqrt(residual @ residual / max(len(residual) - own, 1))))
-        for record, residual in zip(records, joint.residual_V, strict=True)
+        float(np.sqrt(residual @ residual / max(len(residual) - own, 1)))
+        for residual in joint.residual_V
     ]
 
 

@@ -98,6 +98,9 @@ class ShotResult:
     field_nT: float
     misfit: float
     """Frequency less the solution's, over its uncertainty."""
+    kept: NDArray[np.bool_]
+    residual_V: Array
+    """Which samples (n,) were used, and what the final fit leaves of these."""
 
     @property
     def used(self) -> bool:

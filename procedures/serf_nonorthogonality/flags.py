@@ -167,12 +167,8 @@ def _disagree(found: Frequencies) -> list[Flag]:
 
 def _stiff(found: Frequencies, settings: AnalysisSettings) -> list[Flag]:
     """Return a flag where neighbouring residuals of the fits go together."""
-    if found.joint is not None:
-        residuals = list(found.joint.residual_V)
-    else:
-        residuals = list(found.single_residual_V)
     worst = 0.0
-    for one in residuals:
+    for one in found.residual_V:
         power = float(one @ one)
         share = float(one[1:] @ one[:-1]) / power if power > 0.0 else 0.0
         worst = max(worst, share if share > CHANCE / np.sqrt(len(one)) else 0.0)

@@ -35,33 +35,28 @@ class Drawn:
     residual_V: Array
     noise_V: float
     frequency_Hz: float
-    decay_per_s: float
 
 
 def drawn_shots(analysis: SerfAnalysis, dataset: SerfDataset) -> tuple[Drawn, ...]:
     """Return all shots with a fit; that of the joint fit where there is one."""
-    found, place = [], 0
+    found = []
     for shot, outcome in zip(dataset.shots, analysis.shots, strict=True):
-        fit = outcome.fit
+        fit, kept = outcome.fit, outcome.kept
         if fit is None:
             continue
-        residual_V = fit.residual_V[fit.kept]
         frequency_Hz = fit.frequency_Hz
-        if outcome.used and analysis.joint is not None:
-            residual_V = analysis.joint.residual_V[place]
-            frequency_Hz = float(analysis.joint.omega_rad_per_s[place]) / (2.0 * np.pi)
-            place += 1
+        if np.isfinite(outcome.omega_rad_per_s):
+            frequency_Hz = outcome.omega_rad_per_s / (2.0 * np.pi)
         found.append(
             Drawn(
                 shot.name,
                 shot.time_s,
                 shot.voltage_V,
-                shot.time_s[fit.kept],
-                shot.voltage_V[fit.kept] - residual_V,
-                residual_V,
-                fit.noise_V,
+                shot.time_s[kept],
+                shot.voltage_V[kept] - outcome.residual_V,
+                outcome.residual_V,
+                float(np.std(outcome.residual_V)),
                 frequency_Hz,
-                fit.decay_per_s,
             )
         )
     return tuple(found)

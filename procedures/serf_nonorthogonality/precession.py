@@ -28,12 +28,16 @@ UNLIKE_U = 5.0
 
 @dataclass(frozen=True)
 class Precession:
-    """A shot, its fit or None, which samples were saturated, and why it is not to be used."""
+    """A shot, its fit or None, how many samples were saturated, and why it is not to be used.
+
+    `usable` (n,) marks the samples that are neither saturated nor too early.
+    """
 
     shot: Shot
     fit: ToneFit | None
     saturated: int
     rejected: str | None
+    usable: Mask
 
     @property
     def used(self) -> bool:
@@ -70,12 +74,12 @@ def look_at(shot: Shot, settings: AnalysisSettings, mains_Hz: float | None = Non
     count = int(saturated.sum())
     if count > MOST_SATURATED * len(saturated):
         said = f"{count} of {len(saturated)} samples are saturated"
-        return Precession(shot, None, count, said)
+        return Precession(shot, None, count, said, usable)
     try:
         fit = fit_tone(shot.time_s, shot.voltage_V, usable, mains_Hz=mains_Hz)
     except NoTone as error:
-        return Precession(shot, None, count, str(error))
-    return Precession(shot, fit, count, _too_few(shot, fit, settings))
+        return Precession(shot, None, count, str(error), usable)
+    return Precession(shot, fit, count, _too_few(shot, fit, settings), usable)
 
 
 def _too_few(shot: Shot, fit: ToneFit, settings: AnalysisSettings) -> str | None:
@@ -126,12 +130,11 @@ def _again(
         return one
     start = (one.fit.omega_rad_per_s, one.fit.decay_per_s)
     shot = one.shot
-    usable = ~saturated_samples(shot) & (shot.time_s >= settings.skip_s)
     try:
-        fit = fit_tone(shot.time_s, shot.voltage_V, usable, rate, dataset.mains_Hz, start)
+        fit = fit_tone(shot.time_s, shot.voltage_V, one.usable, rate, dataset.mains_Hz, start)
     except NoTone:
         return one
-    return Precession(shot, fit, one.saturated, _too_few(shot, fit, settings))
+    return replace(one, fit=fit, rejected=_too_few(shot, fit, settings))
 
 
 def _unlike_the_others(found: list[Precession]) -> list[Precession]:
@@ -151,7 +154,9 @@ def _unlike_the_others(found: list[Precession]) -> list[Precession]:
         usual = float(np.median(decay[alike]))
         spread = 1.4826 * float(np.median(np.abs(decay[alike] - usual)))
         beyond = fit.decay_per_s - usual
-        limit = max(UNLIKE * usual, UNLIKE_U * float(np.hypot(fit.decay_u, spread)))
+        # A chirp makes decays unlike that are not.
+        share = UNLIKE + abs(fit.chirp)
+        limit = max(share * usual, UNLIKE_U * float(np.hypot(fit.decay_u, spread)))
         if int(alike.sum()) >= 4 and beyond > limit:
             said = (
                 f"it fades at {fit.decay_per_s:.3g} /s where others fade at {usual:.3g} /s: pump "

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from .dataset import SerfDataset
-from .findings import AnalysisSettings, Flag
+from .findings import AnalysisSettings, Flag, ShotResult
 from .precession import Precession
 
 LARGE_BASELINE = 1.5
@@ -15,10 +15,13 @@ LARGE_BASELINE = 1.5
 
 
 def data_flags(
-    dataset: SerfDataset, seen: Sequence[Precession], settings: AnalysisSettings
+    dataset: SerfDataset,
+    seen: Sequence[Precession],
+    shots: Sequence[ShotResult],
+    settings: AnalysisSettings,
 ) -> list[Flag]:
     """Return the flags on the shots themselves."""
-    flags = [*_repeated(dataset), *_overload(seen), *_rejected(seen), *_outliers(seen)]
+    flags = [*_repeated(dataset), *_overload(seen), *_rejected(seen), *_outliers(seen, shots)]
     return [*flags, *_gap(dataset, settings), *_shape(seen, settings)]
 
 
@@ -59,21 +62,18 @@ def _rejected(seen: Sequence[Precession]) -> list[Flag]:
     ]
 
 
-def _outliers(seen: Sequence[Precession]) -> list[Flag]:
-    # Samples left out before the fit are saturated or early, not far from it.
-    beyond = {
-        one.shot.name: int(
-            np.sum(~one.fit.kept & (np.abs(one.fit.residual_V) > 5.0 * one.fit.noise_V))
-        )
-        for one in seen
-        if one.fit is not None and one.used and not one.saturated
+def _outliers(seen: Sequence[Precession], shots: Sequence[ShotResult]) -> list[Flag]:
+    left_out = {
+        shot.name: int(np.sum(one.usable & ~shot.kept))
+        for one, shot in zip(seen, shots, strict=True)
+        if shot.used
     }
-    count = sum(beyond.values())
+    count = sum(left_out.values())
     if not count:
         return []
     said = (
         f"{count} samples stand more than six standard deviations from the fit and are left out, "
-        f"in {', '.join(name for name, number in beyond.items() if number)}."
+        f"in {', '.join(name for name, number in left_out.items() if number)}."
     )
     return [Flag("outliers-rejected", said, None, {"count": count})]
 

@@ -7,8 +7,10 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-SHARES_OF_SPAN = (1.5, 4.0, 10.0, 25.0)
+SHARES_OF_SPAN = (1.5, 4.0, 10.0, 25.0, 60.0, 150.0)
 """Decays to begin with, in 1/e times that the record holds."""
+LEAST_SAMPLES = 12
+"""Within the 1/e time of a decay to begin with."""
 PADDING = 4
 MOST_STARTS = 4
 APART = 1.5
@@ -30,6 +32,8 @@ def starting_points(t: Array, y: Array, mains_Hz: float | None) -> list[tuple[fl
     found: list[tuple[float, float, float]] = []
     for share in SHARES_OF_SPAN:
         decay = share / span_s
+        if decay * interval_s * LEAST_SAMPLES > 1.0:
+            break
         columns = [np.ones(count), np.exp(-decay * since), np.exp(-0.5 * decay * since)]
         if mains_Hz is not None:
             turn = 2.0 * np.pi * mains_Hz * t

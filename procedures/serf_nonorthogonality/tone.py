@@ -114,7 +114,7 @@ def fit_tone(
             break
     if best is None:
         raise NoTone("no decaying tone fits the record")
-    wild = _wild(y - _model(t, best, mains_Hz))
+    wild = wild_samples(y - _model(t, best, mains_Hz))
     if wild.any():
         again = kept.copy()
         again[np.flatnonzero(kept)[wild]] = False
@@ -213,7 +213,7 @@ def _model(t: Array, found: _Found, mains_Hz: float | None) -> Array:
     return np.asarray(found.linear @ rows_of(t, found.omega, found.decay, found.slow, mains_Hz))
 
 
-def _wild(residual: Array) -> Mask:
+def wild_samples(residual: Array) -> Mask:
     """Return which residuals stand far out of their neighbours; none where there are too many.
 
     What a wrong model leaves is as large in the neighbours.
