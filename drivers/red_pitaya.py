@@ -18,6 +18,7 @@ address is all that tells one from another.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from typing import ClassVar, TypeVar
 
 import numpy as np
@@ -169,7 +170,13 @@ class RedPitaya:
 
     def make_safe(self, deadline_s: float) -> None:
         """Drive the trigger output low, so that nothing that listens goes on."""
-        repeated(self.repeatable, f"DIG:PIN {OUTPUT},0", self._low)
+        try:
+            repeated(self.repeatable, f"DIG:PIN {OUTPUT},0", self._low)
+        except InstrumentError:
+            # It may do what it is told though nobody understands its answers.
+            with suppress(InstrumentError):
+                self._set(f"DIG:PIN {OUTPUT},0", f"DIG:PIN? {OUTPUT}", "0")
+            raise
 
     def read_safety(self) -> SafetyReading:
         """Read back whether the trigger output is an output, and low."""

@@ -22,6 +22,8 @@ from station.results import Findings, Flag, ResultDocument, conclude
 if TYPE_CHECKING:
     from station.dataset_reading import RawDataset
 
+MOST_UNITS = 6
+
 
 def evaluate_run(folder: RunFolder) -> tuple[ResultDocument, Findings]:
     """Return the results of a run and what lies behind them, from its folder alone."""
@@ -74,7 +76,10 @@ def flags_of_gaps(folder: RunFolder) -> Iterator[Flag]:
     """Yield a flag for each time the run was gone on with, and where its software had changed."""
     for event in folder.events_of(RESUMED):
         details = event.details
-        before = ", ".join(details["units_finished"]) or "nothing"
+        units = details["units_finished"]
+        before = ", ".join(units) or "nothing"
+        if len(units) > MOST_UNITS:
+            before = f"{len(units)} units of work, the last {units[-1]}"
         yield Flag(
             "resumed",
             f"The run stopped at {details['stopped_s']:.0f} s of run time and was gone on with "

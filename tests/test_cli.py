@@ -242,6 +242,8 @@ def test_wrong_usage_is_exit_code_2(tmp_path: Path) -> None:
     done = station(tmp_path, "run", "rlg-magnetic-sensitivty")
     assert done.returncode == 2
     assert "did you mean" in done.stderr
+    for arguments in (("run", "--json"), ("status", "--bogus", "--json"), ("levitate", "--json")):
+        assert json.loads(station(tmp_path, *arguments).stdout)["exit_code"] == 2
 
 
 def test_sim_serves_instruments_to_any_client_until_interrupted(tmp_path: Path) -> None:

@@ -13,6 +13,7 @@ import pytest
 
 from station.clock import RealClock, VirtualClock, system_clock_synchronised
 from station.lookup import BENCHES, find
+from station.procedure import Prompt
 from station.record.folder import RunFolder, RunRecord
 from station.runner.preflight import (
     SystemClockWatch,
@@ -21,6 +22,7 @@ from station.runner.preflight import (
     watch_system_clock,
 )
 from station.runner.progress import how_long
+from station.runner.prompts import Operator
 from tests.test_cli import PLAN, station
 
 NAME = "rlg-magnetic-sensitivity"
@@ -219,3 +221,11 @@ def test_the_first_lines_of_a_run_say_how_long_the_operator_waits() -> None:
     assert how_long(2520.0, RealClock(speed=42.0)) == (
         "bench time about 42 min 00 s, 42 times as fast: about 1 min 00 s"
     )
+
+
+def test_the_simulated_world_does_what_an_answers_file_calls_done() -> None:
+    operator = Operator(
+        RealClock(), {"mount": "done"}, interactive=False, act=lambda act: f"{act} was done"
+    )
+    answer = operator.ask(Prompt("mount", "Mount the device."))
+    assert (answer.text, answer.by) == ("mount was done", "simulated world")

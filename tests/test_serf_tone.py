@@ -124,4 +124,3 @@ def test_the_pull_of_spin_exchange_is_that_of_the_two_level_model() -> None:
     assert law.pull(beta, np.array([omega])) == pytest.approx(
         4.44 * (omega / exchange) ** 2, rel=2e-3
     )
-    assert law.exchange_rate(beta) == pytest.approx(exchange)

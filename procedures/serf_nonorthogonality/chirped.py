@@ -34,8 +34,8 @@ class Frequencies:
 
     `covariance` (n, n); `chirp` with `chirp_u` is the relative fall over the decay. `by_lean` (n,
     2) are derivatives of the frequencies by a lean of the pump light towards the first and second
-    axis of its frame, in rad/s/rad. `kept` and `residual_V` are by shot: which samples were used and
-    what is left of these. `failed` says why a joint fit was wanted but is not there.
+    axis of its frame, in rad/s/rad. `kept` and `residual_V` are by shot: which samples were used,
+    and what is left of these. `failed` says why a joint fit was wanted but is not there.
     """
 
     omega_rad_per_s: Array

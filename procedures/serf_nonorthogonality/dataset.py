@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -71,6 +70,3 @@ class SerfDataset:
     def commanded_nT(self) -> Array:
         """The commanded fields, shape (shots, 3)."""
         return np.array([shot.field_nT for shot in self.shots], dtype=np.float64).reshape(-1, 3)
-
-
-SPIN_AXIS: dict[str, Literal[0, 1, 2]] = {"x": 0, "y": 1, "z": 2}

@@ -41,9 +41,8 @@ class JointFit:
 
     `omega_rad_per_s` (shots,) are the frequencies in the end, with their covariance; `square` is
     P² at time zero, `rate_per_s` R/q(0), `beta_s` the broadening over w². `shared_covariance` (3,
-    3) is of these three, `by_along` (shots,) the derivative of the frequencies by the squares of
-    the cosine between field and pump light of each shot's own. `residual_V` are in the records'
-    order; `chi_square` with `degrees_of_freedom` is of all samples.
+    3) is of these three, `residual_V` are in the records' order; `chi_square` with
+    `degrees_of_freedom` is of all samples.
     """
 
     omega_rad_per_s: Array
@@ -52,9 +51,7 @@ class JointFit:
     rate_per_s: float
     beta_s: float
     shared_covariance: Array
-    along: Array
     residual_V: tuple[Array, ...]
-    linear: tuple[Array, ...]
     chi_square: float
     degrees_of_freedom: int
     iterations: int
@@ -77,7 +74,6 @@ class _Step:
     normal: Array
     right: Array
     residual_V: tuple[Array, ...]
-    linear: tuple[Array, ...]
 
 
 def fit_jointly(
@@ -129,9 +125,7 @@ def fit_jointly(
         rate_per_s=float(shared[1]),
         beta_s=float(shared[2]),
         shared_covariance=inverse[:SHARED, :SHARED],
-        along=along,
         residual_V=step.residual_V,
-        linear=step.linear,
         chi_square=step.cost,
         degrees_of_freedom=samples - own * len(records) - SHARED,
         iterations=iterations,
@@ -158,7 +152,7 @@ def _evaluate(
     found = clocks(times * 4, spin, squares, rates, broads, np.tile(along, 4))
     normal = np.zeros((SHARED + count, SHARED + count))
     right = np.zeros(SHARED + count)
-    cost, residuals, linears = 0.0, [], []
+    cost, residuals = 0.0, []
     for k, record in enumerate(records):
         u = found[k]
         by = [(found[k + (n + 1) * count] - u) / nudge[n] for n in range(3)]
@@ -194,8 +188,7 @@ def _evaluate(
         right[places] += weight * (slopes.T @ residual)
         cost += weight * float(residual @ residual)
         residuals.append(residual)
-        linears.append(linear)
-    return _Step(cost, normal, right, tuple(residuals), tuple(linears))
+    return _Step(cost, normal, right, tuple(residuals))
 
 
 def joint_start(

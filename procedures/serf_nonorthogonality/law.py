@@ -52,10 +52,6 @@ class SlowingDown:
         """Gamma_se R_se / w², with w the angular frequency at small polarisation."""
         return float((self.at_rest**2 - self.levels**2) / (2.0 * self.at_rest))
 
-    def exchange_rate(self, beta_s: float) -> float:
-        """Return the rate of spin exchange in 1/s that broadens by `beta_s` w²."""
-        return self.broadening_Hz_s / beta_s
-
     def pull(self, beta_s: float, omega_rad_per_s: Array) -> Array:
         """Return by which share spin exchange speeds tones up, from how it broadens them."""
         spread = self.at_rest**2 - self.levels**2

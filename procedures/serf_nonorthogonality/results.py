@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -175,8 +173,3 @@ def residual_magnitude_nT(dataset: SerfDataset, solution: Solution) -> float | N
     r = solution.residual
     size = float(np.sqrt(r @ np.linalg.solve(solution.gram, r)))
     return size / float(solution.scale[AXES.index(axis)])
-
-
-def values(found: Sequence[Estimate], name: str) -> Mapping[str | None, float | None]:
-    """Return the values of one result by axis."""
-    return {one.axis: one.value for one in found if one.name == name}

@@ -86,7 +86,8 @@ def depolarise(run: Run) -> None:
         f"after {rule.rounds} times {rule.duration_s:g} s of {rule.gradient_nT_per_cm:g} nT/cm the "
         f"precession at the digitizer is {'not seen' if seen_Hz is None else f'{seen_Hz:.1f} Hz'}, "
         f"{low_Hz:.0f} Hz to {high_Hz:.0f} Hz would be right without a field of the nuclei; let "
-        "the gradient act longer (depolarise.duration), or look for a field that nobody commanded"
+        "the gradient act longer (depolarise.duration), look for a field that nobody commanded, or "
+        "see that signal_generator.xy, signal_generator.z_gradient and pump_laser hear the trigger"
     )
 
 

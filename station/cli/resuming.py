@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 from station.cli.running import may_ask, read_answers, read_served, told
@@ -34,6 +35,8 @@ def resume_run(
         if not go_on(folder):
             raise InputError(f"{folder} is being run and is not paused; see `station status`")
         tell(f"{folder} goes on in its own process")
+        if as_json:
+            print(json.dumps({"run": str(folder), "went_on": True, "exit_code": EXIT_DONE}))
         return EXIT_DONE
     plan, _ = read_plan_and_bench(RunFolder(folder))
     request = ResumeRequest(
