@@ -236,12 +236,12 @@ class KepcoBop:
         )
 
     def pause(self) -> str:
-        """Wait at zero current for any time; raises PauseRefused while a list runs."""
-        if self._list_runs():
-            raise PauseRefused("its sine runs; pause between two units of work")
-        if self._output_is_on():
+        """Wait at zero current for any time; raises PauseRefused while it is not at rest."""
+        if holds := self._output_is_on() and not self._list_runs():
             self.ramp_to(0.0)
-        return self.read_safety().read_back
+        if (reading := self.read_safety()).safe or holds:
+            return reading.read_back
+        raise PauseRefused(f"it is not at rest: {reading.read_back}")
 
     def close(self) -> None:
         """Close the line."""

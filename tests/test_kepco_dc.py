@@ -252,5 +252,5 @@ def test_a_pause_holds_zero_current_and_is_refused_while_a_sine_runs() -> None:
         here.supply.stop()
         here.supply.load_sine(0.1, 2.0)
         here.supply.start_sine()
-        with pytest.raises(PauseRefused, match="its sine runs"):
+        with pytest.raises(PauseRefused, match="not at rest: output on, list running"):
             here.supply.pause()

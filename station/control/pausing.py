@@ -34,8 +34,8 @@ class Words:
 def ask_devices(instruments: Mapping[str, object]) -> Words:
     """Ask every opened instrument that can harm whether it can be left alone now.
 
-    One without a verb for that must read back as safe; these are asked first, so that none is
-    changed for a pause that another refuses anyway.
+    One without a verb for that must read back as safe; these are asked first, and no other after
+    one that refuses, so that none is changed for a pause that does not come.
     """
     words = Words()
     for name, instrument in instruments.items():
@@ -48,6 +48,7 @@ def ask_devices(instruments: Mapping[str, object]) -> Words:
                     words.acknowledged[name] = instrument.pause()
                 except (PauseRefused, InstrumentError) as error:
                     words.refused[name] = str(error)
+                    break
     return words
 
 
