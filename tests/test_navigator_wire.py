@@ -252,7 +252,7 @@ def test_in_the_fog_world_it_aligns_and_shows_the_turn_of_the_table(kind: str) -
         driver.start(1.0)
         clock.sleep(330.0)
         assert driver.status().aligned
-        outer = simulation._world.table.axis(3)
+        outer = simulation._world.table.axis(1)
         outer.move_to(clock.now(), 90.0, 10.0, 20.0)
         clock.sleep(30.0)
         heading = driver.drain().columns["heading_deg"]
