@@ -8,17 +8,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-import yaml
 from kill_helpers import served_bench
+from plan_runs import run_of, shipped_bench, shipped_plan
 
-from station import registry
-from station.bench import read_bench
 from station.cli.running import read_served
 from station.evaluation import conclude_run
-from station.lookup import BENCHES, PLANS, find
-from station.plan import read_plan
 from station.record.folder import RunFolder
-from station.runner.execute import Request, execute
 from station.runner.outcome import Outcome
 
 PROCEDURE = "accelerometer-magnetic-sensitivity"
@@ -30,25 +25,14 @@ def short_run(
     folder: Path, parameters: dict[str, Any] | None = None, seed: int = 0
 ) -> tuple[Outcome, dict[str, float]]:
     """Run a plan of nine angles and three fields; return the true coefficients beside it."""
-    bench_data = yaml.safe_load(find(BENCHES, "sim").read_text(encoding="utf-8"))
-    plan_data = yaml.safe_load(find(PLANS, PROCEDURE).read_text(encoding="utf-8"))
+    bench_data = shipped_bench()
+    plan_data = shipped_plan(PROCEDURE)
     plan_data["parameters"] = {**SHORT, **(parameters or {})}
     truth = bench_data["simulation"]["accelerometer"]
     bench_data["simulation"]["seed"] = seed
     # The zero of K0 would otherwise be that of a drift, which only the simulator knows.
     truth["drift_in_one_hour"], truth["warm_up"]["amplitude"] = "0 uV", "0 uV"
-    folder.mkdir(exist_ok=True)
-    (folder / "plan.yaml").write_text(yaml.safe_dump(plan_data), encoding="utf-8")
-    (folder / "bench.yaml").write_text(yaml.safe_dump(bench_data), encoding="utf-8")
-    outcome = execute(
-        Request(
-            read_plan(folder / "plan.yaml", registry.Procedures()),
-            read_bench(folder / "bench.yaml", registry.names(registry.DRIVERS)),
-            folder / "runs",
-            quiet=True,
-            report=False,
-        )
-    )
+    outcome = run_of(folder, plan_data, bench_data)
     return outcome, {
         name: float(str(text).split()[0]) for name, text in truth["coefficients"].items()
     }
@@ -143,22 +127,12 @@ def test_the_published_estimate_stands_beside_the_best(
 
 def test_a_served_bench_is_mounted_anew_for_each_plane(tmp_path: Path) -> None:
     with served_bench(tmp_path, 200.0, procedure=PROCEDURE) as (head, _):
-        plan = yaml.safe_load(find(PLANS, PROCEDURE).read_text(encoding="utf-8"))
+        plan = shipped_plan(PROCEDURE)
         angles = [f"{angle} deg" for angle in range(0, 360, 45)]
         few = {"planes": ["io", "ip"], "angles": angles, "fields": ["0 mT", "30 mT"]}
         few |= {"largest_field": "30 mT", "design": "as_published", "degauss": False}
         plan["parameters"] = {**SHORT, **few}
-        (tmp_path / "plan.yaml").write_text(yaml.safe_dump(plan), encoding="utf-8")
-        outcome = execute(
-            Request(
-                read_plan(tmp_path / "plan.yaml", registry.Procedures()),
-                read_bench(find(BENCHES, "sim"), registry.names(registry.DRIVERS)),
-                tmp_path / "runs",
-                quiet=True,
-                report=False,
-                served=read_served(head),
-            )
-        )
+        outcome = run_of(tmp_path, plan, shipped_bench(), served=read_served(head))
     assert outcome.document is not None, outcome.error
     found = {one.estimate.name: one.estimate for one in outcome.document.results}
     assert found["Ki"].value == pytest.approx(1.0002, abs=1e-3)

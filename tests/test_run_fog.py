@@ -8,16 +8,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-import yaml
+from plan_runs import run_of, shipped_bench, shipped_plan
 from resume_helpers import raw_hashes
 
-from station import registry
-from station.bench import read_bench
 from station.evaluation import conclude_run
-from station.lookup import BENCHES, PLANS, find
-from station.plan import read_plan
 from station.record.folder import RunFolder
-from station.runner.execute import Request, execute
 from station.runner.outcome import Outcome
 from station.runner.resuming import ResumeRequest, resume
 from station.safety.acknowledgement import acknowledge
@@ -39,23 +34,12 @@ def short_run(
     folder: Path, seed: int, *faults: dict[str, str], **changes: Any
 ) -> tuple[Outcome, dict[str, Any]]:
     """Run a ramp over ten degrees; return the truth of the gyros beside it."""
-    plan = yaml.safe_load(find(PLANS, PROCEDURE).read_text(encoding="utf-8"))
-    bench = yaml.safe_load(find(BENCHES, "sim").read_text(encoding="utf-8"))
+    plan = shipped_plan(PROCEDURE)
+    bench = shipped_bench()
     plan["parameters"] |= SHORT | changes
     plan["limits"] = {"scale_factor_error": {"max_abs": "500 ppm"}}
     bench["simulation"] |= {"seed": seed, "faults": list(faults)}
-    folder.mkdir(exist_ok=True)
-    (folder / "plan.yaml").write_text(yaml.safe_dump(plan), encoding="utf-8")
-    (folder / "bench.yaml").write_text(yaml.safe_dump(bench), encoding="utf-8")
-    outcome = execute(
-        Request(
-            read_plan(folder / "plan.yaml", registry.Procedures()),
-            read_bench(folder / "bench.yaml", registry.names(registry.DRIVERS)),
-            folder / "runs",
-            quiet=True,
-            report=False,
-        )
-    )
+    outcome = run_of(folder, plan, bench)
     truth: dict[str, Any] = bench["simulation"]["fog"]["gyros"]
     return outcome, truth
 
@@ -150,24 +134,14 @@ def test_the_table_turns_at_the_rate_of_the_plan(run: tuple[Outcome, dict[str, A
 
 
 def test_a_navigator_that_cannot_align_ends_the_run_with_a_sentence(tmp_path: Path) -> None:
-    bench = yaml.safe_load(find(BENCHES, "sim").read_text(encoding="utf-8"))
+    bench = shipped_bench()
     bench["simulation"]["faults"] = [
         {"instrument": "navigator", "fault": "alignment-fails", "at": "1 s"}
     ]
-    plan = yaml.safe_load(find(PLANS, PROCEDURE).read_text(encoding="utf-8"))
+    plan = shipped_plan(PROCEDURE)
     plan["parameters"] |= SHORT
     plan.pop("limits")
-    (tmp_path / "plan.yaml").write_text(yaml.safe_dump(plan), encoding="utf-8")
-    (tmp_path / "bench.yaml").write_text(yaml.safe_dump(bench), encoding="utf-8")
-    outcome = execute(
-        Request(
-            read_plan(tmp_path / "plan.yaml", registry.Procedures()),
-            read_bench(tmp_path / "bench.yaml", registry.names(registry.DRIVERS)),
-            tmp_path / "runs",
-            quiet=True,
-            report=False,
-        )
-    )
+    outcome = run_of(tmp_path, plan, bench)
     assert outcome.exit_code == 3
     assert outcome.error is not None
     assert "not aligned within 20 min" in outcome.error

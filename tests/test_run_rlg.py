@@ -9,17 +9,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-import yaml
+from plan_runs import run_of, shipped_bench, shipped_plan
 from scipy.stats import chi2
 
-from station import registry
-from station.bench import read_bench
 from station.evaluation import conclude_run
-from station.lookup import BENCHES, PLANS, find
-from station.plan import read_plan
 from station.record.folder import RunFolder
 from station.record.raw import read_raw
-from station.runner.execute import Request, execute
 from station.runner.outcome import Outcome
 
 PROCEDURE = "rlg-magnetic-sensitivity"
@@ -42,8 +37,8 @@ def short_run(
     folder: Path, plan: Changes | None = None, bench: Changes | None = None
 ) -> tuple[Outcome, dict[str, Any]]:
     """Run the shipped plan with a short warm-up and record, no report; return truth beside it."""
-    plan_data = yaml.safe_load(find(PLANS, PROCEDURE).read_text(encoding="utf-8"))
-    bench_data = yaml.safe_load(find(BENCHES, "sim").read_text(encoding="utf-8"))
+    plan_data = shipped_plan(PROCEDURE)
+    bench_data = shipped_bench()
     plan_data["parameters"]["duration"] = "200 s"
     plan_data["parameters"]["warm_up"] = {
         "slope_limit": "10 deg/h^2",
@@ -52,18 +47,7 @@ def short_run(
     }
     changed(plan_data, plan or {})
     changed(bench_data, bench or {})
-    folder.mkdir(exist_ok=True)
-    (folder / "plan.yaml").write_text(yaml.safe_dump(plan_data), encoding="utf-8")
-    (folder / "bench.yaml").write_text(yaml.safe_dump(bench_data), encoding="utf-8")
-    outcome = execute(
-        Request(
-            read_plan(folder / "plan.yaml", registry.Procedures()),
-            read_bench(folder / "bench.yaml", registry.names(registry.DRIVERS)),
-            folder / "runs",
-            quiet=True,
-            report=False,
-        )
-    )
+    outcome = run_of(folder, plan_data, bench_data)
     truth = bench_data["simulation"]["gyro"]["magnetic_sensitivity"]
     return outcome, {axis: float(text.split()[0]) for axis, text in truth.items()}
 

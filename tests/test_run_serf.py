@@ -7,17 +7,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-import yaml
+from plan_runs import run_of, shipped_bench, shipped_plan
 
 from procedures.serf_nonorthogonality.nulling import residual_of_pairs_nT
 from procedures.serf_nonorthogonality.shots import shots_of
-from station import registry
-from station.bench import read_bench
 from station.evaluation import conclude_run
-from station.lookup import BENCHES, PLANS, find
-from station.plan import read_plan
 from station.record.folder import RunFolder
-from station.runner.execute import Request, execute
 from station.runner.outcome import Outcome
 
 PROCEDURE = "serf-nonorthogonality"
@@ -28,24 +23,13 @@ def run_plan(
     folder: Path, seed: int, bench: dict[str, Any] | None = None, **parameters: Any
 ) -> tuple[Outcome, dict[str, Any]]:
     """Run the shipped plan; return the truth of the cell beside it."""
-    plan_data = yaml.safe_load(find(PLANS, PROCEDURE).read_text(encoding="utf-8"))
-    bench_data = yaml.safe_load(find(BENCHES, "sim").read_text(encoding="utf-8"))
+    plan_data = shipped_plan(PROCEDURE)
+    bench_data = shipped_bench()
     plan_data["parameters"] |= parameters
     bench_data["simulation"]["seed"] = seed
     truth: dict[str, Any] = bench_data["simulation"]["serf"]
     truth |= bench or {}
-    folder.mkdir(exist_ok=True)
-    (folder / "plan.yaml").write_text(yaml.safe_dump(plan_data), encoding="utf-8")
-    (folder / "bench.yaml").write_text(yaml.safe_dump(bench_data), encoding="utf-8")
-    outcome = execute(
-        Request(
-            read_plan(folder / "plan.yaml", registry.Procedures()),
-            read_bench(folder / "bench.yaml", registry.names(registry.DRIVERS)),
-            folder / "runs",
-            quiet=True,
-            report=False,
-        )
-    )
+    outcome = run_of(folder, plan_data, bench_data)
     return outcome, truth
 
 
