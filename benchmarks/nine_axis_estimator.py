@@ -64,9 +64,15 @@ class Case:
     nonlinearity_ppm: float = 0.0
     table_ppm: float = 0.0
     dwell_s: float = 360.0
+    turns: int | None = None
+    """Whole turns at every rate, an efficient dwell; None for `dwell_s` at each, as published."""
     outliers: float = 0.0
     missing: float = 0.0
     static_s: int = 600
+
+    def lasts_s(self, rate_deg_per_s: float) -> float:
+        """Return the time of a record at a rate."""
+        return self.dwell_s if self.turns is None else 360.0 * self.turns / abs(rate_deg_per_s)
 
 
 CASES = (
@@ -75,6 +81,9 @@ CASES = (
     Case("heading 10 arcmin off; nonlinearity 20 ppm", 10.0, nonlinearity_ppm=20.0),
     Case("heading 30 arcmin off; table 100 ppm off", 30.0, table_ppm=100.0),
     Case("within prior; nonlinearity 5 ppm, table 100 ppm", None, False, 5.0, 100.0),
+    Case("efficient dwell; white noise", None, turns=5),
+    Case("efficient dwell; nonlinearity 20 ppm", None, nonlinearity_ppm=20.0, turns=5),
+    Case("efficient dwell; table 100 ppm off", None, table_ppm=100.0, turns=5),
     Case("within prior; part turns of 60 s", None, dwell_s=60.0),
     Case("within prior; 3 % wild, 5 % missing", None, outliers=0.03, missing=0.05),
 )
@@ -168,7 +177,7 @@ def turn(
     generator: np.random.Generator,
 ) -> TurnRecord:
     """Return one record on the table; the turned axis up, another one along the table's zero."""
-    count = round(case.dwell_s)
+    count = round(case.lasts_s(commanded))
     rate = commanded * (1.0 + case.table_ppm * 1e-6)
     time_s = np.arange(1.0, count + 1)
     angle_deg = generator.uniform(0.0, 360.0) + rate * time_s
@@ -194,7 +203,7 @@ def turn(
 def bounds(case: Case) -> dict[str, Array]:
     """Return the bounds of the biases (deg/h), K, asymmetry (ratios) and misalignment (rad)."""
     rates = np.array(RATES)
-    dwell = np.full(len(rates), case.dwell_s)
+    dwell = np.array([case.lasts_s(rate) for rate in rates])
     prior = PRIOR if case.heading_arcmin != 30.0 else replace(PRIOR, heading_rad=1.0)
     expected = expected_uncertainty(
         (1, 2, 3), case.static_s, rates, dwell, RANDOM_WALK, LATITUDE_DEG, prior

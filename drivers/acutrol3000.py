@@ -11,6 +11,7 @@ for an encoder's zero.
 from __future__ import annotations
 
 import math
+from contextlib import suppress
 from typing import ClassVar
 
 from drivers.acutrol3000_axis import Doing, settings_of
@@ -18,7 +19,7 @@ from drivers.acutrol3000_limits import limit, programme
 from drivers.acutrol3000_line import AclLine
 from drivers.acutrol3000_table import Table
 from drivers.roles import Identity, Place, SafetyReading
-from drivers.transport.retry import Repeatable
+from drivers.transport.retry import Repeatable, repeated
 from station.errors import InstrumentError
 
 CLOSES_WITHIN_S = 10.0
@@ -233,12 +234,33 @@ class Acutrol3000:
         return SafetyReading(safe, f"{'at rest' if still else 'turning'}: {'; '.join(said)}")
 
     def read_quantity(self, quantity: str) -> float | str | None:
-        """Return the largest angle in deg or rate in deg/s of all axes, or the motion, now."""
+        """Return the largest angle (deg) or rate (deg/s) of all axes, motion or chain, now."""
+        if quantity == "chain":
+            return "open" if self.open_contacts() else "closed"
         if quantity not in ("motion", "angle", "rate"):
             return None
         self._table.look()
         return self._table.quantity(quantity)
 
+    def open_contacts(self) -> tuple[str, ...]:
+        """Return `interlock` where a contact of the controller's interlock is open, or was.
+
+        The controller keeps a break until it is reset. While no axis is homed, a break that is over
+        is reset here: no servo closes by that, and one whose contact is still open is refused.
+        """
+        axes = self._table.axes.values()
+        opened = self._interlock_broke()
+        if opened and not any(one.homed or one.doing is not Doing.NOTHING for one in axes):
+            with suppress(InstrumentError):
+                self._line.command(":Interlock:Reset")
+            opened = self._interlock_broke()
+        return ("interlock",) if opened else ()
+
     def close(self) -> None:
         """Close the line."""
         self._line.close()
+
+    def _interlock_broke(self) -> bool:
+        asked = self._table.state_queries
+        states = repeated(self.repeatable, ";".join(asked), lambda: self._line.numbers(*asked))
+        return self._table.say_interlock(map(int, states))

@@ -3,12 +3,20 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from contextlib import suppress
 
 from drivers.acutrol3000_axis import MOVES, AxisState, Doing, Settings
 from drivers.acutrol3000_limits import limit
 from drivers.acutrol3000_line import AclLine, number
-from drivers.acutrol3000_status import AT_POSITION, AT_RATE, Status, fault_of, queries
+from drivers.acutrol3000_status import (
+    AT_POSITION,
+    AT_RATE,
+    HARDWARE_ABORT,
+    Status,
+    fault_of,
+    queries,
+)
 from drivers.acutrol3000_turns import TURN_DEG, TurnCount
 from drivers.roles import Place
 from drivers.transport.retry import Repeatable, repeated
@@ -34,6 +42,7 @@ class Table:
         numbers = range(1, settings.axes + 1)
         self.axes = {n: AxisState(n, TurnCount(n in settings.continuous)) for n in numbers}
         self._reads = tuple(f":Read:{what}? {n}" for n in numbers for what in ("Position", "Rate"))
+        self.state_queries = tuple(queries(n)[0] for n in numbers)
         self._looking = place.clock.lock(f"{place.name} turns")
 
     def axis(self, n: int) -> AxisState:
@@ -57,7 +66,10 @@ class Table:
 
     def look_at(self, state: AxisState) -> Status:
         """Read all axes and the status of one; raises InstrumentError for a fault of that one."""
-        status = Status(*map(int, self.look(*queries(state.number))))
+        _, *registers = queries(state.number)
+        dynamic, fault, *states = map(int, self.look(*registers, *self.state_queries))
+        self.say_interlock(states)
+        status = Status(states[list(self.axes).index(state.number)], dynamic, fault)
         concerned = state.homed or state.doing is not Doing.NOTHING
         if concerned and (status.broken or not (status.servoed or state.doing is Doing.CLOSING)):
             state.forgets()
@@ -177,6 +189,12 @@ class Table:
     def say_motion(self) -> None:
         """Publish whether anything moves."""
         self._place.publish("motion", self.quantity("motion"))
+
+    def say_interlock(self, states: Iterable[int]) -> bool:
+        """Publish, and return, whether the interlock broke; from the states of all axes."""
+        broken = any(state & HARDWARE_ABORT for state in states)
+        self._place.publish("chain", "open" if broken else "closed")
+        return broken
 
     def need_homed(self, state: AxisState, attempted: str) -> None:
         """Raise InstrumentError for an axis whose servo was not closed by `home`."""

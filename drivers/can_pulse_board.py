@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from functools import lru_cache
-from importlib.resources import files
 from typing import Any, ClassVar
 
 import cantools
@@ -13,6 +11,7 @@ import numpy as np
 
 from drivers.roles import Block, Identity, Place
 from drivers.transport.can_line import CanLine, Frame
+from drivers.transport.can_messages import message_file
 from drivers.transport.retry import Repeatable
 from station.errors import InputError, InstrumentError, InstrumentTimeout
 
@@ -22,13 +21,6 @@ SILENT_INTERVALS = 3
 NO_SENSOR_DEGC = -327.68
 ENCODED_INTERVAL_PER_S = 1000.0
 ACCEPTED = ("ok",)
-
-
-@lru_cache
-def message_file() -> Any:
-    """Return the parsed DBC of the board."""
-    text = (files("config") / "dbc" / "pulse_board.dbc").read_text(encoding="utf-8")
-    return cantools.database.load_string(text, database_format="dbc")
 
 
 COLUMNS: Mapping[str, str] = {
@@ -50,7 +42,7 @@ class CanPulseBoard:
 
     def __init__(self, place: Place) -> None:
         self.place = place
-        self._messages = message_file()
+        self._messages = message_file("pulse_board")
         self._counts = self._messages.get_message_by_name("GYRO_COUNTS_1")
         self._requests = 0
         self._channel: int | None = None

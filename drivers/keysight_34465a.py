@@ -11,7 +11,15 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.keysight_bursts import RECOGNISES, REPEATABLE, Bursts, Function, is_overload
+from drivers.keysight_bursts import (
+    INTEGRATION_CYCLES,
+    MOST_READINGS,
+    RECOGNISES,
+    REPEATABLE,
+    Bursts,
+    Function,
+    is_overload,
+)
 from drivers.roles import Block, Identity, Place
 from drivers.transport.retry import Repeatable
 from station.errors import InputError, InstrumentError
@@ -30,6 +38,9 @@ class Keysight34465A:
     roles: ClassVar = ("multimeter",)  # it has a thermometer's verbs, and measures volts
     repeatable: ClassVar[Repeatable] = REPEATABLE
     source = "multimeter"
+    integration_cycles: ClassVar = INTEGRATION_CYCLES
+    highest_V: ClassVar = VOLTS.limits[-1]
+    most_readings: ClassVar = MOST_READINGS
     columns: ClassVar[Mapping[str, str]] = {
         "reading": "1, number of the reading in its burst, from 0",
         "voltage_V": "V at the input; ±9.9e37 beyond the range",

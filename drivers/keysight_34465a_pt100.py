@@ -13,7 +13,14 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.keysight_bursts import RECOGNISES, REPEATABLE, Bursts, Function, is_overload
+from drivers.keysight_bursts import (
+    INTEGRATION_CYCLES,
+    RECOGNISES,
+    REPEATABLE,
+    Bursts,
+    Function,
+    is_overload,
+)
 from drivers.roles import Block, Identity, Place
 from drivers.transport.retry import Repeatable
 from station.errors import InputError, InstrumentError
@@ -47,6 +54,9 @@ class Keysight34465APt100:
         try:
             self._r0_ohm = parse_as(place.settings.get("r0", "100 ohm"), "ohm")
             self._nplc = float(place.settings.get("nplc", 10))
+            if self._nplc not in INTEGRATION_CYCLES:
+                known = ", ".join(f"{one:g}" for one in INTEGRATION_CYCLES)
+                raise ValueError(f"it cannot integrate over nplc {self._nplc:g}; it can do {known}")
         except (UnitError, TypeError, ValueError) as error:
             raise self._error(
                 "read the bench file", str(error), "correct its r0 or nplc"

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
@@ -24,10 +24,11 @@ from drivers.navigator_messages import (
     fault_words,
 )
 from drivers.roles import Block, Identity, NavigatorStatus, Place
+from drivers.transport.acknowledged import Commands
 from drivers.transport.retry import Repeatable
-from station.errors import InputError, InstrumentError, InstrumentTimeout
+from station.errors import InputError, InstrumentError
 
-ANSWER_WITHIN_S = 0.5
+WHEN_SILENT = "check the supply of the navigator's interface, its cable and the bit rate"
 SHORTEST_SILENCE_S = 3.0
 SILENT_INTERVALS = 3
 SLOWEST_HZ, FASTEST_HZ = 1.0, 10.0
@@ -45,7 +46,7 @@ class InertialNavigator:
     def __init__(self, place: Place, line: NavigatorLine) -> None:
         self.place = place
         self._line = line
-        self._requests = 0
+        self._commands = Commands(place, line, self._send, REFUSALS, WHEN_SILENT)
         self._running = False
         self._heard_s = 0.0
         self._silent_after_s = SHORTEST_SILENCE_S
@@ -53,7 +54,7 @@ class InertialNavigator:
 
     def identify(self) -> Identity:
         """Ask the interface for the navigator's identity."""
-        told = self._ask("identify", "identity", "asked who it is")
+        told = self._commands.ask("identify", "identity", "asked who it is")
         firmware = f"{told['firmware_major']}.{told['firmware_minor']}"
         return Identity("house-made", "FOG navigator", str(told["serial_number"]), firmware)
 
@@ -71,7 +72,7 @@ class InertialNavigator:
                 f"of {RATE_STEP_HZ:g} Hz, not {rate_Hz:g} Hz; change the plan's navigator rate"
             )
         self.stop()
-        told = self._command("start", rate_Hz=rate_Hz)
+        told = self._commands.command("start", rate_Hz=rate_Hz)
         if not math.isclose(float(told["rate"]), rate_Hz, abs_tol=RATE_STEP_HZ / 2):
             raise InstrumentError(
                 self.place.name,
@@ -88,7 +89,7 @@ class InertialNavigator:
     def stop(self) -> None:
         """End the output; what came before can still be drained."""
         self._running = False
-        self._command("stop")
+        self._commands.command("stop")
 
     def align(self, latitude_deg: float) -> None:
         """Begin to find attitude and heading at a latitude; it must stand still meanwhile.
@@ -99,11 +100,11 @@ class InertialNavigator:
             raise InputError(
                 f"{self.place.name}: {latitude_deg:g} deg is no latitude; change the plan's"
             )
-        self._command("align", latitude_deg=latitude_deg)
+        self._commands.command("align", latitude_deg=latitude_deg)
 
     def status(self) -> NavigatorStatus:
         """Ask whether it is aligned, and what is wrong with it."""
-        told = self._ask("status", "status", "asked for its status")
+        told = self._commands.ask("status", "status", "asked for its status")
         bits = int(told["status"])
         aligning_s = float(told["aligning_for"]) if bits & ALIGNING else None
         return NavigatorStatus(bool(bits & ALIGNED), aligning_s, fault_words(bits))
@@ -154,54 +155,12 @@ class InertialNavigator:
         """Close the line; the navigator goes on as it is."""
         self._line.close()
 
+    def _send(self, command: str, number: int, values: Mapping[str, float]) -> None:
+        self._line.send(Request(command, number, **values))
+
     def _heard(self, newest: Output) -> None:
         """Take note of the newest output."""
         self._heard_s = max(self._heard_s, newest.arrival_s)
         self._temperature_degC = newest.warmest_degC
         if not math.isnan(newest.warmest_degC):
             self.place.publish("temperature", newest.warmest_degC, "degC")
-
-    def _ask(self, command: str, answer: str, attempted: str) -> Mapping[str, Any]:
-        self._line.take(answer)
-        self._command(command)
-        found = self._line.wait_for(answer, self._deadline_s())
-        if not found:
-            raise self._silent(answer, attempted)
-        return found[-1]
-
-    def _command(self, command: str, **values: float) -> Mapping[str, Any]:
-        """Send a command and return its acknowledgement; a refusal is InstrumentError."""
-        self._requests = (self._requests + 1) % 65536
-        attempted = f"sent the command {command}"
-        self._line.send(Request(command, self._requests, **values))
-        told = self._acknowledgement(attempted)
-        result = str(told["result"])
-        if result != "ok":
-            raise InstrumentError(
-                self.place.name,
-                attempted,
-                f"it refused with {result}",
-                REFUSALS.get(result, REFUSALS["unknown_command"]),
-            )
-        return told
-
-    def _acknowledgement(self, attempted: str) -> Mapping[str, Any]:
-        """Return the acknowledgement of the last request; a late one of another is passed over."""
-        deadline_s = self._deadline_s()
-        while found := self._line.wait_for("acknowledgement", deadline_s):
-            for told in found:
-                if told["request_id"] == self._requests:
-                    return told
-        raise self._silent("acknowledgement", attempted)
-
-    def _deadline_s(self) -> float:
-        clock = self.place.clock
-        return clock.now() + clock.patience_s(ANSWER_WITHIN_S)
-
-    def _silent(self, answer: str, attempted: str) -> InstrumentTimeout:
-        return InstrumentTimeout(
-            self.place.name,
-            attempted,
-            f"no {answer} came within {ANSWER_WITHIN_S:g} s",
-            "check the supply of the navigator's interface, its cable and the bit rate",
-        )

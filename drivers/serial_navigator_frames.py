@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import struct
-import zlib
 
+from drivers.transport.crc import crc32_mpeg2
 from drivers.transport.serial_stream import Split
 
 SYNC = b"\x9a\x65"
@@ -21,20 +21,13 @@ PAYLOADS = {
     IDENTITY: struct.Struct(">I4B"),
 }
 
-REVERSED = bytes(int(f"{one:08b}"[::-1], 2) for one in range(256))
-ALL_ONES = 0xFFFFFFFF
-
 
 def checksum(data: bytes) -> int:
-    """Return the CRC-32 of STIM300: 0x04C11DB7 from all ones, most significant bit first.
+    """Return the CRC-32 of STIM300: that of MPEG-2 over zero bytes, too, that are not sent.
 
-    Neither input nor result is reflected, nothing is XORed at the end, and zero bytes that are not
-    sent fill up to a multiple of four (TS1524, table 5-22). The library's CRC is the same one
-    reflected: so are its input and its result here.
+    They fill up to a multiple of four (TS1524, table 5-22).
     """
-    filled = data + bytes(-len(data) % 4)
-    reflected = zlib.crc32(filled.translate(REVERSED)) ^ ALL_ONES
-    return int.from_bytes(reflected.to_bytes(4, "little").translate(REVERSED), "big")
+    return crc32_mpeg2(data + bytes(-len(data) % 4))
 
 
 def frame(kind: int, payload: bytes) -> bytes:

@@ -3,20 +3,20 @@
 from __future__ import annotations
 
 import math
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 
 from drivers.roles import Place, SafetyReading
 from drivers.transport.patient_registers import RegisterLine
 from drivers.watlow_ramp import Steps
+from drivers.watlow_sight import WatlowSight
 from station.errors import InstrumentError
 
 LOOK_S = 0.1
 TROUBLE_EVERY_S = 60.0
 NO_POWER_PERCENT = 0.05
-SENSIBLE_DEGC = (-200.0, 500.0)
 
 
-class WatlowChamber(ABC):
+class WatlowChamber(WatlowSight):
     """A chamber with one temperature; a model says in which registers.
 
     Limits: `temperature_low` and `temperature_high` go into the controller, which must not be set
@@ -30,9 +30,11 @@ class WatlowChamber(ABC):
     resolution_K: float
     """How fine the controller's set-point is."""
 
-    def __init__(self, place: Place, line: RegisterLine, surely: RegisterLine) -> None:
-        self.place = place
-        self._line, self._surely = line, surely
+    def __init__(
+        self, place: Place, line: RegisterLine, surely: RegisterLine, door_register: int | None
+    ) -> None:
+        super().__init__(place, surely, door_register)
+        self._line = line
         self._lock = place.clock.lock(f"{place.name} set-point")
         self._limits_written = self._on = False
         self._steps: Steps | None = None
@@ -158,16 +160,6 @@ class WatlowChamber(ABC):
             f"air at {air_degC:.1f} degC",
         )
 
-    def read_quantity(self, quantity: str) -> float | str | None:
-        """Return the air's `temperature` in degC, `output` or `door` now; None for what is not."""
-        if quantity == "temperature":
-            self._step()
-            return self._air(self._surely)
-        if quantity == "output":
-            on, _ = self._output(self._surely)
-            return "on" if on else "off"
-        return self._door() if quantity == "door" else None
-
     # What a model does in its own way; `line` is the one to use, patient or not.
 
     @abstractmethod
@@ -177,10 +169,6 @@ class WatlowChamber(ABC):
     @abstractmethod
     def _write_limits(self, low_degC: float, high_degC: float) -> None:
         """Write the limits of the set-point and read them back."""
-
-    @abstractmethod
-    def _process_degC(self, line: RegisterLine) -> float:
-        """Return the process value."""
 
     @abstractmethod
     def _stands_at(self) -> float:
@@ -197,18 +185,6 @@ class WatlowChamber(ABC):
     @abstractmethod
     def _disengage(self, line: RegisterLine) -> None:
         """Switch heater and compressor off."""
-
-    @abstractmethod
-    def _output(self, line: RegisterLine) -> tuple[bool, float]:
-        """Return whether the control is on, and the power in percent."""
-
-    @abstractmethod
-    def _troubles(self) -> list[str]:
-        """Return what the controller complains of, in words."""
-
-    def _door(self) -> str | None:
-        """Return what is known of the door."""
-        return None
 
     def _begin_ramp(self, target_degC: float, rate_K_per_min: float) -> None:
         here_degC = self._stands_at()
@@ -239,17 +215,6 @@ class WatlowChamber(ABC):
             if arrived:
                 self._steps = None
 
-    def _air(self, line: RegisterLine) -> float:
-        air_degC = self._process_degC(line)
-        if not SENSIBLE_DEGC[0] <= air_degC <= SENSIBLE_DEGC[1]:
-            raise self._fault(
-                "read the temperature",
-                f"its process value reads {air_degC:g} degC",
-                "look at the controller's panel, and at the sensor and its cable",
-            )
-        self.place.publish("temperature", air_degC, "degC")
-        return air_degC
-
     def _prepare(self, attempted: str) -> None:
         """Have the bench's limits in the controller, and no alarm, before anything moves."""
         if not self._limits_written:
@@ -273,7 +238,7 @@ class WatlowChamber(ABC):
         if not now and self.place.clock.now() < self._looked_s + TROUBLE_EVERY_S:
             return
         self._looked_s = self.place.clock.now()
-        troubles = self._troubles()
+        troubles = self._troubles(self._line)
         if self._on:
             on, _ = self._output(self._line)
             self.place.publish("output", "on" if on else "off")

@@ -2,8 +2,9 @@
 
 Sources: public clients, for every register here. Not confirmed in a primary source: that a
 set-point one count below its low limit (602) switches heater and compressor off, as they read it;
-that 102 and 106 are the states of the alarms, and 101 the error of the input; how the digits of the
-serial number are shared out.
+that 102 and 106 are the states of the alarms, and 101 the error of the input; that 201, 213, 225
+and 237 are the digital inputs, 1 while they are on; how the digits of the serial number are shared
+out.
 
 The F4 ramps by profiles alone. This driver steps the set-point by itself: it writes register 300
 again whenever it is asked for anything, at most 1 K at once, so a ramp is only as even as the
@@ -29,6 +30,7 @@ PROFILE, PROFILE_ACTIVE, TERMINATE = 200, (2, 3), 1217
 TARGET, SET_LOW, SET_HIGH = 300, 602, 603
 DECIMALS, MOST_DECIMALS = 606, 3
 UNIT, CELSIUS = 901, 1
+INPUTS = (201, 213, 225, 237)
 FIRST_EVENT, PER_EVENT, EVENTS = 2000, 10, 8
 PERCENT = 100.0
 
@@ -37,7 +39,8 @@ class WatlowF4(WatlowChamber):
     """A chamber behind channel 1.
 
     Settings: `unit` (Modbus address, 1 unless said), `chamber_event` (1 to 8: the event that must
-    be on for heater and compressor to run; none unless said), and those of a serial line:
+    be on for heater and compressor to run; none unless said), `door` (1 to 4: the digital input
+    that is on while the door is closed; unknown unless said), and those of a serial line:
     `baud_rate` (9600 or 19200, 19200 unless said), `data_bits`, `parity`, `stop_bits`.
     """
 
@@ -47,24 +50,27 @@ class WatlowF4(WatlowChamber):
     repeatable: ClassVar[Repeatable] = Repeatable(r"(read|write) \d+")
 
     resolution_K = 0.1
+    input_on = 1
 
     def __init__(self, place: Place) -> None:
         settings = place.settings
         try:
             unit, event = int(settings.get("unit", 1)), int(settings.get("chamber_event", 0))
-            if unit not in UNITS or event not in range(EVENTS + 1):
-                raise ValueError(f"unit {unit}, chamber_event {event}")
+            door = int(settings.get("door", 0))
+            if unit not in UNITS or event not in range(EVENTS + 1) or not 0 <= door <= len(INPUTS):
+                raise ValueError(f"unit {unit}, chamber_event {event}, door {door}")
         except (TypeError, ValueError) as error:
             raise InstrumentError(
                 place.name,
                 "read the bench file",
                 f"its settings are wrong ({error})",
-                "write unit as 1 to 247, and chamber_event as 1 to 8",
+                "write unit as 1 to 247, chamber_event as 1 to 8, and door as 1 to 4",
             ) from error
         self._event_register = FIRST_EVENT + PER_EVENT * (event - 1) if event else None
         self._per_K: float | None = None
         self._modbus = ModbusLine(place, unit, FRAMING)
-        super().__init__(place, self._modbus, PatientRegisters(self._modbus, self.repeatable))
+        surely = PatientRegisters(self._modbus, self.repeatable)
+        super().__init__(place, self._modbus, surely, INPUTS[door - 1] if door else None)
 
     def identify(self) -> Identity:
         """Read model, serial number and software revision."""
@@ -129,13 +135,13 @@ class WatlowF4(WatlowChamber):
         (heats,), (cools,) = line.read(HEATS), line.read(COOLS)
         return on, signed(heats) / PERCENT - signed(cools) / PERCENT
 
-    def _troubles(self) -> list[str]:
+    def _troubles(self, line: RegisterLine) -> list[str]:
         troubles = [
             f"alarm {number} is on"
             for number, address in enumerate(ALARMS, 1)
-            if self._line.read(address) != [0]
+            if line.read(address) != [0]
         ]
-        (error,) = self._line.read(INPUT_ERROR)
+        (error,) = line.read(INPUT_ERROR)
         return [*troubles, f"its sensor has error {error}"] if error else troubles
 
     def _temperature(self, address: int, line: RegisterLine | None = None) -> float:

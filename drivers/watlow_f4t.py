@@ -60,16 +60,17 @@ class WatlowF4T(WatlowChamber):
     repeatable: ClassVar[Repeatable] = REPEATABLE
 
     resolution_K = 0.01
+    input_on = ON
 
     def __init__(self, place: Place) -> None:
-        self._registers = registers = F4TRegisters(place)
+        self.registers = registers = F4TRegisters(place)
         settings = place.settings
         try:
             self._shift = PER_LOOP * LOOPS.index(int(settings.get("loop", 1)))
             self._alarms = int(settings.get("alarms", 4))
             self._limits = [int(one) for one in settings.get("limit_modules", ())]
             door = settings.get("door")
-            self._door_register = None if door is None else io_register(door)
+            door_register = None if door is None else io_register(door)
             ramp = settings.get("ramp", CONTROLLER)
             if ramp not in (CONTROLLER, STEPPED) or self._alarms not in range(MOST_ALARMS + 1):
                 raise ValueError(f"ramp {ramp}, {self._alarms} alarms")
@@ -84,18 +85,18 @@ class WatlowF4T(WatlowChamber):
             ) from error
         self._stepped = ramp == STEPPED
         self._unit_register = UNIT_BY_TCP if place.address.startswith(SCHEME) else UNIT_BY_PORT
-        super().__init__(place, registers.line, registers.surely)
+        super().__init__(place, registers.line, registers.surely, door_register)
 
     def identify(self) -> Identity:
         """Read hardware, serial number and firmware."""
-        return self._registers.identify()
+        return self.registers.identify()
 
     def close(self) -> None:
         """Close the line; the chamber goes on with what it does."""
-        self._registers.line.close()
+        self.registers.line.close()
 
     def _limits_found(self) -> tuple[float, float]:
-        self._registers.identify()  # numbers in the wrong order of words would pass for numbers
+        self.registers.identify()  # numbers in the wrong order of words would pass for numbers
         try:
             (unit,) = self._line.read(self._unit_register)
         except ModbusRefusal as refusal:
@@ -153,28 +154,20 @@ class WatlowF4T(WatlowChamber):
         (mode,) = line.read(MODE_NOW + self._shift)
         return mode != OFF, self._number(POWER, line)
 
-    def _troubles(self) -> list[str]:
+    def _troubles(self, line: RegisterLine) -> list[str]:
         troubles = []
         for n in range(self._alarms):
-            (state,) = self._line.read(FIRST_ALARM + PER_ALARM * n)
+            (state,) = line.read(FIRST_ALARM + PER_ALARM * n)
             if state not in QUIET_ALARMS:
                 troubles.append(f"alarm {n + 1} is on ({ALARMS.get(state, state)})")
         for module in self._limits:
             state, status, error = (
-                self._line.read(address + PER_LIMIT * (module - 1))[0]
+                line.read(address + PER_LIMIT * (module - 1))[0]
                 for address in (LIMIT_STATE, LIMIT_STATUS, LIMIT_ERROR)
             )
             if state == ERROR or status == FAIL or error != NONE:
                 troubles.append(f"the limit controller in slot {module} has tripped")
         return troubles
-
-    def _door(self) -> str | None:
-        if self._door_register is None:
-            return None
-        (state,) = self._surely.read(self._door_register)
-        door = "closed" if state == ON else "open"
-        self.place.publish("door", door)
-        return door
 
     def _begin_ramp(self, target_degC: float, rate_K_per_min: float) -> None:
         self._end_ramp()
@@ -207,13 +200,13 @@ class WatlowF4T(WatlowChamber):
         return abs(self._number(STANDS_AT) - self._number(TARGET)) > ARRIVED_K
 
     def _number(self, address: int, line: RegisterLine | None = None) -> float:
-        return self._registers.number(address + self._shift, line)
+        return self.registers.number(address + self._shift, line)
 
     def _write(self, address: int, value: float) -> None:
-        self._registers.write_number(address + self._shift, value)
+        self.registers.write_number(address + self._shift, value)
 
     def _word(self, address: int) -> int:
         return self._line.read(address + self._shift)[0]
 
     def _set_word(self, address: int, value: int) -> None:
-        self._registers.write_word(address + self._shift, value)
+        self.registers.write_word(address + self._shift, value)

@@ -13,6 +13,7 @@ from typing import ClassVar
 from drivers.roles import Identity, Place
 from drivers.transport.modbus_refusal import DEVICE_FAILURE, ModbusRefusal
 from drivers.transport.retry import Repeatable
+from drivers.watlow_f4t import WatlowF4T
 from drivers.watlow_f4t_registers import OFF, ON, REPEATABLE, F4TRegisters, io_register
 from station.errors import InputError, InstrumentError
 
@@ -26,13 +27,16 @@ class WatlowOutputPower:
 
     Settings: `output` (module and number of the output, as `"2.1"`; required), `event` (1 to 8: the
     profile event that switches this output; written directly unless said), `unit`, `word_order`.
+    Where the output is that of the chamber's own controller, `shares: [thermal_chamber]` stands in
+    place of an address, `unit` and `word_order`, and its line is used.
     """
 
     repeatable: ClassVar[Repeatable] = REPEATABLE
 
     def __init__(self, place: Place) -> None:
         self.place = place
-        self._registers = registers = F4TRegisters(place)
+        self._shares = bool(place.shared)
+        self._registers = registers = self._shared_registers() or F4TRegisters(place)
         settings = place.settings
         try:
             self._name = str(settings.get("output", ""))
@@ -41,7 +45,7 @@ class WatlowOutputPower:
             if event is not None:
                 self._switch = dict(enumerate(EVENTS, 1))[int(event)]
         except (TypeError, ValueError, KeyError) as error:
-            registers.line.close()
+            self.close()
             raise registers.wrong_settings(
                 error, 'write output as module and number such as "2.1", and event as 1 to 8'
             ) from error
@@ -68,8 +72,21 @@ class WatlowOutputPower:
         return "on" if self._state() == ON else "off"
 
     def close(self) -> None:
-        """Close the line; the output stays as it is."""
-        self._registers.line.close()
+        """Close the line where it is this one's own; the output stays as it is."""
+        if not self._shares:
+            self._registers.line.close()
+
+    def _shared_registers(self) -> F4TRegisters | None:
+        for name, one in self.place.shared.items():
+            if not isinstance(one, WatlowF4T):
+                raise InstrumentError(
+                    self.place.name,
+                    "read the bench file",
+                    f"it shares {name}, which is no Watlow F4T",
+                    "share the chamber whose controller has the output, or give an address",
+                )
+            return one.registers
+        return None
 
     def _set(self, wanted: int) -> None:
         try:

@@ -39,7 +39,7 @@ AT_POSITION, AT_RATE = 1 << 8, 1 << 9
 ABORT, RATE_TRIP, TRACKING_ERROR = 1 << 0, 1 << 1, 1 << 2
 
 
-@dataclass
+@dataclass(frozen=True)
 class Status:
     """The three status registers of an axis."""
 

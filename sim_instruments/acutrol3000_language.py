@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable
+from functools import lru_cache
 from typing import NamedTuple
 
 UNKNOWN_COMMAND = 1
@@ -146,7 +147,12 @@ NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)")
 
 def number(arguments: list[str], place: int) -> float:
     """Return an argument as a number, which is written without an exponent."""
-    text = argument(arguments, place)
+    return number_of(argument(arguments, place))
+
+
+@lru_cache(KEPT_MESSAGES)
+def number_of(text: str) -> float:
+    """Return a text as a number; AclError where it is none."""
     if NUMBER.fullmatch(text) is None:
         raise AclError(SYNTAX)
     return float(text)

@@ -23,6 +23,7 @@ from sim_instruments.world.base import World
 from sim_instruments.world.extremes import coil_report
 from sim_instruments.world.fog_bench import FogBench
 from sim_instruments.world.laser_gyro_bench import LaserGyroBench
+from sim_instruments.world.nine_axis_bench import NineAxisBench
 from sim_instruments.world.serf_bench import SerfBench
 from station.clock import Clock
 
@@ -34,6 +35,7 @@ WORLDS: dict[str, Callable[[Truth], World]] = {
     "accelerometer-magnetic-sensitivity": AccelerometerBench,
     "serf-nonorthogonality": SerfBench,
     "fog-scale-factor-temperature": FogBench,
+    "nine-axis-calibration": NineAxisBench,
 }
 
 
@@ -90,6 +92,9 @@ class SimulatedBench:
                     self._faults[name] = InstrumentFaults(self._schedule)
                     self._served[name] = maker(self._setting(name, instrument))
             self.instruments = {name: one.describe() for name, one in self._served.items()}
+            for name, entry in whole.raw("instruments").items():
+                for shared in entry.get("shares", ())[:1]:  # it answers on that one's line
+                    self.instruments[name] = self.instruments[shared]
             faults = simulation.raw("faults") if "faults" in simulation else []
             if not isinstance(faults, list):
                 raise SimulationError(f"simulation.faults: a list was expected, got {faults!r}")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import socket
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, suppress
 from threading import Lock, get_ident
 from typing import NamedTuple
@@ -62,6 +62,15 @@ class FrameStreamServer(TcpServer):
             self._write(reply.body)
         if drops:
             self.drop_all()
+
+    def send_all(self, name: str, frames: Sequence[bytes]) -> None:
+        """Send frames of the same name; together where no fault may meet one of them."""
+        if self._wrong.live() or self._wrong.waited_for or self._answering[1]:
+            for frame in frames:
+                self.send(name, frame)
+        elif frames:
+            self._previous[name] = Reply(frames[-1])
+            self._write(b"".join(frames))
 
     def serve(self, client: socket.socket) -> None:
         """Take the client's frames until it leaves."""

@@ -5,7 +5,8 @@ number, 100 the process value, 300 the set-point, 602 and 603 its limits, all th
 many decimals as 606 says; 103 and 107 the powers of heater and compressor in hundredths of a
 percent; 901 the unit; 200 what a profile does; events from 2000, ten registers apart. Assumed:
 three digits of the serial number in a register; a set-point one count below its low limit is `off`;
-102 and 106 are the states of the alarms, other than zero while they are on; what is out of range is
+102 and 106 are the states of the alarms, other than zero while they are on; 201, 213, 225 and 237
+are the digital inputs, 1 while they are on; what is out of range is
 refused with exception 3. Left out: profiles, the second channel.
 """
 
@@ -25,6 +26,7 @@ UNIT = 1
 MODEL, REVISION, MADE = 5270, 203, 2208
 PER_K, DECIMALS, CELSIUS = 10.0, 1, 1
 ALARMS = (102, 106)
+INPUTS = (201, 213, 225, 237)
 EVENTS = 8
 HIGHEST_SERIAL = 999_999
 
@@ -34,7 +36,8 @@ class WatlowF4:
 
     Truth (`simulator` mapping): what `Plant` needs; `set_point_low` and `set_point_high` as the
     chamber's maker left them; `chamber_event`, the event that must be on for heater and compressor
-    to run, or 0.
+    to run, or 0; `door_input`, the input (1 to 4) that is on while the door is closed, none unless
+    said.
     """
 
     lasting_faults: ClassVar = Plant.lasting_faults
@@ -47,6 +50,7 @@ class WatlowF4:
         self._low = round(truth.quantity("set_point_low", "degC") * PER_K)
         self._high = round(truth.quantity("set_point_high", "degC") * PER_K)
         self._chamber_event = truth.integer("chamber_event", 0)
+        self._door_input = truth.integer("door_input", 0) if "door_input" in truth else 0
         self._events = dict.fromkeys(range(1, EVENTS + 1), 0)
         self._set_point = self._low - 1
         self._registers = Registers()
@@ -89,6 +93,8 @@ class WatlowF4:
         add(602, Parameter(lambda: signed(self._low), partial(self._limit, "_low")))
         add(603, Parameter(lambda: signed(self._high), partial(self._limit, "_high")))
         add(1217, Parameter(lambda: (0,), self._terminate))
+        for n, address in enumerate(INPUTS, 1):
+            add(address, Parameter(partial(self._input, n)))
         for n in self._events:
             add(
                 2000 + 10 * (n - 1), Parameter(partial(self._event, n), partial(self._set_event, n))
@@ -127,6 +133,9 @@ class WatlowF4:
             raise ModbusError(ILLEGAL_VALUE)
         self._events[event] = words[0]
         self._follow()
+
+    def _input(self, n: int) -> Words:
+        return (1 if n == self._door_input and not self._plant.door_is_open() else 0,)
 
     def _terminate(self, words: Words) -> None:
         if words[0] != 1:

@@ -95,10 +95,14 @@ class InstrumentLimits(StrictModel):
 
 
 class Instrument(StrictModel):
-    """One instrument of a bench; its driver reads `settings`, its simulator `simulator`."""
+    """One instrument of a bench; its driver reads `settings`, its simulator `simulator`.
+
+    `shares` names instruments over whose lines this one is reached: it has none of its own.
+    """
 
     driver: Words
     address: Words | None = None
+    shares: tuple[Words, ...] = ()
     serial: Words | None = None
     settings: dict[str, Any] = Field(default_factory=dict)
     given_limits: InstrumentLimits = Field(default=InstrumentLimits(), alias="limits")
@@ -227,6 +231,7 @@ def _instrument_faults(
         hint = nearest(driver, drivers)
         what = f"there is no driver '{driver}'" + ("" if hint else f"; there are {listed(drivers)}")
         yield document.fault((*where, "driver"), what, hint and f"'{hint}'")
+    yield from _shares_faults(document, name, entry.get("shares"))
     limits, settings = entry.get("limits", {}), entry.get("settings", {})
     for limit in NEEDED_LIMITS.get(role_of(name), ()):
         if isinstance(limits, dict) and limits.get(limit) is None:
@@ -244,6 +249,20 @@ def _instrument_faults(
             parse_as(settings[setting], unit)
         except UnitError as error:
             yield document.fault(here, error.what, error.hint)
+
+
+def _shares_faults(document: Document, name: str, shares: Any) -> Iterator[Fault]:
+    """Yield each name in `shares` that is no other instrument with a line of its own."""
+    instruments = document.data["instruments"]
+    for number, shared in enumerate(shares if isinstance(shares, list) else ()):
+        where: Where = ("instruments", name, "shares", number)
+        others = [other for other in instruments if other != name]
+        if shared not in others:
+            hint = nearest(str(shared), others)
+            what = f"this bench has no other instrument '{shared}'"
+            yield document.fault(where, what, hint and f"'{hint}'")
+        elif isinstance(instruments[shared], dict) and instruments[shared].get("shares"):
+            yield document.fault(where, f"'{shared}' has no line of its own; name what it shares")
 
 
 def _safe_state_faults(document: Document, instances: list[str]) -> Iterator[Fault]:

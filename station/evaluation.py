@@ -13,6 +13,7 @@ from station import registry
 from station.bench import Bench
 from station.console import span
 from station.errors import EXIT_DONE, EXIT_OUTSIDE_LIMIT, EXIT_UNDETERMINED
+from station.faults import FaultList, not_there
 from station.record.files import write_whole_file
 from station.record.folder import REPORT, RESULTS, RESUMED, RunFolder
 from station.record.manifest import write_manifest
@@ -135,7 +136,14 @@ def write_files(place: Path, document: ResultDocument, findings: Findings) -> No
 
 
 def evaluate_dataset(raw: RawDataset) -> tuple[ResultDocument, Findings]:
-    """Return the results of an imported dataset; without a plan there are no limits."""
+    """Return the results of an imported dataset; without a plan there are no limits.
+
+    Raises FaultList when there is no such procedure, or for whatever is wrong in its files.
+    """
+    known = registry.Procedures()
+    if raw.procedure not in known:
+        said = not_there("procedure", raw.procedure, known)
+        raise FaultList([raw.document.fault(("procedure",), *said)])
     procedure = registry.procedure(raw.procedure)
     findings = procedure.evaluate_dataset(raw)
     return conclude(raw.procedure, findings, {}, "simple"), findings

@@ -59,6 +59,14 @@ def listed(words: Iterable[str]) -> str:
     return ", ".join(words) or "none"
 
 
+def not_there(kind: str, name: str, known: Iterable[str]) -> tuple[str, str | None]:
+    """Return the sentence of a name that nothing has, and the one that was probably meant."""
+    words = list(known)
+    hint = nearest(name, words)
+    what = f"there is no {kind} '{name}'"
+    return (what, f"'{hint}'") if hint else (f"{what}; there are {listed(words)}", None)
+
+
 def dotted(path: Sequence[str | int]) -> str:
     """Return a path into a file as text: `instruments.coil_supply.x.limits`, `safe_state[2]`.
 

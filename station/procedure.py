@@ -121,6 +121,11 @@ def no_outlook(parameters: Any) -> Sequence[str]:
     return ()
 
 
+def nothing_undetermined(parameters: Any) -> Mapping[str, str]:
+    """Return nothing, for a procedure whose every plan determines all of its results alone."""
+    return {}
+
+
 def no_files(findings: Findings, document: ResultDocument) -> Mapping[str, str]:
     """Return nothing: results and report are all that the procedure leaves."""
     return {}
@@ -146,6 +151,8 @@ class Procedure:
     forecast(parameters, bench): what a run will command and record; opens nothing;
     files(findings, document): name to text of files beside the results, such as a compensation;
     outlook(parameters): in lines, what a plan determines and how well, before anything moves;
+    undetermined(parameters): result names that a plan does not determine alone, with the sentence
+    to tell whoever limits them;
     measured_axes(parameters): the axes of those results of which a plan may leave some out;
     assumptions: what its numbers do not say;
     conditions(): model of an imported dataset's `conditions`, for the JSON Schema.
@@ -166,6 +173,7 @@ class Procedure:
     units: Callable[[Any], tuple[str, ...]] = not_told
     forecast: Callable[[Any, Bench], Forecast] = no_forecast
     outlook: Callable[[Any], Sequence[str]] = no_outlook
+    undetermined: Callable[[Any], Mapping[str, str]] = nothing_undetermined
     files: Callable[[Findings, ResultDocument], Mapping[str, str]] = no_files
     measured_axes: Callable[[Any], Mapping[str, tuple[str, ...]]] = every_axis
     assumptions: tuple[str, ...] = ()

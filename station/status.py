@@ -6,7 +6,7 @@ that what is written and what is read stand side by side.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -25,6 +25,7 @@ from station.record.creation import EVENTS
 from station.record.events import Event, read_events
 from station.record.folder import RESUMED
 from station.record.manifest import LOCK
+from station.time_left import time_left_s
 
 if TYPE_CHECKING:
     from station.clock import Clock
@@ -129,7 +130,7 @@ def read_status(folder: Path) -> Status:
         ),
         units_planned=len(planned["units"]) if planned.get("units") else None,
         run_time_s=round(now_s, 3),
-        remaining_s=remaining_s(planned.get("steps"), events, now_s) if planned else None,
+        remaining_s=remaining_s(planned, events, now_s) if planned else None,
         bench_safe=all(one["verified"] for one in safe) if safe else None,
         message=last_message(events, of_guardian),
     )
@@ -159,12 +160,16 @@ def state_of(events: Sequence[Event], held: bool) -> State:
 
 
 def remaining_s(
-    steps: Sequence[dict[str, Any]] | None, events: Sequence[Event], now_s: float
+    planned: Mapping[str, Any], all_events: Sequence[Event], now_s: float
 ) -> float | None:
-    """Return the bench time in s that the steps not done yet are expected to take."""
+    """Return the bench time in s that what is not done yet is expected to take.
+
+    `planned` are the details of the event `run-started`.
+    """
+    steps = planned.get("steps")
     if steps is None:
         return None
-    events = since_it_went_on(events)
+    events = since_it_went_on(all_events)
     if of_kind(events, "run-ended"):
         return 0.0
     started_s = {e.details["step"]: e.time_s for e in of_kind(events, "step-started")}
@@ -178,7 +183,15 @@ def remaining_s(
         if number in started_s:
             gone_s = now_s - started_s[number] - paused_s(events, started_s[number], now_s)
         left_s += max(expected_s - gone_s, 0.0)
-    return round(left_s, 3)
+
+    def worked_s(until_s: float) -> float:
+        return until_s - paused_s(events, float("-inf"), until_s)
+
+    units = set(planned.get("units", ()))
+    units_left = units - {e.details["unit"] for e in of_kind(all_events, "unit-finished")}
+    finished = [e for e in of_kind(events, "unit-finished") if e.details["unit"] in units]
+    finished_s = [worked_s(event.time_s) for event in finished]
+    return round(time_left_s(left_s, finished_s, len(units_left), worked_s(now_s)), 3)
 
 
 def last_message(events: Sequence[Event], of_guardian: Sequence[Event] = ()) -> str:

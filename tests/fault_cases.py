@@ -82,6 +82,14 @@ SHORT_FORMS: Mapping[str, tuple[str, ...]] = {
         "parameters.warm_up.slope_limit=200 degC/h",
         "parameters.warm_up.window=1 min",
     ),
+    "nine-axis-calibration": (
+        "parameters.warm_up=5 min",
+        "parameters.static_time=60 s",
+        "parameters.static_settle=2 s",
+        "parameters.settle=1 s",
+        "parameters.sample_rate=10 Hz",
+        "parameters.rates=[20 deg/s, 40 deg/s, 60 deg/s, 80 deg/s, 100 deg/s]",
+    ),
 }
 """What makes a procedure's plan short; without an entry a plan runs as it is shipped."""
 

@@ -7,13 +7,14 @@ operating system; never a driver.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
 from campaign_helpers import raw_content
 from fault_cases import Case, Reference, bench_data
 from fault_runs import Ended
+from fault_truths import TRUTHS
 
 from station.evaluation import evaluate_run
 from station.runner.acquisition import POLL_S
@@ -38,52 +39,6 @@ TOGGLED = frozenset({"pump_laser"})
 LOST_WHILE_LASTING = frozenset({"lost-command"})
 MUST_TRIP_WITHIN_S = {"chain-open": 1.5, "overheating": 15.0}
 """What puts somebody or something at risk ends a run, in the time between two looks at it."""
-AT_A_MEAN_TEMPERATURE = ("K0", "Ki")
-
-
-def rlg_truth(bench: Mapping[str, Any], result: Mapping[str, Any]) -> float | None:
-    """Return the sensitivity of the simulated laser gyro to the field of an axis."""
-    return number(bench["simulation"]["gyro"]["magnetic_sensitivity"][result["axis"]])
-
-
-def accelerometer_truth(bench: Mapping[str, Any], result: Mapping[str, Any]) -> float | None:
-    """Return the sum of coefficients of the simulated accelerometer that a result stands for."""
-    if result["value"] is None or result["name"] in AT_A_MEAN_TEMPERATURE:
-        return None
-    true = bench["simulation"]["accelerometer"]["coefficients"]
-    return sum(factor * number(true[name]) for name, factor in result["terms"].items())
-
-
-def fog_truth(bench: Mapping[str, Any], result: Mapping[str, Any]) -> float | None:
-    """Return the scale-factor error of a simulated gyro at the result's temperature."""
-    if result["name"] != "scale_factor_error":
-        return None
-    gyros = bench["simulation"]["fog"]["gyros"]
-    low, high = (number(gyros["temperature_range"][end]) for end in ("low", "high"))
-    u = (2.0 * result["reference_temperature"] - low - high) / (high - low)
-    true = gyros[result["axis"]]["scale_factor_error"]
-    return sum(number(text) * u ** int(power[1:]) for power, text in true.items())
-
-
-def serf_truth(bench: Mapping[str, Any], result: Mapping[str, Any]) -> float | None:
-    """Return the angle between two coils of the simulated cell."""
-    if result["name"] != "nonorthogonality_angle":
-        return None
-    return number(bench["simulation"]["serf"]["coils"]["angles"][result["axis"]])
-
-
-TRUTHS: Mapping[str, Callable[[Mapping[str, Any], Mapping[str, Any]], float | None]] = {
-    "rlg-magnetic-sensitivity": rlg_truth,
-    "accelerometer-magnetic-sensitivity": accelerometer_truth,
-    "fog-scale-factor-temperature": fog_truth,
-    "serf-nonorthogonality": serf_truth,
-}
-"""What a result of a procedure should be; None where the world has no one number for it."""
-
-
-def number(text: str) -> float:
-    """Return the number of a quantity with its unit."""
-    return float(str(text).split()[0])
 
 
 @dataclass

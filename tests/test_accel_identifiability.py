@@ -24,6 +24,11 @@ from procedures.accelerometer_magnetic_sensitivity.model import (
     model_columns,
     model_columns_by_angle,
 )
+from station.lookup import PLANS as PLANS_SHIPPED
+from station.lookup import find
+from station.plan import read_plan
+from station.registry import Procedures, procedure
+from station.runner.preflight import warned_of_limits
 
 PLANS = {
     "level: the axis of rotation is vertical": (
@@ -180,6 +185,19 @@ def test_derivatives_by_the_angle_are_derivatives() -> None:
     change = accelerations_by_angle(plane, theta)
     slope = model_columns_by_angle(accelerations(plane, theta), change, field_T)
     assert slope == pytest.approx((high - low) / (2 * step), abs=1e-8)
+
+
+def test_a_limit_on_what_the_plan_does_not_determine_alone_is_told_before_it_runs() -> None:
+    limits = [f"limits.{name}.max=1 {UNITS[name]}" for name in ("K0", "Kpp")]
+    plan = read_plan(
+        find(PLANS_SHIPPED, "accelerometer-magnetic-sensitivity"), Procedures(), limits
+    )
+    told = [one.sentence for one in warned_of_limits(plan, procedure(plan.procedure))]
+    assert [one.partition(": limits.")[2] for one in told] == [
+        "K0: this plan determines only K0 + Kpp; the limit is held against that",
+        "Kpp: this plan determines not Kpp alone, only K0 + Kpp, Kii − Kpp and Koo − Kpp; its "
+        "verdict will be inconclusive (exit code 6)",
+    ]
 
 
 def test_units_of_results_are_those_of_the_model() -> None:

@@ -398,6 +398,7 @@ def test_the_emergency_stop_is_named_and_holds_until_it_is_released(form: dict[s
         table = bench.homed()
         bench.clock.sleep_until(19.0)
         table.turn(1, 30.0)
+        assert table.read_quantity("chain") == "closed"
         bench.clock.sleep_until(21.0)
         text = told(lambda: bench.wait_for_rate(table))
         assert "the interlock was opened by a safety interlock (SI)" in text
@@ -405,7 +406,9 @@ def test_the_emergency_stop_is_named_and_holds_until_it_is_released(form: dict[s
         assert table.read_safety().safe
         text = told(lambda: table.home(1))
         assert "its interlock is open" in text and "emergency stop" in text
+        assert table.open_contacts() == ("interlock",)
         bench.clock.sleep_until(31.0)
+        assert table.open_contacts() == (), "a break that is over is reset where nothing is homed"
         table.home(1)
         bench.wait(table)
         table.turn(1, 30.0)

@@ -58,3 +58,16 @@ def test_the_coefficients_of_a_made_record_come_back() -> None:
 def test_too_short_a_record_has_none() -> None:
     assert len(allan_deviation(np.zeros(4), INTERVAL_s).tau_s) == 0
     assert noise_coefficients(allan_deviation(np.zeros(4), INTERVAL_s)) is None
+
+
+def test_counted_pulses_show_as_quantisation() -> None:
+    pulse_arcsec, interval_s = 0.6, 0.1
+    generator = np.random.default_rng(6)
+    angle = np.cumsum(9.3 + generator.standard_normal(20000)) * interval_s
+    counted = np.diff(np.floor(angle / pulse_arcsec)) * pulse_arcsec / interval_s
+    found = noise_coefficients(allan_deviation(counted, interval_s))
+    assert found is not None
+    assert found.quantisation_arcsec == pytest.approx(pulse_arcsec / np.sqrt(12.0), rel=0.15)
+    tau_s = np.array([0.1, 1.0])
+    one, other = found.deviation_deg_per_h(tau_s)
+    assert one > 5 * other

@@ -164,6 +164,11 @@ def test_our_driver_conforms(driver: str, tmp_path: Path) -> None:
     assert " passed" in done.stdout
 
 
+def test_our_driver_without_a_line_of_its_own_conforms(tmp_path: Path) -> None:
+    done = conformance(tmp_path, "interlock-chain-shared", "sim-alternate")
+    assert done.returncode == 0, done.stdout
+
+
 @pytest.mark.parametrize("driver", ["keysight-34465a", "keysight-34465a-pt100"])
 def test_our_meter_conforms_at_the_accelerometer(driver: str, tmp_path: Path) -> None:
     done = conformance(tmp_path, driver, "sim", "--station-procedure", ACCELEROMETER)

@@ -23,8 +23,9 @@ from fault_cases import (
     roles_and_kinds,
     steps,
 )
-from fault_oracle import TRUTHS, Verdict, judge
+from fault_oracle import Verdict, judge
 from fault_runs import run_case
+from fault_truths import TRUTHS
 
 from sim_instruments.faults.catalogue import applicable_faults
 from sim_instruments.faults.wire import WIRE_FAULTS

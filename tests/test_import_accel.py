@@ -101,12 +101,14 @@ def test_missing_and_overloaded_rows_are_analysed_and_flagged(tmp_path: Path) ->
     [
         ("dataset.yaml", "local_gravity: 1 g", "local_gravity: 1", "local_gravity"),
         ("dataset.yaml", "local_gravity: 1 g", "local_gravity: 1 mT", "local_gravity"),
+        ("dataset.yaml", "local_gravity: 1 g", "local_gravity: 50 g", "dataset.yaml:5:18: cond"),
         ("dataset.yaml", "local_gravity: 1 g", "local_gravityy: 1 g", "did you mean"),
         ("dataset.yaml", "samples: samples.csv", "sample: samples.csv", "samples"),
         ("samples.csv", "theta_deg", "theta", "theta_deg"),
         ("samples.csv", "\n10.0,io,", "\n10.0,oi,", "there is no plane 'oi'"),
         ("samples.csv", "\n20.0,io,", "\n5.0,io,", "times must rise"),
         ("samples.csv", "\n10.0,io,0.00000", "\n10.0,io,zero", "theta_deg"),
+        ("samples.csv", "\n10.0,io,0.00000,0.02", "\n10.0,io,0.00000,20", "3:1: field_commanded"),
     ],
 )
 def test_a_fault_is_one_sentence_with_its_place(

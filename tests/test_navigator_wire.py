@@ -24,10 +24,11 @@ from navigator_stand import (
 )
 from trigger_stand import standing
 
-from drivers.can_navigator import CanNavigator, decoder_of, message_file
+from drivers.can_navigator import CanNavigator
 from drivers.serial_navigator import SerialNavigator
 from drivers.serial_navigator_frames import OUTPUT, SYNC, checksum, frame, split
 from drivers.transport.can_line import CanLine
+from drivers.transport.can_messages import decoder_of, message_file
 from sim_instruments.bench import SimulatedBench
 from sim_instruments.serial_navigator import SerialNavigator as SimulatedOnSerial
 from sim_instruments.serial_navigator import crc32
@@ -43,7 +44,7 @@ START, STOP, IDENTIFY, STATUS, ALIGN = 1, 2, 3, 4, 5
 
 
 def test_the_message_file_describes_all_messages() -> None:
-    messages = message_file().messages
+    messages = message_file("navigator").messages
     assert {one.name for one in messages} == {
         "NAV_COMMAND",
         "NAV_ACK",
@@ -63,7 +64,7 @@ def test_the_message_file_describes_all_messages() -> None:
 
 @pytest.mark.parametrize("name", ["NAV_HEADING", "NAV_ROLL", "NAV_TEMPERATURES"])
 def test_the_fast_decoder_agrees_with_the_library(name: str) -> None:
-    message = message_file().get_message_by_name(name)
+    message = message_file("navigator").get_message_by_name(name)
     decode, rng = decoder_of(message), random.Random(1)
     for data in (bytes(8), b"\xff" * 8, *(rng.randbytes(8) for _ in range(200))):
         cut = data[: message.length]
@@ -78,7 +79,7 @@ def test_an_output_on_can_as_the_library_reads_it() -> None:
         driver.start(1.0)
         stand.clock.sleep(1.5)
         frames = [data.split(b" ")[0] for direction, data in stand.heard if direction == "<"]
-        database = message_file()
+        database = message_file("navigator")
         told: dict[str, Any] = {}
         for text in frames[-3:]:
             identifier, data = text.decode("ascii").split("#")

@@ -186,7 +186,7 @@ def test_the_system_clock_is_watched_at_the_end_of_each_unit_of_real_time(tmp_pa
     clock = RealClock()
     record = RunRecord(tmp_path, "procedure", "SN-1", clock)
     watch_system_clock(record, clock)
-    assert record.after_unit is not None
+    assert record.after_unit
     record.finish_unit("IA")
     record.close()
     assert [event.kind for event in RunFolder(record.path).events] == ["unit-finished"]
@@ -209,7 +209,7 @@ def test_the_system_clock_is_not_watched_on_virtual_time(tmp_path: Path) -> None
     clock = VirtualClock()
     record = RunRecord(tmp_path, "procedure", "SN-1", clock)
     watch_system_clock(record, clock)
-    assert record.after_unit is None
+    assert not record.after_unit
     record.close()
 
 

@@ -31,11 +31,11 @@ SHORT: dict[str, Any] = {
 
 
 def short_run(
-    folder: Path, seed: int, *faults: dict[str, str], **changes: Any
+    folder: Path, seed: int, *faults: dict[str, str], bench_name: str = "sim", **changes: Any
 ) -> tuple[Outcome, dict[str, Any]]:
     """Run a ramp over ten degrees; return the truth of the gyros beside it."""
     plan = shipped_plan(PROCEDURE)
-    bench = shipped_bench()
+    bench = shipped_bench(bench_name)
     plan["parameters"] |= SHORT | changes
     plan["limits"] = {"scale_factor_error": {"max_abs": "500 ppm"}}
     bench["simulation"] |= {"seed": seed, "faults": list(faults)}

@@ -317,6 +317,26 @@ def test_interlocks_may_ask_for_temperature_output_and_door() -> None:
         assert driver.read_quantity("door") is None
 
 
+@pytest.mark.parametrize(
+    ("model", "settings", "truth"),
+    [("f4t", {}, {}), ("f4", {"door": 3}, {"door_input": 3})],
+)
+def test_door_and_alarms_are_contacts_of_the_chain(
+    model: str, settings: dict[str, int], truth: dict[str, int]
+) -> None:
+    faults: list[dict[str, Any]] = [
+        {"fault": "door-open", "at": "10 s", "for": "20 s"},
+        {"fault": "chamber-alarm", "at": "20 s", "for": "20 s", "number": 2},
+    ]
+    seen = []
+    with opened(model, *faults, settings=settings, **truth) as (stand, driver):
+        for until_s in (5.0, 15.0, 25.0, 35.0, 45.0):
+            stand.clock.sleep_until(until_s)
+            seen.append([contact.split(" (")[0] for contact in driver.open_contacts()])
+            assert stand.newest("chain") == driver.read_quantity("chain")
+    assert seen == [[], ["door"], ["door", "alarm 2 is on"], ["alarm 2 is on"], []]
+
+
 # What may go wrong with a chamber.
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -60,6 +61,22 @@ def test_an_event_of_the_controller_may_switch_the_output() -> None:
         text = told(driver.switch_on)
         assert "switch output 2.1 on: its state still reads 62 after 1 s" in text
         assert "settings.event" in text
+
+
+def test_the_output_of_the_chambers_own_controller_is_switched_over_its_line() -> None:
+    with controller("f4t") as stand:
+        chamber = stand.driver()
+        place = replace(stand.place(output="2.1"), shared={"thermal_chamber": chamber})
+        driver = WatlowOutputPower(place)
+        driver.switch_on()
+        driver.close()
+        assert stand.room.acts == ["dut-power-on"]
+        assert chamber.identify() == driver.identify(), "the chamber's line is still open"
+        assert [data for direction, data in stand.heard if direction == "-"] == [b"opened"]
+        chamber.close()
+    with controller("f4") as stand:
+        place = replace(stand.place(output="2.1"), shared={"thermal_chamber": stand.driver()})
+        assert "which is no Watlow F4T" in told(lambda: WatlowOutputPower(place))
 
 
 def test_an_output_that_is_not_there_is_told_in_words() -> None:

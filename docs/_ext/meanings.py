@@ -185,6 +185,7 @@ PARAMETERS = {
         "prior.tilt": "of each position about each horizontal axis",
         "prior.accelerometer_bias": "of each accelerometer",
         "prior.misalignment": "of a gyro's input axis, where the rates did not measure it",
+        "prior.clock": "of the computer's seconds, in which the true rates are",
         "pose": "when a position is refused",
         "pose.acceleration": "an accelerometer's mean is further from gravity than this",
         "pose.rate": "a gyro's mean is further from the other positions' than this",
@@ -239,6 +240,7 @@ LIMITS = {
 INSTRUMENT = {
     "driver": "name of the driver; `station list drivers` gives them",
     "address": "VISA resource name, or `socketcand://host:port/channel`; none on a simulated bench",
+    "shares": "instruments over whose lines this one is reached, in place of an address",
     "serial": "the serial number that must answer; without it any does",
     "settings": "the driver's own settings, see below",
     "simulator": "the truth about the simulated instrument, and a fixed `port` where wished",

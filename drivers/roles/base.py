@@ -52,6 +52,11 @@ class Place(Protocol):
         """Who is told what goes over the wire; None where nobody listens, as in most runs."""
         ...
 
+    @property
+    def shared(self) -> Mapping[str, Any]:
+        """The opened instruments over whose lines this one is reached (`shares`), by name."""
+        ...
+
     def ask(self, prompt_id: str, text: str) -> str:
         """Put a request to the operator and return the answer."""
         ...

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Protocol, runtime_checkable
+from typing import ClassVar, Protocol, runtime_checkable
 
 from drivers.roles.base import Block, Instrument, SampledSource
 
@@ -30,6 +30,11 @@ class Multimeter(Instrument, Protocol):
 
     source: str
     columns: Mapping[str, str]
+    integration_cycles: ClassVar[tuple[float, ...]]
+    """The integration times that it can do, in power-line cycles."""
+    highest_V: ClassVar[float]
+    most_readings: ClassVar[int]
+    """In one burst."""
 
     def configure(self, largest_V: float, nplc: float) -> float:
         """Choose range and integration time in power-line cycles; return the range in V."""

@@ -21,6 +21,15 @@ class DutPower(Instrument, Protocol):
 
 
 @runtime_checkable
+class SeesContacts(Protocol):
+    """An instrument of another role whose controller sees contacts of the interlock chain."""
+
+    def open_contacts(self) -> tuple[str, ...]:
+        """Return the names of the contacts that are open, none where all are closed."""
+        ...
+
+
+@runtime_checkable
 class InterlockChain(Instrument, Protocol):
     """The hard-wired chain of emergency stops, doors and limit switches, as it can be read."""
 

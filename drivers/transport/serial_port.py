@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import select
 import socket
 from collections.abc import Mapping
 from contextlib import suppress
@@ -52,22 +53,29 @@ class SocketPort:
     def __init__(self, host: str, port: int) -> None:
         self._socket = socket.create_connection((host, port), CONNECT_DEADLINE_S)
         self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        self._socket.setblocking(False)
 
     def read(self, timeout_s: float) -> bytes:
         """Return what has come, or what comes first within a real time; empty for nothing."""
-        self._socket.settimeout(timeout_s)
         try:
             data = self._socket.recv(LARGEST_READ_BYTES)
-        except (TimeoutError, BlockingIOError):
-            return b""
+        except BlockingIOError:
+            if timeout_s <= 0.0 or not select.select([self._socket], [], [], timeout_s)[0]:
+                return b""
+            data = self._socket.recv(LARGEST_READ_BYTES)
         if not data:
             raise ConnectionResetError("the other side closed the connection")
         return data
 
     def write(self, data: bytes) -> None:
         """Put bytes on the line."""
-        self._socket.settimeout(WRITE_DEADLINE_S)
-        self._socket.sendall(data)
+        left = memoryview(data)
+        while left:
+            try:
+                left = left[self._socket.send(left) :]
+            except BlockingIOError:
+                if not select.select([], [self._socket], [], WRITE_DEADLINE_S)[1]:
+                    raise TimeoutError("the other side takes no more bytes") from None
 
     def close(self) -> None:
         """Give the port back."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from procedures.accelerometer_magnetic_sensitivity.check import check, instruments
@@ -63,6 +63,13 @@ def outlook(parameters: AccelerometerParameters) -> Sequence[str]:
     return outlook(parameters)
 
 
+def undetermined(parameters: AccelerometerParameters) -> Mapping[str, str]:
+    """Return each coefficient that a plan does not determine alone, and what it does instead."""
+    from procedures.accelerometer_magnetic_sensitivity.outlook import undetermined
+
+    return undetermined(parameters)
+
+
 PROCEDURE = Procedure(
     name="accelerometer-magnetic-sensitivity",
     title="Accelerometer: magnetic sensitivity in a strong steady field",
@@ -81,6 +88,7 @@ PROCEDURE = Procedure(
     units=units,
     forecast=forecast,
     outlook=outlook,
+    undetermined=undetermined,
     assumptions=(
         "At rest the accelerations on the three axes always make 1 g: K0 and the square terms are "
         "told apart only as far as the combinations say. A centrifuge would tell them apart.",

@@ -6,9 +6,11 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from procedures.accelerometer_magnetic_sensitivity.parameters import AccelerometerParameters
+from station import registry
 from station.procedure import Problem
 
 if TYPE_CHECKING:
+    from drivers.roles import Multimeter
     from station.bench import Bench
 
 SUPPLY = "coil_supply.dc"
@@ -19,6 +21,8 @@ STAGE = "rotary_stage"
 POWER = "dut_power"
 LARGEST_FIELD = ("parameters", "largest_field")
 ANGLES = ("parameters", "angles")
+LARGEST_G = 1.1
+"""What the voltmeter's first range must hold, in the scale factor's units of 1 g."""
 
 
 def instruments(parameters: AccelerometerParameters) -> tuple[str, ...]:
@@ -28,7 +32,10 @@ def instruments(parameters: AccelerometerParameters) -> tuple[str, ...]:
 
 
 def check(parameters: AccelerometerParameters, bench: Bench) -> Iterator[Problem]:
-    """Yield each field at which the gaussmeter's calibration record states no uncertainty."""
+    """Yield what the voltmeter cannot do, and fields that the gaussmeter's record leaves out."""
+    if MULTIMETER in bench.instruments:
+        driver = registry.load(registry.DRIVERS, bench.instruments[MULTIMETER].driver)
+        yield from meter_problems(parameters, driver)
     gaussmeter = bench.instruments.get(GAUSSMETER)
     record = gaussmeter.calibration if gaussmeter else None
     for field_mT in parameters.field_levels_mT:
@@ -37,3 +44,28 @@ def check(parameters: AccelerometerParameters, bench: Bench) -> Iterator[Problem
                 LARGEST_FIELD,
                 f"the gaussmeter's calibration record states no uncertainty at {field_mT:g} mT",
             )
+
+
+def meter_problems(
+    parameters: AccelerometerParameters, driver: type[Multimeter]
+) -> Iterator[Problem]:
+    """Yield integration time, range and burst that the voltmeter's driver says it cannot do."""
+    if parameters.nplc not in driver.integration_cycles:
+        known = ", ".join(f"{one:g}" for one in driver.integration_cycles)
+        yield Problem(
+            ("parameters", "nplc"),
+            f"the {MULTIMETER} cannot integrate over {parameters.nplc:g} power-line cycles; it can "
+            f"do {known}",
+        )
+    if parameters.readings > driver.most_readings:
+        yield Problem(
+            ("parameters", "readings"),
+            f"the {MULTIMETER} takes {driver.most_readings} readings in a burst at most",
+        )
+    largest_V = LARGEST_G * parameters.scale_factor_V_per_g
+    if largest_V > driver.highest_V:
+        yield Problem(
+            ("parameters", "scale_factor"),
+            f"the {MULTIMETER} must hold {largest_V:g} V, its highest range ends at "
+            f"{driver.highest_V:g} V",
+        )

@@ -15,9 +15,9 @@ from procedures.accelerometer_magnetic_sensitivity.check import (
     SUPPLY,
     THERMOMETER,
 )
+from procedures.accelerometer_magnetic_sensitivity.durations import points_s
 from procedures.accelerometer_magnetic_sensitivity.measuring import burst_s, group_by_angle
 from procedures.accelerometer_magnetic_sensitivity.parameters import AccelerometerParameters
-from procedures.accelerometer_magnetic_sensitivity.steps import point_s
 from station.procedure import Forecast, Recording, SetPoint
 from station.units import UnitError, parse_as
 
@@ -69,7 +69,7 @@ def set_points(parameters: AccelerometerParameters, bench: Bench) -> Iterator[Se
 def recordings(parameters: AccelerometerParameters, bench: Bench) -> tuple[Recording, ...]:
     """Return the rows of voltmeter, thermometer, stage and gaussmeter."""
     points = len(parameters.points)
-    whole_s = points * point_s(parameters)
+    whole_s = points_s(parameters, parameters.points)
     try:
         averaging_s = parse_as(bench.instruments[GAUSSMETER].settings.get("averaging"), "s")
     except UnitError:

@@ -23,12 +23,15 @@ COLUMNS = ("t_s", "plane", "theta_deg", "field_commanded_T", "field_T", "output_
 TEMPERATURE = "temperature_degC"
 EVEN = 0.01
 MOSTLY = 0.6
+LARGEST_FIELD_T = 3.0
+"""No Helmholtz coil comes near: such a number is in mT or G."""
 
 
 class Conditions(StrictModel):
     """The conditions of an accelerometer dataset."""
 
-    local_gravity_g: Annotated[float, Unit("g"), Field(gt=0)] = 1.0
+    # On the ground it is 0.9957 g to 1.0028 g.
+    local_gravity_g: Annotated[float, Unit("g"), Field(ge=0.99, le=1.01)] = 1.0
 
 
 def dataset_of_import(raw: RawDataset) -> AccelerometerDataset:
@@ -39,6 +42,7 @@ def dataset_of_import(raw: RawDataset) -> AccelerometerDataset:
     table = read_table(path, COLUMNS, (TEMPERATURE,), text=("plane",))
     check_ascending(path, table, "t_s")
     _check_planes(table)
+    _check_fields(table)
     plane = np.array([str(name).strip() for name in table["plane"]])
     time_s = np.asarray(table["t_s"], dtype=np.float64)
     return AccelerometerDataset(
@@ -70,6 +74,15 @@ def _even(time_s: NDArray[np.float64]) -> bool:
         return False
     usual_s = float(np.median(steps_s))
     return float(np.mean(np.abs(steps_s - usual_s) <= EVEN * usual_s)) >= MOSTLY
+
+
+def _check_fields(table: Table) -> None:
+    commanded_T = np.abs(table["field_commanded_T"])
+    wrong = np.flatnonzero(commanded_T > LARGEST_FIELD_T)
+    if len(wrong):
+        row = int(wrong[0])
+        what = f"{commanded_T[row]:g} T is no field of a coil; the column is in T"
+        raise FaultList([Fault(str(table.path), table.lines[row], 1, "field_commanded_T", what)])
 
 
 def _check_planes(table: Table) -> None:

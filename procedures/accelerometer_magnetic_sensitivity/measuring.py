@@ -28,7 +28,6 @@ LONGEST_LOOK_S = 2.0
 AXIS_COLUMN = "x_T"
 """The probe's x stands along the coil's axis."""
 RANGE_HEADROOM = 1.5
-LARGEST_G = 1.1
 HIGHER_RANGE = 10.0
 MOST_RANGES = 3
 BURST_PATIENCE = 3.0

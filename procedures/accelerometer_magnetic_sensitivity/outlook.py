@@ -13,6 +13,7 @@ from procedures.accelerometer_magnetic_sensitivity.expected import (
 from procedures.accelerometer_magnetic_sensitivity.identifiability import (
     combination_text,
     describe,
+    listed,
 )
 from procedures.accelerometer_magnetic_sensitivity.model import UNITS
 from procedures.accelerometer_magnetic_sensitivity.parameters import AccelerometerParameters
@@ -33,6 +34,20 @@ def expectation(parameters: AccelerometerParameters) -> Expectation:
         np.array([point.field_mT for point in points]) * T_PER_MT,
         parameters.point_noise_V / math.sqrt(parameters.repeats),
     )
+
+
+def undetermined(parameters: AccelerometerParameters) -> dict[str, str]:
+    """Return each coefficient that a plan does not determine alone, and what it does instead."""
+    found = expectation(parameters).identifiability
+    said: dict[str, str] = {}
+    for name in found.not_alone:
+        together = [combination_text(own) for own in found.terms.values() if name in own]
+        if name in found.kept:
+            said[name] = f"this plan determines only {together[0]}; the limit is held against that"
+            continue
+        what = f"not {name} alone, only {listed(together)}" if together else f"no {name} at all"
+        said[name] = f"this plan determines {what}; its verdict will be inconclusive (exit code 6)"
+    return said
 
 
 def outlook(parameters: AccelerometerParameters) -> tuple[str, ...]:

@@ -6,20 +6,27 @@ patent text 36286229, 2023-01-13), paragraphs [0010] to [0018].
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from procedures.accelerometer_magnetic_sensitivity.check import (
     GAUSSMETER,
+    LARGEST_G,
     MULTIMETER,
     POWER,
     STAGE,
     SUPPLY,
 )
+from procedures.accelerometer_magnetic_sensitivity.durations import (
+    first_group_s,
+    first_point_s,
+    remaining_s,
+    second_group_s,
+    second_turn_s,
+    set_up_s,
+)
 from procedures.accelerometer_magnetic_sensitivity.measuring import (
-    LARGEST_G,
     RANGE_HEADROOM,
     Place,
-    burst_s,
     finished_points,
     group_by_angle,
     measure,
@@ -33,7 +40,7 @@ if TYPE_CHECKING:
     from station.runner.run import Run
 
 PLACE = "where the bench stands"
-HOMING_S, DEGAUSS_S, TURN_S, RAMP_S, MOUNT_S = 30.0, 30.0, 3.0, 4.0, 0.0
+MOUNT_S = 0.0
 DEGAUSS_STEPS = 12
 DEGAUSS_RATIO = 0.65
 DEGAUSS_HOLD_S = 0.5
@@ -231,44 +238,13 @@ def identify(run: Run) -> None:
         run.progress.say(f"    as published Km = {said.value:.5g} {said.unit}")
 
 
-def point_s(parameters: AccelerometerParameters) -> float:
-    """Return the expected bench time in s of a point without a turn of the stage."""
-    return RAMP_S + parameters.dwell.at_least_s + burst_s(parameters) + 1.0
-
-
-def group_s(parameters: AccelerometerParameters, groups: Any) -> float:
-    """Return the expected bench time in s of several stays at an angle."""
-    return sum(TURN_S + len(group) * point_s(parameters) for group in groups)
-
-
-def set_up_s(parameters: AccelerometerParameters) -> float:
-    """Return the expected bench time in s of step (2)."""
-    return HOMING_S + parameters.warm_up_s + (DEGAUSS_S if parameters.degauss else 0.0)
-
-
-def remaining_s(parameters: AccelerometerParameters) -> float:
-    """Return the expected bench time in s of step (7), re-mounting aside."""
-    again = (len(parameters.planes) - 1) * (DEGAUSS_S if parameters.degauss else 0.0)
-    return again + group_s(parameters, group_by_angle(parameters.points)[2:]) + RAMP_S
-
-
 STEPS = (
     Step("(1)", "Mount the accelerometer on the stage", mount, lambda _: MOUNT_S),
     Step("(2)", "Set the range and the step of the field; warm up", set_up, set_up_s),
-    Step("(3)", "Read the voltmeter at the first field", first_reading, point_s),
-    Step(
-        "(4)",
-        "Repeat (2) and (3) to the largest field",
-        further_fields,
-        lambda p: (len(group_by_angle(p.points)[0]) - 1) * point_s(p),
-    ),
-    Step("(5)", "Turn the accelerometer to the next angle", rotate, lambda _: TURN_S),
-    Step(
-        "(6)",
-        "Repeat (1) to (5): the next set of data",
-        next_angle,
-        lambda p: group_s(p, group_by_angle(p.points)[1:2]),
-    ),
+    Step("(3)", "Read the voltmeter at the first field", first_reading, first_point_s),
+    Step("(4)", "Repeat (2) and (3) to the largest field", further_fields, first_group_s),
+    Step("(5)", "Turn the accelerometer to the next angle", rotate, second_turn_s),
+    Step("(6)", "Repeat (1) to (5): the next set of data", next_angle, second_group_s),
     Step("(7)", "Repeat for every angle through 360 deg", remaining_angles, remaining_s),
     Step(
         "(8)", "Identify the coefficients by finite-memory least squares", identify, lambda _: 0.0

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,6 +50,12 @@ def align(
     arrivals = len(np.unique(arrival_s))
     spread = float(np.quantile(lateness, 0.95))
     return Alignment(height - rate * centre, rate, 2 * spread / arrivals)
+
+
+def unwrapped(sequence: NDArray[Any]) -> NDArray[np.float64]:
+    """Return a 16-bit running number continued beyond its wraps, shape (rows,)."""
+    steps = np.mod(np.diff(sequence.astype(np.int64)), 65536)
+    return np.concatenate([[0], np.cumsum(steps)]).astype(np.float64)
 
 
 def lower_hull(x: NDArray[np.float64], y: NDArray[np.float64]) -> list[int]:

@@ -37,14 +37,28 @@ class AllanDeviation:
 
 @dataclass(frozen=True)
 class NoiseCoefficients:
-    """What an Allan deviation in deg/h is made of (IEEE Std 952, annex C).
+    """What an Allan deviation in deg/h is made of (IEEE Std 952, annex C): N, B, K and Q.
 
-    A coefficient is zero where the record shows nothing of it.
+    sigma^2(tau) = 3 Q^2/tau^2 + N^2/tau + (2 ln 2/pi) B^2 + K^2 tau/3. A coefficient is zero where
+    the record shows nothing of it.
     """
 
     angle_random_walk_deg_per_sqrt_h: float
     bias_instability_deg_per_h: float
     rate_random_walk_deg_per_h_sqrt_h: float
+    quantisation_arcsec: float
+
+    def deviation_deg_per_h(self, tau_s: Array) -> Array:
+        """Return the Allan deviation that the coefficients give at averaging times (m,)."""
+        tau_h = tau_s / SECONDS_PER_HOUR
+        return np.asarray(
+            np.sqrt(
+                self.angle_random_walk_deg_per_sqrt_h**2 / tau_h
+                + FLICKER * self.bias_instability_deg_per_h**2
+                + self.rate_random_walk_deg_per_h_sqrt_h**2 * tau_h / 3.0
+                + 3.0 * (self.quantisation_arcsec / tau_s) ** 2
+            )
+        )
 
 
 def allan_deviation(
@@ -92,14 +106,15 @@ def _freedom_in_white_noise(samples: int, m: int) -> float:
 def noise_coefficients(allan: AllanDeviation) -> NoiseCoefficients | None:
     """Return the noise coefficients of an Allan deviation in deg/h; None for too short a record.
 
-    Fits the Allan variance by white rate noise, flicker and rate random walk, none of them below
-    zero, each averaging time weighted by what it is worth.
+    Fits the Allan variance by white rate noise, flicker, rate random walk and rounded angles, none
+    of them below zero, each averaging time weighted by what it is worth.
     """
     if len(allan.tau_s) < FEWEST_CLUSTERS or not bool(np.all(allan.deviation > 0.0)):
         return None
     tau_h = allan.tau_s / SECONDS_PER_HOUR
     variance = allan.deviation**2
-    columns = np.column_stack((1.0 / tau_h, np.full(len(tau_h), FLICKER), tau_h / 3.0))
+    flat = np.full(len(tau_h), FLICKER)
+    columns = np.column_stack((1.0 / tau_h, flat, tau_h / 3.0, 3.0 / allan.tau_s**2))
     weight = np.sqrt(allan.degrees_of_freedom / 2.0) / variance
     scale = np.linalg.norm(columns * weight[:, None], axis=0)
     found, _ = nnls(columns * weight[:, None] / scale, variance * weight)

@@ -24,13 +24,19 @@ def robust_sigma(residuals: Array, floor: float = 0.0) -> float:
 
 
 def reject_outliers(
-    design: Array, data: Array, threshold: float, floor: float = 0.0, rounds: int = 20
+    design: Array,
+    data: Array,
+    threshold: float,
+    floor: float = 0.0,
+    slack: float = 0.0,
+    rounds: int = 20,
 ) -> Mask:
-    """Return which samples of `data` stay within `threshold` robust sigmas of the fit.
+    """Return which samples of `data` stay within `threshold` robust sigmas, and `slack`, of the fit.
 
     Fit, reject, fit again without the rejected, until nothing changes. A rejected sample comes back
     when the better fit explains it. Stops early rather than leave fewer samples than the model
-    needs.
+    needs. Quantised data have a slack of one quantum: rounding moves an honest sample that far, and
+    the median deviation does not see it.
     """
     kept = np.ones(len(data), dtype=bool)
     columns = design.shape[1]
@@ -43,7 +49,7 @@ def reject_outliers(
         widen = np.sqrt(samples / max(samples - columns, 1))
         inner = fit.residuals * widen
         sigma = robust_sigma(inner, floor)
-        fresh = np.abs(residuals) <= threshold * sigma if sigma > 0.0 else kept
+        fresh = np.abs(residuals) <= threshold * sigma + slack if sigma > 0.0 else kept
         if int(fresh.sum()) < columns + 3 or bool(np.array_equal(fresh, kept)):
             break
         kept = fresh

@@ -18,11 +18,10 @@ if TYPE_CHECKING:
     from station.runner.run import Run
 
 WORK = "the bench"
-LOOK_S = 2.0
+LOOK_S = 4.0
 """Run time between two looks; less where time runs by itself, so that a kill loses little."""
 MOVING_LOOK_S = 0.5
-TURNING_LOOK_S = 0.9
-"""Less than a second: an interlock on the rate then needs no reading of its own."""
+TURNING_LOOK_S = 2.0
 CHAMBER_EVERY_S = 30.0
 SILENT_AFTER_S = 10.0
 SETTLED_S = 1.0
@@ -67,38 +66,55 @@ class BenchWork:
         self.newest: Any = None
         """The navigator's last row, a structured array of shape (1,); None before the first."""
         self.navigates = False
-        self._chamber_due_s = run.clock.now()
-        self._heard_s = run.clock.now()
+        self._unit = ""
+        self._chamber_due_s = self._due_s = self._heard_s = run.clock.now()
 
     def look(self, unit: str) -> None:
-        """Take what has come meanwhile, and step the chamber's ramp where the driver does that."""
+        """Record what has come, where it is time to; what came before belongs to the unit before.
+
+        The chamber's ramp is stepped by this where its driver does that.
+        """
+        from station.record.raw import ARRIVAL
+
+        now_s = self.run.clock.now()
+        if now_s >= self._due_s:
+            self.take(unit)
+        if now_s >= self._chamber_due_s:
+            self._chamber_due_s = now_s + CHAMBER_EVERY_S
+            names = [(name, np.float64) for name in (*CHAMBER_COLUMNS, ARRIVAL)]
+            values = (self.chamber.temperature_degC(), self.chamber.set_point_degC(), now_s)
+            self.run.record.block(CHAMBER, unit, CHAMBER_COLUMNS, np.array([values], dtype=names))
+
+    def take(self, unit: str) -> None:
+        """Record the navigator's outputs that have come.
+
+        Raises InstrumentError when none has for long.
+        """
         from station.record.raw import ARRIVAL
         from station.runner.acquisition import to_rows
 
-        run = self.run
-        now_s = run.clock.now()
-        if self.navigates:
-            rows = to_rows(self.navigator.drain())
-            if len(rows):
-                run.record.block(self.navigator.source, unit, self.navigator.columns, rows)
-                self.newest, self._heard_s = rows[-1:], now_s
-            elif now_s - self._heard_s > SILENT_AFTER_S:
-                raise InstrumentError(
-                    NAVIGATOR,
-                    f"record {unit}",
-                    f"no output came for {SILENT_AFTER_S:g} s",
-                    "check its cable and its power",
-                )
-        if now_s >= self._chamber_due_s:
-            self._chamber_due_s = now_s + CHAMBER_EVERY_S
-            self.chamber.is_ramping()
-            names = [(name, np.float64) for name in (*CHAMBER_COLUMNS, ARRIVAL)]
-            values = (self.chamber.temperature_degC(), self.chamber.set_point_degC(), now_s)
-            run.record.block(CHAMBER, unit, CHAMBER_COLUMNS, np.array([values], dtype=names))
+        clock = self.run.clock
+        self._due_s = clock.now() + clock.holding_s(LOOK_S)
+        if not self.navigates:
+            return
+        rows = to_rows(self.navigator.drain())
+        if len(rows):
+            self.run.record.block(self.navigator.source, unit, self.navigator.columns, rows)
+            self.newest, self._heard_s = rows[-1:], float(rows[ARRIVAL][-1])
+        elif clock.now() - self._heard_s > SILENT_AFTER_S:
+            raise InstrumentError(
+                NAVIGATOR,
+                f"record {unit}",
+                f"no output came for {SILENT_AFTER_S:g} s",
+                "check its cable and its power",
+            )
 
     def follow(self, until_s: float, unit: str, said: str = "") -> None:
         """Record until a run time."""
         clock = self.run.clock
+        if unit != self._unit:
+            self.take(self._unit)
+            self._unit = unit
         while clock.now() < until_s:
             clock.sleep_until(min(clock.now() + clock.holding_s(LOOK_S), until_s))
             self.look(unit)
@@ -181,10 +197,13 @@ class BenchWork:
         clock = self.run.clock
         rests_s = clock.now() + SETTLED_S
         self.follow(clock.now() + self.parameters.settle_s, unit, said)
+        self.take(unit)
         while self.newest is None or self.newest[ARRIVAL][0] < rests_s:
             self.follow(clock.now() + MOVING_LOOK_S, unit, said)
+            self.take(unit)
         # An output that is read right before the next movement is not taken for one at rest.
         self.follow(float(self.newest[ARRIVAL][0]) + ARRIVES_WITHIN_S, unit, said)
+        self.take(unit)
 
     def turn_around(self, unit: str, sign: int, said: str) -> tuple[float, float, float, float]:
         """Turn the vertical axis once, at rest before and after.

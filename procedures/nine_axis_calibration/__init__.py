@@ -6,9 +6,11 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from procedures.nine_axis_calibration.check import check, instruments
+from procedures.nine_axis_calibration.forecast import forecast
 from procedures.nine_axis_calibration.parameters import NineAxisParameters
-from station.errors import InputError
-from station.procedure import Procedure, Prompt, ResultKind
+from procedures.nine_axis_calibration.placing import prompts
+from procedures.nine_axis_calibration.steps import STEPS
+from station.procedure import Procedure, ResultKind
 
 if TYPE_CHECKING:
     from station.bench import Bench
@@ -23,8 +25,10 @@ PAIRS = ("XY", "XZ", "YX", "YZ", "ZX", "ZY")
 
 
 def evaluate_run(folder: RunFolder, parameters: NineAxisParameters, bench: Bench) -> Findings:
-    """Raise InputError: there are no steps yet that could have recorded a run."""
-    raise InputError(f"{folder.path}: nine-axis-calibration analyses imported datasets only")
+    """Return what a run's recorded data say."""
+    from procedures.nine_axis_calibration.evaluate import findings_of_run
+
+    return findings_of_run(folder, parameters, bench)
 
 
 def evaluate_dataset(raw: RawDataset) -> Findings:
@@ -62,11 +66,6 @@ def outlook(parameters: NineAxisParameters) -> Sequence[str]:
     return outlook(parameters)
 
 
-def prompts(parameters: NineAxisParameters) -> tuple[Prompt, ...]:
-    """Return what the operator may be asked to do."""
-    return ()
-
-
 def units(parameters: NineAxisParameters) -> tuple[str, ...]:
     """Return the units of work: each position, then each axis, rate and sense."""
     return parameters.units
@@ -85,7 +84,7 @@ PROCEDURE = Procedure(
         "nonlinearity": ResultKind(AXES, "ppm"),
         "misalignment": ResultKind(PAIRS, "arcsec"),
     },
-    steps=(),
+    steps=STEPS,
     instruments=instruments,
     prompts=prompts,
     check=check,
@@ -94,6 +93,7 @@ PROCEDURE = Procedure(
     report=report,
     conditions=conditions,
     units=units,
+    forecast=forecast,
     outlook=outlook,
     files=files,
     assumptions=(

@@ -16,6 +16,8 @@ IMU = "imu"
 POWER = "dut_power"
 RATES = ("parameters", "rates")
 RATE = "rate"
+AXIS_SETTINGS = ("outer_axis", "middle_axis", "inner_axis")
+"""Settings of the table in the bench file: which number the controller gives each axis."""
 
 
 def instruments(parameters: NineAxisParameters) -> tuple[str, ...]:
@@ -24,7 +26,19 @@ def instruments(parameters: NineAxisParameters) -> tuple[str, ...]:
 
 
 def check(parameters: NineAxisParameters, bench: Bench) -> Iterator[Problem]:
-    """Yield each rate that the sensor cannot follow: the bench file's `rate` limit of the imu."""
+    """Yield each rate that the sensor cannot follow, and what the bench does not say of its table.
+
+    A sensor's range is the bench file's `rate` limit of the imu.
+    """
+    table = bench.instruments.get(TURNTABLE)
+    for key in AXIS_SETTINGS if table is not None and parameters.positioning == "table" else ():
+        if table is not None and not isinstance(table.settings.get(key), int):
+            yield Problem(
+                ("parameters", "positioning"),
+                f"the bench file does not say which axis of {TURNTABLE} is the {key[:-5]} one; "
+                f"write instruments.{TURNTABLE}.settings.{key}, such as 1, or take positioning: "
+                "plate",
+            )
     sensor = bench.instruments.get(IMU)
     range_deg_per_s = sensor.limits.get(RATE) if sensor else None
     if range_deg_per_s is None:

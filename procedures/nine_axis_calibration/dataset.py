@@ -48,7 +48,8 @@ class TurnRecord:
     The turned axis (0, 1, 2 for X, Y, Z) points up; rates and angles are positive counter-clockwise
     seen from above. `rate_deg_per_s` (n, 3) holds NaN for gyros that were not recorded.
     `encoder_deg` (n,) is the table's encoder at `time_s`, the end of each sample's interval,
-    continuous or modulo 360; NaN where it was not read.
+    continuous or modulo 360; NaN where it was not read. `encoder_u_deg` is the standard uncertainty
+    of the angle at each end that its scatter does not show: NaN where the scatter shows it.
     """
 
     axis: int
@@ -56,6 +57,7 @@ class TurnRecord:
     time_s: Array
     rate_deg_per_s: Array
     encoder_deg: Array
+    encoder_u_deg: float = np.nan
 
 
 @dataclass(frozen=True)

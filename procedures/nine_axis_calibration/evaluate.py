@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from procedures.nine_axis_calibration.analysis import analyse
+from procedures.nine_axis_calibration.check import TURNTABLE
 from procedures.nine_axis_calibration.dataset import NineAxisDataset, Prior
 from procedures.nine_axis_calibration.findings import UNITS, AnalysisSettings, NineAxisAnalysis
 from procedures.nine_axis_calibration.from_import import dataset_of_import
@@ -17,10 +18,12 @@ from station.results import Estimate, Findings, Flag, Published
 from station.uncertainty import InputQuantity
 
 if TYPE_CHECKING:
+    from station.bench import Bench
     from station.dataset_reading import RawDataset
+    from station.record.folder import RunFolder
 
 ARCMIN_PER_RAD = 60.0 * 180.0 / math.pi
-LONGEST_TIME_S = 360.0
+PPM = 1e-6
 
 
 @dataclass(frozen=True)
@@ -29,6 +32,15 @@ class Detail:
 
     analysis: NineAxisAnalysis
     dataset: NineAxisDataset
+
+
+def findings_of_run(folder: RunFolder, parameters: NineAxisParameters, bench: Bench) -> Findings:
+    """Return what a run's finished units say, type B inputs from plan and bench file."""
+    from procedures.nine_axis_calibration.from_record import dataset_of_run
+
+    dataset = dataset_of_run(folder, parameters, bench)
+    inputs = [*prior_inputs(dataset.prior, "the plan"), *bench_inputs(parameters, bench)]
+    return to_findings(analyse(dataset, settings(parameters)), dataset, inputs)
 
 
 def findings_of_dataset(raw: RawDataset) -> Findings:
@@ -67,6 +79,17 @@ def prior_inputs(prior: Prior, source: str) -> Iterator[InputQuantity]:
     }
     for name, text in described.items():
         yield InputQuantity(f"prior_{name}", text, 1.0, "1", source)
+
+
+def bench_inputs(parameters: NineAxisParameters, bench: Bench) -> Iterator[InputQuantity]:
+    """Yield what is known of the station's clock, and of the table's angle by its record."""
+    clock = parameters.prior.clock_ppm
+    yield InputQuantity("time_scale", "rate of the station's clock", clock * PPM, "1", "the plan")
+    table = bench.instruments[TURNTABLE].calibration
+    if table is not None and table.covers("angle", 360.0, "deg"):
+        # Both ends of a part turn are read: root two of one reading.
+        u = math.sqrt(2.0) * table.standard_uncertainty("angle", 360.0, "deg")
+        yield InputQuantity("encoder_angle_deg", "angle of the table", u, "deg", table.source)
 
 
 def to_findings(

@@ -47,6 +47,8 @@ def outlook(parameters: NineAxisParameters) -> tuple[str, ...]:
     turns = parameters.all_turns
     turning_s = sum(one.dwell_s for one in turns)
     bias = float(np.max(expected.bias_deg_per_h))
+    noise_ppm = PPM * expected.scale_factor
+    total_ppm = math.hypot(noise_ppm, parameters.prior.clock_ppm)
     return (
         f"{len(parameters.all_positions)} positions of "
         f"{format_duration(parameters.static_time_s)}, {len(turns)} records of whole turns, "
@@ -54,7 +56,8 @@ def outlook(parameters: NineAxisParameters) -> tuple[str, ...]:
         f"bias: u = {format_number(bias, 2)} deg/h from all means; "
         f"{format_number(expected.published_bias_deg_per_h, 2)} deg/h as published, from the east "
         "axis alone, heading included",
-        f"scale factor: u = {format_number(PPM * expected.scale_factor, 2)} ppm; "
+        f"scale factor: u = {format_number(total_ppm, 2)} ppm, of which noise makes "
+        f"{format_number(noise_ppm, 2)} ppm; it makes "
         f"{format_number(PPM * expected.published_scale_factor, 2)} ppm as published, or where the "
         "rates differ beyond noise",
         f"asymmetry: u = {format_number(PPM * expected.asymmetry, 2)} ppm",

@@ -63,6 +63,7 @@ class PlanPrior(Prior):
     relative_heading_arcmin: Angle = 0.5
     tilt_arcmin: Angle = 0.5
     accelerometer_bias_g: Annotated[float, Unit("g"), Field(gt=0, le=0.1)] = 0.001
+    clock_ppm: Annotated[float, Unit("ppm"), Field(ge=0, le=1000)] = 1.0
 
 
 class PoseCheck(StrictModel):

@@ -62,7 +62,7 @@ def pose_check(analysis: NineAxisAnalysis) -> Figure:
         axes.set_xlim(-0.5, len(static) - 0.5)
     left.set_ylabel("mean − expected, µg")
     label_above(left, "accelerometers")
-    left.legend(loc="best", ncols=3)
+    left.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3)
     right.set_ylabel("mean − solution, deg/h")
     label_above(right, "gyros, bars 2 u")
     return figure

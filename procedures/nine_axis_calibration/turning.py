@@ -151,7 +151,13 @@ def _gyro(
             for r in records
         ]
     )
-    reading = np.array([one.noise_deg for one in encoders]) * np.sqrt(2.0) / span_s
+    ends_deg = np.array(
+        [
+            e.noise_deg if np.isnan(r.encoder_u_deg) else r.encoder_u_deg
+            for r, e in zip(records, encoders, strict=True)
+        ]
+    )
+    reading = ends_deg * np.sqrt(2.0) / span_s
     if own:
         variance = variance + reading**2
     middle = np.array(angles)

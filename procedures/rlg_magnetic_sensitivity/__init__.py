@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from procedures.rlg_magnetic_sensitivity.check import check
-from procedures.rlg_magnetic_sensitivity.forecast import forecast
+from procedures.rlg_magnetic_sensitivity.forecast import forecast, outlook
 from procedures.rlg_magnetic_sensitivity.parameters import RlgParameters
 from procedures.rlg_magnetic_sensitivity.steps import STEPS, instruments, prompts, units
 from station.procedure import Procedure, ResultKind
@@ -67,6 +67,7 @@ PROCEDURE = Procedure(
     conditions=conditions,
     units=units,
     forecast=forecast,
+    outlook=outlook,
     measured_axes=lambda parameters: {"magnetic_sensitivity": tuple(parameters.axes)},
     assumptions=(
         "The probe's axes stand along the coils' normals and the gyro's axes along both; what they "

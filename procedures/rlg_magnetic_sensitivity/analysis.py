@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import stdtrit
 
+from procedures.estimation.allan import AllanDeviation, allan_deviation, noise_coefficients
 from procedures.estimation.noise import grid_index
 
 from .dataset import AXES, RlgDataset, Segment
@@ -22,6 +23,7 @@ from .findings import (
     SegmentDetail,
 )
 from .flags import drive_flags, record_flags, result_flags
+from .pulse_beat import beat_flags
 from .gyro import GyroFit, fit_gyro
 from .published import plotted_spectrum, published_value
 from .response import Observed, Response, solve
@@ -65,6 +67,7 @@ def analyse(dataset: RlgDataset, settings: AnalysisSettings | None = None) -> Rl
         own = _lines(number, fields[number], observed[number], response, determined, settings)
         detail = _segment_detail(segment, fields[number], observed[number])
         flags += record_flags(segment, detail, settings) + drive_flags(segment, own, settings)
+        flags += beat_flags(segment, detail, own)
         lines += own
         segments.append(detail)
     flags += result_flags(estimates, lines, reasons, settings)
@@ -179,6 +182,7 @@ def _segment_detail(segment: Segment, field: FieldFit, observed: Observed | None
     frequency_Hz, amplitude = plotted_spectrum(segment)
     blank = np.full(len(segment.time_s), np.nan)
     gyro = observed.gyro if observed is not None else None
+    allan = _allan_of_noise(segment, gyro)
     return SegmentDetail(
         axes=axes,
         time_s=segment.time_s,
@@ -195,7 +199,18 @@ def _segment_detail(segment: Segment, field: FieldFit, observed: Observed | None
         spectrum_deg_per_h=amplitude,
         noise_floor_deg_per_h=float(gyro.noise_floor_deg_per_h[0]) if gyro else None,
         field_rows_rejected=field.rows_rejected,
+        allan=allan,
+        noise=noise_coefficients(allan),
     )
+
+
+def _allan_of_noise(segment: Segment, gyro: GyroFit | None) -> AllanDeviation:
+    """Return the Allan deviation of the output without the fitted lines, drift and all."""
+    if gyro is None or not bool(gyro.kept.any()):
+        return allan_deviation(np.zeros(0), segment.sample_interval_s)
+    noise = segment.rate_deg_per_h - gyro.lines_deg_per_h
+    index = grid_index(segment.time_s, segment.sample_interval_s)[gyro.kept]
+    return allan_deviation(noise[gyro.kept], segment.sample_interval_s, index - index[0])
 
 
 def _lines(
@@ -253,6 +268,7 @@ def _line(
         field_amplitude_mT=abs(own),
         field_phase_deg=float(np.degrees(np.angle(own))),
         field_phasors_mT=line.phasor_mT,
+        field_uncertainty_mT=np.sqrt(line.variance_mT2),
         ambient_field_mT=field.ambient_mT,
         gyro_phasor_deg_per_h=phasor,
         gyro_phase_deg=float(np.degrees(np.angle(phasor))) if phasor is not None else None,

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
+from procedures.rlg_magnetic_sensitivity.measuring import GAUSSMETER
 from procedures.rlg_magnetic_sensitivity.parameters import RlgParameters
-from procedures.rlg_magnetic_sensitivity.steps import GAUSSMETER
 from station.procedure import Problem
 
 if TYPE_CHECKING:

@@ -8,22 +8,20 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from .drive import Drive
+
 Array = NDArray[np.float64]
 
 AXES = ("IA", "NA", "LA")
 
-
-@dataclass(frozen=True)
-class Drive:
-    """The sine that one coil axis was commanded to make (amplitude is the peak)."""
-
-    frequency_Hz: float
-    amplitude_mT: float
+__all__ = ["AXES", "Drive", "RlgDataset", "Segment"]
 
 
 @dataclass(frozen=True)
 class Segment:
-    """One uninterrupted stretch of recording with one or several coil axes driven.
+    """One uninterrupted stretch of recording with one or several coil axes driven, or none.
+
+    A drive with an amplitude of zero names a line that is only looked for.
 
     `time_s` (n,) is the middle of each gyro averaging interval, ascending, gaps possible;
     `rate_deg_per_h` (n,) is the interval's mean; `quantum_deg_per_h` is one pulse expressed as a

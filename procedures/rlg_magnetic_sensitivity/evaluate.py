@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -16,12 +16,10 @@ from procedures.rlg_magnetic_sensitivity.from_record import (
     GYRO,
     dataset_of_run,
     field_alignment,
+    segment_of_unit,
 )
-from procedures.rlg_magnetic_sensitivity.parameters import (
-    COIL_OF_AXIS,
-    RlgParameters,
-    Thresholds,
-)
+from procedures.rlg_magnetic_sensitivity.parameters import RlgParameters, Thresholds
+from procedures.rlg_magnetic_sensitivity.records import PlannedRecord, sensitivity_records
 from station.results import Estimate, Findings, Flag, Published
 from station.uncertainty import InputQuantity
 
@@ -41,10 +39,12 @@ class Detail:
 
 def findings_of_run(folder: RunFolder, parameters: RlgParameters, bench: Bench) -> Findings:
     """Return what a run's finished units say, type B inputs from the bench's calibrations."""
-    measured = set(folder.finished_units())
-    missing = [axis for axis in parameters.axes if axis not in measured]
-    dataset = dataset_of_run(folder, parameters, bench)
-    inputs = type_b_inputs(folder, dataset, parameters, bench) if dataset.segments else []
+    finished = folder.finished_units()
+    measured = [one for one in sensitivity_records(parameters) if one.unit in finished]
+    missing = [axis for axis in parameters.axes if not any(axis in one.drive for one in measured)]
+    units = [one.unit for one in measured]
+    dataset = dataset_of_run(folder, units, parameters, bench)
+    inputs = type_b_inputs(folder, units, parameters, bench)
     analysis = analyse(dataset, settings(parameters.thresholds))
     findings = to_findings(analysis, dataset, inputs)
     absent = [
@@ -64,15 +64,35 @@ def findings_of_run(folder: RunFolder, parameters: RlgParameters, bench: Bench) 
     )
 
 
-def overload_flags(folder: RunFolder, axes: Iterable[str]) -> list[Flag]:
-    """Return a flag for each axis during which the gaussmeter said overload."""
+def estimates_so_far(
+    folder: RunFolder,
+    units: Iterable[str],
+    parameters: RlgParameters,
+    bench: Bench,
+    unfinished: tuple[str, Mapping[str, Any]],
+) -> tuple[Sequence[Estimate], Sequence[InputQuantity]]:
+    """Return estimates and type B inputs from finished units and one that is being measured."""
+    name, facts = unfinished
+    finished = [unit for unit in units if unit in folder.finished_units() and unit != name]
+    before = dataset_of_run(folder, finished, parameters, bench).segments
+    now = segment_of_unit(folder, name, parameters, bench, facts)
+    dataset = RlgDataset((*before, now))
+    inputs = type_b_inputs(folder, [*finished, name], parameters, bench)
+    analysis = analyse(dataset, settings(parameters.thresholds))
+    return to_findings(analysis, dataset, inputs).estimates, inputs
+
+
+def overload_flags(folder: RunFolder, records: Iterable[PlannedRecord]) -> list[Flag]:
+    """Return a flag for each record during which the gaussmeter said overload."""
     flags = []
-    for axis in sorted(set(axes) & set(COIL_OF_AXIS)):
-        count = int((folder.rows(GAUSSMETER, axis)["state"] != 0).sum())
+    for one in records:
+        count = int((folder.rows(GAUSSMETER, one.unit)["state"] != 0).sum())
         if count:
             message = (
-                f"The gaussmeter was overloaded in {count} readings of {axis}; they are left out."
+                f"The gaussmeter was overloaded in {count} readings of {one.unit}; they are left "
+                "out."
             )
+            axis = one.energised[0] if len(one.energised) == 1 else None
             flags.append(Flag("overload", message, axis, {"count": count}))
     return flags
 
@@ -96,10 +116,12 @@ def settings(thresholds: Thresholds) -> AnalysisSettings:
 
 
 def type_b_inputs(
-    folder: RunFolder, dataset: RlgDataset, parameters: RlgParameters, bench: Bench
+    folder: RunFolder, units: Sequence[str], parameters: RlgParameters, bench: Bench
 ) -> list[InputQuantity]:
     """Return what the data cannot tell: field scale, time alignment, and the gyro's scale."""
-    inputs = []
+    inputs: list[InputQuantity] = []
+    if not units:
+        return inputs
     field_calibration = bench.instruments[GAUSSMETER].calibration
     amplitude_mT = parameters.amplitude_mT
     if field_calibration is not None:
@@ -113,8 +135,7 @@ def type_b_inputs(
                 field_calibration.source,
             )
         )
-    axes = [next(iter(segment.drive)) for segment in dataset.segments]
-    worst_s = max(field_alignment(folder, axis).offset_u_s for axis in axes)
+    worst_s = max(field_alignment(folder, unit).offset_u_s for unit in units)
     inputs.append(
         InputQuantity(
             "field_time_offset_s",

@@ -8,6 +8,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from procedures.estimation.allan import AllanDeviation, NoiseCoefficients
+
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 Mask = NDArray[np.bool_]
@@ -26,6 +28,7 @@ class AnalysisSettings:
 
     not_significant: float = 2.0
     quadrature: float = 3.0
+    checks_differ: float = 3.0
     non_integer_cycles: float = 0.001
     gap: float = 1.5
     field_differs: float = 0.01
@@ -87,7 +90,8 @@ class LineDetail:
     """One driven axis of one segment: its line in the field and in the gyro's output.
 
     Phasors are Re(X exp(2 pi j f (t - segment middle))), both corrected for interval averaging:
-    the gyro's in deg/h, the field's amplitude in mT and phase in deg. `slope` and `quadrature`
+    the gyro's in deg/h, the field's amplitude in mT and phase in deg; `field_uncertainty_mT` (3,) is
+    the standard uncertainty of a part, real or imaginary, of each component. `slope` and `quadrature`
     (deg/h/mT) are the parts of the gyro phasor, other axes taken off, along and across the field;
     `quadratic` (deg/h/mT^2) is the axis's second-order term from all lines at 2f.
     `upper_bound` (95 %, one-sided, on |S|) is given where the axis is not significant.
@@ -100,6 +104,7 @@ class LineDetail:
     field_amplitude_mT: float
     field_phase_deg: float
     field_phasors_mT: Complex
+    field_uncertainty_mT: Array
     ambient_field_mT: Array
     gyro_phasor_deg_per_h: complex | None
     gyro_phase_deg: float | None
@@ -123,7 +128,8 @@ class SegmentDetail:
     k = 0..N/2 (about the mean, missing samples left out, where rows are missing);
     `noise_floor_deg_per_h` is its expected root mean square ordinate next to the first driven line
     if there were no line. `drift_order` is the order of the fit; `drift_evident` says whether the
-    data prove any drift. The drift and lines are in `model_deg_per_h`.
+    data prove any drift. The drift and lines are in `model_deg_per_h`. `allan` is the Allan deviation
+    of the output without the fitted lines, `noise` what it is made of.
     """
 
     axes: tuple[str, ...]
@@ -141,6 +147,8 @@ class SegmentDetail:
     spectrum_deg_per_h: Array
     noise_floor_deg_per_h: float | None
     field_rows_rejected: int
+    allan: AllanDeviation
+    noise: NoiseCoefficients | None
 
 
 @dataclass(frozen=True)

@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
 from procedures.rlg_magnetic_sensitivity.check import AMPLITUDE
-from procedures.rlg_magnetic_sensitivity.parameters import RlgParameters
-from procedures.rlg_magnetic_sensitivity.steps import (
+from procedures.rlg_magnetic_sensitivity.measuring import (
     FIELD_HEADROOM,
     GAUSSMETER,
-    GYRO,
-    POWER,
     coil_supply,
-    expected_warm_up_s,
 )
+from procedures.rlg_magnetic_sensitivity.parameters import RlgParameters
+from procedures.rlg_magnetic_sensitivity.records import PlannedRecord, all_records
+from procedures.rlg_magnetic_sensitivity.warming import GYRO, POWER, expected_warm_up_s
+from station.console import span
 from station.procedure import Forecast, Recording, SetPoint
 from station.units import UnitError, parse_as
 
@@ -25,11 +25,27 @@ if TYPE_CHECKING:
 
 def forecast(parameters: RlgParameters, bench: Bench) -> Forecast:
     """Return the set-points of S3 to S9 and the rows of gyro and gaussmeter."""
+    supplies = (coil_supply(axis) for axis in parameters.axes)
     return Forecast(
         tuple(set_points(parameters, bench)),
         recordings(parameters, bench),
-        {coil_supply(axis): AMPLITUDE for axis in parameters.axes},
+        dict.fromkeys((*supplies, GAUSSMETER), AMPLITUDE),
     )
+
+
+def outlook(parameters: RlgParameters) -> Sequence[str]:
+    """Return in lines which coil gets which frequency, and what ends a record."""
+    first, lines = all_records(parameters)[0], []
+    if parameters.excitation == "simultaneous":
+        told = ", ".join(f"{axis} {sine.frequency_Hz:.4g} Hz" for axis, sine in first.drive.items())
+        lines.append(f"all coils at once: {told}")
+    if parameters.stop is not None:
+        least_s, most_s = (n * parameters.sample_interval_s for n in (first.samples, first.most))
+        lines.append(
+            f"each record ends by itself after {span(least_s)} to {span(most_s)}; the time above "
+            "is the longest"
+        )
+    return lines
 
 
 def set_points(parameters: RlgParameters, bench: Bench) -> Iterator[SetPoint]:
@@ -37,30 +53,43 @@ def set_points(parameters: RlgParameters, bench: Bench) -> Iterator[SetPoint]:
     interval = f"a row every {parameters.sample_interval_s:g} s"
     yield SetPoint("S3.1", POWER, "on")
     yield SetPoint("S3.1", GYRO, f"channel {parameters.channel}, {interval}")
-    for number, axis in enumerate(parameters.axes):
+    for number, planned in enumerate(all_records(parameters)):
         driven, recorded = ("S8", "S8") if number else ("S3.2", "S4")
-        supply = coil_supply(axis)
-        constant = str(bench.instruments[supply].settings["coil_constant"])
-        amplitude_A = parameters.amplitude_mT / parse_as(constant, "mT/A")
-        range_mT = FIELD_HEADROOM * parameters.amplitude_mT
-        yield SetPoint(driven, GAUSSMETER, f"range for {range_mT:.4g} mT")
-        yield SetPoint(
-            driven,
-            supply,
-            f"sine {parameters.drive_frequency_Hz:.6g} Hz, {amplitude_A:.3g} A, "
-            f"{parameters.amplitude_mT:.4g} mT",
-            field_mT=parameters.amplitude_mT,
-            current_A=amplitude_A,
-            rms_current_A=amplitude_A / math.sqrt(2.0),
-        )
-        yield SetPoint(recorded, GYRO, f"{parameters.samples} samples for {axis}")
-        yield SetPoint(recorded, supply, "0 A, output off")
+        yield field_set_point(driven, parameters, planned)
+        for axis in planned.energised:
+            supply, sine = coil_supply(axis), planned.drive[axis]
+            constant = str(bench.instruments[supply].settings["coil_constant"])
+            amplitude_A = sine.amplitude_mT / parse_as(constant, "mT/A")
+            yield SetPoint(
+                driven,
+                supply,
+                f"sine {sine.frequency_Hz:.6g} Hz, {amplitude_A:.3g} A, {sine.amplitude_mT:.4g} mT",
+                field_mT=sine.amplitude_mT,
+                current_A=amplitude_A,
+                rms_current_A=amplitude_A / math.sqrt(2.0),
+            )
+        longer = f" to {planned.most}" if planned.most > planned.samples else ""
+        yield SetPoint(recorded, GYRO, f"{planned.samples}{longer} samples for {planned.unit}")
+        for axis in planned.energised:
+            yield SetPoint(recorded, coil_supply(axis), "0 A, output off")
     yield SetPoint("S9", POWER, "off")
+
+
+def field_set_point(step: str, parameters: RlgParameters, planned: PlannedRecord) -> SetPoint:
+    """Return what the gaussmeter is set to; several coils add up where their peaks coincide."""
+    together_mT = planned.largest_field_mT
+    range_mT = FIELD_HEADROOM * (together_mT or parameters.amplitude_mT)
+    text = f"range for {range_mT:.4g} mT"
+    if len(planned.energised) < 2:
+        return SetPoint(step, GAUSSMETER, text)
+    text += f"; the coils together reach {together_mT:.4g} mT"
+    return SetPoint(step, GAUSSMETER, text, field_mT=together_mT)
 
 
 def recordings(parameters: RlgParameters, bench: Bench) -> tuple[Recording, ...]:
     """Return the rows of the gyro, warm-up included, and those of the field beside it."""
-    record_s = len(parameters.axes) * parameters.samples * parameters.sample_interval_s
+    samples = sum(planned.most for planned in all_records(parameters))
+    record_s = samples * parameters.sample_interval_s
     gyro_s = record_s + expected_warm_up_s(parameters)
     return (
         Recording(GYRO, math.ceil(gyro_s / parameters.sample_interval_s), gyro_s),

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Iterable, Mapping
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from procedures.estimation.alignment import Alignment, align
+from procedures.estimation.alignment import Alignment, align, unwrapped
 from procedures.rlg_magnetic_sensitivity.dataset import Drive, RlgDataset, Segment
 from procedures.rlg_magnetic_sensitivity.parameters import COIL_OF_AXIS, RlgParameters
 
@@ -41,12 +42,6 @@ def gyro_rates(
     return aligned.run_time_s(number[1:] - 0.5)[whole], rate[whole].astype(np.float64)
 
 
-def unwrapped(sequence: NDArray[np.uint16]) -> NDArray[np.float64]:
-    """Return a 16-bit running number continued beyond its wraps, shape (rows,)."""
-    steps = np.mod(np.diff(sequence.astype(np.int64)), 65536)
-    return np.concatenate([[0], np.cumsum(steps)]).astype(np.float64)
-
-
 def field_alignment(folder: RunFolder, unit: str) -> Alignment:
     """Return the map from the gaussmeter's clock to run time during a unit."""
     rows = folder.rows(GAUSSMETER, unit)
@@ -54,15 +49,20 @@ def field_alignment(folder: RunFolder, unit: str) -> Alignment:
 
 
 def segment_of_unit(
-    folder: RunFolder, axis: str, parameters: RlgParameters, bench: Bench
+    folder: RunFolder,
+    name: str,
+    parameters: RlgParameters,
+    bench: Bench,
+    facts: Mapping[str, Any] | None = None,
 ) -> Segment:
-    """Return the recorded unit of one driven axis, in run time and on the gyro's axes.
+    """Return the record of a unit, in run time and on the gyro's axes.
 
     The probe's x, y, z stand along the coils' normals, which S1 makes parallel to IA, NA, LA. The
-    gaussmeter's calibration corrections of the bench file are applied here.
+    gaussmeter's calibration corrections of the bench file are applied here. `facts` are those of a
+    unit that is not finished yet.
     """
-    unit = folder.finished_units()[axis]
-    rows = folder.rows(GAUSSMETER, axis)
+    unit = folder.finished_units()[name] if facts is None else facts
+    rows = folder.rows(GAUSSMETER, name)
     averaging_s = float(unit["field_averaging_s"])
     shift_s = TO_MIDDLE[unit["field_timestamp"]] * averaging_s
     field_mT = np.column_stack([rows[f"{coil}_T"] for coil in COIL_OF_AXIS.values()]) * MT_PER_T
@@ -70,11 +70,14 @@ def segment_of_unit(
     if calibration is not None:
         field_mT = calibration.corrected("field", field_mT, "mT")
     usable = rows["state"] == 0
-    time_s, rate_deg_per_h = gyro_rates(folder, axis, parameters, samples=unit["samples"])
+    time_s, rate_deg_per_h = gyro_rates(folder, name, parameters, samples=unit["samples"])
     quantum = parameters.pulse_weight_arcsec / parameters.sample_interval_s
-    field_time_s = field_alignment(folder, axis).run_time_s(rows["instrument_time_s"]) + shift_s
+    field_time_s = field_alignment(folder, name).run_time_s(rows["instrument_time_s"]) + shift_s
     return Segment(
-        drive={axis: Drive(float(unit["frequency_Hz"]), float(unit["amplitude_mT"]))},
+        drive={
+            axis: Drive(float(sine["frequency_Hz"]), float(sine["amplitude_mT"]))
+            for axis, sine in unit["drive"].items()
+        },
         sample_interval_s=parameters.sample_interval_s,
         time_s=time_s,
         rate_deg_per_h=rate_deg_per_h,
@@ -85,8 +88,12 @@ def segment_of_unit(
     )
 
 
-def dataset_of_run(folder: RunFolder, parameters: RlgParameters, bench: Bench) -> RlgDataset:
-    """Return all finished units of a run as a dataset; none of a run that ended before."""
+def dataset_of_run(
+    folder: RunFolder, units: Iterable[str], parameters: RlgParameters, bench: Bench
+) -> RlgDataset:
+    """Return the finished ones of some units of a run as a dataset."""
     finished = folder.finished_units()
-    axes = [axis for axis in parameters.axes if axis in finished]
-    return RlgDataset(tuple(segment_of_unit(folder, axis, parameters, bench) for axis in axes))
+    segments = [
+        segment_of_unit(folder, unit, parameters, bench) for unit in units if unit in finished
+    ]
+    return RlgDataset(tuple(segments))

@@ -35,7 +35,8 @@ class GyroFit:
     """Phasors of the driven lines and of their doubles, with covariance and freedom.
 
     `phasor_deg_per_h` (2 k,) holds k driven lines, then k doubles (zero and not in
-    `has_double` where twice the frequency has no room); `covariance` (4 k, 4 k) is that of the
+    `has_double` where twice the frequency has no room); `lines_deg_per_h` is the part of the model
+    that all fitted lines make, drift left out; `covariance` (4 k, 4 k) is that of the
     real and imaginary parts, in pairs. Interval averaging is corrected.
     """
 
@@ -44,6 +45,7 @@ class GyroFit:
     degrees_of_freedom: Array
     has_double: Mask
     model_deg_per_h: Array
+    lines_deg_per_h: Array
     residual_deg_per_h: Array
     kept: Mask
     drift_order: int
@@ -114,7 +116,8 @@ def fit_gyro(
     )
     mean = float(np.median(segment.rate_deg_per_h[finite]))
     data = segment.rate_deg_per_h[finite] - mean
-    kept = reject_outliers(design, data, settings.outlier, 0.6 * segment.quantum_deg_per_h)
+    quantum = segment.quantum_deg_per_h
+    kept = reject_outliers(design, data, settings.outlier, 0.6 * quantum, quantum)
     used, data_kept, index = design[kept], data[kept], index_all[kept] - index_all[kept][0]
 
     first = least_squares(used, data_kept)
@@ -164,6 +167,8 @@ def fit_gyro(
     factors = np.array([averaging_factor(f, interval_s) for f in frequencies])
     everything = np.full(len(segment.time_s), np.nan)
     everything[finite] = model + mean
+    alone = np.full(len(segment.time_s), np.nan)
+    alone[finite] = combine(design[:, :line_count], fit.coefficients[:line_count])
     leftover = np.full(len(segment.time_s), np.nan)
     leftover[finite] = residuals
     mask = np.zeros(len(segment.time_s), dtype=bool)
@@ -174,6 +179,7 @@ def fit_gyro(
         degrees_of_freedom=freedoms,
         has_double=np.array([p is not None for p in result_lines[len(frequencies) :]], dtype=bool),
         model_deg_per_h=everything,
+        lines_deg_per_h=alone,
         residual_deg_per_h=leftover,
         kept=mask,
         drift_order=order,

@@ -7,17 +7,20 @@ from typing import Annotated, Literal
 
 from pydantic import Field, ValidationInfo, field_validator
 
-from station.fields import StrictModel, Unit
+from procedures.rlg_magnetic_sensitivity import frequencies
+from procedures.rlg_magnetic_sensitivity.frequencies import (
+    FEWEST_CYCLES,
+    FREQUENCY_RANGE_HZ,
+    LARGEST_CYCLES_PER_SAMPLE,
+)
+from station.fields import Hertz, StrictModel, Unit
 
 Axis = Literal["IA", "NA", "LA"]
 COIL_OF_AXIS: dict[str, str] = {"IA": "x", "NA": "y", "LA": "z"}
 """S1 turns the gyro so that IA, NA and LA are parallel to the coils' normals X, Y and Z."""
 
-FREQUENCY_RANGE_HZ = (0.05, 0.2)
 AMPLITUDE_RANGE_MT = (0.1, 2.0)
-FEWEST_CYCLES = 10
-LARGEST_CYCLES_PER_SAMPLE = 0.2
-"""Above this the line at twice the drive frequency comes too near to the Nyquist frequency."""
+Check = Literal["linearity", "frequency", "background"]
 
 
 class WarmUp(StrictModel):
@@ -37,6 +40,23 @@ class WarmUp(StrictModel):
         return at_most_s
 
 
+class Stop(StrictModel):
+    """When a record is long enough: what ends it before `at_most`."""
+
+    uncertainty_deg_per_h_per_mT: Annotated[float, Unit("deg/h/mT"), Field(gt=0)] | None = None
+    early_decision: bool = False
+    at_most_s: Annotated[float, Unit("s"), Field(gt=0)]
+
+    @field_validator("at_most_s")
+    @classmethod
+    def something_to_wait_for(cls, at_most_s: float, info: ValidationInfo) -> float:
+        """Refuse a stop that nothing but its time-out could bring about."""
+        given = info.data
+        if given.get("uncertainty_deg_per_h_per_mT") is None and not given.get("early_decision"):
+            raise ValueError("say what ends a record before: uncertainty, or early_decision: true")
+        return at_most_s
+
+
 class Thresholds(StrictModel):
     """Where a flag is raised; the defaults are those of the result format."""
 
@@ -46,30 +66,46 @@ class Thresholds(StrictModel):
     gap: Annotated[float, Field(gt=1)] = 1.5
     non_integer_cycles: Annotated[float, Field(gt=0)] = 0.001
     model_too_stiff: Annotated[float, Field(gt=0)] = 0.3
+    checks_differ: Annotated[float, Field(gt=0)] = 3.0
 
 
 class RlgParameters(StrictModel):
     """What the engineer chooses; the published ranges are enforced."""
 
-    frequency_Hz: Annotated[float, Unit("Hz")]
+    excitation: Literal["sequential", "simultaneous"] = "sequential"
+    axes: tuple[Axis, ...] = ("IA", "NA", "LA")
+    frequency_Hz: Annotated[float, Unit("Hz")] | None = Field(default=None, validate_default=True)
     amplitude_mT: Annotated[float, Unit("mT")]
     sample_interval_s: Annotated[float, Unit("s"), Field(gt=0)]
     duration_s: Annotated[float, Unit("s"), Field(gt=0)]
-    axes: tuple[Axis, ...] = ("IA", "NA", "LA")
+    frequencies_Hz: dict[Axis, Hertz] | None = Field(default=None, validate_default=True)
+    stop: Stop | None = None
+    checks: tuple[Check, ...] = ()
     settle_s: Annotated[float, Unit("s"), Field(ge=0)] = 20.0
     warm_up: WarmUp
     pulse_weight_arcsec: Annotated[float, Unit("arcsec"), Field(gt=0)]
     channel: Annotated[int, Field(ge=1, le=3)] = 1
     thresholds: Thresholds = Thresholds()
 
+    @field_validator("axes")
+    @classmethod
+    def each_axis_once(cls, axes: tuple[Axis, ...], info: ValidationInfo) -> tuple[Axis, ...]:
+        """Refuse an empty list, an axis named twice, and one axis alone driven simultaneously."""
+        if not axes or len(set(axes)) != len(axes):
+            raise ValueError("name at least one of IA, NA, LA, each once")
+        if len(axes) == 1 and info.data.get("excitation") == "simultaneous":
+            raise ValueError("simultaneous excitation needs two or three axes")
+        return axes
+
     @field_validator("frequency_Hz")
     @classmethod
-    def published_frequency(cls, frequency_Hz: float) -> float:
+    def published_frequency(cls, frequency_Hz: float | None, info: ValidationInfo) -> float | None:
         """Refuse a frequency outside the published range."""
-        low, high = FREQUENCY_RANGE_HZ
-        if not low <= frequency_Hz <= high:
-            raise ValueError(f"the method is published for {low:g} Hz to {high:g} Hz")
-        return frequency_Hz
+        if frequency_Hz is None:
+            if info.data.get("excitation") == "sequential":
+                raise ValueError("is missing; only with simultaneous excitation it is chosen")
+            return None
+        return within_published_range(frequency_Hz)
 
     @field_validator("amplitude_mT")
     @classmethod
@@ -84,43 +120,100 @@ class RlgParameters(StrictModel):
     @classmethod
     def resolves_the_drive(cls, sample_interval_s: float, info: ValidationInfo) -> float:
         """Refuse a sample interval that cannot resolve twice the drive frequency."""
-        frequency_Hz = info.data.get("frequency_Hz")
-        if frequency_Hz and sample_interval_s * frequency_Hz > LARGEST_CYCLES_PER_SAMPLE:
-            longest_s = LARGEST_CYCLES_PER_SAMPLE / frequency_Hz
-            raise ValueError(f"at {frequency_Hz:g} Hz it may be {longest_s:g} s at most")
-        return sample_interval_s
+        return resolving(sample_interval_s, info.data.get("frequency_Hz"))
 
     @field_validator("duration_s")
     @classmethod
     def enough_cycles(cls, duration_s: float, info: ValidationInfo) -> float:
         """Refuse fewer than ten cycles (the source's T >= 10/f)."""
-        frequency_Hz = info.data.get("frequency_Hz")
-        if frequency_Hz and duration_s < FEWEST_CYCLES / frequency_Hz * (1 - 1e-9):
-            needed_s = FEWEST_CYCLES / frequency_Hz
-            raise ValueError(
-                f"the method needs T >= 10/f, which is {needed_s:g} s at {frequency_Hz:g} Hz"
-            )
-        return duration_s
+        return holding_enough_cycles(duration_s, info.data.get("frequency_Hz"))
 
-    @field_validator("axes")
+    @field_validator("frequencies_Hz")
     @classmethod
-    def each_axis_once(cls, axes: tuple[Axis, ...]) -> tuple[Axis, ...]:
-        """Refuse an empty list and an axis named twice."""
-        if not axes or len(set(axes)) != len(axes):
-            raise ValueError("name at least one of IA, NA, LA, each once")
-        return axes
+    def frequencies_stand_apart(
+        cls, given: dict[Axis, float] | None, info: ValidationInfo
+    ) -> dict[Axis, float] | None:
+        """Refuse frequencies whose lines fall on one another, and where none can be chosen."""
+        told = info.data
+        if told.get("excitation") != "simultaneous":
+            if given is not None:
+                raise ValueError("belong to excitation: simultaneous")
+            return None
+        needed = ("axes", "sample_interval_s", "duration_s", "frequency_Hz")
+        if any(name not in told for name in needed):
+            return given  # what is wrong there is said there
+        axes, interval_s = told["axes"], told["sample_interval_s"]
+        record_s = math.ceil(told["duration_s"] / interval_s - 1e-9) * interval_s
+        if given is None:
+            decided = frequencies.with_first(axes, told["frequency_Hz"])
+            if frequencies.choose(axes, record_s, interval_s, decided) is None:
+                raise ValueError(
+                    f"no {len(axes)} frequencies in a record of {record_s:g} s stand apart"
+                    f"{f' with {decided[0][1]:g} Hz' if decided else ''}; take a longer record"
+                )
+            return None
+        if set(given) != set(axes):
+            raise ValueError(f"must name {', '.join(axes)}, each driven axis once")
+        if told["frequency_Hz"] is not None:
+            raise ValueError("stand in the place of frequency; take one of the two out")
+        for f in given.values():
+            within_published_range(f)
+            resolving(interval_s, f)
+            holding_enough_cycles(record_s, f)
+        made: dict[str, float] = {
+            axis: frequencies.whole_cycles_Hz(f, record_s) for axis, f in given.items()
+        }
+        if fault := frequencies.clash(made, record_s, interval_s):
+            raise ValueError(fault)
+        return given
 
-    @property
-    def cycles(self) -> int:
-        """Whole cycles of the drive in a record, at least as long as `duration` asks for."""
-        return math.ceil(self.frequency_Hz * self.duration_s - 1e-9)
+    @field_validator("stop")
+    @classmethod
+    def at_most_beyond_duration(cls, stop: Stop | None, info: ValidationInfo) -> Stop | None:
+        """Refuse a record that would have to end before its least duration."""
+        duration_s = info.data.get("duration_s")
+        if stop is not None and duration_s is not None and stop.at_most_s < duration_s:
+            raise ValueError(f"at_most may not be below the least duration of {duration_s:g} s")
+        return stop
 
-    @property
-    def samples(self) -> int:
-        """Samples of a record: the nearest whole number to `cycles` periods."""
-        return round(self.cycles / (self.frequency_Hz * self.sample_interval_s))
+    @field_validator("checks")
+    @classmethod
+    def checks_can_be_done(
+        cls, checks: tuple[Check, ...], info: ValidationInfo
+    ) -> tuple[Check, ...]:
+        """Refuse a check named twice, and half a field below the published range."""
+        if len(set(checks)) != len(checks):
+            raise ValueError("name each check once")
+        least_mT = 2.0 * AMPLITUDE_RANGE_MT[0]
+        if "linearity" in checks and info.data.get("amplitude_mT", least_mT) < least_mT:
+            raise ValueError(
+                f"linearity repeats the measurement at half the amplitude, which must be at least "
+                f"{AMPLITUDE_RANGE_MT[0]:g} mT"
+            )
+        return checks
 
-    @property
-    def drive_frequency_Hz(self) -> float:
-        """The frequency that makes a record of `samples` hold exactly `cycles` periods."""
-        return self.cycles / (self.samples * self.sample_interval_s)
+
+def within_published_range(frequency_Hz: float) -> float:
+    """Return a frequency; refuse one outside the published range."""
+    low, high = FREQUENCY_RANGE_HZ
+    if not low <= frequency_Hz <= high:
+        raise ValueError(f"the method is published for {low:g} Hz to {high:g} Hz")
+    return frequency_Hz
+
+
+def resolving(sample_interval_s: float, frequency_Hz: float | None) -> float:
+    """Return a sample interval; refuse one that cannot resolve twice a drive frequency."""
+    if frequency_Hz and sample_interval_s * frequency_Hz > LARGEST_CYCLES_PER_SAMPLE:
+        longest_s = LARGEST_CYCLES_PER_SAMPLE / frequency_Hz
+        raise ValueError(f"at {frequency_Hz:g} Hz it may be {longest_s:g} s at most")
+    return sample_interval_s
+
+
+def holding_enough_cycles(duration_s: float, frequency_Hz: float | None) -> float:
+    """Return a duration; refuse fewer than ten cycles."""
+    if frequency_Hz and duration_s < FEWEST_CYCLES / frequency_Hz * (1 - 1e-9):
+        needed_s = FEWEST_CYCLES / frequency_Hz
+        raise ValueError(
+            f"the method needs T >= 10/f, which is {needed_s:g} s at {frequency_Hz:g} Hz"
+        )
+    return duration_s

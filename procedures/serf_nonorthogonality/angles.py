@@ -222,30 +222,6 @@ def _alone(slopes: Array) -> NDArray[np.bool_]:
     return np.asarray(np.max(np.abs(rows[rank:]), axis=0, initial=0.0) < 1e-6)
 
 
-def directions(gram: Array, pump_axis: str, probe_axis: str) -> Array:
-    """Return the unit vectors of the coil axes, rows, in the frame of the light.
-
-    Its third axis is the pump light, its second the probe's. Taken to lie along: pump light at
-    right angles to the two other coils, the coil that is neither pump's nor probe's along the first
-    axis.
-    """
-    first = next(axis for axis in AXES if axis not in (pump_axis, probe_axis))
-    order = [AXES.index(axis) for axis in (first, probe_axis, pump_axis)]
-    lower = np.linalg.cholesky(gram[np.ix_(order, order)])
-    placed = np.empty((3, 3))
-    placed[order] = lower
-    return placed
-
-
-def fields_in_light(commanded_nT: Array, solution: Solution, pump: str, probe: str) -> Array:
-    """Return unit vectors (shots, 3) of the fields, residual included, in the light's frame."""
-    axes = directions(solution.gram, pump, probe)
-    # r holds projections on the axes; the vector with these projections is axes^-1 r.
-    rest = np.linalg.solve(axes, solution.residual)
-    field = (commanded_nT * solution.scale) @ axes + rest
-    return np.asarray(field / np.linalg.norm(field, axis=1)[:, None])
-
-
 def closed_form(commanded_nT: Array, omega: Array) -> dict[str, float]:
     """Return the cosine of each pair of coils whose four polarities were measured at equal fields.
 

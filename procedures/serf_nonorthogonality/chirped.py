@@ -8,11 +8,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from .angles import Solution, fields_in_light, solve
+from .angles import Solution, solve
 from .dataset import SerfDataset
 from .findings import AnalysisSettings
 from .joint import JointFit, NoJointFit, Record, decay_line, fit_jointly, joint_start
 from .law import SPINS, SlowingDown
+from .light import NO_LEAN, Lean, fields_in_light, lean_of
 from .precession import Precession
 from .tone import pooled_chirp, wild_samples
 
@@ -32,10 +33,10 @@ LEAN_RAD = 2e-3
 class Frequencies:
     """What all usable shots give: frequencies (n,) freed from the pull of spin exchange.
 
-    `covariance` (n, n); `chirp` with `chirp_u` is the relative fall over the decay. `by_lean` (n,
-    2) are derivatives of the frequencies by a lean of the pump light towards the first and second
-    axis of its frame, in rad/s/rad. `kept` and `residual_V` are by shot: which samples were used,
-    and what is left of these. `failed` says why a joint fit was wanted but is not there.
+    `covariance` (n, n); `chirp` with `chirp_u` is the relative fall over the decay. `lean` is that
+    of the spins and the probe where the fit is a joint one. `kept` and `residual_V` are by shot:
+    which samples were used, and what is left of these. `failed` says why a joint fit was wanted but
+    is not there.
     """
 
     omega_rad_per_s: Array
@@ -45,7 +46,7 @@ class Frequencies:
     rate_per_s: float
     beta_s: float
     joint: JointFit | None
-    by_lean: Array
+    lean: Lean | None
     solution: Solution
     kept: tuple[Mask, ...]
     residual_V: tuple[Array, ...]
@@ -75,7 +76,7 @@ def frequencies_and_angles(
         rate,
         beta,
         None,
-        np.zeros((len(used), 2)),
+        None,
         solution,
         tuple(fit.kept for fit in fits),
         tuple(fit.residual_V[fit.kept] for fit in fits),
@@ -97,7 +98,8 @@ def _jointly(
     records = _records(used, kept, [fit.noise_V for fit in fits])
     commanded_nT = np.array([one.shot.field_nT for one in used])
     mains_Hz, solution = dataset.mains_Hz, alone.solution
-    along = _along(dataset, commanded_nT, solution)
+    lean = NO_LEAN
+    along = _along(_fields(dataset, commanded_nT, solution), lean)
     if alone.chirp < WEAK_CHIRP:
         shared = np.array([1.5 * alone.chirp, alone.rate_per_s, alone.beta_s])
         measured = np.array([fit.omega_rad_per_s for fit in fits])
@@ -119,45 +121,49 @@ def _jointly(
         if not solution.positive_definite:
             raise NoJointFit("no three axes have the angles that it leads to")
         size = np.sqrt(np.diag(solution.covariance)[3:6])
-        along = _along(dataset, commanded_nT, solution)
+        fields = _fields(dataset, commanded_nT, solution)
+        lean = lean_of(fields, joint.baseline_over_tone, joint.baseline_over_tone_u)
+        along = _along(fields, lean)
         if round_ >= 2 and bool(np.all(np.abs(solution.cosine - before) <= STILL * size)):
             break
     chirp, slope = _fall(spin, joint.square)
     chirp_u = abs(slope) * float(np.sqrt(joint.shared_covariance[0, 0]))
-    leaning = []
-    for towards in (0, 1):
-        leant = _along(dataset, commanded_nT, solution, towards)
-        moved = fit_jointly(records, spin, leant, start, mains_Hz)
-        leaning.append((moved.omega_rad_per_s - joint.omega_rad_per_s) / LEAN_RAD)
+    moved = [
+        fit_jointly(records, spin, _along(fields, lean.but(towards, LEAN_RAD)), start, mains_Hz)
+        for towards in (0, 1)
+    ]
+    by_lean = np.column_stack([one.omega_rad_per_s - joint.omega_rad_per_s for one in moved])
+    by_lean /= LEAN_RAD
+    covariance = joint.covariance + by_lean @ lean.covariance[:2, :2] @ by_lean.T
+    solution = solve(commanded_nT, omega, covariance, known=dataset.constants_known)
     return Frequencies(
         omega,
-        joint.covariance,
+        covariance,
         chirp,
         chirp_u,
         joint.rate_per_s,
         beta,
         joint,
-        np.column_stack(leaning),
+        lean,
         solution,
         tuple(kept),
         joint.residual_V,
     )
 
 
-def _along(
-    dataset: SerfDataset, commanded_nT: Array, solution: Solution, leaning: int | None = None
-) -> Array:
-    """Return the squares of the cosine between field and pump light of each shot.
+def _fields(dataset: SerfDataset, commanded_nT: Array, solution: Solution) -> Array:
+    """Return the directions (shots, 3) of the fields in the frame of the light.
 
     Where axes with the solved angles do not exist, those of orthogonal coils.
     """
     if not solution.positive_definite:
         solution = replace(solution, cosine=np.zeros(3), residual=np.zeros(3))
-    light = np.array([0.0, 0.0, 1.0])
-    if leaning is not None:
-        light[leaning] = LEAN_RAD
-    fields = fields_in_light(commanded_nT, solution, dataset.pump_axis, dataset.probe_axis)
-    return np.asarray((fields @ light) ** 2)
+    return fields_in_light(commanded_nT, solution, dataset.pump_axis, dataset.probe_axis)
+
+
+def _along(fields: Array, lean: Lean) -> Array:
+    """Return the squares (shots,) of the cosine between field and spins at the beginning."""
+    return np.asarray((fields @ lean.spins) ** 2)
 
 
 def _records(

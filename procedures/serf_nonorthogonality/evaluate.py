@@ -23,11 +23,6 @@ if TYPE_CHECKING:
     from station.dataset_reading import RawDataset
     from station.record.folder import RunFolder
 
-LEAN_DEG = 0.3
-LEANS = {
-    "pump_aside_deg": "lean of the pump light away from the plane of pump and probe",
-    "pump_towards_probe_deg": "lean of the pump light in the plane of pump and probe",
-}
 GAMMA_ROUNDING = 5e-6 / math.sqrt(3.0)
 """Hz/nT: half a unit of the last digit of 28.02495 Hz/nT, as a uniform distribution."""
 ONE_SAMPLE = 1.0 / math.sqrt(12.0)
@@ -75,8 +70,6 @@ def common_inputs(dataset: SerfDataset) -> Iterator[InputQuantity]:
         "1",
         "CODATA, rounded",
     )
-    for name, text in LEANS.items():
-        yield InputQuantity(name, text, LEAN_DEG, "deg", "assumed of the optics")
 
 
 def bench_inputs(

@@ -42,7 +42,8 @@ class JointFit:
     `omega_rad_per_s` (shots,) are the frequencies in the end, with their covariance; `square` is
     P² at time zero, `rate_per_s` R/q(0), `beta_s` the broadening over w². `shared_covariance` (3,
     3) is of these three, `residual_V` are in the records' order; `chi_square` with
-    `degrees_of_freedom` is of all samples.
+    `degrees_of_freedom` is of all samples. `baseline_over_tone` (shots,) compares the amplitudes at
+    time zero.
     """
 
     omega_rad_per_s: Array
@@ -52,6 +53,8 @@ class JointFit:
     beta_s: float
     shared_covariance: Array
     residual_V: tuple[Array, ...]
+    baseline_over_tone: Array
+    baseline_over_tone_u: Array
     chi_square: float
     degrees_of_freedom: int
     iterations: int
@@ -74,6 +77,8 @@ class _Step:
     normal: Array
     right: Array
     residual_V: tuple[Array, ...]
+    ratio: Array
+    """Baseline over tone (shots, 2) with its u."""
 
 
 def fit_jointly(
@@ -126,6 +131,8 @@ def fit_jointly(
         beta_s=float(shared[2]),
         shared_covariance=inverse[:SHARED, :SHARED],
         residual_V=step.residual_V,
+        baseline_over_tone=step.ratio[:, 0],
+        baseline_over_tone_u=step.ratio[:, 1],
         chi_square=step.cost,
         degrees_of_freedom=samples - own * len(records) - SHARED,
         iterations=iterations,
@@ -152,7 +159,7 @@ def _evaluate(
     found = clocks(times * 4, spin, squares, rates, broads, np.tile(along, 4))
     normal = np.zeros((SHARED + count, SHARED + count))
     right = np.zeros(SHARED + count)
-    cost, residuals = 0.0, []
+    cost, residuals, ratios = 0.0, [], []
     for k, record in enumerate(records):
         u = found[k]
         by = [(found[k + (n + 1) * count] - u) / nudge[n] for n in range(3)]
@@ -188,7 +195,10 @@ def _evaluate(
         right[places] += weight * (slopes.T @ residual)
         cost += weight * float(residual @ residual)
         residuals.append(residual)
-    return _Step(cost, normal, right, tuple(residuals))
+        size = np.hypot(linear[0], linear[1])
+        last = np.linalg.solve(triangle.T, np.eye(len(linear))[2])
+        ratios.append((linear[2] / size, record.noise_V * np.linalg.norm(last) / size))
+    return _Step(cost, normal, right, tuple(residuals), np.array(ratios))
 
 
 def joint_start(

@@ -60,8 +60,8 @@ class SlowingDown:
 
 
 def _polynomial(coefficients: tuple[float, ...], x: Array) -> Array:
-    total = np.full_like(x, coefficients[-1])
-    for one in coefficients[-2::-1]:
+    total = coefficients[-1] * x + coefficients[-2]
+    for one in coefficients[-3::-1]:
         total = total * x + one
     return total
 

@@ -74,10 +74,6 @@ def _sensitivities(
         scale = float(solution.scale[AXES.index(axis)])
         for k, one in enumerate(AXES):
             result[f"residual_{one}_nT"] = float(slope @ solution.by_residual[:, k]) * scale
-    if found.joint is not None:
-        for k, lean in enumerate(("pump_aside_deg", "pump_towards_probe_deg")):
-            moved = solution.gain @ found.by_lean[:, k]
-            result[lean] = float(slope @ moved) * RAD_PER_DEG
     result["trigger_delay_s"] = 0.0
     return result
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from station.report.numbers import format_with_uncertainty
+from station.report.numbers import format_like, format_with_uncertainty
 from station.results import ResultDocument
 
 
@@ -18,7 +18,7 @@ def print_document(document: ResultDocument) -> None:
             line += f" ± {uncertainty} {estimate.unit} (k = {combined.coverage_factor:.2f})"
         other = published.get((estimate.name, estimate.axis))
         if other is not None and other.value is not None:
-            line += f"   as published {other.value:.4g}"
+            line += f"   as published {format_like(other.value, value)}"
         if result.limit is not None:
             line += f"   {result.decision.verdict}"
         print(line)

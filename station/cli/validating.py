@@ -15,6 +15,7 @@ from station.faults import listed
 from station.lookup import BENCHES, PLANS, find
 from station.plan import Plan, read_plan
 from station.plan.resolved import resolved_data, resolved_text
+from station.runner.preflight import warned_of_limits
 from station.safety.static_limits import problems_of_plan
 from station.yaml.reading import Fault, FaultList
 
@@ -39,12 +40,13 @@ def read_plan_for(name: str, bench: Bench, overrides: Sequence[str] = ()) -> Pla
 
 
 def outlook_of(plan: Plan) -> dict[str, Any]:
-    """Return how long a plan takes, in s of bench time, and in lines what it determines."""
+    """Return how long a plan takes, in s of bench time, what it determines, and its warnings."""
     procedure = registry.procedure(plan.procedure)
     return {
         "plan": str(plan.path),
         "expected_s": round(procedure.duration_s(plan.parameters), 3),
         "determines": list(procedure.outlook(plan.parameters)),
+        "warnings": [one.sentence for one in warned_of_limits(plan, procedure)],
     }
 
 
@@ -111,4 +113,6 @@ def validate_plans(
                 print(f"{plan.path.name}: about {span(told['expected_s'])} of bench time", file=to)
                 for line in told["determines"]:
                     print(f"  {line}", file=to)
+                for warning in told["warnings"]:
+                    print(f"WARNING: {warning}", file=sys.stderr)
     return EXIT_WRONG_INPUT if faults else EXIT_DONE

@@ -24,6 +24,7 @@ class Participant:
         "event_came",
         "name",
         "order",
+        "sleeping",
         "stoppable",
         "stopped",
         "thread",
@@ -37,6 +38,7 @@ class Participant:
         self.stoppable = stoppable
         self.wake_at = math.inf
         self.event_came = False
+        self.sleeping = False
         self.stopped = False
         self.doing = "starting"
         self.thread: int | None = None
@@ -115,6 +117,13 @@ class Turns:
             raise ClockError(message)
         self.raise_failure()
 
+    def wake_main(self) -> None:
+        """Let the main participant, where it sleeps, be the next to run."""
+        for participant in self.waiting:
+            if participant.sleeping and not participant.stoppable:
+                participant.event_came = True
+        self.pass_on()
+
     def leave(self, participant: Participant) -> None:
         """Let `participant` go for good."""
         if participant in self.waiting:
@@ -139,5 +148,10 @@ class Turns:
     def describe(self) -> str:
         """Return who runs, who waits for what, and what is in flight."""
         running = f"{self.running.name} has the turn" if self.running else "nobody runs"
-        waiting = "; ".join(f"{one.name} is {one.doing}" for one in self.waiting) or "nobody waits"
-        return f"{running}; {waiting}; {self.in_flight} in flight"
+        told = [
+            f"{one.name} is sleeping until {one.wake_at:.6g} s"
+            if one.sleeping
+            else f"{one.name} is {one.doing}"
+            for one in self.waiting
+        ]
+        return f"{running}; {'; '.join(told) or 'nobody waits'}; {self.in_flight} in flight"

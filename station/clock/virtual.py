@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
-from threading import current_thread, local
+from threading import current_thread, local, main_thread
 
 from station.clock.base import Clock, ClockError, ClockStopped, ParticipantThread, Wire
 from station.clock.turns import Participant, Turns
@@ -37,8 +37,10 @@ class VirtualClock(Clock):
         self._raise_interruption(participant)
         with self._turns.mutex:
             wake_at = max(time_s, self._turns.now)
-            self._turns.park(participant, wake_at, f"sleeping until {wake_at:.6g} s")
+            participant.sleeping = True
+            self._turns.park(participant, wake_at, "sleeping")
         self._turns.take(participant)
+        participant.sleeping = False
         self._raise_interruption(participant)
 
     @contextmanager
@@ -96,6 +98,10 @@ class VirtualClock(Clock):
     def interrupt(self, error: BaseException | None) -> None:
         """End the main participant's sleep, now or next, with `error`."""
         self._interruption = error
+        # A signal handler runs in the main thread, which may hold the mutex, and soon looks itself.
+        if error is not None and current_thread() is not main_thread():
+            with self._turns.mutex:
+                self._turns.wake_main()
 
     def stop(self) -> None:
         """End every sleep of threads that were started by `start` with ClockStopped."""

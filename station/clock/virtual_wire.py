@@ -82,25 +82,25 @@ class VirtualWire(Wire):
     @contextmanager
     def serving(self, units: int) -> Iterator[None]:
         """Take `units` off the wire on the server's side and be the running participant."""
-        with self._turns.mutex:
-            sequence = self._sequences.popleft() if self._sequences else self._turns.next_sequence()
+        turns = self._turns
+        with turns.mutex:
+            sequence = self._sequences.popleft() if self._sequences else turns.next_sequence()
             server = Participant(self._address, (0, sequence, ""), stoppable=True)
-            self._turns.park(server, self._turns.now, "about to serve a request", event_came=True)
             # What else lies on the wire can only be read when this request is done, so it must
             # not keep the turn from being passed on until then.
-            self._turns.in_flight -= self._unread()
+            turns.in_flight -= self._unread()
             self._busy = True
             self._to_server -= min(units, self._to_server)
             if not self._to_server:
                 self._sequences.clear()
-            self._turns.pass_on()
+            turns.park(server, turns.now, "about to serve a request", event_came=True)
         with self._clock.joined(server, parked=True):
             try:
                 yield
             finally:
-                with self._turns.mutex:
+                with turns.mutex:
                     self._busy = False
-                    self._turns.in_flight += self._unread()
+                    turns.in_flight += self._unread()
 
     def _unread(self) -> int:
         """Return what the server could read now; nothing while it is busy with a request."""

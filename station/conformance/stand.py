@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from station import registry
@@ -28,6 +28,9 @@ class Stand:
     clock: Clock
     address: str
     simulation: Any = None
+    addresses: Mapping[str, str] = field(default_factory=dict)
+    """Where a simulated bench serves its instruments."""
+
     heard: list[Message] = field(default_factory=list)
     asked: list[str] = field(default_factory=list)
     opened: list[Any] = field(default_factory=list)
@@ -67,10 +70,12 @@ class Stand:
             address = moved_to(self.address, port)
         if address is None:
             raise InputError(f"{self.address!r} leads to no port of this computer")
-        settings = self.bench.instruments[self.name].settings
         limits = self.limits if limits is None else limits
-        place = Place(self.name, address, self.clock, settings, limits, self._ask, self._hear)
-        instrument = self.driver(place)
+        entry = self.bench.instruments[self.name]
+        place = self._place(self.name, address, limits)
+        instrument = self.driver(
+            replace(place, shared={one: self._whole(one) for one in entry.shares})
+        )
         (self.opened if port is None else self.strangers).append(instrument)
         return instrument
 
@@ -83,6 +88,19 @@ class Stand:
         for instrument in (*self.opened, *self.strangers):
             with suppress(Exception):  # a driver that cannot be closed fails a test of its own
                 instrument.close()
+
+    def _place(self, name: str, address: str, limits: Mapping[str, float]) -> Place:
+        settings = self.bench.instruments[name].settings
+        return Place(name, address, self.clock, settings, limits, self._ask, self._hear)
+
+    def _whole(self, name: str) -> Any:
+        """Return another instrument of the bench, opened because the line under test is its own."""
+        entry = self.bench.instruments[name]
+        address = self.addresses.get(name, entry.address or "")
+        driver = registry.load(registry.DRIVERS, entry.driver)
+        instrument = driver(self._place(name, address, entry.limits))
+        self.opened.append(instrument)
+        return instrument
 
     def _ask(self, prompt_id: str, text: str) -> str:
         self.asked.append(prompt_id)
@@ -98,16 +116,19 @@ def standing(bench: Bench, name: str, procedure: str) -> Iterator[Stand]:
     clock: Clock = RealClock() if bench.simulation is None else VirtualClock()
     simulation = None
     address = bench.instruments[name].address or ""
+    addresses: dict[str, str] = {}
     if bench.simulation is not None:
         simulator = registry.load(registry.SIMULATORS, registry.SIMULATED_BENCH)
         simulation = simulator(bench.data, clock, procedure)
-        served = simulation.instruments.get(name)
-        address = str(served["address"]) if served else address
+        addresses = {one: str(at["address"]) for one, at in simulation.instruments.items()}
+        address = addresses.get(name, address)
+    if bench.instruments[name].shares:
+        address = ""  # the line is another instrument's
     try:
         with clock.participant("conformance"):
             if simulation is not None:
                 simulation.make_ready()
-            stand = Stand(bench, name, clock, address, simulation)
+            stand = Stand(bench, name, clock, address, simulation, addresses)
             try:
                 yield stand
             finally:

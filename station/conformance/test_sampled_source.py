@@ -26,6 +26,7 @@ START: dict[str, Callable[[Any], None]] = {
     "gaussmeter": lambda source: source.start(FIELD_MT),
     "gyro_acquisition": lambda source: source.start(SAMPLE_INTERVAL_S, CHANNEL),
     "navigator": lambda source: source.start(RATE_HZ),
+    "imu": lambda source: source.start(RATE_HZ),
 }
 
 
@@ -76,7 +77,8 @@ def test_it_delivers_the_columns_it_describes(stand: Stand, sampled_source: Any)
     for name, values in block.columns.items():
         assert values.shape == (len(block),), name
         assert values.dtype.kind in "iuf", f"{name} holds no numbers"
-        assert np.isfinite(values).all(), name
+        if "NaN" not in sampled_source.columns[name]:  # where a row may lack it, its text says so
+            assert np.isfinite(values).all(), name
     for name, meaning in sampled_source.columns.items():
         assert meaning.strip(), f"{name}: unit and meaning are missing"
     arrival_s = block.arrival_time_s

@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal, Protocol
 from pydantic import BaseModel, Field, field_validator
 
 from station.decision import Rule
-from station.faults import Fault, FaultList, listed, nearest
+from station.faults import Fault, FaultList, not_there
 from station.fields import StrictModel, to_yaml_data
 from station.plan.composition import compose
 from station.plan.limits import LimitedResult, LimitsByAxis, read_limits
@@ -169,11 +169,7 @@ def plan_of(given: Document, procedures: KnownProcedures, overrides: Sequence[st
         limits, more = read_limits(document, procedure.results)
         faults += more
     elif isinstance(name, str) and name:
-        hint = nearest(name, procedures)
-        what = f"there is no procedure '{name}'"
-        if not hint:
-            what += f"; there are {listed(procedures)}"
-        faults.append(document.fault(("procedure",), what, hint and f"'{hint}'"))
+        faults.append(document.fault(("procedure",), *not_there("procedure", name, procedures)))
     # What could not be filled in is no fault of its own kind as well.
     told = {(fault.file, fault.line, fault.column) for fault in composition.faults}
     faults = [one for one in faults if (one.file, one.line, one.column) not in told]

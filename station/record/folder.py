@@ -63,8 +63,8 @@ class RunRecord:
         self.path = path
         self.faults: list[str] = []
         """What could not be written while the bench was being made safe, and after."""
-        self.after_unit: Callable[[], None] | None = None
-        """What is looked at whenever a unit of work is finished."""
+        self.after_unit: list[Callable[[str], None]] = []
+        """What is told the name of each unit of work when it is finished."""
         self._clock = clock
         self._lock = run_lock(self.path)
         self._events = EventLog(self.path / EVENTS)
@@ -104,8 +104,8 @@ class RunRecord:
         for file in self._raw.values():
             file.sync()
         self.event("unit-finished", unit=unit, segment=self.segment, **details)
-        if self.after_unit is not None:
-            self.after_unit()
+        for told in self.after_unit:
+            told(unit)
 
     def close(self) -> None:
         """Close the raw files and the log."""

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 from station import registry
 from station.clock import system_clock_synchronised, utc_now
 from station.runner.disk_space import Disk, disk_of
-from station.runner.preflight import fault_of_output, warned_of_clock
+from station.runner.preflight import fault_of_output, warned_of_clock, warned_of_limits
 from station.runner.simulation import clock_for
 from station.safety.static_limits import RESISTANCE, coil_resistance_ohm, heating_W
 
@@ -107,7 +107,10 @@ def walk(plan: Plan, bench: Bench, output: Path, served: Mapping[str, Any] | Non
         speed=speed,
         ends_utc=ends_utc(starts_s, speed),
         disk=disk,
-        warnings=tuple(warnings(disk, output, starts_s, real=is_real(bench, served))),
+        warnings=(
+            *(one.sentence for one in warned_of_limits(plan, procedure)),
+            *warnings(disk, output, starts_s, real=is_real(bench, served)),
+        ),
     )
 
 

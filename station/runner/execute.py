@@ -71,7 +71,8 @@ def execute(request: Request) -> Outcome:
         record = RunRecord(request.output, plan.procedure, plan.dut.serial, clock, head)
         outcome = Outcome(record.path)
         expected_s = procedure.duration_s(plan.parameters)
-        with Progress(expected_s, quiet=request.quiet) as progress:
+        units = procedure.units(plan.parameters)
+        with Progress(expected_s, units=units, quiet=request.quiet) as progress:
             progress.say(f"{procedure.title}: {plan.dut.model} {plan.dut.serial}")
             progress.say(f"bench {bench.name}, {how_long(expected_s, clock)}")
             progress.say(f"recorded in {record.path}")
@@ -80,6 +81,7 @@ def execute(request: Request) -> Outcome:
             for one in warned:
                 progress.say(f"WARNING: {one.sentence}")
                 record.event(one.kind, message=one.sentence)
+            record.after_unit.append(progress.unit_finished)
             watch_system_clock(record, clock)
             run = Run(plan, bench, clock, record, progress, operator)
             trace = Trace(record.path, clock) if request.trace else None

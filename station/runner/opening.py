@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Protocol
 
 from station import registry
@@ -50,6 +51,8 @@ class Place:
     asker: Callable[[str, str], str] | None = None
     trace: Callable[[str, bytes], None] | None = None
     publisher: Publisher | None = None
+    shared: Mapping[str, Opened] = field(default_factory=dict)
+    """The instruments over whose lines this one is reached, opened, by name."""
 
     def publish(self, quantity: str, value: Value, unit: str = "") -> None:
         """Put up a reading for interlocks and panel; nothing happens where nobody looks."""
@@ -95,19 +98,35 @@ def open_one(
     trace: Trace | None = None,
     readings: Readings | None = None,
     locks: InstrumentLocks | None = None,
+    opened: Mapping[str, Opened] = MappingProxyType({}),
 ) -> Probe:
     """Open and identify one instance of a bench; an instrument that answered stays open.
 
     `addresses` replaces those of the bench file (a simulated bench gives its own); what the
-    instrument says is published on `readings`; `locks` keep other processes away from it.
+    instrument says is published on `readings`; `locks` keep other processes away from it;
+    `opened` are those whose lines it may share.
     """
     if name not in bench.instruments:
         return Probe(name, False, f"{name}: the bench {bench.name!r} has no such instrument")
     entry = bench.instruments[name]
+    silent = [one for one in entry.shares if one not in opened]
+    if silent:
+        what = f"it is reached over {' and '.join(silent)}, which could not be opened"
+        return Probe(name, False, f"{name}: {what}")
     address = addresses.get(name, entry.address or "")
     tracer = trace.of(name) if trace else None
     publisher = readings.publisher(name) if readings else None
-    place = Place(name, address, clock, entry.settings, entry.limits, asker, tracer, publisher)
+    place = Place(
+        name,
+        address,
+        clock,
+        entry.settings,
+        entry.limits,
+        asker,
+        tracer,
+        publisher,
+        {one: opened[one] for one in entry.shares},
+    )
     try:
         if locks is not None and address:
             locks.take(name, address)
@@ -132,6 +151,33 @@ def open_one(
     return Probe(name, True, said, found)
 
 
+def with_shared(bench: Bench, wanted: Iterable[str]) -> list[str]:
+    """Return the `wanted` instances and those whose lines they share, in the order to open them.
+
+    That of the bench file, but what is shared comes first.
+    """
+    entries = bench.instruments
+    needed = set(wanted)
+    needed |= {one for name in needed if name in entries for one in entries[name].shares}
+    ordered = [name for name in entries if name in needed]
+    ordered.sort(key=lambda name: bool(entries[name].shares))
+    return ordered + sorted(needed - set(entries))
+
+
+def open_in_order(
+    names: Iterable[str], open_it: Callable[[str, Mapping[str, Opened]], Probe]
+) -> list[Probe]:
+    """Open instances one after the other, each with those that answered before it."""
+    opened: dict[str, Opened] = {}
+    probes = []
+    for name in names:
+        one = open_it(name, opened)
+        probes.append(one)
+        if one.ok and one.found is not None:
+            opened[name] = one.found.instrument
+    return probes
+
+
 def probe(
     name: str,
     bench: Bench,
@@ -140,10 +186,14 @@ def probe(
     locks: InstrumentLocks | None = None,
 ) -> Probe:
     """Ask one instance of a bench who it is, and close it again."""
-    opened = open_one(name, bench, addresses, clock, locks=locks)
-    if opened.found is not None:
-        opened.found.instrument.close()
-    return opened
+    probes = open_in_order(
+        with_shared(bench, [name]),
+        lambda one, opened: open_one(one, bench, addresses, clock, locks=locks, opened=opened),
+    )
+    for one in reversed(probes):
+        if one.found is not None:
+            one.found.instrument.close()
+    return probes[-1]
 
 
 def open_instruments(
@@ -156,21 +206,21 @@ def open_instruments(
     readings: Readings | None = None,
     locks: InstrumentLocks | None = None,
 ) -> dict[str, Found]:
-    """Open and identify the `wanted` instances of a bench, in the bench file's order.
+    """Open and identify the `wanted` instances of a bench, and those whose lines they share.
 
     Raises InstrumentsMissing that lists every one that is absent or has another serial number;
     what was opened by then is closed again.
     """
-    needed = set(wanted)
-    ordered = [name for name in bench.instruments if name in needed]
-    ordered += sorted(needed - set(bench.instruments))
-    probes = [
-        open_one(name, bench, addresses, clock, asker, trace, readings, locks) for name in ordered
-    ]
+    probes = open_in_order(
+        with_shared(bench, wanted),
+        lambda name, opened: open_one(
+            name, bench, addresses, clock, asker, trace, readings, locks, opened
+        ),
+    )
     found = {one.name: one.found for one in probes if one.found is not None}
     problems = [one.said for one in probes if not one.ok]
     if problems:
-        for one in found.values():
+        for one in reversed(found.values()):
             one.instrument.close()
         raise InstrumentsMissing(problems)
     return found

@@ -50,7 +50,19 @@ def look_before_a_run(
         if disk.too_small:
             raise RecordError(disk.sentence())
     expected_s = procedure.duration_s(plan.parameters)
-    return list(warned_of_clock(expected_s, real=real, synchronised=system_clock_synchronised()))
+    synchronised = system_clock_synchronised()
+    return [
+        *warned_of_limits(plan, procedure),
+        *warned_of_clock(expected_s, real=real, synchronised=synchronised),
+    ]
+
+
+def warned_of_limits(plan: Plan, procedure: Procedure) -> Iterator[Warned]:
+    """Yield each limit of a plan on a result that the plan does not determine alone."""
+    limited = {name for name, _ in plan.limits}
+    for name, sentence in procedure.undetermined(plan.parameters).items() if limited else ():
+        if name in limited:
+            yield Warned("limit-not-determined", str(plan.fault(("limits", name), sentence)))
 
 
 def warned_of_clock(
@@ -114,9 +126,9 @@ def watch_system_clock(
         return
     watch = SystemClockWatch(*read())
 
-    def look() -> None:
+    def look(unit: str) -> None:
         jump_s = watch.jump_s(*read())
         if jump_s is not None:
             record.event("system-clock-jumped", by_s=round(jump_s, 3))
 
-    record.after_unit = look
+    record.after_unit.append(look)

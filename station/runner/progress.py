@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from types import TracebackType
 
 from station.clock import Clock, boot_seconds
 from station.console import span, tell
+from station.time_left import time_left_s
 
+LONGER = "not known, it takes longer than expected"
 REPEAT_S = 2.0
 """Real time between two lines of progress where the output is no terminal."""
 
@@ -28,10 +30,16 @@ def how_long(expected_s: float, clock: Clock) -> str:
 class Progress:
     """Write progress to standard error; a live bar on a terminal, a line now and then elsewhere."""
 
-    def __init__(self, total_s: float, *, quiet: bool = False) -> None:
-        self._total_s = max(total_s, 1e-9)
-        self._done_s = 0.0
+    def __init__(self, total_s: float, *, units: Iterable[str] = (), quiet: bool = False) -> None:
+        self._later_s = total_s
+        """What the steps after the present one should take."""
         self._step_s = 0.0
+        self._before_s = 0.0
+        """What the steps before it took."""
+        self._elapsed_s = 0.0
+        self._units = set(units)
+        """The units of work that are still to be done."""
+        self._finished_s: list[float] = []
         self._title = ""
         self._quiet = quiet
         self._said_at = 0.0
@@ -48,7 +56,7 @@ class Progress:
                 console=Console(stderr=True),
                 transient=True,
             )
-            self._task = self._bar.add_task("", total=self._total_s, left=span(total_s))
+            self._task = self._bar.add_task("", total=max(total_s, 1e-9), left=span(total_s))
 
     def __enter__(self) -> Progress:
         if self._bar is not None:
@@ -68,24 +76,38 @@ class Progress:
 
     def step(self, number: str, title: str, expected_s: float) -> None:
         """Say that a step begins that is expected to take `expected_s` of bench time."""
-        self._done_s += self._step_s
+        self._before_s += self._elapsed_s
+        self._elapsed_s = 0.0
         self._step_s = expected_s
+        self._later_s -= expected_s
         self._title = f"{number}  {title}"
         self.say(self._title)
         self.at(0.0)
 
+    def unit_finished(self, unit: str) -> None:
+        """Take note that a unit of work is finished: the pace of the run shows in them."""
+        if unit in self._units:
+            self._units.remove(unit)
+            self._finished_s.append(self._before_s + self._elapsed_s)
+
     def at(self, elapsed_s: float, detail: str = "") -> None:
-        """Say how much of the step's bench time is over, and how it stands."""
+        """Say how the run stands after `elapsed_s` of work on its step."""
+        self._elapsed_s = elapsed_s
         if self._quiet:
             return
-        done_s = self._done_s + min(elapsed_s, self._step_s)
-        left = span(self._total_s - done_s)
+        done_s = self._before_s + elapsed_s
+        forecast_s = max(self._later_s, 0.0) + max(self._step_s - elapsed_s, 0.0)
+        left_s = time_left_s(forecast_s, self._finished_s, len(self._units), done_s)
+        total_s = max(done_s + left_s, 1e-9)
+        left = span(left_s) if left_s > 0.0 else LONGER
         if self._bar is not None and self._task is not None:
             text = f"{self._title}  {detail}".strip()
             with suppress(OSError):
-                self._bar.update(self._task, completed=done_s, description=text, left=left)
+                self._bar.update(
+                    self._task, completed=done_s, total=total_s, description=text, left=left
+                )
         elif boot_seconds() - self._said_at >= REPEAT_S:
-            percent = 100 * done_s / self._total_s
+            percent = 100 * done_s / total_s
             self.say(f"    {percent:3.0f} %  bench time left {left}  {detail}".rstrip())
 
     @contextmanager

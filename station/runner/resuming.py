@@ -87,7 +87,8 @@ def resume(request: ResumeRequest) -> Outcome:
         record = RunRecord.go_on(folder.path, clock)
         outcome = Outcome(record.path)
         expected_s = procedure.duration_s(plan.parameters)
-        with Progress(expected_s, quiet=request.quiet) as progress:
+        units = [one for one in procedure.units(plan.parameters) if one not in past.finished]
+        with Progress(expected_s, units=units, quiet=request.quiet) as progress:
             changed = software_changes(facts)
             record.event(
                 RESUMED,
@@ -102,6 +103,7 @@ def resume(request: ResumeRequest) -> Outcome:
             for line in sentences(record.path, procedure, plan, past, silent_s, changed):
                 progress.say(line)
             progress.say(f"bench {bench.name}, {how_long(expected_s, clock)} for a whole run")
+            record.after_unit.append(progress.unit_finished)
             watch_system_clock(record, clock)
             run = Run(plan, bench, clock, record, progress, operator, past)
             trace = Trace(record.path, clock) if request.trace else None

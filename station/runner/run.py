@@ -97,16 +97,20 @@ class Run:
         return unit in self.past.finished
 
     @contextmanager
-    def unit(self, name: str, **details: Any) -> Iterator[None]:
-        """Measure one unit of work; it is finished once its event is on disk."""
+    def unit(self, name: str, **details: Any) -> Iterator[dict[str, Any]]:
+        """Measure one unit of work; it is finished once its event is on disk.
+
+        What is only known at its end may be added to the details that are yielded.
+        """
         self.record.event("unit-started", durable=False, unit=name)
-        yield
+        yield details
         self.record.finish_unit(name, **details)
 
     def may_pause(self) -> None:
         """Pause here where somebody wishes it: between units of work, before conditions are set."""
         if self.control is not None:
-            self.control.between_units(self)
+            with self._not_working():
+                self.control.between_units(self)
 
     def wait(self, seconds: float, detail: str = "") -> None:
         """Let run time pass, with progress."""
@@ -131,12 +135,19 @@ class Run:
     def ask_again(self, prompt_id: str, text: str, of: str = "step") -> str:
         """Ask the operator, whatever was answered before; `of` a step or a driver."""
         asking = self.control.asking() if self.control is not None else nullcontext()
-        with self.progress.paused(), asking:
+        with self._not_working(), self.progress.paused(), asking:
             answer = self._operator.ask(Prompt(prompt_id, text))
         self.record.event(
             "prompt", id=prompt_id, text=text, answer=answer.text, by=answer.by, of=of
         )
         return answer.text
+
+    @contextmanager
+    def _not_working(self) -> Iterator[None]:
+        """Keep time in which a person is waited for out of the step's bench time."""
+        began_s = self.clock.now()
+        yield
+        self._step_began_s += self.clock.now() - began_s
 
     def read_back(self) -> RunFolder:
         """Return the folder as it is on disk now: nothing is analysed from memory."""

@@ -83,6 +83,7 @@ class Walk:
                     self._monitor.stop()
                 outcome.safe = self._make_safe(signals)
                 run.clock.interrupt(None)
+                self._look_again(outcome)
                 run.record.note("safe-state", outcomes=[one.to_data() for one in outcome.safe])
                 if self._guardian is not None:
                     self._guardian.dismiss()
@@ -141,7 +142,9 @@ class Walk:
             lambda: self._make_safe(signals),
         )
         if self._guardian is not None:
-            self._guardian.watch(list(self._found))
+            # What is reached over another's line has no rest of its own to be brought to.
+            entries = self._run.bench.instruments
+            self._guardian.watch([name for name in self._found if not entries[name].shares])
         self._monitor.check_once()
         self._monitor.start()
 
@@ -172,6 +175,17 @@ class Walk:
         self._run.record.note(
             "failed", message=outcome.error, exit_code=outcome.exit_code, traceback=trace
         )
+
+    def _look_again(self, outcome: Outcome) -> None:
+        """Let an open chain be what ended a run that failed for want of an instrument.
+
+        An emergency stop cuts power: the run may fail of that before the chain is looked at.
+        """
+        if outcome.exit_code == EXIT_FAULT and self._monitor and self._monitor.trip is None:
+            with suppress(Exception):  # that the bench is safe must be told, whatever this says
+                self._monitor.look_at_chains()
+            if self._monitor.trip is not None:
+                self._failed(outcome, self._monitor.trip)
 
     def _tripped(self, trip: InterlockTripped) -> None:
         """Record a trip, and keep the bench from being used until a person acknowledges it."""

@@ -66,6 +66,7 @@ class Monitor:
         self.trip: InterlockTripped | None = None
         self._clock = clock
         self._make_safe = make_safe
+        self._now = Sight(readings, instruments, clock, 0.0)
         self._watches = [
             Watch(one, Sight(readings, instruments, clock, one.period_s)) for one in interlocks
         ]
@@ -107,6 +108,19 @@ class Monitor:
         """Raise what tripped, if anything did."""
         if self.trip is not None:
             raise self.trip
+
+    def look_at_chains(self) -> None:
+        """Look once at the contacts, also those that nobody watches any more.
+
+        Levels are left out, since a bench at rest no longer has those at which a run failed; so is
+        what cannot be read.
+        """
+        for watch in self._watches:
+            if watch.interlock.on_contacts:
+                judged = watch.interlock.when.judge(self._now)
+                if judged.true:
+                    self.trip = self._tripped(watch, judged)
+                    return
 
     def stop(self) -> None:
         """Watch no more; from now on the bench is being made safe, which nothing delays."""

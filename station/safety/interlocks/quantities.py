@@ -25,6 +25,8 @@ class Kind:
     while_on: bool = False
 
 
+CONTACT_STATES = ("closed", "open")
+CONTACT = Kind(states=CONTACT_STATES)
 TEMPERATURE = Kind("degC", period_s=10.0)
 OUTPUT = Kind(states=("on", "off"))
 MOTION = Kind(states=("moving", "at-rest"))
@@ -48,10 +50,11 @@ QUANTITIES: Mapping[str, Mapping[str, Kind]] = {
     "multimeter": {"voltage": Kind("V", magnitude=True)},
     "thermometer": {"temperature": TEMPERATURE},
     "rotary_stage": TURNING,
-    "turntable": TURNING,
+    "turntable": {**TURNING, "chain": Kind(states=CONTACT_STATES, while_on=True)},
     "thermal_chamber": {
         "temperature": TEMPERATURE,
-        "door": Kind(states=("closed", "open")),
+        "door": CONTACT,
+        "chain": CONTACT,
         "output": OUTPUT,
     },
     "gyro_acquisition": {"temperature": TEMPERATURE},
@@ -65,7 +68,7 @@ QUANTITIES: Mapping[str, Mapping[str, Kind]] = {
         "current": Kind("A", magnitude=True),
         "output": OUTPUT,
     },
-    "interlock_chain": {"chain": Kind(states=("closed", "open"))},
+    "interlock_chain": {"chain": CONTACT},
 }
 """Role, quantity, kind; what a driver publishes is in these units."""
 

@@ -9,7 +9,13 @@ from typing import TYPE_CHECKING, Any
 
 from station.faults import Fault, listed, nearest
 from station.safety.interlocks.conditions import AllOf, AnyOf, Condition, Level, Not, State
-from station.safety.interlocks.quantities import Kind, kind_of, quantities_of, role_of
+from station.safety.interlocks.quantities import (
+    CONTACT_STATES,
+    Kind,
+    kind_of,
+    quantities_of,
+    role_of,
+)
 from station.units import UnitError, parse_as
 
 if TYPE_CHECKING:
@@ -37,6 +43,11 @@ class Interlock:
     def instruments(self) -> frozenset[str]:
         """The instruments that must be open for it to be watched."""
         return frozenset(instrument for instrument, _ in self.when.watched)
+
+    @property
+    def on_contacts(self) -> bool:
+        """Whether contacts that are open or closed are all that it depends on."""
+        return all(kind_of(*watched).states == CONTACT_STATES for watched in self.when.watched)
 
     @property
     def only_while_on(self) -> bool:

@@ -1,0 +1,92 @@
+"""Numbered commands that an instrument acknowledges, or refuses with a word."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, Protocol
+
+from drivers.roles import Place
+from station.errors import InstrumentError, InstrumentTimeout
+
+ANSWER_WITHIN_S = 0.5
+
+
+class AnswerLine(Protocol):
+    """The answers of an instrument by kind; `acknowledgement` has `request_id` and `result`."""
+
+    def take(self, answer: str) -> Sequence[Mapping[str, Any]]:
+        """Return the answers of a kind that have come."""
+        ...
+
+    def wait_for(self, answer: str, deadline_s: float) -> Sequence[Mapping[str, Any]]:
+        """Return the answers of a kind as soon as there are any, or none at run time."""
+        ...
+
+
+class Commands:
+    """The commands to one instrument.
+
+    `send` puts a command on the line: its word, its number and its values. `refusals` tells by the
+    word of a refusal what to do now, `when_silent` what to do where nothing comes back.
+    """
+
+    def __init__(
+        self,
+        place: Place,
+        line: AnswerLine,
+        send: Callable[[str, int, Mapping[str, float]], None],
+        refusals: Mapping[str, str],
+        when_silent: str,
+    ) -> None:
+        self._place, self._line, self._send = place, line, send
+        self._refusals, self._when_silent = refusals, when_silent
+        self._number = 0
+
+    def command(self, command: str, **values: float) -> Mapping[str, Any]:
+        """Send a command and return its acknowledgement.
+
+        Raises InstrumentError for a refusal, InstrumentTimeout where none comes.
+        """
+        self._number = (self._number + 1) % 65536
+        attempted = f"sent the command {command}"
+        self._send(command, self._number, values)
+        told = self._acknowledgement(attempted)
+        result = str(told["result"])
+        if result != "ok":
+            raise InstrumentError(
+                self._place.name,
+                attempted,
+                f"it refused with {result}",
+                self._refusals.get(result, self._refusals["unknown_command"]),
+            )
+        return told
+
+    def ask(self, command: str, answer: str, attempted: str) -> Mapping[str, Any]:
+        """Send a command and return the newest answer of a kind that follows it."""
+        self._line.take(answer)
+        self.command(command)
+        found = self._line.wait_for(answer, self._deadline_s())
+        if not found:
+            raise self._silent(answer, attempted)
+        return found[-1]
+
+    def _acknowledgement(self, attempted: str) -> Mapping[str, Any]:
+        """Return the acknowledgement of the last command; a late one of another is passed over."""
+        deadline_s = self._deadline_s()
+        while found := self._line.wait_for("acknowledgement", deadline_s):
+            for told in found:
+                if told["request_id"] == self._number:
+                    return told
+        raise self._silent("acknowledgement", attempted)
+
+    def _deadline_s(self) -> float:
+        clock = self._place.clock
+        return clock.now() + clock.patience_s(ANSWER_WITHIN_S)
+
+    def _silent(self, answer: str, attempted: str) -> InstrumentTimeout:
+        return InstrumentTimeout(
+            self._place.name,
+            attempted,
+            f"no {answer} came within {ANSWER_WITHIN_S:g} s",
+            self._when_silent,
+        )

@@ -1,0 +1,144 @@
+"""From a run's raw rows to the dataset: positions at rest, and whole turns on the table."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from procedures.estimation.alignment import align, unwrapped
+from procedures.nine_axis_calibration.check import IMU, RATE, TURNTABLE
+from procedures.nine_axis_calibration.dataset import (
+    AXES,
+    Array,
+    NineAxisDataset,
+    StaticRecord,
+    TurnRecord,
+)
+from procedures.nine_axis_calibration.outlook import prior_of
+from procedures.nine_axis_calibration.parameters import FULL_TURN_DEG, NineAxisParameters
+from procedures.nine_axis_calibration.sensing import ACCELEROMETERS, GYROS, SECONDS_PER_HOUR
+from procedures.nine_axis_calibration.tracking import track
+from station.errors import RecordError
+
+if TYPE_CHECKING:
+    from station.bench import Bench
+    from station.record.folder import RunFolder
+
+ARRIVAL = "arrival_time_s"
+GYRO_BITS, ACCELEROMETER_BITS = (0, 1, 2), (4, 5, 6)
+LATE_S = 0.3
+"""Outputs of a record may reach the computer so long after its end."""
+
+
+def dataset_of_run(
+    folder: RunFolder, parameters: NineAxisParameters, bench: Bench
+) -> NineAxisDataset:
+    """Return all finished positions and turns of a run.
+
+    Times are run time. An output that the sensor itself calls not valid counts as beyond its range.
+    """
+    units = folder.finished_units().items()
+    sensor = bench.instruments.get(IMU)
+    limit = sensor.limits.get(RATE) if sensor is not None else None
+    interval_s = 1.0 / parameters.sample_rate_Hz
+    return NineAxisDataset(
+        latitude_deg=parameters.latitude_deg,
+        prior=prior_of(parameters.prior),
+        static=tuple(
+            static_record(folder, unit, details, interval_s)
+            for unit, details in units
+            if "position" in details
+        ),
+        turns=tuple(
+            turn_record(folder, unit, details, interval_s)
+            for unit, details in units
+            if "rate_deg_per_s" in details
+        ),
+        largest_rate_deg_per_s=parameters.range_deg_per_s or limit or np.inf,
+    )
+
+
+def static_record(
+    folder: RunFolder, unit: str, details: Mapping[str, Any], interval_s: float
+) -> StaticRecord:
+    """Return one position at rest, what came while it settled left out."""
+    rows, time_s = outputs(folder, unit, details, interval_s)
+    inside = (time_s >= details["from_s"] + interval_s) & (time_s <= details["until_s"])
+    if not inside.any():
+        raise RecordError(f"{unit}: the sensor said nothing while it was at rest")
+    return StaticRecord(
+        position=int(details["position"]),
+        time_s=time_s[inside],
+        rate_deg_per_h=gyros(rows[inside]) * SECONDS_PER_HOUR,
+        acceleration_g=accelerometers(rows[inside]),
+    )
+
+
+def turn_record(
+    folder: RunFolder, unit: str, details: Mapping[str, Any], interval_s: float
+) -> TurnRecord:
+    """Return the whole turns of one rate: as many outputs as they take at the measured rate."""
+    table = folder.rows(TURNTABLE, unit)
+    inside = (table["asked_time_s"] >= details["from_s"]) & (table[ARRIVAL] <= details["until_s"])
+    table = table[inside]
+    if len(table) < 2:
+        raise RecordError(f"{unit}: the table's angle was not read while it turned")
+    # The middle of question and answer; the table counts clockwise seen from above.
+    read_s = 0.5 * (table["asked_time_s"] + table[ARRIVAL])
+    path = track(read_s, -table["angle_deg"])
+    rows, time_s = outputs(folder, unit, details, interval_s)
+    whole_s = details["turns"] * FULL_TURN_DEG / abs(path.rate_deg_per_s)
+    from_s = float(read_s[0])
+    inside = (time_s >= from_s + interval_s) & (time_s < from_s + whole_s + 1.5 * interval_s)
+    count = round(whole_s / interval_s)
+    place = np.flatnonzero(inside)
+    place = place[time_s[place] < time_s[place[0]] + (count - 0.5) * interval_s]
+    return TurnRecord(
+        axis=AXES.index(details["axis"]),
+        commanded_deg_per_s=float(details["rate_deg_per_s"]),
+        time_s=time_s[place],
+        rate_deg_per_s=gyros(rows[place]),
+        encoder_deg=path.angle_deg(time_s[place]),
+        encoder_u_deg=path.end_u_deg,
+    )
+
+
+def outputs(
+    folder: RunFolder, unit: str, details: Mapping[str, Any], interval_s: float
+) -> tuple[NDArray[Any], Array]:
+    """Return the outputs of a unit's record and the run time at which each interval ended (n,).
+
+    A unit that was measured again holds the outputs of the refused attempts, too.
+    """
+    rows = folder.rows(IMU, unit)
+    arrival_s = rows[ARRIVAL]
+    near = (arrival_s >= details["from_s"]) & (arrival_s <= details["until_s"] + LATE_S)
+    rows = rows[near]
+    if len(rows) < 2:
+        raise RecordError(f"{unit}: the sensor said nothing")
+    number = unwrapped(rows["counter"])
+    return rows, align(number, rows[ARRIVAL], interval_s).run_time_s(number)
+
+
+def gyros(rows: NDArray[Any]) -> Array:
+    """Return the gyros' output in deg/s, (n, 3); infinite where the sensor calls it not valid."""
+    return np.where(invalid(rows, GYRO_BITS), np.inf, columns(rows, GYROS))
+
+
+def accelerometers(rows: NDArray[Any]) -> Array:
+    """Return the accelerometers' output in g, (n, 3); NaN where the sensor calls it not valid."""
+    return np.where(invalid(rows, ACCELEROMETER_BITS), np.nan, columns(rows, ACCELEROMETERS))
+
+
+def columns(rows: NDArray[Any], names: tuple[str, ...]) -> Array:
+    """Return some columns as an array (n, columns)."""
+    return np.column_stack([rows[name].astype(np.float64) for name in names])
+
+
+def invalid(rows: NDArray[Any], bits: tuple[int, ...]) -> NDArray[np.bool_]:
+    """Return which outputs the sensor calls not valid, (n, bits)."""
+    status = rows["status"].astype(np.int64)
+    return np.asarray((status[:, None] >> np.array(bits)) & 1 == 1)

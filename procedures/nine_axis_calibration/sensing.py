@@ -1,0 +1,84 @@
+"""The sensor's output while something is measured: recorded whole, and looked at for its means."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from procedures.nine_axis_calibration.check import IMU
+from procedures.nine_axis_calibration.parameters import NineAxisParameters
+from station.errors import InstrumentError
+
+if TYPE_CHECKING:
+    from station.runner.run import Run
+
+Array = NDArray[np.float64]
+
+LOOK_S = 2.0
+"""Run time between two looks; less where time runs by itself, so that a kill loses little."""
+SILENT_AFTER_S = 5.0
+SECONDS_PER_HOUR = 3600.0
+GYROS = tuple(f"gyro_{axis}_deg_per_s" for axis in "xyz")
+ACCELEROMETERS = tuple(f"accelerometer_{axis}_g" for axis in "xyz")
+
+
+class Sensing:
+    """The sensor's stream for one unit of work; `stop` it when the unit is done."""
+
+    def __init__(self, run: Run, unit: str) -> None:
+        from drivers.roles import InertialSensor
+
+        self._run, self._unit = run, unit
+        self._sensor = run.role(IMU, InertialSensor)
+        parameters: NineAxisParameters = run.parameters
+        self._sensor.start(parameters.sample_rate_Hz)
+        self._heard_s = run.clock.now()
+        self._rows: list[NDArray[Any]] = []
+
+    def follow(self, until_s: float, said: str) -> None:
+        """Record until a run time; raises InstrumentError for a sensor that is silent."""
+        clock = self._run.clock
+        while clock.now() < until_s:
+            clock.sleep_until(min(clock.now() + clock.holding_s(LOOK_S), until_s))
+            self.look()
+            self._run.say_progress(said)
+
+    def look(self) -> None:
+        """Record what has come."""
+        from station.runner.acquisition import to_rows
+
+        run, sensor = self._run, self._sensor
+        rows = to_rows(sensor.drain())
+        now_s = run.clock.now()
+        if len(rows):
+            run.record.block(sensor.source, self._unit, sensor.columns, rows)
+            self._rows.append(rows)
+            self._heard_s = now_s
+        elif now_s - self._heard_s > SILENT_AFTER_S:
+            raise InstrumentError(
+                IMU,
+                f"record {self._unit}",
+                f"no output came for {SILENT_AFTER_S:g} s",
+                "check its cable and its power",
+            )
+
+    def means(self, from_s: float) -> tuple[Array, Array]:
+        """Return the gyros' means in deg/h and the accelerometers' in g, (3,) each, since a time.
+
+        NaN where nothing came.
+        """
+        from station.record.raw import ARRIVAL
+
+        rows = [one[one[ARRIVAL] > from_s] for one in self._rows]
+        if not any(len(one) for one in rows):
+            return np.full(3, np.nan), np.full(3, np.nan)
+        together = np.concatenate(rows)
+        gyro = np.array([np.nanmean(together[name]) for name in GYROS])
+        return gyro * SECONDS_PER_HOUR, np.array([np.nanmean(together[n]) for n in ACCELEROMETERS])
+
+    def stop(self) -> None:
+        """End the output and record the rest of it."""
+        self._sensor.stop()
+        self.look()

@@ -1,0 +1,150 @@
+"""Frequencies for coils that are driven at once: no product of some may fall on another.
+
+A gyro or a coil that is not quite linear answers at harmonics, sums and differences of what drives
+it. Those of second order are fitted beside the driven lines, so all must stand apart; those of
+third order are not, so none may fall on a driven line.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from functools import lru_cache
+from itertools import combinations, product
+
+FREQUENCY_RANGE_HZ = (0.05, 0.2)
+FEWEST_CYCLES = 10
+LARGEST_CYCLES_PER_SAMPLE = 0.2
+"""Above this the line at twice the drive frequency comes too near to the Nyquist frequency."""
+APART = 2.0
+"""Least distance of two lines in 1/T."""
+GRID_HZ = 0.01
+ROUNDING = 1e-6
+
+Line = tuple[str, float]
+
+
+def second_order(drive: Mapping[str, float]) -> Iterator[Line]:
+    """Yield the doubles, sums and differences of driven frequencies, each with its name."""
+    for axis, f in drive.items():
+        yield f"2 {axis}", 2 * f
+    for (one, f), (other, g) in combinations(drive.items(), 2):
+        yield f"{one} + {other}", f + g
+        yield (f"{one} - {other}", f - g) if f >= g else (f"{other} - {one}", g - f)
+
+
+def third_order(drive: Mapping[str, float]) -> Iterator[Line]:
+    """Yield the products of third order of driven frequencies, each with its name."""
+    for axis, f in drive.items():
+        yield f"3 {axis}", 3 * f
+    for (one, f), (other, g) in product(drive.items(), repeat=2):
+        if one != other:
+            yield f"2 {one} + {other}", 2 * f + g
+            yield f"2 {one} - {other}", abs(2 * f - g)
+    if len(drive) == 3:
+        (a, f), (b, g), (c, h) = drive.items()
+        yield f"{a} + {b} - {c}", abs(f + g - h)
+        yield f"{a} - {b} + {c}", abs(f - g + h)
+        yield f"{b} + {c} - {a}", abs(g + h - f)
+
+
+def nearest_pair(drive: Mapping[str, float]) -> tuple[float, Line, Line]:
+    """Return the smallest distance in Hz that matters, and the two lines it lies between."""
+    lines = [*drive.items(), *second_order(drive)]
+    pairs = [*combinations(lines, 2), *product(drive.items(), third_order(drive))]
+    return min((abs(one[1] - other[1]), one, other) for one, other in pairs)
+
+
+def whole_cycles_Hz(frequency_Hz: float, duration_s: float) -> float:
+    """Return the frequency next to one that makes whole cycles in a record, in the method's range.
+
+    Where the record is too short for any the nearest one is returned, outside of it.
+    """
+    low, high = FREQUENCY_RANGE_HZ
+    cycles = round(frequency_Hz * duration_s)
+    if cycles < low * duration_s - ROUNDING:
+        cycles += 1
+    elif cycles > high * duration_s + ROUNDING:
+        cycles -= 1
+    return cycles / duration_s
+
+
+def allowed_Hz(duration_s: float, interval_s: float) -> tuple[float, ...]:
+    """Return the frequencies to choose from: nearly round, whole cycles, as the method has them."""
+    low = max(FREQUENCY_RANGE_HZ[0], FEWEST_CYCLES / duration_s) - ROUNDING
+    high = min(FREQUENCY_RANGE_HZ[1], LARGEST_CYCLES_PER_SAMPLE / interval_s) + ROUNDING
+    grid = range(math.ceil(low / GRID_HZ), math.floor(high / GRID_HZ) + 1)
+    found = (whole_cycles_Hz(k * GRID_HZ, duration_s) for k in grid)
+    return tuple(dict.fromkeys(f for f in found if low <= f <= high))
+
+
+@lru_cache(maxsize=64)
+def choose(
+    axes: tuple[str, ...],
+    duration_s: float,
+    interval_s: float,
+    given: tuple[Line, ...] = (),
+) -> dict[str, float] | None:
+    """Return the frequency of each axis, all lines as far apart as can be; None where none do.
+
+    `given` holds those that are decided. Of equal choices the one with the lowest frequencies: eddy
+    currents and averaging grow with the frequency.
+    """
+    held = dict(given)
+    free = [axis for axis in axes if axis not in held]
+    best: tuple[float, float, dict[str, float]] | None = None
+    for chosen in combinations(allowed_Hz(duration_s, interval_s), len(free)):
+        found = held | dict(zip(free, chosen, strict=True))
+        drive = {axis: found[axis] for axis in axes}
+        apart_Hz = round(nearest_pair(drive)[0], 9)
+        if apart_Hz * duration_s < APART - ROUNDING:
+            continue
+        rank = (apart_Hz, -sum(drive.values()))
+        if best is None or rank > best[:2]:
+            best = (*rank, drive)
+    return best[2] if best else None
+
+
+def clash(drive: Mapping[str, float], duration_s: float, interval_s: float) -> str | None:
+    """Return in a sentence which lines are too close, and what would do; None where none are."""
+    apart_Hz, one, other = nearest_pair(drive)
+    if apart_Hz * duration_s >= APART - ROUNDING:
+        return None
+    said = (
+        f"{named(other)} is too close to {named(one)}: lines must be {APART / duration_s:.4g} Hz "
+        f"apart in a record of {duration_s:g} s"
+    )
+    blamed = [axis for axis in reversed([*drive]) if axis in f"{one[0]} {other[0]}"]
+    for axis in blamed:
+        rest = {name: f for name, f in drive.items() if name != axis}
+        offers = [
+            f
+            for f in allowed_Hz(duration_s, interval_s)
+            if nearest_pair({**rest, axis: f})[0] * duration_s >= APART - ROUNDING
+        ]
+        if offers:
+            best = min(offers, key=lambda f: abs(f - drive[axis]))
+            return f"{said}; {axis} at {best:.4g} Hz would do"
+    found = choose(tuple(drive), duration_s, interval_s)
+    if found is None:
+        return f"{said}; take a longer record"
+    return f"{said}; {', '.join(f'{axis} {f:.4g} Hz' for axis, f in found.items())} would do"
+
+
+def named(line: Line) -> str:
+    """Return a line in words: its name and its frequency."""
+    return f"{line[0]} ({line[1]:.4g} Hz)"
+
+
+def second_frequency_Hz(frequency_Hz: float, duration_s: float, interval_s: float) -> float:
+    """Return the frequency at which a measurement is repeated: the allowed one farthest away.
+
+    Distance counts as a ratio: a delay and eddy currents grow in proportion to the frequency.
+    """
+    offers = allowed_Hz(duration_s, interval_s) or (frequency_Hz,)
+    return max(offers, key=lambda f: abs(math.log(f / frequency_Hz)))
+
+
+def with_first(axes: Sequence[str], frequency_Hz: float | None) -> tuple[Line, ...]:
+    """Return what is decided by a frequency that belongs to the first axis."""
+    return () if frequency_Hz is None else ((axes[0], frequency_Hz),)

@@ -1,0 +1,182 @@
+"""The electronics of a nine-axis sensor: what it outputs and when, whichever line carries it.
+
+Outputs are computed some way ahead as if nothing would change, and again from the present one on
+when the world's version says that something did.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any, Protocol, runtime_checkable
+
+import numpy as np
+import numpy.typing as npt
+
+from sim_instruments.faults.lasting import Frozen, GyroFails, Overheating, Overload, Silent
+from sim_instruments.instrument import Setting
+from sim_instruments.truth import SimulationError
+from sim_instruments.world.nine_axis_sensor import Means
+
+FIRST_AHEAD, MOST_AHEAD = 16, 1024
+LONGEST_AHEAD_S = 60.0
+SHORTEST_BATCH_S = 0.1
+LASTING_FAULTS = (Frozen.kind, Silent.kind, Overload.kind, GyroFails.kind, Overheating.kind)
+
+Array = npt.NDArray[np.float64]
+Counters = npt.NDArray[np.int64]
+
+
+@runtime_checkable
+class SensorWorld(Protocol):
+    """What a world with a nine-axis sensor in it offers beside what every world does."""
+
+    @property
+    def version(self) -> int:
+        """A number that rises with every change of what the future holds."""
+        ...
+
+    @property
+    def dut_powered(self) -> bool:
+        """Whether the sensor is switched on now."""
+        ...
+
+    @property
+    def range_deg_per_s(self) -> float:
+        """The rate at which a gyro saturates."""
+        ...
+
+    def nine_axis_means(self, edges_s: Array) -> Means:
+        """Return what the sensor measures between neighbouring times."""
+        ...
+
+
+class NineAxisModel:
+    """A sensor that gives its outputs to `send` when they are due, in batches of at least 0.1 s.
+
+    `encode` makes frames of what is measured: it is given counters from 1 and the means. Truth
+    (`simulator` mapping): `latency` between an output and its first byte; `clock_error`, by how
+    much the sensor's intervals are too long. `powered` is false in a world without a sensor.
+    """
+
+    def __init__(
+        self,
+        setting: Setting,
+        encode: Callable[[Counters, Means], Sequence[Any]],
+        send: Callable[[Sequence[Any]], None],
+    ) -> None:
+        truth = setting.truth
+        self._latency_s = truth.quantity("latency", "s")
+        self._stretch = 1.0 + truth.quantity("clock_error", "1")
+        if self._latency_s < 0:
+            raise SimulationError(f"{truth.where}.latency: must not be negative")
+        self._name, self._clock, self._faults = setting.name, setting.clock, setting.faults
+        self._lock = setting.world.lock
+        self._world = setting.world if isinstance(setting.world, SensorWorld) else None
+        self._encode, self._send = encode, send
+        self._closed = False
+        self._run = 0
+        self.rate_Hz = 0.0
+        """Outputs per second now, by the sensor's clock; 0 while nothing is output."""
+        self.counter = 0
+        self._begin_s = self._interval_s = 0.0
+        self._last: Means | None = None
+        self._rows: Means
+        self._forget_ahead()
+
+    @property
+    def powered(self) -> bool:
+        """Whether there is a sensor, and it is switched on."""
+        on = self._world is not None and self._world.dut_powered
+        if not on:
+            self.rate_Hz = 0.0
+        return on
+
+    @property
+    def gyro_failed(self) -> bool:
+        """Whether the gyro x has failed its own test."""
+        self._faults.catch_up()
+        return self._faults.now(GyroFails.kind) is not None
+
+    def start(self, rate_Hz: float) -> None:
+        """Begin to output, the counter from 1."""
+        self.rate_Hz, self.counter = rate_Hz, 0
+        self._begin_s, self._interval_s = self._clock.now(), self._stretch / rate_Hz
+        self._forget_ahead()
+        self._run += 1
+        number = self._run
+        # The first run has the device's own name, for the order among equal times.
+        name = self._name if number == 1 else f"{self._name} {number}"
+        self._clock.start(name, lambda: self._output(number))
+
+    def stop(self) -> None:
+        """End the output."""
+        self.rate_Hz = 0.0
+
+    def close(self) -> None:
+        """End the output for good; the thread ends when it next looks."""
+        self._closed = True
+        self.rate_Hz = 0.0
+
+    def _time_s(self, counter: int) -> float:
+        return self._begin_s + counter * self._interval_s
+
+    def _output(self, number: int) -> None:
+        batch = max(1, int(np.ceil(SHORTEST_BATCH_S / self._interval_s - 1e-3)))
+        while True:
+            self._clock.sleep_until(self._time_s(self.counter + batch) + self._latency_s)
+            with self._lock:
+                if self._closed or number != self._run or not self.powered or not self.rate_Hz:
+                    return
+                frames = self._next(batch)
+            self._send(frames)
+
+    def _next(self, batch: int) -> Sequence[Any]:
+        """Return the frames of the next outputs, without those that a fault keeps back."""
+        assert self._world is not None
+        self._faults.catch_up()
+        if self._version != self._world.version:
+            self._forget_ahead()
+        if self._used + batch > len(self._frames):
+            self._compute_ahead(self._world, batch)
+        here = slice(self._used, self._used + batch)
+        frames = self._frames[here]
+        rows = self._rows.rows(here)
+        counters = np.arange(self.counter + 1, self.counter + batch + 1)
+        self._used += batch
+        self.counter += batch
+        if any(self._faults.now(kind) is not None for kind in LASTING_FAULTS):
+            frames = self._encode(counters, self._as_faults_say(rows))
+            times_s = np.asarray(self._begin_s + counters * self._interval_s, dtype=np.float64)
+            silent = self._faults.during(Silent.kind, times_s)
+            return [one for one, kept in zip(frames, silent, strict=True) if not kept]
+        self._last = rows.rows(slice(-1, None))
+        return frames
+
+    def _as_faults_say(self, rows: Means) -> Means:
+        if self._faults.now(Frozen.kind) is not None and self._last is not None:
+            rows = self._last.rows(np.zeros(len(rows.temperature_degC), dtype=np.int64))
+        gyro, valid = rows.gyro_deg_per_s.copy(), rows.valid.copy()
+        if self._faults.now(Overload.kind) is not None:
+            assert self._world is not None
+            gyro[:, 0], valid[:, 0] = self._world.range_deg_per_s, False
+        if self._faults.now(GyroFails.kind) is not None:
+            gyro[:, 0], valid[:, 0] = 0.0, False
+        warmer = self._faults.now(Overheating.kind)
+        rise_K = warmer.rise_K if isinstance(warmer, Overheating) else 0.0
+        return rows._replace(
+            gyro_deg_per_s=gyro, valid=valid, temperature_degC=rows.temperature_degC + rise_K
+        )
+
+    def _forget_ahead(self) -> None:
+        self._frames: Sequence[Any] = []
+        self._used = 0
+        self._ahead = FIRST_AHEAD
+        self._version = self._world.version if self._world is not None else 0
+
+    def _compute_ahead(self, world: SensorWorld, at_least: int) -> None:
+        count = max(at_least, min(self._ahead, int(LONGEST_AHEAD_S / self._interval_s)))
+        self._ahead = min(2 * self._ahead, MOST_AHEAD)
+        counters = np.arange(self.counter, self.counter + count + 1)
+        self._rows = world.nine_axis_means(np.asarray(self._begin_s + self._interval_s * counters))
+        self._frames = self._encode(counters[1:], self._rows)
+        self._used = 0

@@ -1,0 +1,202 @@
+"""The world of the nine-axis calibration: a sensor on a north-referenced plate, or on a table."""
+
+from __future__ import annotations
+
+from threading import RLock
+from typing import ClassVar, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+from scipy.spatial.transform import Rotation
+
+from sim_instruments.seeds import generator
+from sim_instruments.truth import SimulationError, Truth
+from sim_instruments.world.averaging import Nodes, nodes_within
+from sim_instruments.world.base import coil_currents, coil_named
+from sim_instruments.world.coils import AXES
+from sim_instruments.world.currents import CurrentHistory
+from sim_instruments.world.fog_navigator import earth_rate_rad_per_s
+from sim_instruments.world.nine_axis_sensor import Means, NineAxisSensor
+from sim_instruments.world.table import Table
+
+Array = npt.NDArray[np.float64]
+
+NORTH, EAST, DOWN = np.eye(3)
+POSES: dict[str, tuple[Array, Array, Array]] = {
+    "1": (EAST, NORTH, -DOWN),
+    "2": (-NORTH, EAST, -DOWN),
+    "3": (NORTH, -DOWN, EAST),
+    "4": (-EAST, -NORTH, -DOWN),
+    "5": (NORTH, -EAST, -DOWN),
+    "6": (-NORTH, -DOWN, -EAST),
+}
+"""Where X, Y and Z point on the plate. 1 to 3 are the published positions; 4 to 6 are the same
+turned by half a turn about the vertical."""
+MOUNTINGS: dict[str, tuple[Array, Array, Array]] = {
+    "mount-table": (NORTH, -EAST, -DOWN),
+    "mount-X-up": (-DOWN, -EAST, -NORTH),
+    "mount-Y-up": (NORTH, -DOWN, EAST),
+    "mount-Z-up": (NORTH, -EAST, -DOWN),
+}
+"""Where X, Y and Z point on the table's plate while its axes are at zero."""
+ACTS = (
+    *(f"pose-{name}" for name in POSES),
+    *MOUNTINGS,
+    "connect-cables",
+    "dut-power-on",
+    "dut-power-off",
+)
+BEFORE_ALL_S = -1e5
+PANEL_S, ORDER = 0.1, 3
+"""At its fastest the table turns some degrees within a panel."""
+
+
+class _Place(NamedTuple):
+    """Where the sensor has been since a time: `axes` are X, Y, Z (rows) along the base's axes."""
+
+    since_s: float
+    on_table: bool
+    axes: Array
+
+
+class NineAxisBench:
+    """A sensor that feels the earth's turn, gravity and the earth's field, and the table's turns.
+
+    The base is north, east, down. Truth below `simulation.nine_axis`: `latitude`; `heading_error`
+    of the `plate` and of the `table` (their north lies east of north by that); `placing_error`,
+    the size of what the sensor's `heading` and `tilt` are wrong by, anew every time it is put or
+    mounted; `magnetic_field` (`north`, `east`, `down`); `sensor` (see there), which is on from the
+    beginning where `powered_at_start` says so. The table is that of `simulation.fog`.
+    """
+
+    preparations: ClassVar[tuple[str, ...]] = ("mount-table", "connect-cables", "dut-power-on")
+
+    def __init__(self, truth: Truth) -> None:
+        self.lock = RLock()
+        self.version = 0
+        self.currents = coil_currents(truth, self._changed)
+        self._ambient_mT = np.array(truth.quantities("ambient_field", AXES, "mT"))
+        self._seed = truth.integer("seed", 0)
+        own = truth.section("nine_axis")
+        rng = generator(self._seed, "table")
+        self.table = Table(truth.section("fog").section("table"), rng, lambda _: self._changed())
+        self._earth = earth_rate_rad_per_s(own.quantity("latitude", "deg"))
+        heading = own.section("heading_error")
+        self._plate, self._base = (
+            _about_down(heading.quantity(one, "rad")) for one in ("plate", "table")
+        )
+        placing = own.section("placing_error")
+        tilt, turned = (placing.quantity(one, "rad") for one in ("tilt", "heading"))
+        self._misplaced_rad = np.array([tilt, tilt, turned])
+        field = ("north", "east", "down")
+        self._field_nT = np.array(own.quantities("magnetic_field", field, "nT"))
+        room = truth.section("room").quantity("temperature", "degC")
+        sensor = own.section("sensor")
+        self.sensor = NineAxisSensor(sensor, room, self._seed)
+        # Before anybody takes it, it lies on the bench, its cable somewhere.
+        self._places = [_Place(BEFORE_ALL_S, False, _about_down(0.7) @ np.array(POSES["1"]))]
+        if sensor.switch("powered_at_start"):
+            self.sensor.heat.switch(BEFORE_ALL_S, True)
+
+    @property
+    def dut_powered(self) -> bool:
+        """Whether the sensor is switched on."""
+        return self.sensor.heat.is_on
+
+    @property
+    def range_deg_per_s(self) -> float:
+        """The rate at which a gyro of the sensor saturates."""
+        return self.sensor.range_deg_per_s
+
+    def coil(self, axis: str) -> CurrentHistory:
+        """Return the coil of another bench; SimulationError when there is none."""
+        return coil_named(self.currents, axis)
+
+    def mean_probe_field_mT(self, edges_s: Array) -> Array:
+        """Return the mean field at the gaussmeter's probe, shape (intervals, 3)."""
+        return np.tile(self._ambient_mT, (edges_s.size - 1, 1))
+
+    def power(self, time_s: float, on: bool) -> None:
+        """Switch the sensor on, which begins its warm-up, or off."""
+        with self.lock:
+            self.sensor.heat.switch(time_s, on)
+            self._changed()
+
+    def nine_axis_means(self, edges_s: Array) -> Means:
+        """Return what the sensor measures between neighbouring times."""
+        with self.lock:
+            rests = self._rests(edges_s)
+            panel_s, order = (np.inf, 1) if rests else (PANEL_S, ORDER)
+            nodes = nodes_within(edges_s[:-1], edges_s[1:], panel_s, order)
+            rate, force, field = (nodes.mean(one) for one in self._felt(nodes))
+            return self.sensor.measure(edges_s, np.degrees(rate), force, field)
+
+    def attitude(self, time_s: Array) -> Array:
+        """Return where X, Y, Z (rows) point along north, east, down, shape (times, 3, 3)."""
+        return self._moving(np.asarray(time_s, dtype=np.float64))[0]
+
+    def act(self, prompt_id: str, time_s: float) -> str:
+        """Do what a person was asked to do; returns what was done, SimulationError if unknown."""
+        pose = prompt_id.removeprefix("pose-")
+        if prompt_id != pose and pose in POSES:
+            self._put(time_s, False, POSES[pose])
+            return f"The simulated sensor stands on the plate in position {pose}."
+        if prompt_id in MOUNTINGS:
+            self._put(time_s, True, MOUNTINGS[prompt_id])
+            return "The simulated sensor is mounted on the turntable."
+        if prompt_id == "connect-cables":
+            return "The simulated cables were in place."
+        if prompt_id == "dut-power-on":
+            self.power(time_s, True)
+            return "The simulated sensor was switched on and warms up."
+        if prompt_id == "dut-power-off":
+            self.power(time_s, False)
+            return "The simulated sensor was switched off."
+        raise SimulationError(
+            f"the simulated world does not know the act '{prompt_id}' (it knows: {', '.join(ACTS)})"
+        )
+
+    def _put(self, time_s: float, on_table: bool, axes: tuple[Array, Array, Array]) -> None:
+        with self.lock:
+            rng = generator(self._seed, f"nine-axis placing {len(self._places)}")
+            wrong = Rotation.from_rotvec(self._misplaced_rad * rng.standard_normal(3))
+            placed = np.array(axes) @ wrong.as_matrix().T
+            self._places.append(_Place(time_s, on_table, placed))
+            self._changed()
+
+    def _rests(self, edges_s: Array) -> bool:
+        """Return whether the sensor stands still between the first and the last time."""
+        here = self._places[-1]
+        still = not here.on_table or self.table.rests_from_s <= edges_s[0]
+        return here.since_s <= edges_s[0] and still
+
+    def _felt(self, nodes: Nodes) -> tuple[Array, Array, Array]:
+        """Return the rate in rad/s, the specific force in g and the field in nT, (times, 3)."""
+        attitude, rate = self._moving(nodes.time_s)
+        force = attitude @ -DOWN
+        return np.einsum("nij,nj->ni", attitude, rate), force, attitude @ self._field_nT
+
+    def _moving(self, time_s: Array) -> tuple[Array, Array]:
+        """Return X, Y, Z (rows) along n, (times, 3, 3), and the rate along n, (times, 3)."""
+        attitude = np.empty((time_s.size, 3, 3))
+        rate = np.tile(self._earth, (time_s.size, 1))
+        ends_s = [place.since_s for place in self._places[1:]] + [np.inf]
+        for place, end_s in zip(self._places, ends_s, strict=True):
+            here = (time_s >= place.since_s) & (time_s < end_s)
+            if not here.any():
+                continue
+            if not place.on_table:
+                attitude[here] = place.axes @ self._plate.T
+                continue
+            plate, turning = self.table.motion(time_s[here])
+            attitude[here] = place.axes @ (self._base @ plate).transpose(0, 2, 1)
+            rate[here] += turning @ self._base.T
+        return attitude, rate
+
+    def _changed(self) -> None:
+        self.version += 1
+
+
+def _about_down(angle_rad: float) -> Array:
+    """Return the rotation by an angle clockwise from above."""
+    return np.asarray(Rotation.from_rotvec([0.0, 0.0, angle_rad]).as_matrix())

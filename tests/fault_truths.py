@@ -1,0 +1,107 @@
+"""What the results of a run on the simulated bench should be, by procedure."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from functools import lru_cache
+from typing import Any
+
+from fault_cases import BENCH, read_bench_at, short
+
+from station.lookup import BENCHES, find
+
+AT_A_MEAN_TEMPERATURE = ("K0", "Ki")
+
+
+def number(text: str) -> float:
+    """Return the number of a quantity with its unit."""
+    return float(str(text).split()[0])
+
+
+def rlg_truth(bench: Mapping[str, Any], result: Mapping[str, Any]) -> float | None:
+    """Return the sensitivity of the simulated laser gyro to the field of an axis."""
+    return number(bench["simulation"]["gyro"]["magnetic_sensitivity"][result["axis"]])
+
+
+def accelerometer_truth(bench: Mapping[str, Any], result: Mapping[str, Any]) -> float | None:
+    """Return the sum of coefficients of the simulated accelerometer that a result stands for."""
+    if result["value"] is None or result["name"] in AT_A_MEAN_TEMPERATURE:
+        return None
+    true = bench["simulation"]["accelerometer"]["coefficients"]
+    return sum(factor * number(true[name]) for name, factor in result["terms"].items())
+
+
+def fog_truth(bench: Mapping[str, Any], result: Mapping[str, Any]) -> float | None:
+    """Return the scale-factor error of a simulated gyro at the result's temperature."""
+    if result["name"] != "scale_factor_error":
+        return None
+    gyros = bench["simulation"]["fog"]["gyros"]
+    low, high = (number(gyros["temperature_range"][end]) for end in ("low", "high"))
+    u = (2.0 * result["reference_temperature"] - low - high) / (high - low)
+    true = gyros[result["axis"]]["scale_factor_error"]
+    return sum(number(text) * u ** int(power[1:]) for power, text in true.items())
+
+
+def serf_truth(bench: Mapping[str, Any], result: Mapping[str, Any]) -> float | None:
+    """Return the angle between two coils of the simulated cell, or a coil's factor as a ratio."""
+    serf = bench["simulation"]["serf"]
+    if result["name"] == "nonorthogonality_angle":
+        return number(serf["coils"]["angles"][result["axis"]])
+    if result["name"] != "coil_factor" or not result["standard_uncertainty"]:
+        return None
+    if result["value"] == 1.0:  # the constants were taken as known
+        return true_constant(bench, result["axis"])
+    lights = (serf["pump"]["axis"], serf["detector"]["probe"]["axis"])
+    alone = next(axis for axis in "xyz" if axis not in lights)
+    return true_constant(bench, result["axis"]) / true_constant(bench, alone)
+
+
+def true_constant(bench: Mapping[str, Any], axis: str) -> float:
+    """Return by which factor a coil's field is larger than commanded, its generator included."""
+    for one in bench["instruments"].values():
+        for channel, coil in one.get("simulator", {}).get("coils", {}).items():
+            if coil == axis:
+                gain = number(one["simulator"]["gain_error"][channel])
+                error = number(bench["simulation"]["serf"]["coils"][axis]["error"])
+                return (1.0 + gain / 100.0) * (1.0 + error / 100.0)
+    raise KeyError(axis)
+
+
+def nine_axis_truth(bench: Mapping[str, Any], result: Mapping[str, Any]) -> float | None:
+    """Return bias, scale factor or asymmetry of a simulated gyro, at the rates of the short plan.
+
+    Its scale factor changes with the rate; K is the mean over the rates.
+    """
+    gyros = bench["simulation"]["nine_axis"]["sensor"]["gyros"]
+    own = gyros.get(str(result["axis"]).lower())
+    if own is None or result["name"] not in ("bias", "scale_factor", "asymmetry"):
+        return None
+    if result["name"] != "scale_factor":
+        return number(own[result["name"]])
+    return nine_axis_scale_factor(own, short_rates())
+
+
+def nine_axis_scale_factor(gyro: Mapping[str, Any], rates: Sequence[float]) -> float:
+    """Return the scale factor of a simulated gyro over rates in deg/s."""
+    ripple, period = (number(gyro["ripple"][key]) for key in ("amplitude", "period"))
+    mean = sum(math.sin(2.0 * math.pi * rate / period) for rate in rates) / len(rates)
+    return (1.0 + 1e-6 * number(gyro["scale_factor_error"])) * (1.0 + 1e-6 * ripple * mean)
+
+
+@lru_cache
+def short_rates() -> tuple[float, ...]:
+    """Return the rates of the short form of the nine-axis plan, in deg/s."""
+    bench = read_bench_at(find(BENCHES, BENCH))
+    rates: tuple[float, ...] = short("nine-axis-calibration", bench).parameters.rates_deg_per_s
+    return rates
+
+
+TRUTHS: Mapping[str, Callable[[Mapping[str, Any], Mapping[str, Any]], float | None]] = {
+    "rlg-magnetic-sensitivity": rlg_truth,
+    "accelerometer-magnetic-sensitivity": accelerometer_truth,
+    "fog-scale-factor-temperature": fog_truth,
+    "serf-nonorthogonality": serf_truth,
+    "nine-axis-calibration": nine_axis_truth,
+}
+"""What a result of a procedure should be; None where the world has no one number for it."""

@@ -1,0 +1,148 @@
+"""The nine-axis calibration from end to end on the simulated bench, in a short form."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+from fault_truths import nine_axis_scale_factor, number
+
+from station import registry
+from station.bench import read_bench
+from station.evaluation import conclude_run
+from station.lookup import BENCHES, PLANS, find
+from station.plan import read_plan
+from station.record.folder import RunFolder
+from station.runner.execute import Request, execute
+from station.runner.outcome import Outcome
+from station.runner.resuming import ResumeRequest, resume
+
+PROCEDURE = "nine-axis-calibration"
+RATES = (15.0, 30.0, 45.0, 60.0, 100.0)
+SHORT: dict[str, Any] = {
+    "warm_up": "20 min",
+    "static_time": "2 min",
+    "sample_rate": "10 Hz",
+    "settle": "1 s",
+    "rates": [f"{rate:g} deg/s" for rate in RATES],
+}
+COMBINED = 4.0
+
+
+def short_run(
+    folder: Path, seed: int, *faults: dict[str, str], **changes: Any
+) -> tuple[Outcome, dict[str, Any]]:
+    """Run the short form; return the truth of the gyros beside it."""
+    plan = yaml.safe_load(find(PLANS, PROCEDURE).read_text(encoding="utf-8"))
+    bench = yaml.safe_load(find(BENCHES, "sim").read_text(encoding="utf-8"))
+    plan["parameters"] |= SHORT | changes
+    bench["simulation"] |= {"seed": seed, "faults": list(faults)}
+    folder.mkdir(exist_ok=True)
+    (folder / "plan.yaml").write_text(yaml.safe_dump(plan), encoding="utf-8")
+    (folder / "bench.yaml").write_text(yaml.safe_dump(bench), encoding="utf-8")
+    outcome = execute(
+        Request(
+            read_plan(folder / "plan.yaml", registry.Procedures()),
+            read_bench(folder / "bench.yaml", registry.names(registry.DRIVERS)),
+            folder / "runs",
+            quiet=True,
+            report=False,
+        )
+    )
+    return outcome, bench["simulation"]["nine_axis"]["sensor"]["gyros"]
+
+
+def off_in_u(outcome: Outcome, gyros: dict[str, Any]) -> dict[tuple[str, str], float]:
+    """Return by how many standard uncertainties, noise and heading alone, results are off."""
+    assert outcome.document is not None, outcome.error
+    off = {}
+    for one in outcome.document.results:
+        estimate = one.estimate
+        true = truth(gyros, estimate.name, str(estimate.axis))
+        if true is None:
+            continue
+        assert estimate.value is not None
+        u = one.combined.standard_uncertainty
+        if estimate.name == "scale_factor":
+            u = estimate.standard_uncertainty  # the simulated clock is right
+        off[estimate.name, str(estimate.axis)] = abs(estimate.value - true) / u
+    return off
+
+
+def truth(gyros: dict[str, Any], name: str, axis: str) -> float | None:
+    """Return what a result should be; None where the world has no one number for it."""
+    own = gyros.get(axis.lower())
+    if name == "scale_factor":
+        return nine_axis_scale_factor(own, RATES)
+    return number(own[name]) if name in ("bias", "asymmetry") else None
+
+
+def codes(outcome: Outcome) -> set[str]:
+    """Return the codes of the flags."""
+    assert outcome.document is not None
+    return {flag.code for flag in outcome.document.flags}
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> tuple[Outcome, dict[str, Any]]:
+    """One short run by the table."""
+    return short_run(tmp_path_factory.mktemp("nine"), seed=1)
+
+
+def test_biases_and_scale_factors_come_back(run: tuple[Outcome, dict[str, Any]]) -> None:
+    outcome, gyros = run
+    assert outcome.exit_code == 0, outcome.error
+    off = off_in_u(outcome, gyros)
+    assert len(off) == 9
+    assert max(off.values()) < COMBINED, off
+
+
+@pytest.mark.parametrize("seed", [2, 3])
+def test_they_come_back_from_the_plate_with_other_noise(seed: int, tmp_path: Path) -> None:
+    outcome, gyros = short_run(tmp_path, seed, positioning="plate", flip=seed == 3)
+    assert outcome.exit_code == 0, outcome.error
+    off = off_in_u(outcome, gyros)
+    assert max(off.values()) < COMBINED, off
+    asked = [one.details["id"] for one in RunFolder(outcome.folder).events_of("prompt")]
+    assert asked[0] == "pose-1"
+    assert asked[-4:-1] == ["mount-X-up", "mount-Y-up", "mount-Z-up"]
+
+
+def test_every_record_is_whole_turns_with_all_nine_axes(
+    run: tuple[Outcome, dict[str, Any]],
+) -> None:
+    folder = RunFolder(run[0].folder)
+    units = folder.finished_units()
+    assert len(units) == 3 + 30
+    assert "part-turns" not in codes(run[0])
+    rows = folder.rows("imu", "position 1")
+    names = rows.dtype.names
+    assert names is not None
+    for kind in ("gyro", "accelerometer", "magnetometer"):
+        own = [name for name in names if name.startswith(f"{kind}_")]
+        assert len(own) == 3
+        assert all(np.isfinite(rows[name]).sum() > len(rows) / 8 for name in own)
+
+
+def test_a_new_analysis_gives_the_same_bytes(run: tuple[Outcome, dict[str, Any]]) -> None:
+    folder = run[0].folder
+    conclude_run(folder, report=False)
+    again = (folder / "revisions" / "001" / "results.json").read_bytes()
+    assert again == (folder / "results.json").read_bytes()
+
+
+def test_a_silent_sensor_ends_the_run_and_what_was_done_stays(tmp_path: Path) -> None:
+    silence = {"instrument": "imu", "fault": "silent", "at": "1900 s", "for": "15 s"}
+    ended, gyros = short_run(tmp_path, 4, silence)
+    assert ended.exit_code == 3
+    before = RunFolder(ended.folder).finished_units()
+    assert len(before) > 5
+    outcome = resume(ResumeRequest(ended.folder, quiet=True, report=False))
+    assert outcome.exit_code == 0, outcome.error
+    units = RunFolder(ended.folder).finished_units()
+    assert {name: units[name] for name in before} == before
+    assert len(units) == 3 + 30
+    assert max(off_in_u(outcome, gyros).values()) < COMBINED
