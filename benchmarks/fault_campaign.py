@@ -1,6 +1,6 @@
 """Put every fault at every step of every shipped plan and hold each run against one oracle.
 
-python benchmarks/fault_campaign.py [--plan NAME …] [--only TEXT] [--part 1/4]
+python benchmarks/fault_campaign.py [--bench NAME] [--plan NAME …] [--only TEXT] [--part 1/4]
 
 In this process, on virtual time, plans in a short form. One JSON line for each case that struck
 and breaks a promise, then for each plan the counts, and for each kind of fault the bench times
@@ -24,14 +24,15 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))
 
-from fault_cases import all_cases, plans, reference_run
+from fault_cases import BENCH, all_cases, plans, reference_run
 from fault_oracle import Verdict, judge
 from fault_runs import run_case
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--plan", nargs="+", help="these plans; all that are valid on sim if none")
+    parser.add_argument("--bench", default=BENCH, help="a simulated bench, such as sim-alternate")
+    parser.add_argument("--plan", nargs="+", help="these plans; all valid on the bench if none")
     parser.add_argument("--only", default="", help="cases whose name holds this text")
     parser.add_argument("--part", default="1/1", help="which part of the cases, such as 2/4")
     parser.add_argument("--all-lines", action="store_true", help="a line for every case")
@@ -39,12 +40,12 @@ def main() -> None:
     part, parts = map(int, arguments.part.split("/"))
     with tempfile.TemporaryDirectory() as place:
         os.environ["XDG_STATE_HOME"] = str(Path(place) / "state")
-        for plan in arguments.plan or plans():
+        for plan in arguments.plan or plans(arguments.bench):
             campaign(plan, Path(place) / plan, part, parts, arguments)
 
 
 def campaign(plan: str, folder: Path, part: int, parts: int, arguments: argparse.Namespace) -> None:
-    reference = reference_run(plan, folder / "reference")
+    reference = reference_run(plan, folder / "reference", arguments.bench)
     cases = [one for one in all_cases(plan, reference) if arguments.only in str(one[0])]
     verdicts = []
     for number, (case, entry) in enumerate(cases):

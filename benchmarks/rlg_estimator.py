@@ -98,6 +98,8 @@ CASES = (
     Case(
         "counts, whole pulses", -0.05, 80.0, 0.16, 1.0, 0.8, pulse_arcsec=0.4, earth_deg_per_h=9.2
     ),
+    # 23.16 pulses in every interval: the rounding error beats at the drive's frequency.
+    Case("counts, beat at f", -0.05, 80.0, 0.16, 1.0, 0.8, pulse_arcsec=0.4, earth_deg_per_h=9.264),
     Case("white, quadratic term", 0.05, 20.0, quadratic=0.02),
     Case("white, 0.1 mT", 0.05, 20.0, amplitude_mT=0.1, quadratic=0.01),
 )

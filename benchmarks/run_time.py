@@ -5,6 +5,7 @@ python benchmarks/run_time.py --plan accelerometer-magnetic-sensitivity \
     --set "parameters.planes=[io, ip, op]" --set parameters.order=as_published \
     --set parameters.repeats=1
 python benchmarks/run_time.py --plan fog-scale-factor-temperature --runs 1
+python benchmarks/run_time.py --plan nine-axis-calibration
 """
 
 from __future__ import annotations

@@ -237,9 +237,12 @@ class Acutrol3000:
         """Return the largest angle (deg) or rate (deg/s) of all axes, motion or chain, now."""
         if quantity == "chain":
             return "open" if self.open_contacts() else "closed"
-        if quantity not in ("motion", "angle", "rate"):
+        if quantity in ("motion", "rate"):
+            self._table.look_at_rates()
+        elif quantity == "angle":
+            self._table.look()
+        else:
             return None
-        self._table.look()
         return self._table.quantity(quantity)
 
     def open_contacts(self) -> tuple[str, ...]:

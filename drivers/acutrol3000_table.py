@@ -42,6 +42,7 @@ class Table:
         numbers = range(1, settings.axes + 1)
         self.axes = {n: AxisState(n, TurnCount(n in settings.continuous)) for n in numbers}
         self._reads = tuple(f":Read:{what}? {n}" for n in numbers for what in ("Position", "Rate"))
+        self._rates = self._reads[1::2]
         self.state_queries = tuple(queries(n)[0] for n in numbers)
         self._looking = place.clock.lock(f"{place.name} turns")
 
@@ -59,10 +60,18 @@ class Table:
             for place, state in enumerate(self.axes.values()):
                 state.rate = values[2 * place + 1]
                 state.count.take(values[2 * place], now_s)
-        self._place.publish("rate", self._largest("rate"), "deg/s")
         self._place.publish("angle", self._largest("angle"), "deg")
-        self.say_motion()
+        self._say_rate()
         return values[len(self._reads) :]
+
+    def look_at_rates(self) -> None:
+        """Read the rate of every axis from one servo frame; other looks count the turns."""
+        with self._looking:
+            for state, rate in zip(
+                self.axes.values(), self._line.numbers(*self._rates), strict=True
+            ):
+                state.rate = rate
+        self._say_rate()
 
     def look_at(self, state: AxisState) -> Status:
         """Read all axes and the status of one; raises InstrumentError for a fault of that one."""
@@ -272,6 +281,10 @@ class Table:
         self.look()
         state.homed = True
         return True
+
+    def _say_rate(self) -> None:
+        self._place.publish("rate", self._largest("rate"), "deg/s")
+        self.say_motion()
 
     def _largest(self, name: str) -> float:
         states = self.axes.values()

@@ -71,19 +71,24 @@ class CanImu(NineAxisSource):
         firmware = f"{told['firmware_major']}.{told['firmware_minor']}"
         return Identity("house-made", "nine-axis sensor", str(told["serial_number"]), firmware)
 
+    @classmethod
+    def rates_said(cls, rate_Hz: float) -> str:
+        """Return in words which rates it has where this is none of them, else nothing."""
+        steps = round(rate_Hz / RATE_STEP_HZ) * RATE_STEP_HZ
+        if SLOWEST_HZ <= rate_Hz <= FASTEST_HZ and math.isclose(steps, rate_Hz):
+            return ""
+        return (
+            f"it outputs {SLOWEST_HZ:g} Hz to {FASTEST_HZ:g} Hz in steps of {RATE_STEP_HZ:g} Hz, "
+            f"not {rate_Hz:g} Hz"
+        )
+
     def start(self, rate_Hz: float) -> None:
         """Begin to output, 1 Hz to 200 Hz in steps of 0.1 Hz, the counter from 1.
 
         Raises InputError for another rate, InstrumentError when the sensor is switched off.
         """
-        if not (
-            SLOWEST_HZ <= rate_Hz <= FASTEST_HZ
-            and math.isclose(round(rate_Hz / RATE_STEP_HZ) * RATE_STEP_HZ, rate_Hz)
-        ):
-            raise InputError(
-                f"{self.place.name}: it outputs {SLOWEST_HZ:g} Hz to {FASTEST_HZ:g} Hz in steps "
-                f"of {RATE_STEP_HZ:g} Hz, not {rate_Hz:g} Hz; change the plan's sample_rate"
-            )
+        if said := self.rates_said(rate_Hz):
+            raise InputError(f"{self.place.name}: {said}; change the plan's sample_rate")
         self.stop()
         told = self._commands.command("start", rate=rate_Hz)
         if not math.isclose(float(told["rate"]), rate_Hz, abs_tol=RATE_STEP_HZ / 2):

@@ -93,7 +93,7 @@ class SteadyCurrent:
     def _settle(self, current_A: float, attempted: str) -> None:
         clock = self._place.clock
         tolerance_A = self._zero_A + RELATIVE_TOLERANCE * abs(current_A)
-        until_s = clock.now() + PATIENCE_S + PATIENCE_TAUS * self._tau_s
+        until_s = clock.now() + clock.patience_s(PATIENCE_S + PATIENCE_TAUS * self._tau_s)
         # Looked at once a time constant, what is still to come is as small as the last change.
         look_s = max(LOOK_S, self._tau_s)
         seen: list[float] = []
@@ -101,11 +101,12 @@ class SteadyCurrent:
         while True:
             looks += 1
             seen = [*seen[1 - LOOKS :], self._current_A()]
-            agree = all(abs(one - current_A) <= tolerance_A for one in seen)
+            near = [abs(one - current_A) <= tolerance_A for one in seen]
+            agree = all(near)
             if len(seen) == LOOKS and agree and not moves_one_way(seen):
                 return
-            if clock.now() >= until_s and (looks >= FEWEST_LOOKS or not agree):
-                raise self._not_reached(attempted, seen[-1], agree)
+            if clock.now() >= until_s and (looks >= FEWEST_LOOKS or not near[-1]):
+                raise self._not_reached(attempted, seen[-1], near[-1])
             clock.sleep(look_s)
 
     def _not_reached(self, attempted: str, read_A: float, agree: bool) -> InstrumentError:

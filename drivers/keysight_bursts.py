@@ -213,7 +213,7 @@ class Bursts:
         if condition & STILL_AT_IT:
             expected_s = readings * (self._reading_s + BETWEEN_READINGS_S)
             took_s = self._clock.now() - self._began_s
-            if took_s > 2 * expected_s + GRACE_S:
+            if took_s > self._clock.patience_s(2 * expected_s + GRACE_S):
                 raise self._error(
                     f"waited for {readings} readings",
                     f"after {took_s:.3g} s it has {points} and is not ready, where "

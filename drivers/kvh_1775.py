@@ -28,9 +28,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.kvh_1775_frames import OUTPUT, PAYLOAD, SELF_TEST, TEXT, split
-from drivers.kvh_1775_sequence import Counting, Sequence7Bit
 from drivers.nine_axis import ACCELEROMETERS, GYROS, MAGNETOMETERS, ROW, NineAxisSource
 from drivers.roles import Identity, Place, SensorStatus
+from drivers.transport.numbering import Counting, Numbering
 from drivers.transport.retry import Repeatable
 from drivers.transport.serial_port import Framing
 from drivers.transport.serial_stream import SerialStream, StreamFrame
@@ -43,6 +43,8 @@ SETTINGS = {"outputfmt": "C", "rotfmt": "RATE", "rotunits": "DEG", "tempunits": 
 NT_PER_GAUSS = 1e5
 VALID_BITS = 0x77
 BITS_IN_USE = 7
+MODULUS = 128
+"""Of the sequence number of frames."""
 
 
 class Kvh1775(NineAxisSource):
@@ -60,7 +62,7 @@ class Kvh1775(NineAxisSource):
     def __init__(self, place: Place) -> None:
         super().__init__(place)
         self._stream = SerialStream(place, FRAMING, split)
-        self._sequence = Sequence7Bit(1.0)
+        self._sequence = Numbering(1.0, MODULUS)
         self._identity: Identity | None = None
         self._configures = False
 
@@ -75,14 +77,18 @@ class Kvh1775(NineAxisSource):
                 self._leave()
         return self._identity
 
+    @classmethod
+    def rates_said(cls, rate_Hz: float) -> str:
+        """Return in words which rates it has where this is none of them, else nothing."""
+        if rate_Hz in RATES_HZ:
+            return ""
+        there_are = ", ".join(str(one) for one in RATES_HZ)
+        return f"a KVH 1775 outputs {there_are} times a second, not {rate_Hz:g} times"
+
     def start(self, rate_Hz: float) -> None:
         """Begin to output, the counter from 1; raises InputError for a rate it does not have."""
-        if rate_Hz not in RATES_HZ:
-            there_are = ", ".join(str(one) for one in RATES_HZ)
-            raise InputError(
-                f"{self.place.name}: a KVH 1775 outputs {there_are} times a second, not "
-                f"{rate_Hz:g} times; change the plan's sample_rate"
-            )
+        if said := self.rates_said(rate_Hz):
+            raise InputError(f"{self.place.name}: {said}; change the plan's sample_rate")
         self._configure()
         for name, value in {**SETTINGS, "dr": f"{rate_Hz:.0f}"}.items():
             answer = self._ask(f"={name},{value}", name.upper())
@@ -94,7 +100,7 @@ class Kvh1775(NineAxisSource):
                     "check that the unit is a 1775 and this driver fits its firmware",
                 )
         self._stream.take(OUTPUT)
-        self._sequence = Sequence7Bit(1.0 / rate_Hz)
+        self._sequence = Numbering(1.0 / rate_Hz, MODULUS)
         self._begin(rate_Hz)
         self._leave()
 

@@ -40,6 +40,8 @@ class LakeshoreF71:
         r"SENS:MODE DC|UNIT:FIELD TESLA|SENS:AVER:COUN \d+|SENS:RANG [\d.e+-]+",
     )
     """Not the buffer: reading empties it, and what was lost on its way is lost."""
+    axes: ClassVar[int] = 3
+    keeps_readings: ClassVar[bool] = True
     source = "gaussmeter"
     columns: ClassVar[Mapping[str, str]] = {
         "instrument_time_s": "s by the instrument's clock, from its first stamp of the run",
@@ -85,6 +87,9 @@ class LakeshoreF71:
                 "check that the address in the bench file is this gaussmeter's",
             )
         return Identity(parts[0], parts[1], parts[2].split("/")[0], parts[-1])
+
+    def turn_to(self, axis: str) -> None:
+        """Do nothing: its probe measures along all three axes."""
 
     def start(self, largest_field_mT: float) -> None:
         """Select DC mode, tesla, averaging and the range, and empty the buffer."""

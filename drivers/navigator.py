@@ -38,6 +38,8 @@ RATE_STEP_HZ = 0.1
 class InertialNavigator:
     """The verbs of a navigator, on any line that carries its messages."""
 
+    roles = ("navigator",)
+    """It has the verbs of a nine-axis sensor, too, and none of its columns."""
     source = "navigator"
     columns: Mapping[str, str] = COLUMNS
     repeatable: ClassVar[Repeatable] = Repeatable("stop", "identify", "status")

@@ -249,7 +249,8 @@ class NewportEsp301:
 
     def _began(self, within_s: float) -> None:
         self._turning = True
-        self._until_s = self.place.clock.now() + within_s
+        clock = self.place.clock
+        self._until_s = clock.now() + clock.patience_s(within_s)
         self.place.publish("motion", "moving")
 
     def _command(self, command: str) -> None:

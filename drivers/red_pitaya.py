@@ -19,7 +19,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from contextlib import suppress
-from typing import ClassVar, TypeVar
+from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -93,6 +93,23 @@ class RedPitaya:
         if len(parts) != 4 or parts[0] != "REDPITAYA":
             raise self._odd("*IDN?", answer, "check that the address in the bench file is its own")
         return Identity("Red Pitaya", "STEMlab 125-14", parts[2] or "0", f"{parts[1]} {parts[3]}")
+
+    @classmethod
+    def why_no_record(
+        cls,
+        settings: Mapping[str, Any],
+        sample_rate_Hz: float,
+        duration_s: float,
+        full_scale_V: float,
+    ) -> str | None:
+        """Return why buffer or range do not hold a record, None where they do."""
+        try:
+            Settings.read(settings).record(sample_rate_Hz, duration_s, full_scale_V)
+        except CannotRecord as error:
+            return f"{error.why}; {error.do_now}"
+        except (TypeError, ValueError) as error:
+            return f"its settings are wrong ({error})"
+        return None
 
     def prepare(self, sample_rate_Hz: float, duration_s: float, full_scale_V: float) -> float:
         """Choose decimation and range, clear the last record; return the sample rate in Hz.

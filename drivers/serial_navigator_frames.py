@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import struct
 
-from drivers.transport.crc import crc32_mpeg2
+from drivers.transport.crc import crc32_stim300
 from drivers.transport.serial_stream import Split
 
 SYNC = b"\x9a\x65"
@@ -22,18 +22,10 @@ PAYLOADS = {
 }
 
 
-def checksum(data: bytes) -> int:
-    """Return the CRC-32 of STIM300: that of MPEG-2 over zero bytes, too, that are not sent.
-
-    They fill up to a multiple of four (TS1524, table 5-22).
-    """
-    return crc32_mpeg2(data + bytes(-len(data) % 4))
-
-
 def frame(kind: int, payload: bytes) -> bytes:
     """Return a whole frame."""
     data = HEAD.pack(SYNC, kind, len(payload)) + payload
-    return data + CHECKSUM.pack(checksum(data))
+    return data + CHECKSUM.pack(crc32_stim300(data))
 
 
 def split(pending: bytes) -> Split:
@@ -58,7 +50,7 @@ def split(pending: bytes) -> Split:
             if len(pending) < end:
                 return Split(frames, pending[begin:], skipped)
             body = pending[begin : end - CHECKSUM.size]
-            right = checksum(body) == CHECKSUM.unpack_from(pending, end - CHECKSUM.size)[0]
+            right = crc32_stim300(body) == CHECKSUM.unpack_from(pending, end - CHECKSUM.size)[0]
             if right and kind in PAYLOADS and PAYLOADS[kind].size == length:
                 frames.append((kind, body[HEAD.size :]))
                 position = end

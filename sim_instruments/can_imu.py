@@ -7,7 +7,6 @@ against an independent reading of it. The interface has a supply of its own.
 from __future__ import annotations
 
 import struct
-from importlib.resources import files
 from typing import Any, ClassVar
 
 import numpy as np
@@ -15,7 +14,6 @@ import numpy as np
 from sim_instruments.instrument import Setting
 from sim_instruments.nine_axis_model import LASTING_FAULTS, Counters, NineAxisModel
 from sim_instruments.socketcand import SocketcandServer, frame_text
-from sim_instruments.tcp import HOST
 from sim_instruments.truth import SimulationError
 from sim_instruments.world.nine_axis_sensor import Means
 
@@ -64,16 +62,7 @@ class CanImu:
 
     def describe(self) -> dict[str, Any]:
         """Return what `station sim` prints about this instrument."""
-        port, channel = self._server.port, self._server.channel
-        return {
-            "model": "nine-axis sensor",
-            "protocol": "socketcand",
-            "address": f"socketcand://{HOST}:{port}/{channel}",
-            "host": HOST,
-            "port": port,
-            "channel": channel,
-            "dbc": str(files("config") / "dbc" / "nine_axis.dbc"),
-        }
+        return self._server.describe("nine-axis sensor", "nine_axis")
 
     def close(self) -> None:
         """Stop serving."""

@@ -7,7 +7,6 @@ against an independent reading of it.
 from __future__ import annotations
 
 import struct
-from importlib.resources import files
 from typing import Any, ClassVar
 
 from sim_instruments.instrument import Setting
@@ -29,7 +28,6 @@ from sim_instruments.navigator_model import (
     Output,
 )
 from sim_instruments.socketcand import SocketcandServer, frame_text
-from sim_instruments.tcp import HOST
 
 COMMAND, ACK, STATUS, IDENTITY = 0x0A0, 0x0A1, 0x0A2, 0x0A3
 HEADING, ROLL, TEMPERATURES = 0x0B0, 0x0B1, 0x0B2
@@ -64,16 +62,7 @@ class CanNavigator:
 
     def describe(self) -> dict[str, Any]:
         """Return what `station sim` prints about this instrument."""
-        port, channel = self._server.port, self._server.channel
-        return {
-            "model": "FOG navigator",
-            "protocol": "socketcand",
-            "address": f"socketcand://{HOST}:{port}/{channel}",
-            "host": HOST,
-            "port": port,
-            "channel": channel,
-            "dbc": str(files("config") / "dbc" / "navigator.dbc"),
-        }
+        return self._server.describe("FOG navigator", "navigator")
 
     def close(self) -> None:
         """Stop serving."""

@@ -6,11 +6,11 @@ import socket
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, suppress
 from threading import Lock, get_ident
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from sim_instruments.faults.instrument import InstrumentFaults
 from sim_instruments.faults.wire import Reply, WireFault
-from sim_instruments.tcp import TcpServer, is_closed
+from sim_instruments.tcp import HOST, TcpServer, is_closed
 from station.clock import Clock
 
 LONGEST_PENDING = 4096
@@ -51,6 +51,12 @@ class FrameStreamServer(TcpServer):
         self._sending = Lock()
         self._previous: dict[str, Reply] = {}
         self._answering: tuple[int, list[WireFault]] = (0, [])
+
+    def describe(self, model: str) -> dict[str, Any]:
+        """Return what `station sim` prints about the instrument on this line."""
+        address = f"socket://{self.address}"
+        told = {"model": model, "protocol": "frames", "address": address}
+        return {**told, "host": HOST, "port": self.port}
 
     def send(self, name: str, frame: bytes) -> None:
         """Send a frame, whose message has a name, to the client if there is one."""

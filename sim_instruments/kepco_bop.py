@@ -22,7 +22,7 @@ from sim_instruments.faults.lasting import (
 from sim_instruments.instrument import Setting
 from sim_instruments.kepco_limits import add_limit_commands
 from sim_instruments.kepco_list import ListMemory, add_list_commands
-from sim_instruments.kepco_output import RATED, Output, scientific
+from sim_instruments.kepco_output import Output, scientific
 from sim_instruments.line_instrument import LineInstrument
 from sim_instruments.scpi import Handler, ScpiError, boolean, choice, number, one
 from sim_instruments.scpi import whole_number as whole
@@ -44,15 +44,17 @@ class KepcoBop(LineInstrument, ScpiDevice):
     """
 
     model = "Kepco BOP 36-12"
+    identity_of = "KEPCO,BIT 802E 36-12,{serial},1.15-1.80"
+    output_stage: ClassVar[type[Output]] = Output
 
     error_queue_depth = 20
     lasting_faults: ClassVar = (Frozen.kind, Compliance.kind, ListRefused.kind, Overdrive.kind)
 
     def __init__(self, setting: Setting) -> None:
-        super().__init__(f"KEPCO,BIT 802E 36-12,{setting.serial},1.15-1.80")
+        super().__init__(self.identity_of.format(serial=setting.serial))
         self._clock, self._rng = setting.clock, setting.rng
         truth = setting.truth
-        self._output = Output(setting.world.coil(truth.text("coil")), truth)
+        self._output = self.output_stage(setting.world.coil(truth.text("coil")), truth)
         self._stretch = 1.0 + truth.quantity("time_base_error", "1")
         self._read_gain = 1.0 + truth.quantity("readback_gain_error", "1")
         self._read_offset_A = truth.quantity("readback_offset", "A")
@@ -67,7 +69,7 @@ class KepcoBop(LineInstrument, ScpiDevice):
         self._ends_s = np.inf
         self._add_source()
         add_limit_commands(self.tree, self._output, setting.clock, self._list_runs)
-        add_list_commands(self.tree, self._list, self._output, self._list_runs)
+        self._add_list()
         self.begin_to_serve(setting)
 
     def energised(self) -> bool:
@@ -109,6 +111,14 @@ class KepcoBop(LineInstrument, ScpiDevice):
             self.refuse(-400)
             return b""
         return reply.encode("ascii") + b"\n"
+
+    def _add_list(self) -> None:
+        """Add the LIST subsystem."""
+        add_list_commands(self.tree, self._list, self._output, self._list_runs)
+
+    def _leave_list(self, now_s: float) -> None:
+        """Go from a list to the fixed set point."""
+        self._output.hold(now_s)
 
     def _add_source(self) -> None:
         add, answer = self.tree.add, self._answer
@@ -208,7 +218,7 @@ class KepcoBop(LineInstrument, ScpiDevice):
             if mode == "FIX":
                 if self._mode[kind] != "FIX":
                     self._mode[kind], self._ends_s = "FIX", np.inf
-                    self._output.hold(now)
+                    self._leave_list(now)
                 return
             refused = self._faults.now(ListRefused.kind) is not None
             if refused or self._list_runs() or self._output.mode != kind:
@@ -248,7 +258,7 @@ class KepcoBop(LineInstrument, ScpiDevice):
         coil = self._output.coil
         true_V = coil.mean_level(now - FILTER_S, now) * coil.resistance_ohm
         # The voltmeter is the same converter behind the same filter: its noise scales with range.
-        noise_V = self._read_noise_A * RATED["VOLT"] / RATED["CURR"]
+        noise_V = self._read_noise_A * self._output.rated["VOLT"] / self._output.rated["CURR"]
         return self._show("VOLT", true_V + noise_V * float(self._rng.standard_normal()))
 
     def _show(self, kind: str, value: float) -> str:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from sim_instruments.kepco_output import RATED, Output, scientific
+from sim_instruments.kepco_output import Output, scientific
 from sim_instruments.scpi import CommandTree, ScpiError, none, number, one
 from station.clock import Clock
 
@@ -36,7 +36,7 @@ def add_limit_commands(
                 ("PROTection", output.protections, 0.01, 1.01),
                 ("PROTect", output.protections, 0.01, 1.01),
             ):
-                span = (lowest * RATED[kind], highest * RATED[kind])
+                span = (lowest * output.rated[kind], highest * output.rated[kind])
                 for names, sides in SIDES:
                     keys = [(kind, side) for side in sides]
                     write, show = _handlers(output, clock, list_runs, table, keys, span)

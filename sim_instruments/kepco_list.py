@@ -174,7 +174,7 @@ def add_list_commands(
     }
     for root in ("", "SOURce:"):
         for name, act in commands.items():
-            tree.add(f"{root}LIST:{name}", _not_while(list_runs, act))
+            tree.add(f"{root}LIST:{name}", not_while(list_runs, act))
         for name, reply in queries.items():
             tree.add(f"{root}LIST:{name}", _answer(reply))
 
@@ -191,7 +191,9 @@ def _append_points(memory: ListMemory, output: Output, kind: str) -> Callable[[l
     return append
 
 
-def _not_while(list_runs: Callable[[], bool], act: Callable[[list[str]], None]) -> Handler:
+def not_while(list_runs: Callable[[], bool], act: Callable[[list[str]], None]) -> Handler:
+    """Return what does an act, refused with -221 while a list runs."""
+
     def handler(parameters: list[str]) -> None:
         if list_runs():
             raise ScpiError(-221)

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import ClassVar
+
 import numpy as np
 import numpy.typing as npt
 
@@ -30,15 +33,20 @@ class Output:
     terminals, so both the set point in voltage mode and the voltage compliance become levels.
     """
 
+    rated: ClassVar[Mapping[str, float]] = RATED
+    trips: ClassVar[tuple[str, ...]] = ("CURR", "VOLT")
+    """Protections that switch the output off; the others hold it within themselves."""
+
     def __init__(self, coil: CurrentHistory, truth: Truth) -> None:
         self.coil = coil
+        rated = self.rated
         self._gain = 1.0 + truth.quantity("gain_error", "1")
         self._offset_A = truth.quantity("offset", "A")
         # The converter's full scale is a little off the rating: set points fall on its steps.
         self._step = 1.0 + truth.quantity("converter_error", "1")
         sides = ("POS", "NEG")
-        self.limits = {(kind, side): RATED[kind] for kind in RATED for side in sides}
-        self.protections = {(kind, side): 1.01 * RATED[kind] for kind in RATED for side in sides}
+        self.limits = {(kind, side): rated[kind] for kind in rated for side in sides}
+        self.protections = {(kind, side): 1.01 * rated[kind] for kind in rated for side in sides}
         self.ranges = {"CURR": 1, "VOLT": 1}
         self.auto = {"CURR": True, "VOLT": True}
         self.levels = {"CURR": 0.0, "VOLT": 0.0}
@@ -59,13 +67,13 @@ class Output:
 
     def allowed(self, kind: str) -> tuple[float, float]:
         """Return the least and the greatest set point; the complementary one is a magnitude."""
-        full = RATED[kind] / (1 if self.auto[kind] else self.ranges[kind])
+        full = self.rated[kind] / (1 if self.auto[kind] else self.ranges[kind])
         low = -min(full, self.limits[kind, "NEG"]) if self.mode == kind else 0.0
         return low, min(full, self.limits[kind, "POS"])
 
     def check_level(self, kind: str, value: float) -> None:
         """Refuse what is out of range with -222."""
-        full = RATED[kind] / (1 if self.auto[kind] else self.ranges[kind])
+        full = self.rated[kind] / (1 if self.auto[kind] else self.ranges[kind])
         if not -min(full, self.limits[kind, "NEG"]) <= value <= min(full, self.limits[kind, "POS"]):
             raise ScpiError(-222)
 
@@ -73,8 +81,8 @@ class Output:
         """Return a set point as the converter and its calibration constants make it."""
         quarter = self.ranges[kind] == 4
         if self.auto[kind]:
-            quarter = abs(value) <= RATED[kind] / 4
-        step = RATED[kind] / CONVERTER_STEPS / (4 if quarter else 1) * self._step
+            quarter = abs(value) <= self.rated[kind] / 4
+        step = self.rated[kind] / CONVERTER_STEPS / (4 if quarter else 1) * self._step
         return round(value / step) * step
 
     def set_level(self, time_s: float, kind: str, value: float) -> None:
@@ -112,7 +120,7 @@ class Output:
 
     def set_range(self, time_s: float, kind: str, value: int, running: bool) -> None:
         """Fix the range; a set point beyond a quarter of the scale is a conflict with range 4."""
-        if abs(self.levels[kind]) > RATED[kind] / value:
+        if abs(self.levels[kind]) > self.rated[kind] / value:
             raise ScpiError(-221)
         self.ranges[kind], self.auto[kind] = value, False
         if not running:
@@ -133,6 +141,22 @@ class Output:
         self._course = None
         level = float(self._driven(np.array([self.levels[self.mode]]))[0])
         self.coil.hold(time_s, level if self.on else 0.0)
+
+    def stay(self, time_s: float) -> None:
+        """Hold the point where a list is, which becomes the set point."""
+        left = rest_of(self._course[1], time_s - self._course[0]) if self._course else []
+        if left:
+            self.levels[self.mode] = float(left[0][0][0])
+        self.hold(time_s)
+
+    def halt(self, time_s: float) -> float:
+        """Walk a list to the end of its cycle and hold its last point; return when that is, s."""
+        left = rest_of(self._course[1], time_s - self._course[0]) if self._course else []
+        if not left:
+            return time_s
+        levels, dwells, _ = left[0]
+        self.levels[self.mode] = float(levels[-1])
+        return self.run(time_s, [(levels, dwells, 1)])
 
     def run(self, time_s: float, passes: list[Pass]) -> float:
         """Drive lists of set points, then the fixed one; returns when the last one ends, in s."""
@@ -194,7 +218,7 @@ class Output:
             ("CURR", 1.0, CURRENT_TRIPPED),
             ("VOLT", ohm, VOLTAGE_TRIPPED),
         ):
-            if (
+            if kind in self.trips and (
                 highest * scale > self.protections[kind, "POS"]
                 or -lowest * scale > self.protections[kind, "NEG"]
             ):

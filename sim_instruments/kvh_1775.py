@@ -28,7 +28,6 @@ import numpy.typing as npt
 from sim_instruments.frame_stream import Arrived, FrameStreamServer
 from sim_instruments.instrument import Setting
 from sim_instruments.nine_axis_model import LASTING_FAULTS, Counters, NineAxisModel
-from sim_instruments.tcp import HOST
 from sim_instruments.world.nine_axis_sensor import Means
 
 FIRMWARE = "1775-1.04"
@@ -116,14 +115,7 @@ class Kvh1775:
 
     def describe(self) -> dict[str, Any]:
         """Return what `station sim` prints about this instrument."""
-        port = self._server.port
-        return {
-            "model": "KVH 1775",
-            "protocol": "frames",
-            "address": f"socket://{HOST}:{port}",
-            "host": HOST,
-            "port": port,
-        }
+        return self._server.describe("KVH 1775")
 
     def close(self) -> None:
         """Stop serving."""

@@ -23,11 +23,13 @@ ALIGNED, ALIGNING = 1 << 0, 1 << 1
 OFF_BIT, ALIGNMENT_FAILED, GYRO_FAILED = 1 << 8, 1 << 9, 1 << 10
 SLOWEST, FASTEST = 10, 100  # outputs per second in units of 0.1 Hz
 FIRMWARE_MAJOR, FIRMWARE_MINOR, HARDWARE_REVISION, PROTOCOL_VERSION = 1, 0, 1, 1
-FIRST_AHEAD, MOST_AHEAD = 24, 256
+FIRST_AHEAD, MOST_AHEAD = 16, 256
 LONGEST_AHEAD_S = 60.0
 LASTING_FAULTS = (Frozen.kind, Silent.kind, AlignmentFails.kind, GyroFails.kind)
 
 Array = npt.NDArray[np.float64]
+Values = list[float]
+"""Heading, pitch and roll in deg, and the temperatures of the gyros x, y, z in degC."""
 
 
 @runtime_checkable
@@ -103,7 +105,7 @@ class NavigatorModel:
         self._closed = False
         self._run = 0
         self._aligning_since_s: float | None = None
-        self._last: tuple[Array, Array] | None = None
+        self._last: Values | None = None
         self.rate = 0
         """Outputs per second now, in units of 0.1 Hz; 0 while nothing is output."""
         self.counter = 0
@@ -192,28 +194,27 @@ class NavigatorModel:
         """Return the next output; None for one that a fault keeps back."""
         self._faults.catch_up()
         self.counter += 1
-        angles, temperatures = self._values()
+        values = self._values()
         if self._faults.now(Frozen.kind) is not None and self._last is not None:
-            angles, temperatures = self._last
-        self._last = angles, temperatures
+            values = self._last
+        self._last = values
         if self._faults.now(Silent.kind) is not None:
             return None
-        heading, pitch, roll = angles.tolist()
-        x, y, z = temperatures.tolist()
+        heading, pitch, roll, x, y, z = values
         return Output(self.counter & 0xFFFF, heading, pitch, roll, (x, y, z), self.status())
 
-    def _values(self) -> tuple[Array, Array]:
+    def _values(self) -> Values:
         """Return angles and temperatures of the present output."""
         assert self._world is not None
         if self._version != self._world.version:
             self._forget_ahead()
-        if self._used == len(self._angles):
+        if self._used == len(self._computed):
             self._compute_ahead(self._world)
         self._used += 1
-        return self._angles[self._used - 1], self._temperatures[self._used - 1]
+        return self._computed[self._used - 1]
 
     def _forget_ahead(self) -> None:
-        self._angles = self._temperatures = np.empty((0, 3))
+        self._computed: list[Values] = []
         self._used = 0
         self._ahead = FIRST_AHEAD
         self._version = self._world.version if self._world is not None else 0
@@ -227,6 +228,6 @@ class NavigatorModel:
         step = self._resolution_deg
         angles = np.round(world.navigator_attitude(times_s) / step) * step
         angles[:, 0] %= 360.0
-        self._angles = angles
-        self._temperatures = np.array(world.gyro_temperature_degC(times_s))
+        temperatures = np.asarray(world.gyro_temperature_degC(times_s))
+        self._computed = np.column_stack((angles, temperatures)).tolist()
         self._used = 0

@@ -20,6 +20,7 @@ from sim_instruments.world.nine_axis_sensor import Means
 FIRST_AHEAD, MOST_AHEAD = 16, 1024
 LONGEST_AHEAD_S = 60.0
 SHORTEST_BATCH_S = 0.1
+ROOM_DEGC = 22.0
 LASTING_FAULTS = (Frozen.kind, Silent.kind, Overload.kind, GyroFails.kind, Overheating.kind)
 
 Array = npt.NDArray[np.float64]
@@ -50,12 +51,32 @@ class SensorWorld(Protocol):
         ...
 
 
+class Shelf:
+    """A world of another procedure: the sensor lies there, on, and measures nothing."""
+
+    version = 0
+    dut_powered = True
+    range_deg_per_s = 1000.0
+
+    def nine_axis_means(self, edges_s: Array) -> Means:
+        """Return zeros that are not valid, at room temperature."""
+        count = edges_s.size - 1
+        nothing = np.zeros((count, 3))
+        return Means(
+            nothing,
+            np.zeros((count, 3), dtype=np.bool_),
+            nothing,
+            nothing,
+            np.full(count, ROOM_DEGC),
+        )
+
+
 class NineAxisModel:
     """A sensor that gives its outputs to `send` when they are due, in batches of at least 0.1 s.
 
     `encode` makes frames of what is measured: it is given counters from 1 and the means. Truth
     (`simulator` mapping): `latency` between an output and its first byte; `clock_error`, by how
-    much the sensor's intervals are too long. `powered` is false in a world without a sensor.
+    much the sensor's intervals are too long.
     """
 
     def __init__(
@@ -71,7 +92,8 @@ class NineAxisModel:
             raise SimulationError(f"{truth.where}.latency: must not be negative")
         self._name, self._clock, self._faults = setting.name, setting.clock, setting.faults
         self._lock = setting.world.lock
-        self._world = setting.world if isinstance(setting.world, SensorWorld) else None
+        world = setting.world
+        self._world: SensorWorld = world if isinstance(world, SensorWorld) else Shelf()
         self._encode, self._send = encode, send
         self._closed = False
         self._run = 0
@@ -85,8 +107,8 @@ class NineAxisModel:
 
     @property
     def powered(self) -> bool:
-        """Whether there is a sensor, and it is switched on."""
-        on = self._world is not None and self._world.dut_powered
+        """Whether the sensor is switched on."""
+        on = self._world.dut_powered
         if not on:
             self.rate_Hz = 0.0
         return on
@@ -132,19 +154,18 @@ class NineAxisModel:
 
     def _next(self, batch: int) -> Sequence[Any]:
         """Return the frames of the next outputs, without those that a fault keeps back."""
-        assert self._world is not None
         self._faults.catch_up()
         if self._version != self._world.version:
             self._forget_ahead()
         if self._used + batch > len(self._frames):
-            self._compute_ahead(self._world, batch)
+            self._compute_ahead(batch)
         here = slice(self._used, self._used + batch)
         frames = self._frames[here]
         rows = self._rows.rows(here)
         counters = np.arange(self.counter + 1, self.counter + batch + 1)
         self._used += batch
         self.counter += batch
-        if any(self._faults.now(kind) is not None for kind in LASTING_FAULTS):
+        if self._faults.all and any(self._faults.now(kind) is not None for kind in LASTING_FAULTS):
             frames = self._encode(counters, self._as_faults_say(rows))
             times_s = np.asarray(self._begin_s + counters * self._interval_s, dtype=np.float64)
             silent = self._faults.during(Silent.kind, times_s)
@@ -157,7 +178,6 @@ class NineAxisModel:
             rows = self._last.rows(np.zeros(len(rows.temperature_degC), dtype=np.int64))
         gyro, valid = rows.gyro_deg_per_s.copy(), rows.valid.copy()
         if self._faults.now(Overload.kind) is not None:
-            assert self._world is not None
             gyro[:, 0], valid[:, 0] = self._world.range_deg_per_s, False
         if self._faults.now(GyroFails.kind) is not None:
             gyro[:, 0], valid[:, 0] = 0.0, False
@@ -171,12 +191,14 @@ class NineAxisModel:
         self._frames: Sequence[Any] = []
         self._used = 0
         self._ahead = FIRST_AHEAD
-        self._version = self._world.version if self._world is not None else 0
+        self._version = self._world.version
 
-    def _compute_ahead(self, world: SensorWorld, at_least: int) -> None:
+    def _compute_ahead(self, at_least: int) -> None:
         count = max(at_least, min(self._ahead, int(LONGEST_AHEAD_S / self._interval_s)))
         self._ahead = min(2 * self._ahead, MOST_AHEAD)
         counters = np.arange(self.counter, self.counter + count + 1)
-        self._rows = world.nine_axis_means(np.asarray(self._begin_s + self._interval_s * counters))
+        self._rows = self._world.nine_axis_means(
+            np.asarray(self._begin_s + self._interval_s * counters)
+        )
         self._frames = self._encode(counters[1:], self._rows)
         self._used = 0

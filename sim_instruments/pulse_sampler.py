@@ -14,9 +14,11 @@ from sim_instruments.world.laser_gyro_bench import LaserGyroBench
 
 FIRST_AHEAD, MOST_AHEAD = 8, 1024
 LONGEST_AHEAD_S = 60.0
-HEX_DIGITS = 16
 NO_SENSOR = -32768
 FRAME = np.dtype([("sequence", "<u2"), ("counts", "<i4"), ("temperature", "<i2")])
+"""As the board on CAN sends a sample; temperatures in 0.01 degC."""
+
+Rows = npt.NDArray[np.void]
 
 
 class PulseSampler:
@@ -52,27 +54,27 @@ class PulseSampler:
         """Return the run time at which interval `sample` (from 1) ends."""
         return self._begin_s + sample * self.interval_s
 
-    def frames_hex(self, count: int) -> list[str]:
-        """Return the data of the next `count` samples' frames, in hexadecimal."""
+    def rows(self, count: int) -> Rows:
+        """Return the next `count` samples, of FRAME."""
         if self._version != self._world.version:
             self._forget_ahead()
-        if self._used + count > len(self._hex):
+        if self._used + count > len(self._rows):
             self._compute_ahead(count)
-        found = self._hex[self._used : self._used + count]
+        found = self._rows[self._used : self._used + count]
         self._used += count
         self._samples += count
         self._angle_arcsec = float(self._angles[self._used - 1])
         return found
 
     def _forget_ahead(self) -> None:
-        self._hex: list[str] = []
+        self._rows: Rows = np.empty(0, dtype=FRAME)
         self._angles: npt.NDArray[np.float64] = np.empty(0)
         self._used = 0
         self._ahead = FIRST_AHEAD
         self._version = self._world.version
 
     def _compute_ahead(self, at_least: int) -> None:
-        assert self._noise is not None, "begin comes before frames_hex"
+        assert self._noise is not None, "begin comes before rows"
         gyro, first = self._world.gyro, self._samples
         count = max(at_least, min(self._ahead, int(LONGEST_AHEAD_S / self.interval_s)))
         self._ahead = min(2 * self._ahead, MOST_AHEAD)
@@ -91,8 +93,7 @@ class PulseSampler:
         frames["counts"] = counts.astype(np.int32)
         warm = gyro.temperature_degC(edges_s[1:])
         frames["temperature"] = np.clip(np.round(warm * 100.0), -32767, 32767).astype(np.int16)
-        text = frames.tobytes().hex()
-        self._hex = [text[k : k + HEX_DIGITS] for k in range(0, len(text), HEX_DIGITS)]
+        self._rows = frames
         self._used = 0
 
 
@@ -114,10 +115,10 @@ class OpenInputs:
         """Return the run time at which interval `sample` (from 1) ends."""
         return self._begin_s + sample * self.interval_s
 
-    def frames_hex(self, count: int) -> list[str]:
-        """Return the data of the next `count` samples' frames, in hexadecimal."""
+    def rows(self, count: int) -> Rows:
+        """Return the next `count` samples, of FRAME."""
         frames = np.zeros(count, dtype=FRAME)
         frames["sequence"] = np.arange(self._samples + 1, self._samples + count + 1) & 0xFFFF
         frames["temperature"] = NO_SENSOR
         self._samples += count
-        return [frame.tobytes().hex() for frame in frames]
+        return frames

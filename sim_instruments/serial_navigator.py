@@ -28,7 +28,6 @@ from sim_instruments.navigator_model import (
     NavigatorModel,
     Output,
 )
-from sim_instruments.tcp import HOST
 
 SYNC = bytes((0x9A, 0x65))
 COMMAND, OUTPUT, ACK, STATUS, IDENTITY = 0x10, 0x90, 0x91, 0x92, 0x93
@@ -125,14 +124,7 @@ class SerialNavigator:
 
     def describe(self) -> dict[str, Any]:
         """Return what `station sim` prints about this instrument."""
-        port = self._server.port
-        return {
-            "model": "FOG navigator",
-            "protocol": "frames",
-            "address": f"socket://{HOST}:{port}",
-            "host": HOST,
-            "port": port,
-        }
+        return self._server.describe("FOG navigator")
 
     def close(self) -> None:
         """Stop serving."""

@@ -5,11 +5,13 @@ from __future__ import annotations
 import socket
 from collections.abc import Callable
 from contextlib import AbstractContextManager, suppress
+from importlib.resources import files
 from threading import Lock
+from typing import Any
 
 from sim_instruments.faults.instrument import InstrumentFaults
 from sim_instruments.faults.taps import FrameTap
-from sim_instruments.tcp import TcpServer
+from sim_instruments.tcp import HOST, TcpServer
 from station.clock import Clock
 
 LONGEST_COMMAND = 4096
@@ -48,6 +50,18 @@ class SocketcandServer(TcpServer):
     def clients(self) -> int:
         """How many clients get frames now."""
         return len(self._raw)
+
+    def describe(self, model: str, dbc: str) -> dict[str, Any]:
+        """Return what `station sim` prints about the device; `dbc` names its message file."""
+        return {
+            "model": model,
+            "protocol": "socketcand",
+            "address": f"socketcand://{self.address}/{self.channel}",
+            "host": HOST,
+            "port": self.port,
+            "channel": self.channel,
+            "dbc": str(files("config") / "dbc" / f"{dbc}.dbc"),
+        }
 
     def send_frames(self, text: str, count: int) -> None:
         """Send `count` frames, already written as `< frame … >`, to every client in raw mode."""

@@ -107,7 +107,6 @@ class WatlowF4T:
 
     def close(self) -> None:
         """Stop serving."""
-        self._set_point.close()
         self._server.close()
 
     # The registers.

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from threading import Lock
 from typing import Any, ClassVar
 
 import numpy as np
@@ -36,9 +35,6 @@ ROOM: dict[str, Any] = {
     "cycling": {"amplitude": "0.15 K", "period": "15 min"},
 }
 """A chamber of the usual kind, for worlds in which no device stands in one."""
-
-STEP_K = 0.05
-SHORTEST_STEP_S = 1.0
 
 
 class Plant:
@@ -91,6 +87,10 @@ class Plant:
         """Control to another temperature from now on."""
         self._chamber.set_point(self._clock.now(), temperature_degC)
 
+    def ramp(self, from_degC: float, to_degC: float, rate_K_per_s: float) -> None:
+        """Control to a temperature that goes to another from now on."""
+        self._chamber.ramp(self._clock.now(), from_degC, to_degC, rate_K_per_s)
+
     def control(self, on: bool) -> None:
         """Give heater and compressor to the controller, or switch them off."""
         self._controls = on
@@ -127,18 +127,12 @@ class Plant:
 
 
 class SetPoint:
-    """The set-point that a controller controls to, which may be on a ramp to another.
-
-    A ramp goes in steps of 0.05 K, as a participant in time of its own, so that the air is right
-    for whoever looks at it, also while nobody asks the controller.
-    """
+    """The set-point that a controller controls to, which may be on a ramp to another."""
 
     def __init__(self, setting: Setting, plant: Plant, value_degC: float) -> None:
-        self._name, self._clock, self._plant = setting.name, setting.clock, plant
-        self._lock, self._guard = setting.world.lock, Lock()
+        self._clock, self._plant = setting.clock, plant
         self._start_degC = self.target_degC = value_degC
         self._began_s, self._rate_K_per_s = 0.0, math.inf
-        self._turn = 0
         plant.set_point(value_degC)
 
     def now_degC(self) -> float:
@@ -151,36 +145,14 @@ class SetPoint:
 
     def jump(self, target_degC: float) -> None:
         """Stand at a temperature from now on."""
-        with self._guard:
-            self._turn += 1
         self.target_degC, self._rate_K_per_s = target_degC, math.inf
         self._plant.set_point(target_degC)
 
     def ramp(self, target_degC: float, rate_K_per_s: float, start_degC: float) -> None:
         """Go to a temperature at a rate; a rate of zero stands still."""
-        with self._guard:
-            self._turn += 1
-            turn = self._turn
         self._start_degC, self.target_degC = start_degC, target_degC
         self._began_s, self._rate_K_per_s = self._clock.now(), rate_K_per_s
-        self._plant.set_point(start_degC)
         if rate_K_per_s > 0 and start_degC != target_degC:
-            step_s = max(STEP_K / rate_K_per_s, SHORTEST_STEP_S)
-            self._clock.start(f"{self._name} ramp {turn:06d}", lambda: self._walk(turn, step_s))
-
-    def close(self) -> None:
-        """End a ramp that goes on."""
-        with self._guard:
-            self._turn += 1
-
-    def _walk(self, turn: int, step_s: float) -> None:
-        arrived = False
-        while not arrived:
-            self._clock.sleep(step_s)
-            with self._lock:
-                with self._guard:
-                    if turn != self._turn:
-                        return
-                here_degC = self.now_degC()
-                arrived = here_degC == self.target_degC
-                self._plant.set_point(here_degC)
+            self._plant.ramp(start_degC, target_degC, rate_K_per_s)
+        else:
+            self._plant.set_point(start_degC)

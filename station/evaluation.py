@@ -16,7 +16,7 @@ from station.errors import EXIT_DONE, EXIT_OUTSIDE_LIMIT, EXIT_UNDETERMINED
 from station.faults import FaultList, not_there
 from station.record.files import write_whole_file
 from station.record.folder import REPORT, RESULTS, RESUMED, RunFolder
-from station.record.manifest import write_manifest
+from station.record.manifest import MANIFEST, write_manifest
 from station.recorded import left_unverified, read_plan_and_bench, used_instruments
 from station.results import Findings, Flag, ResultDocument, conclude
 
@@ -102,9 +102,9 @@ def conclude_run(path: Path, *, report: bool = True) -> ResultDocument:
     folder = RunFolder(path)
     revision = folder.new_revision()
     document = write_revision(folder, revision, report=report)
-    for name in (RESULTS, REPORT):
-        if (revision / name).is_file():
-            write_whole_file(path / name, (revision / name).read_bytes())
+    for file in sorted(revision.iterdir()):
+        if file.name != MANIFEST:
+            write_whole_file(path / file.name, file.read_bytes())
     return document
 
 

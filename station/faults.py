@@ -20,9 +20,13 @@ class Fault:
     what: str
     hint: str | None = None
 
+    @property
+    def said(self) -> str:
+        """What is wrong and what was probably meant, for whoever knows the place."""
+        return f"{self.what}; did you mean {self.hint}" if self.hint else self.what
+
     def __str__(self) -> str:
-        tail = f"; did you mean {self.hint}" if self.hint else ""
-        return f"{self.file}:{self.line}:{self.column}: {self.where}: {self.what}{tail}"
+        return f"{self.file}:{self.line}:{self.column}: {self.where}: {self.said}"
 
 
 class FaultList(InputError):

@@ -1,4 +1,4 @@
-"""Find a plan or a bench: a path, then `./config`, then what the package brings along."""
+"""Find a plan, a bench or data: a path, then `./config`, then what the package brings along."""
 
 from __future__ import annotations
 
@@ -13,22 +13,22 @@ _ONE = {PLANS: "plan", BENCHES: "bench"}
 _SUFFIX = ".yaml"
 
 
-def find(kind: str, name: str) -> Path:
-    """Return the file of a plan or bench, given as a path or by name, with or without `.yaml`.
+def find(kind: str, name: str, suffix: str = _SUFFIX) -> Path:
+    """Return the file of a plan or bench, given as a path or by name, with or without its suffix.
 
-    Raises FaultList that lists what there is.
+    `kind` is the folder of `config` that holds what has a name. Raises FaultList that lists what
+    there is.
     """
     as_path = Path(name)
     if as_path.is_file():
         return as_path
-    known = _known(kind)
-    wanted = name.removesuffix(_SUFFIX)
+    known = _known(kind, suffix)
+    wanted = name.removesuffix(suffix)
     if wanted in known:
         return known[wanted]
-    hint = nearest(as_path.name.removesuffix(_SUFFIX), known)
-    what = (
-        f"there is no such {_ONE[kind]}, neither as a file nor by name; there are {listed(known)}"
-    )
+    hint = nearest(as_path.name.removesuffix(suffix), known)
+    kind_said = _ONE.get(kind, "file")
+    what = f"there is no such {kind_said}, neither as a file nor by name; there are {listed(known)}"
     raise FaultList([Fault(name, 1, 1, "file", what, hint and f"'{hint}'")])
 
 
@@ -41,10 +41,10 @@ def available(kind: str) -> list[tuple[str, str]]:
     ]
 
 
-def _known(kind: str) -> dict[str, Path]:
+def _known(kind: str, suffix: str = _SUFFIX) -> dict[str, Path]:
     """Return the files by name; one in `./config` hides one of the package."""
     packaged = Path(str(files("config"))) / kind
     found: dict[str, Path] = {}
     for folder in (packaged, Path("config", kind)):
-        found.update({path.stem: path for path in sorted(folder.glob(f"*{_SUFFIX}"))})
+        found.update({path.stem: path for path in sorted(folder.glob(f"*{suffix}"))})
     return found

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from station.errors import InputError
@@ -112,7 +113,7 @@ def not_told(parameters: Any) -> tuple[str, ...]:
 
 
 def every_axis(parameters: Any) -> Mapping[str, tuple[str, ...]]:
-    """Return nothing: a run of the procedure measures every axis of every result."""
+    """Return nothing: a run measures every axis of every result, and needs a limit for none."""
     return {}
 
 
@@ -123,6 +124,11 @@ def no_outlook(parameters: Any) -> Sequence[str]:
 
 def nothing_undetermined(parameters: Any) -> Mapping[str, str]:
     """Return nothing, for a procedure whose every plan determines all of its results alone."""
+    return {}
+
+
+def no_inputs(parameters: Any) -> Mapping[str, Path]:
+    """Return nothing: plan and bench are all that a run is given."""
     return {}
 
 
@@ -149,11 +155,14 @@ class Procedure:
     report(findings, document): plots and tables of its own;
     units(parameters): the units of work that a run of the plan will finish, in order;
     forecast(parameters, bench): what a run will command and record; opens nothing;
+    inputs(parameters): files that the plan names, by their places in the run folder, where copies
+    of them are kept and read from;
     files(findings, document): name to text of files beside the results, such as a compensation;
     outlook(parameters): in lines, what a plan determines and how well, before anything moves;
     undetermined(parameters): result names that a plan does not determine alone, with the sentence
     to tell whoever limits them;
     measured_axes(parameters): the axes of those results of which a plan may leave some out;
+    needs_limits(parameters): the results, with their axes, that a plan ends by deciding;
     assumptions: what its numbers do not say;
     conditions(): model of an imported dataset's `conditions`, for the JSON Schema.
     """
@@ -174,8 +183,10 @@ class Procedure:
     forecast: Callable[[Any, Bench], Forecast] = no_forecast
     outlook: Callable[[Any], Sequence[str]] = no_outlook
     undetermined: Callable[[Any], Mapping[str, str]] = nothing_undetermined
+    inputs: Callable[[Any], Mapping[str, Path]] = no_inputs
     files: Callable[[Findings, ResultDocument], Mapping[str, str]] = no_files
     measured_axes: Callable[[Any], Mapping[str, tuple[str, ...]]] = every_axis
+    needs_limits: Callable[[Any], Mapping[str, tuple[str, ...]]] = every_axis
     assumptions: tuple[str, ...] = ()
     conditions: Callable[[], type[StrictModel]] | None = None
 

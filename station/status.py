@@ -189,8 +189,8 @@ def remaining_s(
 
     units = set(planned.get("units", ()))
     units_left = units - {e.details["unit"] for e in of_kind(all_events, "unit-finished")}
-    finished = [e for e in of_kind(events, "unit-finished") if e.details["unit"] in units]
-    finished_s = [worked_s(event.time_s) for event in finished]
+    in_units = [e for e in of_kind(events, "unit-finished") if e.details["unit"] in units]
+    finished_s = [worked_s(event.time_s) for event in in_units]
     return round(time_left_s(left_s, finished_s, len(units_left), worked_s(now_s)), 3)
 
 

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 FEWEST_UNITS = 3
 LATEST_PART = 4
 """The pace is that of the latest quarter of the units: later ones may take longer than early."""
+ALIKE = 3.0
+"""Units that differ by more than this factor, in the latest half of them, have no pace."""
 
 
 def time_left_s(
@@ -23,6 +26,11 @@ def time_left_s(
     if done < FEWEST_UNITS or not units_left:
         return forecast_s
     latest = finished_s[-max(FEWEST_UNITS, done // LATEST_PART) :]
+    took_s = [
+        later - before for before, later in pairwise(finished_s[-max(len(latest), done // 2) :])
+    ]
+    if max(took_s) > ALIKE * min(took_s):
+        return forecast_s
     each_s = (latest[-1] - latest[0]) / (len(latest) - 1)
     paced_s = max(units_left * each_s - (now_s - latest[-1]), 0.0)
     share = done / (done + units_left)

@@ -262,11 +262,15 @@ def opens(folder: Path) -> Iterator[str]:
         yield f"analyse ended with {done.returncode}: {done.stderr.strip()}"
         return
     document = json.loads(done.stdout)
-    axes = {entry["axis"]: entry["value"] for entry in document["results"]}
     finished = set(finished_units(folder))
-    for axis, value in axes.items():
-        if (value is not None) != (axis in finished):
+    for entry in document["results"]:
+        name, axis, value = entry["name"], entry["axis"], entry["value"]
+        # The units of work of the laser gyro are its axes.
+        if document["procedure"] == PROCEDURE and (value is not None) != (axis in finished):
             yield f"{axis} is {value}, finished units are {sorted(finished)}"
-        flagged = any(flag["axis"] == axis for flag in document["flags"])
+        flagged = any(
+            flag["axis"] == axis and name in flag.get("coefficients", [name])
+            for flag in document["flags"]
+        )
         if value is None and not flagged:
-            yield f"{axis} is missing and no flag says so"
+            yield f"{name} {axis or ''} is missing and no flag says so"

@@ -31,7 +31,7 @@ from station.lookup import BENCHES, PLANS, available, find
 from station.plan import Plan
 from station.procedure import Step
 from station.record.folder import RunFolder, RunRecord
-from station.runner.execute import conclude, head_of
+from station.runner.execute import conclude, head_of, inputs_of
 from station.runner.outcome import Outcome
 from station.runner.progress import Progress
 from station.runner.prompts import Operator
@@ -47,6 +47,16 @@ SHORT_FORMS: Mapping[str, tuple[str, ...]] = {
         "parameters.frequency=0.2 Hz",
         "parameters.duration=50 s",
         "parameters.axes=[IA, NA]",
+        "parameters.settle=5 s",
+        "parameters.warm_up.slope_limit=40 deg/h^2",
+        "parameters.warm_up.window=30 s",
+        "parameters.warm_up.at_most=5 min",
+    ),
+    "rlg-magnetic-sensitivity-simultaneous": (
+        "parameters.duration=100 s",
+        "parameters.stop.uncertainty=0.008 deg/h/mT",
+        "parameters.stop.at_most=200 s",
+        "parameters.checks=[background]",
         "parameters.settle=5 s",
         "parameters.warm_up.slope_limit=40 deg/h^2",
         "parameters.warm_up.window=30 s",
@@ -91,11 +101,12 @@ SHORT_FORMS: Mapping[str, tuple[str, ...]] = {
         "parameters.rates=[20 deg/s, 40 deg/s, 60 deg/s, 80 deg/s, 100 deg/s]",
     ),
 }
-"""What makes a procedure's plan short; without an entry a plan runs as it is shipped."""
+"""What makes a plan short, by its name; without an entry it runs as it is shipped. A variant of a
+procedure's plan joins the campaign by an entry."""
 
 FIRST, MIDDLE, LASTING = "first message", "middle", "from the middle on"
 LONG = "100 h"
-BOARD_COMMANDS = {"can-pulse-board": 0x100, "can-navigator": 0x0A0}
+BOARD_COMMANDS = {"can-pulse-board": 0x100, "can-navigator": 0x0A0, "can-imu": 0x0C0}
 """The frame by which a driver commands its instrument on a bus that others use as well."""
 
 
@@ -108,6 +119,7 @@ class Case:
     kind: str
     step: str
     placement: str
+    bench: str = BENCH
 
     @property
     def role(self) -> str:
@@ -115,7 +127,8 @@ class Case:
         return self.instrument.partition(".")[0]
 
     def __str__(self) -> str:
-        return f"{self.plan} {self.instrument} {self.kind} {self.step} {self.placement}"
+        where = "" if self.bench == BENCH else f"{self.bench} "
+        return f"{where}{self.plan} {self.instrument} {self.kind} {self.step} {self.placement}"
 
 
 class Traffic(NamedTuple):
@@ -154,6 +167,7 @@ class Reference:
     raw: Mapping[str, RawContent]
     instruments: Mapping[str, tuple[str, str]]
     """Protocol and driver of each simulated instrument that the run opened."""
+    bench: str = BENCH
 
     def begins(self, step: str) -> int:
         """Return the place of a step's mark."""
@@ -181,9 +195,9 @@ class Reference:
         return {**fault, "for": LONG} if case.placement == LASTING else fault
 
 
-def bench_data() -> dict[str, Any]:
-    """Return the data of the simulated bench."""
-    data: dict[str, Any] = yaml.safe_load(find(BENCHES, BENCH).read_text(encoding="utf-8"))
+def bench_data(bench: str = BENCH) -> dict[str, Any]:
+    """Return the data of a simulated bench."""
+    data: dict[str, Any] = yaml.safe_load(find(BENCHES, bench).read_text(encoding="utf-8"))
     return data
 
 
@@ -195,15 +209,16 @@ def read_bench_at(path: Path) -> Bench:
 def short(plan: str, bench: Bench) -> Plan:
     """Return a shipped plan in its short form; raises FaultList where it cannot run."""
     name = yaml.safe_load(find(PLANS, plan).read_text(encoding="utf-8")).get("procedure", "")
-    return read_plan_for(plan, bench, SHORT_FORMS.get(str(name), ()))
+    return read_plan_for(plan, bench, SHORT_FORMS.get(plan, SHORT_FORMS.get(str(name), ())))
 
 
 def plans() -> list[str]:
-    """Return the plan of each procedure that is valid on the simulated bench; variants left out."""
+    """Return the plans that are valid on the simulated bench; of variants those with an entry."""
     bench, found = read_bench_at(find(BENCHES, BENCH)), []
     for name, _ in available(PLANS):
         with suppress(FaultList):
-            if short(name, bench).procedure == name and name in WORLDS:
+            procedure = short(name, bench).procedure
+            if procedure in WORLDS and name in (procedure, *SHORT_FORMS):
                 found.append(name)
     return found
 
@@ -215,19 +230,19 @@ def all_cases(plan: str, reference: Reference) -> Iterator[tuple[Case, dict[str,
         for kind in applicable_faults(protocol, driver):
             for mark in reference.marks[:-1]:
                 for placement in (FIRST, MIDDLE, LASTING):
-                    case = Case(plan, instrument, kind, mark.step, placement)
+                    case = Case(plan, instrument, kind, mark.step, placement, reference.bench)
                     entry = reference.entry(case)
                     if entry is not None and repr(entry) not in seen:
                         seen.add(repr(entry))
                         yield case, entry
 
 
-def roles_and_kinds(plan: str) -> list[tuple[str, str]]:
+def roles_and_kinds(plan: str, bench_name: str = BENCH) -> list[tuple[str, str]]:
     """Return every kind of fault of every role that a plan needs, chosen without a run."""
-    bench = read_bench_at(find(BENCHES, BENCH))
+    bench = read_bench_at(find(BENCHES, bench_name))
     read = short(plan, bench)
     procedure = registry.procedure(read.procedure)
-    simulated = served(read.procedure)
+    simulated = served(read.procedure, bench_name)
     pairs: dict[tuple[str, str], None] = {}
     for name in (*procedure.instruments(read.parameters), "interlock_chain"):
         if name in simulated:
@@ -244,29 +259,28 @@ def steps(plan: str) -> list[str]:
 
 
 @lru_cache
-def served(procedure: str) -> Mapping[str, str]:
+def served(procedure: str, bench: str = BENCH) -> Mapping[str, str]:
     """Return the simulated instruments of a procedure's bench with their protocols."""
-    simulated = SimulatedBench(bench_data(), VirtualClock(), procedure)
+    simulated = SimulatedBench(bench_data(bench), VirtualClock(), procedure)
     simulated.close()
     return {name: str(one["protocol"]) for name, one in simulated.instruments.items()}
 
 
-def reference_run(plan_name: str, folder: Path) -> Reference:
+def reference_run(plan_name: str, folder: Path, bench_name: str = BENCH) -> Reference:
     """Run a plan without faults and note where its steps begin."""
     folder.mkdir(parents=True, exist_ok=True)
     world, bench_file = folder / "world.json", folder / "bench.yaml"
-    data = bench_data()
+    data = bench_data(bench_name)
     data["simulation"]["report"] = str(world)
     bench_file.write_text(yaml.safe_dump(data), encoding="utf-8")
     bench = read_bench_at(bench_file)
     plan = short(plan_name, bench)
-    procedure, simulated = registry.procedure(plan.procedure), served(plan.procedure)
+    procedure, simulated = registry.procedure(plan.procedure), served(plan.procedure, bench_name)
     marks: list[Mark] = []
     with BenchSession(bench, plan.procedure) as session:
         clock = session.clock
-        record = RunRecord(
-            folder / "runs", plan.procedure, plan.dut.serial, clock, head_of(plan, bench, clock)
-        )
+        head = {**head_of(plan, bench, clock), **inputs_of(procedure, plan)}
+        record = RunRecord(folder / "runs", plan.procedure, plan.dut.serial, clock, head)
         outcome = Outcome(record.path)
         trace = Trace(record.path, clock)
 
@@ -303,6 +317,7 @@ def reference_run(plan_name: str, folder: Path) -> Reference:
             for name, protocol in simulated.items()
             if name in opened
         },
+        bench_name,
     )
 
 

@@ -191,7 +191,10 @@ def results_are_right(
     document = ended.outcome.document if ended.outcome else None
     if ended.exit_code != 0 or document is None or document.verdict != "pass":
         return
-    data, true_of = bench_data(), TRUTHS.get(document.procedure, lambda bench, result: None)
+    data, true_of = (
+        bench_data(case.bench),
+        TRUTHS.get(document.procedure, lambda bench, result: None),
+    )
     values = {(one["name"], one["axis"]): one["value"] for one in reference_results(reference)}
     for result in document.to_data()["results"]:
         if result["value"] is None and values[result["name"], result["axis"]] is not None:

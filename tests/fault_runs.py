@@ -51,7 +51,7 @@ class Ended:
 def run_case(case: Case, entry: Mapping[str, Any], folder: Path) -> Ended:
     """Run a plan with a fault, in this process on virtual time."""
     folder.mkdir(parents=True)
-    data = bench_data()
+    data = bench_data(case.bench)
     report = folder / "world.json"
     data["simulation"] |= {"report": str(report), "faults": [dict(entry)]}
     (folder / "bench.yaml").write_text(yaml.safe_dump(data), encoding="utf-8")

@@ -55,23 +55,32 @@ class World:
         """Return the bench time of a moment."""
         return (unix_s - self.epoch_unix) * self.speed
 
-    def at_rest(self, axes: str = "xy") -> bool:
-        """Whether the supplies of these coils are off and the coils carry no current."""
+    def at_rest(self, axes: str | None = None) -> bool:
+        """Whether the supplies of these coils are off and the coils carry no current.
+
+        Without `axes`: whether nothing at all that can harm is energised.
+        """
         state = self.report()
-        return all(
-            not state["outputs"][f"coil_supply.{axis}"]
-            and abs(state["coils"][axis]["current_A"]) < NEAR_ZERO_A
-            for axis in axes
+        coils = state["coils"] if axes is None else {axis: state["coils"][axis] for axis in axes}
+        of_axes = [f"coil_supply.{axis}" for axis in coils]
+        off = not any(
+            state["outputs"][one] for one in (state["outputs"] if axes is None else of_axes)
         )
+        return off and all(abs(one["current_A"]) < NEAR_ZERO_A for one in coils.values())
 
 
 @contextmanager
-def world(folder: Path, speed: float = 1.0, bench: str = "sim") -> Iterator[World]:
+def world(
+    folder: Path,
+    speed: float = 1.0,
+    bench: str = "sim",
+    procedure: str = "rlg-magnetic-sensitivity",
+) -> Iterator[World]:
     """Serve a simulated bench until exit."""
     head = folder / "served.json"
     with head.open("w", encoding="utf-8") as output:
         process = subprocess.Popen(
-            station_command("sim", bench, "--speed", str(speed)),
+            station_command("sim", bench, "--speed", str(speed), "--procedure", procedure),
             stdin=subprocess.PIPE,
             stdout=output,
             stderr=subprocess.PIPE,

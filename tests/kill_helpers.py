@@ -11,7 +11,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from campaign_helpers import finished_units, only_run, raw_content, station_command
+from campaign_helpers import (
+    finished_units,
+    only_run,
+    raw_content,
+    station_command,
+    whole_events,
+)
 
 STARTING, EVALUATING = 0.1, 0.15
 """Share of the kills before the run has a folder to show, and after its last step."""
@@ -132,14 +138,13 @@ def served_bench(
 
 
 def unfinished_unit(folder: Path) -> str | None:
-    """Return the unit of work whose rows were being recorded when the log ended."""
-    finished = set(finished_units(folder))
-    recorded = [unit for unit in gyro_rows(folder) if unit not in finished]
-    return recorded[-1] if recorded else None
+    """Return the unit of work that was under way when the log ended."""
+    begun = [event["unit"] for event in whole_events(folder) if event["event"] == "unit-started"]
+    return begun[-1] if begun and begun[-1] not in finished_units(folder) else None
 
 
 def gyro_rows(folder: Path) -> dict[str, list[np.ndarray]]:
-    """Return the recorded blocks of the gyro by unit of work."""
+    """Return the recorded blocks of the laser gyro by unit of work."""
     file = folder / "raw" / "gyro_acquisition-000.mcap"
     return raw_content(file).rows if file.is_file() else {}
 
@@ -147,12 +152,14 @@ def gyro_rows(folder: Path) -> dict[str, list[np.ndarray]]:
 def lost_real_s(kill: Kill, epoch_unix: float, speed: float) -> float | None:
     """Return how old, in real time, the youngest gyro sample was that a kill left on disk.
 
-    None where no unit of work was being recorded. One sample interval is no loss: nothing came.
+    None where no sample of a laser gyro was being recorded. One sample interval is no loss:
+    nothing came.
     """
     if kill.folder is None or not kill.was_running:
         return None
-    unit = unfinished_unit(kill.folder)
-    if unit is None:
+    finished, rows = set(finished_units(kill.folder)), gyro_rows(kill.folder)
+    recorded = [unit for unit in rows if unit not in finished]
+    if not recorded:
         return None
-    last_arrival_s = float(gyro_rows(kill.folder)[unit][-1]["arrival_time_s"][-1])
+    last_arrival_s = float(rows[recorded[-1]][-1]["arrival_time_s"][-1])
     return kill.unix_s - epoch_unix - last_arrival_s / speed

@@ -88,7 +88,7 @@ class RawLine:
     """A client of the serial line that sends and keeps bytes."""
 
     def __init__(self, stand: Stand) -> None:
-        entry = stand.instruments[NAME]
+        entry = stand.instruments[stand.name]
         self._clock = stand.clock
         self._wire = stand.clock.wire(f"{entry['host']}:{entry['port']}")
         self._socket = socket.create_connection((entry["host"], entry["port"]))
@@ -99,11 +99,15 @@ class RawLine:
 
     def send(self, data: bytes) -> list[tuple[int, bytes]]:
         """Send bytes and return the frames that came within a tenth of a second."""
+        self.write(data)
+        return raw_frames(self.received)
+
+    def write(self, data: bytes) -> None:
+        """Send bytes and keep what comes within a tenth of a second, and after."""
         self.received = b""
         self._wire.sent(len(data))
         self._socket.sendall(data)
         self._clock.sleep(0.1)
-        return raw_frames(self.received)
 
     def close(self) -> None:
         self._wire.close()

@@ -14,6 +14,8 @@ from campaign_helpers import station, whole_events
 from station.record.folder import RunFolder
 
 UNITS_OF_UNCERTAINTY = 3.0
+GOOD = (0, 1, 6)
+"""What a run that went to its end may end with; its verdict must be that of the undisturbed one."""
 CONDITIONS = frozenset({"warm-up"})
 """Units that bring conditions about, and do so again in every process of a run."""
 NEVER_BEGAN, FINISHED = "never began", "is finished"
@@ -74,7 +76,7 @@ def resume_and_judge(folder: Path, reference: Path, *options: str | Path) -> tup
         right = done.returncode == 2 and said in done.stderr
         right &= not was_finished or (folder / "manifest.json").is_file()
         return said, [] if right else [f"exit code {done.returncode}: {done.stderr.strip()}"]
-    if done.returncode != 0:
+    if done.returncode not in GOOD:
         return "failed", [f"resume ended with {done.returncode}: {done.stderr.strip()}"]
     measured = any(
         event["event"] == "run-ended" and event["complete"] for event in whole_events(folder)
@@ -94,9 +96,11 @@ def unlike(folder: Path, reference: Path) -> Iterator[str]:
     expected = {(one["name"], one["axis"]): one for one in results_of(reference)["results"]}
     for one in results_of(folder)["results"]:
         other = expected[one["name"], one["axis"]]
-        if one["value"] is None:
-            yield f"{one['axis']} has no value"
+        what = f"{one['name']} {one['axis'] or ''}".rstrip()
+        if one["value"] is None or other["value"] is None:
+            if one["value"] is not other["value"]:
+                yield f"{what} is {one['value']}, undisturbed {other['value']}"
             continue
         u = math.hypot(one["standard_uncertainty"], other["standard_uncertainty"])
         if abs(one["value"] - other["value"]) > UNITS_OF_UNCERTAINTY * u:
-            yield f"{one['axis']} is {one['value']}, undisturbed {other['value']}, u {u}"
+            yield f"{what} is {one['value']}, undisturbed {other['value']}, u {u}"

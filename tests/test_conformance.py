@@ -21,6 +21,7 @@ OURS = (
     "keysight-33522b",
     "operator-power",
 )
+SECOND = ("kepco-bop-1kw", "lakeshore-425", "serial-pulse-board", "interlock-chain-shared")
 ACCELEROMETER = "accelerometer-magnetic-sensitivity"
 
 BROKEN_SUPPLY = """
@@ -164,8 +165,9 @@ def test_our_driver_conforms(driver: str, tmp_path: Path) -> None:
     assert " passed" in done.stdout
 
 
-def test_our_driver_without_a_line_of_its_own_conforms(tmp_path: Path) -> None:
-    done = conformance(tmp_path, "interlock-chain-shared", "sim-alternate")
+@pytest.mark.parametrize("driver", SECOND)
+def test_our_second_driver_conforms(driver: str, tmp_path: Path) -> None:
+    done = conformance(tmp_path, driver, "sim-alternate")
     assert done.returncode == 0, done.stdout
 
 

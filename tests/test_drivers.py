@@ -314,19 +314,19 @@ def test_what_is_no_can_daemon_is_told_when_the_line_opens(daemon: type[Daemon])
 
 
 CAN_FAULTS = {
-    "silent": ((), "no BOARD_ACK frame came within 0.5 s"),
+    "silent": ((), "no acknowledgement came within 0.5 s"),
     "closed": ((HANG_UP,), "the other side closed the connection"),
     "closed in the middle": ((b"< frame 101 0.0 03", HANG_UP), "closed the connection"),
-    "partial": ((b"< frame 101 0.0 03",), "no BOARD_ACK frame came"),
+    "partial": ((b"< frame 101 0.0 03",), "no acknowledgement came"),
     "bytes": ((b"\xff\x80",), "the line broke"),
     "bad hexadecimal": ((b"< frame 101 0.0 zz >",), "the line broke"),
-    "wrong terminator": ((b"< frame 101 0.0 0300010000000000 }",), "no BOARD_ACK frame came"),
+    "wrong terminator": ((b"< frame 101 0.0 0300010000000000 }",), "no acknowledgement came"),
     "short frame": ((frame(0x101, b"\x03"),), "101#03 is none of its messages"),
     "refused": ((acknowledgement(3, 2, 1),), "refused with bad_interval"),
     "unknown refusal": ((acknowledgement(3, 77, 1),), "refused with 77"),
-    "identity missing": ((acknowledgement(3, 0, 1),), "no BOARD_IDENTITY frame came"),
-    "another's answer": ((acknowledgement(3, 0, 9),), "no BOARD_ACK frame came"),
-    "other traffic": ((frame(0x555, b"\x01") * 50,), "no BOARD_ACK frame came"),
+    "identity missing": ((acknowledgement(3, 0, 1),), "no identity came"),
+    "another's answer": ((acknowledgement(3, 0, 9),), "no acknowledgement came"),
+    "other traffic": ((frame(0x555, b"\x01") * 50,), "no acknowledgement came"),
 }
 
 

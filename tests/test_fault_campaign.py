@@ -54,10 +54,18 @@ def chosen() -> list[tuple[str, str]]:
 KINDS = [
     (IN_PLANS[pair][number % len(IN_PLANS[pair])], *pair) for number, pair in enumerate(chosen())
 ]
-STEPS = [(plan, step) for plan in PLANS for step in steps(plan)]
+STEPS = [(plan, step) for plan in PLANS if plan in TRUTHS for step in steps(plan)]
 STRIDE = 7
 """Steps through the cases of a kind so that neighbours get other steps and placements."""
 Referred = Callable[[str], Reference]
+
+ALTERNATE, ONE_PLAN = "sim-alternate", "rlg-magnetic-sensitivity"
+ONE_IN_ALTERNATE = 4
+ON_ALTERNATE = [
+    (role, kind)
+    for number, (role, kind) in enumerate(roles_and_kinds(ONE_PLAN, ALTERNATE))
+    if role != "interlock_chain" and number % ONE_IN_ALTERNATE == 0
+]
 
 
 @pytest.fixture(scope="session")
@@ -90,6 +98,29 @@ def test_every_kind_of_fault_ends_in_order(
     assert possible, "no message of the run can have this fault"
     case, entry = possible[STRIDE * KINDS.index((plan, role, kind)) % len(possible)]
     verdict = judged(case, entry, ran, tmp_path)
+    assert not verdict.violations, (str(case), entry, verdict)
+
+
+@pytest.fixture(scope="session")
+def alternate(tmp_path_factory: pytest.TempPathFactory) -> Reference:
+    """Return the run without faults on the bench with second models."""
+    return reference_run(ONE_PLAN, tmp_path_factory.mktemp("alternate"), ALTERNATE)
+
+
+@pytest.mark.parametrize(
+    ("role", "kind"), ON_ALTERNATE, ids=[" ".join(one) for one in ON_ALTERNATE]
+)
+def test_a_fault_of_a_second_model_ends_in_order(
+    role: str, kind: str, alternate: Reference, tmp_path: Path
+) -> None:
+    possible = [
+        (case, entry)
+        for case, entry in all_cases(ONE_PLAN, alternate)
+        if case.role == role and case.kind == kind
+    ]
+    assert possible, "no message of the run can have this fault"
+    case, entry = possible[STRIDE * ON_ALTERNATE.index((role, kind)) % len(possible)]
+    verdict = judged(case, entry, alternate, tmp_path)
     assert not verdict.violations, (str(case), entry, verdict)
 
 

@@ -65,7 +65,7 @@ ENDS_WITH_A_SENTENCE = [
     (entry(GAUSSMETER, "previous-reply", **WHILE_RECORDING), "its time stamps run backwards"),
     (entry(GAUSSMETER, "nan", **WHILE_RECORDING), "gaussmeter: read its buffer: '2026-"),
     (entry(GAUSSMETER, "port-gone", **WHILE_RECORDING), "gaussmeter: sent 'FETC:BUFF:DC?'"),
-    (entry(BOARD, "lost-frame", command=COMMAND), "no BOARD_ACK frame came within 0.5 s"),
+    (entry(BOARD, "lost-frame", command=COMMAND), "no acknowledgement came within 0.5 s"),
     (entry(BOARD, "partial", command=COUNTS, **WHILE_RECORDING), "is none of its messages"),
     (entry(BOARD, "silent", **WHILE_RECORDING), "gyro_acquisition: record NA: no sample came"),
     (entry(BOARD, "dark", at="0 s"), "gyro_acquisition: start channel 1: the board sees no lit"),

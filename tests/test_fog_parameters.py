@@ -111,7 +111,7 @@ def test_a_heading_too_coarse_for_what_is_asked_is_said_with_the_ppm_to_expect()
     (problem,) = check(coarse, bench())
     assert problem.where == ("parameters", "heading_resolution")
     assert "11 ppm of every turn" in problem.what
-    assert "u = 2.5 ppm is to be expected where 1 ppm is asked for" in problem.what
+    assert "u = 2.4 ppm is to be expected where 1 ppm is asked for" in problem.what
 
 
 def test_a_bias_too_large_for_what_is_asked_is_an_argument_for_pairs() -> None:
@@ -135,12 +135,12 @@ def test_what_the_chamber_cannot_do_is_said(limits: dict[str, str], where: str, 
 
 
 def test_a_drive_must_be_a_file_with_the_columns_of_one(tmp_path: Path) -> None:
-    missing = parameters(drive=str(tmp_path / "drive.csv"))
+    missing = parameters(drive={"file": str(tmp_path / "drive.csv")})
     (problem,) = check(missing, bench())
-    assert "there is no file" in problem.what
+    assert "neither as a file nor by name; there are fog-yard-laps" in problem.what
     (tmp_path / "drive.csv").write_text("t_s,heading_deg\n0,0\n", encoding="utf-8")
     problems = list(check(missing, bench()))
-    assert {one.where for one in problems} == {("parameters", "drive")}
+    assert {one.where for one in problems} == {("parameters", "drive", "file")}
     assert "rate_x_deg_per_s" in problems[0].what
 
 
@@ -148,5 +148,8 @@ def test_only_what_a_plan_measures_may_have_a_limit() -> None:
     measured = PROCEDURE.measured_axes(parameters(axes=["z"]))
     assert measured["scale_factor_error"] == ("z",)
     assert measured["residual_scale_factor_error"] == ()
-    verified = parameters(axes=["z"], verification={})
-    assert PROCEDURE.measured_axes(verified)["residual_scale_factor_error"] == ("z",)
+    assert measured["heading_error_compensated"] == ()
+    whole = parameters(axes=["z"], verification={}, drive={"file": "fog-yard-laps"})
+    measured = PROCEDURE.measured_axes(whole)
+    assert measured["residual_scale_factor_error"] == ("z",)
+    assert "heading_error_compensated" not in measured

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 import shutil
 import subprocess
@@ -11,7 +12,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+import yaml
 from fog_records import CURVES, quartic, record
+from numpy.polynomial.chebyshev import poly2cheb
 
 from procedures.fog_scale_factor_temperature.analysis import analyse
 from procedures.fog_scale_factor_temperature.compensation import (
@@ -23,8 +26,15 @@ from procedures.fog_scale_factor_temperature.compensation import (
 from procedures.fog_scale_factor_temperature.curve import Curve
 from procedures.fog_scale_factor_temperature.dataset import FogDataset
 from procedures.fog_scale_factor_temperature.driving import evaluate_drive, heading_deg
-from procedures.fog_scale_factor_temperature.simulated_drive import simulated_drive
+from procedures.fog_scale_factor_temperature.from_import import read_drive
+from procedures.fog_scale_factor_temperature.simulated_drive import (
+    drive_csv,
+    drive_of_truth,
+    simulated_drive,
+)
+from station.lookup import BENCHES, find
 
+COMPILER = next(filter(None, map(shutil.which, ("cc", "gcc", "clang"))), None)
 HEAT = (-60.0, -38.0, -12.3, 0.0, 21.7, 59.0, 80.0)
 
 
@@ -49,7 +59,7 @@ def test_the_python_source_compensates_as_the_curve_says(curves: dict[str, Curve
     assert found == pytest.approx(expected(curves), rel=1e-14)
 
 
-@pytest.mark.skipif(shutil.which("cc") is None, reason="there is no C compiler")
+@pytest.mark.skipif(COMPILER is None, reason="there is no C compiler")
 def test_the_c_source_compensates_as_the_curve_says(
     curves: dict[str, Curve], tmp_path: Path
 ) -> None:
@@ -60,7 +70,7 @@ def test_the_c_source_compensates_as_the_curve_says(
     (tmp_path / "main.c").write_text(text + "return 0; }\n", encoding="utf-8")
     source = compensation_files(curves)["compensation.c"]
     (tmp_path / "compensation.c").write_text(source, encoding="utf-8")
-    build = ["cc", "-std=c99", "-Wall", "-Werror", "-pedantic", "-o", "it", "main.c"]
+    build = [str(COMPILER), "-std=c99", "-Wall", "-Werror", "-pedantic", "-o", "it", "main.c"]
     subprocess.run(build, cwd=tmp_path, check=True)
     done = subprocess.run([str(tmp_path / "it")], capture_output=True, text=True, check=True)
     assert [float(one) for one in done.stdout.split()] == pytest.approx(expected(curves), rel=1e-14)
@@ -105,6 +115,11 @@ def test_the_table_has_every_degree_of_the_range_and_nothing_beyond(
     rows = compensation_files(curves)["compensation.csv"].splitlines()
     assert rows[0] == "temperature_degC,delta_x_ppm,delta_y_ppm,delta_z_ppm"
     by_heat = {row.split(",")[0]: row.split(",")[1:] for row in rows[1:]}
+    for place, curve in enumerate(curves.values()):
+        rows_of_axis = {float(heat): cells[place] for heat, cells in by_heat.items()}
+        assert all((cell != "") == curve.holds(heat) for heat, cell in rows_of_axis.items())
+        told = np.array([(heat, float(cell)) for heat, cell in rows_of_axis.items() if cell])
+        assert told[:, 1] == pytest.approx(curve.error_ppm(told[:, 0]), abs=0.0005001)
     assert float(by_heat["20"][0]) == pytest.approx(float(quartic(np.array([20.0]))[0]), abs=1.0)
     assert len(by_heat) == 98 - (by_heat["59"][0] == "" == by_heat["59"][2])
     assert compensation_files({}) == {}
@@ -182,6 +197,31 @@ def test_compensation_takes_the_heading_error_of_many_turns_away(reference: bool
     assert abs(driven.compensated_error_deg) < 0.003
     assert driven.turned_deg == pytest.approx(3600.0, rel=0.01)
     assert driven.model_u_deg > 0.0
+
+
+def test_the_drive_that_comes_with_the_station_is_of_the_simulated_benchs_gyros() -> None:
+    path = find("drives", "fog-yard-laps", ".csv")
+    truth = json.loads(path.with_suffix(".truth.json").read_text(encoding="utf-8"))
+    assert drive_csv(drive_of_truth(truth)) == path.read_text(encoding="utf-8")
+    gyros = yaml.safe_load(find(BENCHES, "sim").read_text(encoding="utf-8"))["simulation"]["fog"]
+    for axis, powers in truth["scale_factor_error_ppm"].items():
+        told = gyros["gyros"][axis]["scale_factor_error"]
+        assert [float(told[f"u{k}"].removesuffix(" ppm")) for k in range(5)] == powers
+    drive = read_drive(path, 39.9, 25.0)
+    low, high = truth["temperature_range_degC"]
+    curves = {
+        axis: replace(curve, domain_degC=(low, high), coefficients_ppm=poly2cheb(powers))
+        for (axis, curve), powers in zip(
+            exact().items(), truth["scale_factor_error_ppm"].values(), strict=True
+        )
+    }
+    driven = evaluate_drive(drive, curves)
+    for name, error_deg in (
+        ("uncompensated", driven.raw_error_deg),
+        ("compensated", driven.compensated_error_deg),
+    ):
+        told_deg = truth[f"heading_error_{name}_deg"]
+        assert error_deg == pytest.approx(told_deg, abs=truth["tolerance_deg"])
 
 
 def test_a_drive_that_does_not_close_has_no_heading_error() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import json
 import shutil
 from pathlib import Path
@@ -113,7 +114,9 @@ def test_the_report_shows_curves_residuals_and_compensation() -> None:
 def test_verification_and_drive_bring_their_results_and_enter_no_fit(tmp_path: Path) -> None:
     dataset = record(0, axes=("x", "y", "z"))
     down = record(7, axes=("x", "y", "z"), first_degC=58.0, last_degC=-37.0)
-    drive = simulated_drive(dict(CURVES), laps=6, temperature_degC=(-25.0, -30.0))
+    drive = simulated_drive(
+        dict(CURVES), laps=6, temperature_degC=(-25.0, -30.0), sample_interval_s=0.5
+    )
     files = {
         "turns.csv": turns_csv(dataset.turns),
         "down.csv": turns_csv(down.turns),
@@ -173,6 +176,57 @@ def test_too_few_turns_leave_null_and_a_flag(tmp_path: Path) -> None:
         "not-identifiable",
         "outside-published-range",
     ]
+
+
+def rows_of(name: str) -> list[dict[str, str]]:
+    with (DATA / name / "turns.csv").open(encoding="utf-8", newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def rewritten(name: str, folder: Path, rows: list[dict[str, str]], old: str, new: str) -> Path:
+    """Return an example with other rows, their columns in the opposite order, and a condition."""
+    place = copy_of(name, folder)
+    with (place / "turns.csv").open("w", encoding="utf-8", newline="") as file:
+        writer = csv.DictWriter(file, list(rows[0])[::-1])
+        writer.writeheader()
+        writer.writerows(rows)
+    conditions = (place / "dataset.yaml").read_text(encoding="utf-8")
+    assert old in conditions
+    (place / "dataset.yaml").write_text(conditions.replace(old, new), encoding="utf-8")
+    return place
+
+
+def coefficients(data: dict[str, Any]) -> list[float]:
+    return [
+        c
+        for axis in "xyz"
+        for c in by_key(data, "scale_factor_error", axis)["model"]["coefficients"]
+    ]
+
+
+def test_the_same_turns_told_otherwise_give_the_same_curves(tmp_path: Path) -> None:
+    """Headings that fall and are told from -180 deg, without the chamber's temperature."""
+    rows = rows_of(PAIRS)
+    for row in rows:
+        del row["chamber_temperature_degC"]
+        for side in ("before", "after"):
+            mirrored = -float(row[f"heading_{side}_deg"])
+            row[f"heading_{side}_deg"] = f"{(mirrored + 180.0) % 360.0 - 180.0:.4f}"
+    other = rewritten(PAIRS, tmp_path, rows, "turn_sense: heading", "turn_sense: about-up")
+    assert coefficients(analysed(other)) == pytest.approx(
+        coefficients(analysed(DATA / PAIRS)), rel=1e-6
+    )
+
+
+def test_a_full_attitude_need_not_begin_at_north(tmp_path: Path) -> None:
+    rows = rows_of("fog-attitude")
+    for row in rows:
+        for name in ("heading_before_deg", "heading_after_deg"):
+            row[name] = f"{(float(row[name]) + 77.0) % 360.0:.6f}"
+    other = rewritten("fog-attitude", tmp_path, rows, "soak: 5 h", "soak: 300 min")
+    assert coefficients(analysed(other)) == pytest.approx(
+        coefficients(analysed(DATA / "fog-attitude")), rel=1e-6
+    )
 
 
 def test_missing_and_wild_rows_are_analysed_and_flagged(tmp_path: Path) -> None:

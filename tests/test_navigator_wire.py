@@ -26,9 +26,10 @@ from trigger_stand import standing
 
 from drivers.can_navigator import CanNavigator
 from drivers.serial_navigator import SerialNavigator
-from drivers.serial_navigator_frames import OUTPUT, SYNC, checksum, frame, split
+from drivers.serial_navigator_frames import OUTPUT, SYNC, frame, split
 from drivers.transport.can_line import CanLine
 from drivers.transport.can_messages import decoder_of, message_file
+from drivers.transport.crc import crc32_stim300
 from sim_instruments.bench import SimulatedBench
 from sim_instruments.serial_navigator import SerialNavigator as SimulatedOnSerial
 from sim_instruments.serial_navigator import crc32
@@ -124,7 +125,7 @@ def test_three_ways_to_the_same_checksum() -> None:
     rng = random.Random(2)
     for length in range(41):
         data = rng.randbytes(length)
-        assert checksum(data) == crc32(data) == bitwise_crc(data)
+        assert crc32_stim300(data) == crc32(data) == bitwise_crc(data)
 
 
 def test_frames_are_found_wherever_the_bytes_are_cut() -> None:

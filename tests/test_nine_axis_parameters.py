@@ -11,9 +11,10 @@ from pydantic import ValidationError
 from procedures.nine_axis_calibration.outlook import expectation, outlook
 from procedures.nine_axis_calibration.parameters import NineAxisParameters
 from station import registry
+from station.lookup import PLANS, find
 from station.plan import read_plan
 
-PLAN = Path(__file__).parent / "data" / "plans" / "nine-axis-calibration.yaml"
+PLAN = find(PLANS, "nine-axis-calibration")
 GIVEN = {"latitude": "39.9 deg"}
 
 

@@ -189,7 +189,7 @@ def test_every_picture_says_what_it_shows() -> None:
     parts = draw_parts(analyse(a_gyro_record()))
     page = Page(render_html(a_document(), a_context(), parts))
     plots = [part for part in parts if isinstance(part, Plot)]
-    assert len(page.alternatives) == len(plots) == 4
+    assert len(page.alternatives) == len(plots) == 6
     for text, plot in zip(page.alternatives, plots, strict=True):
         assert plot.title in text and plot.caption in text
 

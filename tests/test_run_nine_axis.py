@@ -23,7 +23,7 @@ from station.runner.resuming import ResumeRequest, resume
 PROCEDURE = "nine-axis-calibration"
 RATES = (15.0, 30.0, 45.0, 60.0, 100.0)
 SHORT: dict[str, Any] = {
-    "warm_up": "20 min",
+    "warm_up": "10 s",
     "static_time": "2 min",
     "sample_rate": "10 Hz",
     "settle": "1 s",
@@ -40,6 +40,7 @@ def short_run(
     bench = yaml.safe_load(find(BENCHES, "sim").read_text(encoding="utf-8"))
     plan["parameters"] |= SHORT | changes
     bench["simulation"] |= {"seed": seed, "faults": list(faults)}
+    bench["simulation"]["nine_axis"]["sensor"]["warm_up"]["bias"] = "0 deg/h"
     folder.mkdir(exist_ok=True)
     (folder / "plan.yaml").write_text(yaml.safe_dump(plan), encoding="utf-8")
     (folder / "bench.yaml").write_text(yaml.safe_dump(bench), encoding="utf-8")
@@ -100,9 +101,8 @@ def test_biases_and_scale_factors_come_back(run: tuple[Outcome, dict[str, Any]])
     assert max(off.values()) < COMBINED, off
 
 
-@pytest.mark.parametrize("seed", [2, 3])
-def test_they_come_back_from_the_plate_with_other_noise(seed: int, tmp_path: Path) -> None:
-    outcome, gyros = short_run(tmp_path, seed, positioning="plate", flip=seed == 3)
+def test_they_come_back_from_the_plate_with_a_flip_and_other_noise(tmp_path: Path) -> None:
+    outcome, gyros = short_run(tmp_path, 2, positioning="plate", flip=True)
     assert outcome.exit_code == 0, outcome.error
     off = off_in_u(outcome, gyros)
     assert max(off.values()) < COMBINED, off
@@ -135,7 +135,7 @@ def test_a_new_analysis_gives_the_same_bytes(run: tuple[Outcome, dict[str, Any]]
 
 
 def test_a_silent_sensor_ends_the_run_and_what_was_done_stays(tmp_path: Path) -> None:
-    silence = {"instrument": "imu", "fault": "silent", "at": "1900 s", "for": "15 s"}
+    silence = {"instrument": "imu", "fault": "silent", "at": "600 s", "for": "15 s"}
     ended, gyros = short_run(tmp_path, 4, silence)
     assert ended.exit_code == 3
     before = RunFolder(ended.folder).finished_units()

@@ -8,25 +8,33 @@ from typing import Any
 import numpy as np
 import pytest
 from plan_runs import run_of, shipped_bench, shipped_plan
+from serf_shots import Cell
 
-from procedures.serf_nonorthogonality.nulling import residual_of_pairs_nT
-from procedures.serf_nonorthogonality.shots import shots_of
+from procedures.serf_nonorthogonality.judging import bad_because
+from procedures.serf_nonorthogonality.parameters import SerfParameters
+from procedures.serf_nonorthogonality.tone import fit_tone
 from station.evaluation import conclude_run
 from station.record.folder import RunFolder
 from station.runner.outcome import Outcome
 
 PROCEDURE = "serf-nonorthogonality"
 SEEDS = (0, 1, 2)
+SHORT = {"shots": "as_published", "gyro_was_running": False, "nulling": {"rounds": 0}}
+STUCK = {"instrument": "pump_laser", "fault": "stuck-open"}
 
 
 def run_plan(
-    folder: Path, seed: int, bench: dict[str, Any] | None = None, **parameters: Any
+    folder: Path,
+    seed: int,
+    bench: dict[str, Any] | None = None,
+    faults: list[dict[str, str]] | None = None,
+    **parameters: Any,
 ) -> tuple[Outcome, dict[str, Any]]:
     """Run the shipped plan; return the truth of the cell beside it."""
     plan_data = shipped_plan(PROCEDURE)
     bench_data = shipped_bench()
     plan_data["parameters"] |= parameters
-    bench_data["simulation"]["seed"] = seed
+    bench_data["simulation"] |= {"seed": seed, "faults": faults or []}
     truth: dict[str, Any] = bench_data["simulation"]["serf"]
     truth |= bench or {}
     outcome = run_of(folder, plan_data, bench_data)
@@ -44,6 +52,8 @@ def test_the_true_angles_come_back(runs: list[tuple[Outcome, dict[str, Any]]]) -
     errors = []
     for outcome, truth in runs:
         assert outcome.document is not None, outcome.error
+        # The gyro was running: step 1 has depolarised its nuclei.
+        assert "residual-field-large" not in {flag.code for flag in outcome.document.flags}
         for one in outcome.document.results:
             if one.estimate.name == "nonorthogonality_angle":
                 assert one.estimate.axis is not None
@@ -103,21 +113,9 @@ def test_a_new_analysis_gives_the_same_bytes(
 
 
 def test_a_gyro_that_was_running_is_flagged_where_step_1_is_passed_over(tmp_path: Path) -> None:
-    nulling = {"tolerance": "0.5 nT", "rounds": 0}
-    outcome, _ = run_plan(
-        tmp_path, 0, {"gyro_was_running": True}, gyro_was_running=False, nulling=nulling
-    )
+    outcome, _ = run_plan(tmp_path, 0, gyro_was_running=False)
     assert outcome.document is not None, outcome.error
     assert "residual-field-large" in {flag.code for flag in outcome.document.flags}
-
-
-def test_a_gyro_that_was_running_is_depolarised_by_step_1(tmp_path: Path) -> None:
-    outcome, truth = run_plan(tmp_path, 1, {"gyro_was_running": True}, gyro_was_running=True)
-    assert outcome.document is not None, outcome.error
-    assert "residual-field-large" not in {flag.code for flag in outcome.document.flags}
-    found = {one.estimate.axis: one.estimate.value for one in outcome.document.results[:3]}
-    for pair, text in truth["coils"]["angles"].items():
-        assert found[pair] == pytest.approx(float(str(text).split()[0]), abs=0.1)
 
 
 def test_shots_that_stay_saturated_leave_the_angles_undetermined(tmp_path: Path) -> None:
@@ -132,10 +130,19 @@ def test_shots_that_stay_saturated_leave_the_angles_undetermined(tmp_path: Path)
     assert all(one.verified for one in outcome.safe)
 
 
-def test_the_closed_form_of_pairs_gives_the_residual_field_of_orthogonal_coils() -> None:
-    levels = {"x": 50.0, "y": 40.0, "z": 60.0}
-    residual = np.array([1.0, -0.6, 0.8])
-    pairs = [one for one in shots_of("reversal", levels, "z", "y") if len(one.coils) == 2]
-    squares = {one.id: float(np.sum((np.array(one.field_nT) + residual) ** 2)) for one in pairs}
-    found = residual_of_pairs_nT(pairs, squares, levels)
-    assert list(found.values()) == pytest.approx(residual, rel=1e-3)
+def test_a_shutter_that_stays_open_once_costs_one_more_shot(tmp_path: Path) -> None:
+    outcome, _ = run_plan(tmp_path, 0, faults=[STUCK | {"at": "3 s", "for": "1 s"}], **SHORT)
+    assert outcome.document is not None, outcome.error
+    (flag,) = (flag for flag in outcome.document.flags if flag.code == "shot-repeated")
+    assert "shutter of the pump light stayed open" in flag.message
+
+
+def test_a_shot_that_pump_light_leaks_into_is_taken_again() -> None:
+    plan = shipped_plan(PROCEDURE)["parameters"] | {"full_scale": "2 V"}
+    parameters = SerfParameters.model_validate(plan)
+    good, leaking = Cell().dataset(0).shots, Cell(relaxation=330.0).dataset(0).shots[1]
+    fits = [fit_tone(shot.time_s, shot.voltage_V) for shot in good]
+    assert bad_because(good[1], fits[1], fits[2:], parameters) is None
+    fit = fit_tone(leaking.time_s, leaking.voltage_V)
+    reason = bad_because(leaking, fit, fits, parameters)
+    assert reason is not None and "pump light leaked" in reason

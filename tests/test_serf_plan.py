@@ -45,7 +45,7 @@ def test_the_shipped_plan_has_no_fault(bench: Bench) -> None:
     ("parameters", "said"),
     [
         ({"probe_axis": "z"}, "another axis than pump_axis"),
-        ({"single_axis": "y"}, "use x"),
+        ({"single_axis": "y"}, "use coil x"),
         ({"single_axis": "z"}, "the pump light"),
         ({"nuclear_spin": 1.0}, "1.5 (K"),
         ({"field": "50 Hz"}, "field"),

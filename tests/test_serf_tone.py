@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from serf_shots import FOUR, Cell, bound_of_frequency, slowing_down
 
-from procedures.serf_nonorthogonality.law import SPINS, clocks
+from procedures.serf_nonorthogonality.law import clocks
+from procedures.serf_nonorthogonality.spins import SPINS
 from procedures.serf_nonorthogonality.tone import NoTone, ToneFit, fit_tone, pooled_chirp
 
 STILL = Cell(pattern=FOUR, polarisation=1e-4, pull=False)
@@ -119,7 +120,7 @@ def test_the_clock_goes_on_evenly_when_the_polarisation_is_gone() -> None:
 
 def test_the_pull_of_spin_exchange_is_that_of_the_two_level_model() -> None:
     law, omega, exchange = SPINS[1.5], 1467.4, 5e5
-    beta = law.broadening_Hz_s / exchange
+    beta = law.broadening / exchange
     assert beta * omega**2 == pytest.approx(1.667 * omega**2 / exchange, rel=1e-3)
     assert law.pull(beta, np.array([omega])) == pytest.approx(
         4.44 * (omega / exchange) ** 2, rel=2e-3

@@ -59,16 +59,31 @@ def test_the_air_cycles_about_its_set_point() -> None:
     assert np.diff(times[rising]).mean() == pytest.approx(900.0, rel=1e-2)
 
 
-def test_steps_of_the_set_point_make_a_ramp_without_jumps() -> None:
-    one = chamber()
+@pytest.mark.parametrize("K_per_min", [0.2, 1.9, 3.0, 5.0, -1.0, -2.0, -6.0])
+def test_a_ramp_of_the_set_point_is_the_limit_of_ever_smaller_steps(K_per_min: float) -> None:
+    ramped, stepped = chamber(), chamber()
+    rate, end = abs(K_per_min) / MINUTE, ROOM + np.copysign(20.0, K_per_min)
+    for one in (ramped, stepped):
+        one.control(0.0, True)
+        one.set_point(0.0, ROOM - np.copysign(4.0, K_per_min))
+    ramped.ramp(120.0, ROOM, end, rate)
+    step_s = 20.0 / rate / 800
+    for step in range(801):
+        stepped.set_point(120.0 + step_s * step, ROOM + (end - ROOM) * (step + 0.5) / 800)
+    stepped.set_point(120.0 + 800 * step_s, end)
+    times = np.arange(0.0, 20.0 / rate + 3600.0, 7.0)
+    np.testing.assert_allclose(ramped.air_degC(times), stepped.air_degC(times), atol=0.02)
+
+
+def test_a_ramp_goes_on_after_an_interruption_and_ends_where_it_shall() -> None:
+    one = chamber(**STEADY)
     one.control(0.0, True)
-    for step in range(600):
-        one.set_point(6.0 * step, ROOM + 0.02 * step)
-    minutes = np.arange(20.0, 60.0, 0.05)
-    course = one.air_degC(MINUTE * minutes)
-    assert np.abs(np.diff(course)).max() < 0.02
-    # A ramp of 0.2 K/min is followed by one time constant late.
-    assert np.mean(course - (ROOM + 0.2 * minutes)) == pytest.approx(-1.0, abs=0.1)
+    one.ramp(0.0, ROOM, ROOM + 12.0, 0.2 / MINUTE)
+    one.control(MINUTE * 30, False)
+    one.control(MINUTE * 31, True)
+    # It is followed one time constant late.
+    assert air(one, 55.0)[0] == pytest.approx(ROOM + 10.0, abs=0.01)
+    assert air(one, 200.0)[0] == pytest.approx(ROOM + 12.0)
 
 
 def test_an_open_door_lets_the_room_in_and_a_chamber_that_is_off_drifts() -> None:
@@ -115,8 +130,7 @@ def test_a_gyro_follows_the_air_late_and_its_own_heat_makes_it_warmer() -> None:
         assert warm[0] == pytest.approx(-40.0 + rise * (1 - np.exp(-1)), abs=0.2)
         assert warm[1] == pytest.approx(-40.0 + rise, abs=1e-6)
     begin_s = 300_000.0
-    for step in range(1800):
-        world.chamber.set_point(begin_s + 10.0 * step, -40.0 + 12.0 / 360 * step)
+    world.chamber.ramp(begin_s, -40.0, 60.0, 12.0 / 3600.0)
     end = np.array([begin_s + 18_000.0])
     behind = world.chamber.air_degC(end)[:, None] - world.gyros.temperature_degC(end)
     expected = 12.0 / 60 * np.array([42.0, 40.0, 44.0]) - [4.6, 5.2, 4.2]

@@ -22,10 +22,22 @@ PLAN = {
 
 PARAMETERS = {
     "rlg-magnetic-sensitivity": {
-        "frequency": "drive frequency f, 0.05 Hz to 0.2 Hz",
+        "excitation": "`sequential`: one coil after the other, as published; `simultaneous`: all "
+        "at once, each at its own frequency",
+        "frequency": "drive frequency f, 0.05 Hz to 0.2 Hz; with simultaneous excitation that of "
+        "the first axis, which may be left out",
+        "frequencies": "with simultaneous excitation the frequency of each axis, in the place of "
+        "`frequency`; chosen unless given, and made whole cycles",
         "amplitude": "amplitude M of the field, as a peak, 0.1 mT to 2 mT",
         "sample_interval": "interval tau0 of the gyro's samples; f tau0 is at most 0.2",
         "duration": "least length T of a record, at least 10/f; made whole cycles",
+        "stop": "what ends a record after `duration` and before `at_most`; a record has a fixed "
+        "length unless given",
+        "stop.uncertainty": "standard uncertainty of each sensitivity that is good enough",
+        "stop.early_decision": "whether it is enough that each value is clear of its limit",
+        "stop.at_most": "longest time of a record",
+        "checks": "what is measured besides: `linearity` at half the amplitude, `frequency` at "
+        "another one, `background` with the coils off",
         "axes": "the axes to measure, in this order",
         "settle": "time between the start of the field and the record",
         "warm_up": "when the gyro counts as warm",
@@ -41,6 +53,7 @@ PARAMETERS = {
         "thresholds.gap": "in nominal sample intervals",
         "thresholds.non_integer_cycles": "in cycles of the drive",
         "thresholds.model_too_stiff": "lag-1 correlation of the residuals",
+        "thresholds.checks_differ": "of a check, in standard uncertainties of the difference",
     },
     "accelerometer-magnetic-sensitivity": {
         "planes": "the planes of IA, OA, PA that gravity turns in, in this order, with a "
@@ -108,6 +121,7 @@ PARAMETERS = {
         "depolarise.rounds": "how often it acts; after that the run ends with code 3",
         "nulling": "step 2",
         "nulling.tolerance": "magnitude of residual field that is small enough",
+        "nulling.at_most": "a larger one is that of polarised nuclei and not nulled",
         "nulling.rounds": "how often it is looked for; the rest is reported",
         "thresholds": "where a flag is raised",
         "thresholds.residual_field_large": "magnitude of the residual field",
@@ -154,7 +168,11 @@ PARAMETERS = {
         "verification": "the ramp of step 4; none unless given",
         "verification.direction": "of the temperature",
         "verification.ramp_rate": "how fast the chamber's temperature changes",
-        "drive": "a CSV file with a drive for the vehicle test; none unless given",
+        "drive": "a recorded drive for the vehicle test; none unless given",
+        "drive.file": "its CSV file, by path or by name in `config/drives`; copied into the run",
+        "drive.latitude": "where it was, north positive; that of the table unless given",
+        "drive.initial_heading": "heading at its start; without it the vehicle is taken to be level "
+        "on average",
         "thresholds": "where a flag is raised",
         "thresholds.gap": "in nominal intervals between sets",
         "thresholds.model_too_stiff": "correlation of residuals at neighbouring temperatures",

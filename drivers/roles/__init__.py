@@ -12,7 +12,7 @@ from drivers.roles.base import (
 )
 from drivers.roles.climate import ThermalChamber
 from drivers.roles.field import CoilSupply, DirectCurrentSupply, Gaussmeter
-from drivers.roles.inertial import InertialSensor, SensorStatus
+from drivers.roles.inertial import Imu, SensorStatus
 from drivers.roles.motion import RotaryStage, Turntable
 from drivers.roles.navigation import Navigator, NavigatorStatus
 from drivers.roles.readings import GyroAcquisition, Multimeter, Thermometer
@@ -30,7 +30,7 @@ __all__ = [
     "Gaussmeter",
     "GyroAcquisition",
     "Identity",
-    "InertialSensor",
+    "Imu",
     "Instrument",
     "InterlockChain",
     "MadeSafe",

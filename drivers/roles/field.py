@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Protocol, runtime_checkable
+from typing import ClassVar, Protocol, runtime_checkable
 
 from drivers.roles.base import Instrument, MadeSafe, SampledSource
 
@@ -63,11 +63,22 @@ class DirectCurrentSupply(Instrument, MadeSafe, Protocol):
 
 @runtime_checkable
 class Gaussmeter(SampledSource, Protocol):
-    """A three-axis field meter; columns `instrument_time_s`, `x_T`, `y_T`, `z_T`."""
+    """A field meter; columns `instrument_time_s`, `x_T`, `y_T`, `z_T`, NaN what it cannot see."""
+
+    axes: ClassVar[int]
+    """How many components of the field it measures at once: 3, or 1 along which its probe is."""
+
+    keeps_readings: ClassVar[bool]
+    """Whether readings wait in it until they are drained; else each look brings the newest one."""
 
     averaging_s: float
     timestamp: str
-    """Which instant of the averaging its time stamp means: interval-start, -middle, -end."""
+    """Which instant of the averaging its time stamp means: interval-start, -middle, -end; or
+    on-request: the stamp is when the newest average was asked for, which had ended since."""
+
+    def turn_to(self, axis: str) -> None:
+        """Measure along `axis` (x, y, z) from now on; returns once the probe stands so."""
+        ...
 
     def start(self, largest_field_mT: float) -> None:
         """Choose the range, begin to buffer readings, and forget older ones."""

@@ -16,7 +16,7 @@ class SensorStatus:
 
 
 @runtime_checkable
-class InertialSensor(SampledSource, Protocol):
+class Imu(SampledSource, Protocol):
     """Three gyros, three accelerometers and three magnetometers that are read together.
 
     Columns, all along the sensor's own axes: `counter` (16 bits, one more with every output, from
@@ -26,6 +26,11 @@ class InertialSensor(SampledSource, Protocol):
     valid, beyond its range or failed; bits 4, 5, 6: accelerometer x, y, z). An output that is lost
     on the line leaves a gap in `counter`.
     """
+
+    @classmethod
+    def rates_said(cls, rate_Hz: float) -> str:
+        """Return in words which rates it has where this is none of them, else nothing."""
+        ...
 
     def start(self, rate_Hz: float) -> None:
         """Begin to output with the counter from 1; what came before is forgotten.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Protocol, runtime_checkable
+from typing import Any, Protocol, runtime_checkable
 
 from drivers.roles.base import Block, Instrument, MadeSafe
 
@@ -48,6 +48,17 @@ class Digitizer(Instrument, MadeSafe, Protocol):
 
     source: str
     columns: Mapping[str, str]
+
+    @classmethod
+    def why_no_record(
+        cls,
+        settings: Mapping[str, Any],
+        sample_rate_Hz: float,
+        duration_s: float,
+        full_scale_V: float,
+    ) -> str | None:
+        """Return why it cannot take a record with these bench settings, None where it can."""
+        ...
 
     def prepare(self, sample_rate_Hz: float, duration_s: float, full_scale_V: float) -> float:
         """Choose decimation and range, clear the last record; return the sample rate in Hz."""

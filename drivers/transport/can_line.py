@@ -5,22 +5,19 @@ from __future__ import annotations
 import logging
 import select
 import socket
-from collections import deque
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
-from threading import Event, Lock, Thread
 from typing import Any
 from urllib.parse import urlsplit
 
 import can
 
 from drivers.roles import Place
-from station.errors import InstrumentError
+from drivers.transport.kept_frames import KeptFrames
 
 CONNECT_DEADLINE_S = 2.0
 READ_SLICE_S = 0.2
-LOOK_S = 0.005
 GREETING = b"< hi >"
 OPENED = b"< ok >"
 CLOSED = "the other side closed the connection"
@@ -35,19 +32,20 @@ class Frame:
     arrival_s: float
 
 
-class CanLine:
+class CanLine(KeptFrames[Frame]):
     """One connection to a CAN bus; `address` is `socketcand://host:port/channel`.
 
     `names` are the frames that the instrument sends or takes, by identifier: what else is on the
     bus is not kept.
     """
 
+    line = "the CAN bus"
+    when_broken = "check the adapter, its cable and socketcand, then start again"
+
     def __init__(self, place: Place, names: Mapping[int, str]) -> None:
-        self._place = place
-        self._clock = place.clock
-        self._trace = place.trace
-        self._names = names
         parts = urlsplit(place.address)
+        super().__init__(place, parts.netloc, lambda frame: frame.identifier)
+        self._names = names
         channel = parts.path.strip("/")
         if parts.scheme != "socketcand" or not parts.hostname or not parts.port or not channel:
             raise self._fault(
@@ -55,11 +53,6 @@ class CanLine:
                 "this is no CAN address",
                 "write socketcand://host:port/channel in the bench file",
             )
-        self._wire = place.clock.wire(f"{parts.hostname}:{parts.port}")
-        self._frames: deque[Frame] = deque()
-        self._frames_lock = Lock()
-        self._closing = Event()
-        self._dead: str | None = None
         # python-can's own log says every fault again, in its own words.
         logging.getLogger("can").setLevel(logging.CRITICAL)
         try:
@@ -75,56 +68,24 @@ class CanLine:
                 f"nobody answers there ({first_line(error)})",
                 "start socketcand, check the adapter and the address in the bench file",
             ) from error
-        self._wire.open()
-        self._traced("-", b"opened")
-        self._reader = Thread(target=self._read, name=f"{place.name} reader", daemon=True)
-        self._reader.start()
+        self._begin_to_read()
 
     def send(self, identifier: int, data: bytes) -> None:
         """Put a frame on the bus."""
         message = can.Message(arbitration_id=identifier, data=data, is_extended_id=False)
-        self._traced(">", data, identifier)
+        self._traced_frame(">", identifier, data)
         self._wire.sent(1)
         try:
             self._bus.send(message)
         except (OSError, can.CanError) as error:
             raise self._broken(first_line(error)) from error
 
-    def take(self, *identifiers: int) -> list[Frame]:
-        """Return the received frames of these identifiers, in order, and keep the others.
-
-        Raises InstrumentError when the line is gone and nothing is left to take.
-        """
-        with self._frames_lock:
-            taken = [frame for frame in self._frames if frame.identifier in identifiers]
-            if taken:
-                kept = [frame for frame in self._frames if frame.identifier not in identifiers]
-                self._frames.clear()
-                self._frames.extend(kept)
-        if not taken and self._dead is not None:
-            raise self._broken(self._dead)
-        return taken
-
-    def newest(self, identifier: int) -> Frame | None:
-        """Return the last received frame of `identifier` that nobody has taken yet, and keep it.
+    def wait_for(self, kind: int, deadline_s: float) -> list[Frame]:
+        """Return the frames of an identifier as soon as there are any, or none at run time.
 
         Raises InstrumentError when the line is gone.
         """
-        with self._frames_lock:
-            found = next(
-                (one for one in reversed(self._frames) if one.identifier == identifier), None
-            )
-        if found is None and self._dead is not None:
-            raise self._broken(self._dead)
-        return found
-
-    def wait_for(self, identifier: int, deadline_s: float) -> list[Frame]:
-        """Return the frames of `identifier` as soon as there are any, or none at run time.
-
-        Raises InstrumentError when the line is gone.
-        """
-        while not (frames := self.take(identifier)) and self._clock.now() < deadline_s:
-            self._clock.sleep(LOOK_S)
+        frames = super().wait_for(kind, deadline_s)
         if not frames and is_closed(self._bus):
             # The reader may not have come to it yet.
             raise self._broken(CLOSED)
@@ -132,11 +93,7 @@ class CanLine:
 
     def close(self) -> None:
         """Close the connection and end the reader."""
-        if not self._closing.is_set():
-            self._traced("-", b"closed")
-        self._closing.set()
-        self._wire.close()
-        self._reader.join(2 * READ_SLICE_S)
+        self._end_reading(2 * READ_SLICE_S)
         with suppress(OSError, can.CanError):
             self._bus.shutdown()
 
@@ -156,31 +113,16 @@ class CanLine:
             if message.is_error_frame:
                 self._traced("!", f"error frame {message.arbitration_id:X}".encode())
                 continue
-            self._traced("<", data, message.arbitration_id)
+            self._traced_frame("<", message.arbitration_id, data)
             if message.arbitration_id in self._names:
-                frame = Frame(message.arbitration_id, data, self._clock.now())
-                with self._frames_lock:
-                    self._frames.append(frame)
+                self._keep([Frame(message.arbitration_id, data, self._clock.now())])
             self._wire.picked_up(1)
 
-    def _traced(self, direction: str, data: bytes, identifier: int | None = None) -> None:
-        if self._trace is None:
-            return
-        if identifier is not None:
+    def _traced_frame(self, direction: str, identifier: int, data: bytes) -> None:
+        if self._trace is not None:
             name = self._names.get(identifier, "")
-            data = f"{identifier:03X}#{data.hex().upper()} {name}".rstrip().encode()
-        self._trace(direction, data)
-
-    def _broken(self, why: str) -> InstrumentError:
-        return self._fault(
-            "used the CAN bus",
-            f"the line broke ({why})",
-            "check the adapter, its cable and socketcand, then start again",
-        )
-
-    def _fault(self, attempted: str, came_back: str, do_now: str) -> InstrumentError:
-        self._traced("!", f"{attempted}: {came_back}".encode())
-        return InstrumentError(self._place.name, attempted, came_back, do_now)
+            said = f"{identifier:03X}#{data.hex().upper()} {name}".rstrip()
+            self._trace(direction, said.encode())
 
 
 def prove_daemon(host: str, port: int, channel: str) -> None:

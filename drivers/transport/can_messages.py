@@ -62,6 +62,13 @@ def decoder_of(message: Any) -> Decoder:
     return decode
 
 
+@lru_cache
+def single_decoder(dbc: str, name: str) -> tuple[int, Decoder]:
+    """Return how long a message of a file is, and what decodes it."""
+    message = message_file(dbc).get_message_by_name(name)
+    return int(message.length), decoder_of(message)
+
+
 class CanMessages:
     """One instrument's messages: `answers` by kind, and those of an `output` in their order."""
 
@@ -107,9 +114,24 @@ class CanMessages:
             self._collect()
             return self._complete[-1] if self._complete else None
 
+    def take_single(self, name: str) -> list[Parts]:
+        """Return the outputs that came since the last call, each of one message of a name."""
+        return [self._single(name, one) for one in self._line.take(self._frame_id(name))]
+
+    def newest_single(self, name: str) -> Parts | None:
+        """Return the last output of one message of a name that nobody has taken yet; keep it."""
+        found = self._line.newest(self._frame_id(name))
+        return None if found is None else self._single(name, found)
+
     def close(self) -> None:
         """Close the connection."""
         self._line.close()
+
+    def _single(self, name: str, frame: Frame) -> Parts:
+        length, decode = single_decoder(self._dbc, name)
+        if len(frame.data) != length:
+            raise self._odd(frame)
+        return Parts((decode(frame.data),), frame.arrival_s)
 
     def _collect(self) -> None:
         """Put the messages of outputs together; a part that does not follow begins anew."""
@@ -141,7 +163,10 @@ class CanMessages:
         return Parts(tuple(decoded), frames[-1].arrival_s)
 
     def _id(self, answer: str) -> int:
-        return int(self._messages.get_message_by_name(self._answers[answer]).frame_id)
+        return self._frame_id(self._answers[answer])
+
+    def _frame_id(self, name: str) -> int:
+        return int(self._messages.get_message_by_name(name).frame_id)
 
     def _decode(self, frame: Frame) -> Mapping[str, Any]:
         try:

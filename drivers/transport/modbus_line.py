@@ -7,8 +7,7 @@ system's time, and a run may be on another.
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Sequence
 from urllib.parse import urlsplit
 
 from pymodbus.exceptions import ModbusException
@@ -21,6 +20,7 @@ from pymodbus.pdu.register_message import (
 )
 
 from drivers.roles import Place
+from drivers.transport.exchange_port import EXCHANGE_DEADLINE_S, ExchangePort
 from drivers.transport.modbus_refusal import ModbusRefusal
 from drivers.transport.serial_port import (
     Framing,
@@ -31,13 +31,7 @@ from drivers.transport.serial_port import (
     open_port,
     wire_address,
 )
-from station.errors import InstrumentError, InstrumentTimeout
 
-EXCHANGE_DEADLINE_S = 0.5
-QUIET_S = 0.1
-"""A line on which nothing has come for this run time has nothing more on its way."""
-
-QUIET_LOOKS = 10
 SCHEME = "modbus-tcp"
 PORT = 502
 UNITS = range(1, 248)
@@ -47,7 +41,7 @@ LEAST_SILENCE_S = 1.75e-3
 """What ends a frame on a serial line: three and a half characters, by the standard not less."""
 
 
-class ModbusLine:
+class ModbusLine(ExchangePort):
     """One device's registers; addresses count from zero, values are 0 to 65535.
 
     An address `modbus-tcp://host:port` (502 unless given) is Modbus TCP; a serial port, or
@@ -56,10 +50,10 @@ class ModbusLine:
     and read until it is quiet, so that no late answer is taken for the next.
     """
 
+    when_silent = "check that the instrument is on, its cable is seated, and its Modbus address"
+    when_wrong = "check the cable, the line's settings, and that nobody else asks as we do"
+
     def __init__(self, place: Place, unit: int, framing: Framing) -> None:
-        self._place = place
-        self._clock = place.clock
-        self._trace = place.trace
         self._framing = framing_of(place, framing)
         self._unit = unit
         parts = urlsplit(place.address)
@@ -71,12 +65,8 @@ class ModbusLine:
         self._transaction = 0
         # pymodbus' own log says every fault again, in its own words.
         logging.getLogger("pymodbus").setLevel(logging.CRITICAL)
-        self._lock = place.clock.lock(f"{place.name} line")
         address = f"{self._host}:{self._tcp_port}" if self._tcp else wire_address(place.address)
-        self._wire = place.clock.wire(address)
-        self._port: Port | None = None
-        self._opened = 0
-        self._open()
+        super().__init__(place, address)
 
     def read(self, address: int, count: int = 1) -> list[int]:
         """Return `count` registers from `address` on.
@@ -106,26 +96,14 @@ class ModbusLine:
         if reply.address != address or not echo:
             raise self._wrong(attempted, "the answer is to another request")
 
-    def close(self) -> None:
-        """Close the line; one that is already gone is no error."""
-        if self._port is not None:
-            self._traced("-", b"closed")
-        self._disconnect()
-
     def _exchange(self, request: ModbusPDU, attempted: str) -> ModbusPDU:
         with self._lock:
-            port = self._port if self._port is not None else self._open()
-            with self._breaks("looked for what had come unasked"):
-                self._forget(port)
+            port = self._ready()
             self._keep_silence()
             self._transaction = self._transaction % LAST_TRANSACTION + 1
             request.dev_id, request.transaction_id = self._unit, self._transaction
             try:
-                sent = self._framer.buildFrame(request)
-                with self._breaks(attempted):
-                    self._wire.sent(len(sent))
-                    self._traced(">", sent)
-                    port.write(sent)
+                self._send(port, attempted, self._framer.buildFrame(request))
                 reply = self._read(port, attempted)
                 self._wire.received()
                 self._silent_from_s = self._clock.now()
@@ -150,33 +128,28 @@ class ModbusLine:
 
     def _read(self, port: Port, attempted: str) -> ModbusPDU:
         """Return the one answer, which is whole, has its check sum, and is to the last request."""
-        if not self._wire.wait(self._clock.now() + EXCHANGE_DEADLINE_S):
-            with self._breaks(attempted):
-                self._forget(port)
-            raise self._silent(attempted, "no answer came")
-        until_s = self._clock.now() + self._clock.patience_s(EXCHANGE_DEADLINE_S)
-        left_s = EXCHANGE_DEADLINE_S
-        answer, used, reply = b"", 0, None
-        try:
-            with self._breaks(attempted):
-                while reply is None and not used and left_s > 0:
-                    came = port.read(self._clock.real_timeout_s(left_s))
-                    if not came:
-                        break
-                    answer += came
-                    used, reply = self._decoded(answer, attempted)
-                    left_s = until_s - self._clock.now()
-        finally:
-            if answer:
-                self._traced("<", answer)
+        used, reply = 0, None
+
+        def is_whole(answer: bytes) -> bool:
+            nonlocal used, reply
+            used, reply = self._decoded(answer, attempted)
+            return reply is not None or used > 0
+
+        answer = self._receive(port, attempted, EXCHANGE_DEADLINE_S, is_whole)
         if reply is not None:
             return reply
         if used:
             what = "is to another request" if self._tcp else "has a wrong check sum"
             raise self._wrong(attempted, f"the answer {what} ({shown(answer)})")
-        if not answer:
-            raise self._silent(attempted, "no answer came")
-        raise self._silent(attempted, f"only {shown(answer)} came, which is no whole answer,")
+        what = f"only {shown(answer)} came, which is no whole answer,"
+        raise self._silent(attempted, what, EXCHANGE_DEADLINE_S)
+
+    def _port_opened(self) -> Port:
+        if not self._tcp:
+            return open_port(self._place.address, self._framing)
+        if not self._host:
+            raise ValueError(f"write {SCHEME}://host:port")
+        return SocketPort(self._host, self._tcp_port)
 
     def _decoded(self, answer: bytes, attempted: str) -> tuple[int, ModbusPDU | None]:
         """Return how much of an answer was used, and what it is; None for what is not to us."""
@@ -185,95 +158,6 @@ class ModbusLine:
         except (ModbusException, IndexError, ValueError) as error:
             what = f"{shown(answer)} came back, which is no Modbus ({one_line(error)})"
             raise self._wrong(attempted, what) from error
-
-    def _open(self) -> Port:
-        port: Port | None = None
-        try:
-            if not self._tcp:
-                port = open_port(self._place.address, self._framing)
-            elif self._host:
-                port = SocketPort(self._host, self._tcp_port)
-            else:
-                raise ValueError(f"write {SCHEME}://host:port")
-            self._wire.open()
-            self._opened += 1
-            self._traced("-", b"opened" if self._opened == 1 else b"reopened")
-            if self._opened > 1 or not isinstance(port, SocketPort):
-                self._await_quiet(port)
-        except BaseException as error:
-            self._wire.close()
-            if port is not None:
-                port.close()
-            if not isinstance(error, OSError | ValueError):
-                raise
-            raise self._fault(
-                InstrumentError,
-                f"open {self._place.address}",
-                f"nobody answers there ({one_line(error)})",
-                "switch the instrument on, check its cable and the address in the bench file",
-            ) from error
-        self._port = port
-        return port
-
-    def _await_quiet(self, port: Port) -> None:
-        for _ in range(QUIET_LOOKS):
-            self._clock.sleep(QUIET_S)
-            if not self._forget(port):
-                return
-
-    def _forget(self, port: Port) -> bool:
-        """Read what has come unasked and forget it; return whether there was anything."""
-        found = False
-        while data := port.read(0.0):
-            found = True
-            self._traced("<", data)
-            self._traced("-", b"not asked for, forgotten")
-        if found:
-            self._wire.received()
-        return found
-
-    def _disconnect(self) -> None:
-        self._wire.close()
-        port, self._port = self._port, None
-        if port is not None:
-            with suppress(OSError):
-                port.close()
-
-    def _traced(self, direction: str, data: bytes) -> None:
-        if self._trace is not None:
-            self._trace(direction, data)
-
-    def _fault(
-        self, kind: type[InstrumentError], attempted: str, came_back: str, do_now: str
-    ) -> InstrumentError:
-        self._traced("!", f"{attempted}: {came_back}".encode())
-        return kind(self._place.name, attempted, came_back, do_now)
-
-    def _silent(self, attempted: str, what: str) -> InstrumentError:
-        return self._fault(
-            InstrumentTimeout,
-            attempted,
-            f"{what} within {EXCHANGE_DEADLINE_S:g} s",
-            "check that the instrument is on, its cable is seated, and its Modbus address",
-        )
-
-    def _wrong(self, attempted: str, came_back: str) -> InstrumentError:
-        do_now = "check the cable, the line's settings, and that nobody else asks as we do"
-        return self._fault(InstrumentError, attempted, came_back, do_now)
-
-    @contextmanager
-    def _breaks(self, attempted: str) -> Iterator[None]:
-        """Tell an OSError inside as a line that broke, which is then closed."""
-        try:
-            yield
-        except OSError as error:
-            self._disconnect()
-            raise self._fault(
-                InstrumentError,
-                attempted,
-                f"the line broke ({one_line(error)})",
-                "check the cable and the instrument's power, then start again",
-            ) from error
 
 
 def shown(data: bytes, most: int = 24) -> str:

@@ -17,7 +17,7 @@ from .findings import (
 from .flags import data_flags, jump_flags, result_flags
 from .identifiability import Identifiability, judge
 from .model import COEFFICIENTS, FIELD_POWER, UNITS, accelerations, model_columns
-from .nuisances import unit_of
+from .nuisances import FEWEST_LEFT, unit_of
 from .published import finite_memory_path, published_values
 from .rows import Rows
 from .screening import screen
@@ -55,7 +55,7 @@ def analyse(
     as_planned = found.rank > 0 and _as_planned(rows, found)
     if as_planned and int(usable.sum()) > found.rank:
         solution = solve_rows(rows, found.kept, settings)
-        if solution.degrees_of_freedom < 1:
+        if solution.degrees_of_freedom < FEWEST_LEFT:
             solution = None
     residual_V = np.full(len(dataset), np.nan)
     used = np.zeros(len(dataset), dtype=bool)

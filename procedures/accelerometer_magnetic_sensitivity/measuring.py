@@ -119,6 +119,7 @@ def settle(run: Run, parameters: AccelerometerParameters, said: str) -> float:
     gaussmeter = run.role(GAUSSMETER, Gaussmeter)
     gaussmeter.drain()
     began_s = run.clock.now()
+    until_s = began_s + run.clock.patience_s(rule.at_most_s)
     steady_since_s, before_mT = began_s, math.nan
     while True:
         run.clock.sleep(FIELD_LOOK_S)
@@ -132,7 +133,7 @@ def settle(run: Run, parameters: AccelerometerParameters, said: str) -> float:
         run.say_progress(f"{said}, {before_mT:.3f} mT")
         if math.isfinite(before_mT) and now_s - steady_since_s >= rule.at_least_s:
             return before_mT
-        if now_s - began_s > rule.at_most_s:
+        if now_s > until_s:
             raise ConditionNotReached(
                 f"the field did not settle within {rule.at_most_s:g} s: successive readings differ "
                 f"by more than {rule.field_change_mT:g} mT, the last was {before_mT:.3f} mT; look "

@@ -24,8 +24,9 @@ INDEPENDENT_PART = 1e-3
 WARMED_K = 0.05
 """From such a range of temperature on no criterion is asked: at 150 ppm/degC it is 7.5 µV at 1 g,
 and where temperature follows the angle the coefficients take it up and leave no residual."""
-FREE_ROWS = 3
-"""So many rows must be left over then, or the criterion is asked all the same."""
+FEWEST_LEFT = 3
+"""So many rows must be left over, or nothing is told: fewer say neither how large the noise is nor
+whether the model holds."""
 
 ARCSEC_PER_RAD = 3600.0 * 180.0 / np.pi
 OFFSET, JUMP, KO, KP = "encoder offset", "encoder jump", "Ko", "Kp"
@@ -104,7 +105,7 @@ def chosen(
     models: list[tuple[str, ...]] = []
     squares: list[float] = []
     counts: list[int] = []
-    sure = rows - basis.shape[1] - len(warm) >= FREE_ROWS and _warmed(terms, kept)
+    sure = _warmed(terms, kept)
     for first in ([warm] if sure else [[], warm[:1], warm]) if warm else [[]]:
         own, rest = basis, left
         for order in range(-len(first), len(drift) + 1):

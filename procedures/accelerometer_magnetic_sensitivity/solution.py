@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import ndtr, stdtrit
 
 from procedures.estimation.linear import combine
 from procedures.estimation.orthogonal import (
@@ -17,7 +18,7 @@ from procedures.estimation.orthogonal import (
 )
 
 from .findings import AnalysisSettings
-from .jump import jump_place
+from .jump import jump_begin, jump_place
 from .model import (
     COEFFICIENTS,
     accelerations_by_angle,
@@ -45,8 +46,11 @@ SETTLED_RAD = 1e-10
 LARGE_RAD = 3e-4
 """The square of such an angle is 0.05 µV at 1 V/g."""
 FEWEST_OF_A_GROUP = 20
+ENOUGH_LEFT = 12
 MANY_STRAYS = 0.1
 """So many wild rows are no accident."""
+SURELY = 6.0
+"""So many standard deviations of the noise no row of many takes by chance."""
 QUIETER = 0.7
 ANGLES = (OFFSET, JUMP)
 
@@ -89,14 +93,19 @@ def solve_rows(rows: Rows, kept_names: tuple[str, ...], settings: AnalysisSettin
     first = _solve(rows, kept_names, settings, None)
     found = first.solution
     strays = float(np.mean(~found.kept))
-    if strays < MANY_STRAYS and found.lag_one_correlation < settings.model_too_stiff:
-        return found
     place = jump_place(first.design, first.slope, found.residual_V)
     if place is None or OFFSET not in found.names:
         return found
-    near = _solve(rows, kept_names, settings, place)
-    # A large jump bends what is fitted beside it until the angles are right: begin again there.
-    second = _solve(rows, kept_names, settings, place, near.angles).solution
+    well = strays < MANY_STRAYS and found.lag_one_correlation < settings.model_too_stiff
+    squares, freedom = found.degrees_of_freedom * found.noise_V**2, found.degrees_of_freedom
+    left = max(squares - place[1], 0.0) / max(freedom - 1, 1)
+    if well and place[1] < SURELY**2 * left:
+        return found
+    model = _Model(rows, kept_names, None)
+    row, angle_rad = jump_begin(
+        lambda added: model.with_misalignment(model.columns(added)), rows.output_V, place[0]
+    )
+    second = _solve(rows, kept_names, settings, row, {JUMP: angle_rad}).solution
     quieter = second.noise_V < QUIETER * found.noise_V
     fewer = float(np.mean(~second.kept)) < strays - 0.5 * MANY_STRAYS
     evident = JUMP in second.names
@@ -107,12 +116,11 @@ def solve_rows(rows: Rows, kept_names: tuple[str, ...], settings: AnalysisSettin
 
 @dataclass(frozen=True)
 class _Solved:
-    """A solution, its design (rows, k), the output's derivative by the angle, the angles in rad."""
+    """A solution, its design (rows, k) and the output's derivative by the angle."""
 
     solution: Solution
     design: Array
     slope: Array
-    angles: Mapping[str, float]
 
 
 def _solve(
@@ -130,7 +138,7 @@ def _solve(
     begin = model.correction_rad(angles or {})
     columns, data = model.columns(begin), rows.output_V
     start = model.with_misalignment(columns)
-    inside = keep_inliers(start, data, settings.outlier)
+    inside = keep_inliers(start, data, far(start, settings.outlier))
     model.guess(solve_by_qr(start[inside], data[inside]).coefficients)
     begin = model.without_large_offset(begin, inside)
     fixed_names, fixed = model.fixed(begin)
@@ -142,7 +150,8 @@ def _solve(
         min(settings.max_drift_order, room),
     )
     usable = separable(fixed, slow, np.ones(len(data), dtype=bool))
-    inside = keep_inliers(np.column_stack((fixed, usable.columns)), data, settings.outlier)
+    whole = np.column_stack((fixed, usable.columns))
+    inside = keep_inliers(whole, data, far(whole, settings.outlier))
     usable = separable(fixed, usable, inside)
     weight = group_weights(rows, np.column_stack((fixed, usable.columns)), inside)
     terms = usable.only(chosen(fixed, data, usable, inside, weight))
@@ -153,7 +162,8 @@ def _solve(
     for n in range(ROUNDS):
         _, fixed = model.fixed(model.correction_rad(angles))
         design = np.column_stack((fixed, terms.columns))
-        kept = keep_inliers(design, data, settings.outlier, weight) if n < 3 else kept
+        threshold = far(design, settings.outlier)
+        kept = keep_inliers(design, data, threshold, weight) if n < 3 else kept
         fit = solve_by_qr(design[kept], data[kept], weight[kept])
         model.guess(fit.coefficients)
         steps = {name: float(fit.coefficients[fixed_names.index(name)]) for name in angles}
@@ -163,7 +173,17 @@ def _solve(
     lost = tuple(name for name in slow.names if name not in usable.names)
     names = (*fixed_names, *terms.names)
     solution = _solution(model, design, data, fit, kept, weight, names, angles, lost)
-    return _Solved(solution, design, model.slope, angles)
+    return _Solved(solution, design, model.slope)
+
+
+def far(design: Array, sigmas: float) -> float:
+    """Return beyond how many robust standard deviations a row is wild, `sigmas` for many rows.
+
+    Few rows tell their own noise badly: as seldom as a normal deviate lies beyond `sigmas`, one of
+    Student's t with the rows left over lies beyond this.
+    """
+    left = max(design.shape[0] - design.shape[1], 1)
+    return sigmas if left >= ENOUGH_LEFT else float(-stdtrit(left, ndtr(-sigmas)))
 
 
 class _Model:

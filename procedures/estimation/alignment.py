@@ -37,7 +37,9 @@ def align(
     """
     centre = float(counter.mean())
     x, y = counter - centre, arrival_s - nominal_rate * (counter - centre)
-    hull = lower_hull(x, y)
+    # Of rows that arrived together only the last can touch the line.
+    last = np.flatnonzero(np.append(np.diff(arrival_s) > 0.0, True))
+    hull = last[lower_hull(x[last], y[last])]
     after = int(np.searchsorted(x[hull], 0.0).clip(1, max(len(hull) - 1, 1)))
     if len(hull) < 2:
         tilt, height = 0.0, float(y.min())

@@ -17,8 +17,10 @@ LEAST_STRENGTH = 0.2
 """Of the first harmonic without noise. Monte Carlo at 23 to 23.5 pulses an interval: with 0.64 and
 0.42 left of a harmonic that stands still the 95 % interval covers 92 % and 86 %, with 0.09 it
 covers 95 %."""
-CYCLES_APART = 3.0
-"""A beat that makes more turns than this in a record averages out."""
+STANDING_CYCLES, STANDING_WIDTH = 5.0, 0.1
+"""A rounding error averages out that makes more turns in a record, or in this part of its width."""
+NEAR_CYCLES, NEAR_WIDTH = 8.0, 0.25
+"""The same for a rounding error next to a line: as far as the noise at the line is judged."""
 
 
 @dataclass(frozen=True)
@@ -70,8 +72,8 @@ def find_beat(
         for line_Hz in lines_Hz:
             step = 2.0 * math.sin(math.pi * line_Hz * interval_s) / interval_s
             amplitude = left * pulse_arcsec / math.pi * step
-            if at_Hz * span_s < CYCLES_APART:
+            if at_Hz < max(STANDING_CYCLES / span_s, STANDING_WIDTH * width_Hz):
                 return Beat(harmonic, at_Hz, None, amplitude)
-            if abs(at_Hz - line_Hz) < max(CYCLES_APART / span_s, width_Hz / 4.0):
+            if abs(at_Hz - line_Hz) < max(NEAR_CYCLES / span_s, NEAR_WIDTH * width_Hz):
                 return Beat(harmonic, at_Hz, line_Hz, amplitude)
     return None

@@ -31,7 +31,7 @@ def reject_outliers(
     slack: float = 0.0,
     rounds: int = 20,
 ) -> Mask:
-    """Return which samples of `data` stay within `threshold` robust sigmas, and `slack`, of the fit.
+    """Return which samples of `data` are within `threshold` robust sigmas and `slack` of the fit.
 
     Fit, reject, fit again without the rejected, until nothing changes. A rejected sample comes back
     when the better fit explains it. Stops early rather than leave fewer samples than the model

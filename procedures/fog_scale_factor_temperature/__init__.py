@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from procedures.fog_scale_factor_temperature.check import check, instruments
+from procedures.fog_scale_factor_temperature.drive_file import inputs
 from procedures.fog_scale_factor_temperature.parameters import FogParameters
 from procedures.fog_scale_factor_temperature.steps import STEPS, prompts
 from station.procedure import Procedure, ResultKind
@@ -68,10 +69,12 @@ def outlook(parameters: FogParameters) -> Sequence[str]:
 
 
 def measured_axes(parameters: FogParameters) -> Mapping[str, tuple[str, ...]]:
-    """Return the axes that a plan measures; a verification only where it is asked for."""
+    """Return the axes that a plan measures; of a proof and a drive none where it has none."""
     measured: tuple[str, ...] = parameters.axes
     verified = measured if parameters.verification is not None else ()
+    headings = ("heading_error_uncompensated", "heading_error_compensated")
     return {
+        **dict.fromkeys(headings if parameters.drive is None else (), ()),
         "scale_factor_error": measured,
         "largest_scale_factor_error": measured,
         "residual_scale_factor_error": verified,
@@ -98,6 +101,7 @@ PROCEDURE = Procedure(
     evaluate_run=evaluate_run,
     evaluate_dataset=evaluate_dataset,
     report=report,
+    inputs=inputs,
     files=files,
     conditions=conditions,
     outlook=outlook,

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -11,15 +12,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from procedures.fog_scale_factor_temperature.check import CHAMBER, NAVIGATOR, TABLE
+from procedures.fog_scale_factor_temperature.dataset import AXES
 from procedures.fog_scale_factor_temperature.parameters import FogParameters
-from station.errors import ConditionNotReached, InstrumentError
+from procedures.fog_scale_factor_temperature.turning import FULL_TURN_DEG
+from station.errors import ConditionNotReached, InstrumentError, StationError
 
 if TYPE_CHECKING:
     from station.runner.run import Run
 
 WORK = "the bench"
-LOOK_S = 4.0
-"""Run time between two looks; less where time runs by itself, so that a kill loses little."""
+LOOK_S = 8.0
+"""Run time between two looks; less where time runs by itself, so that a kill loses little. A run
+that ends early takes first what has come since the last one."""
 MOVING_LOOK_S = 0.5
 TURNING_LOOK_S = 2.0
 CHAMBER_EVERY_S = 30.0
@@ -27,10 +31,13 @@ SILENT_AFTER_S = 10.0
 SETTLED_S = 1.0
 ARRIVES_WITHIN_S = 0.4
 """Outputs are late: of a rest count those after the first of these and before the second."""
-FULL_TURN_DEG = 360.0
 SHORT_OF_TURN_S = 1.0
 """The axis goes to its angle when it is so near to it: it brakes, then covers the rest."""
-AXES = ("x", "y", "z")
+SOAK, WARM_UP, RANDOM = "soak", "warm-up", "random-rotation"
+RAMP, COOLING, PROOF = "ramp", "cooling", "proof"
+BETWEEN_TURNS = (SOAK, WARM_UP, RANDOM, RAMP, COOLING, PROOF)
+"""Names under which is recorded what belongs to no turn; a turn's begins with RAMP or PROOF."""
+
 UP: dict[str, tuple[float, float]] = {"x": (90.0, 0.0), "y": (0.0, -90.0), "z": (0.0, 180.0)}
 """Angles of the middle and the inner axis, in deg, that let a body axis point up (z is down)."""
 AXIS_SETTINGS = ("outer_axis", "middle_axis", "inner_axis")
@@ -108,6 +115,16 @@ class BenchWork:
                 f"no output came for {SILENT_AFTER_S:g} s",
                 "check its cable and its power",
             )
+
+    @contextmanager
+    def keeps_what_came(self) -> Iterator[None]:
+        """Record, where a step ends with an error, what had come before it."""
+        try:
+            yield
+        except BaseException:
+            with suppress(StationError, OSError):
+                self.take(self._unit)
+            raise
 
     def follow(self, until_s: float, unit: str, said: str = "") -> None:
         """Record until a run time."""

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from pathlib import Path
 from typing import TYPE_CHECKING
 
+from procedures.fog_scale_factor_temperature.drive_file import drive_in, inputs
 from procedures.fog_scale_factor_temperature.parameters import FogParameters
 from station.procedure import Problem
 
@@ -21,7 +21,7 @@ RAMP_RATE = ("parameters", "ramp_rate")
 TURN_RATE = ("parameters", "turn_rate")
 RESOLUTION = ("parameters", "heading_resolution")
 ASKED = ("parameters", "asked_uncertainty")
-DRIVE = ("parameters", "drive")
+DRIVE = ("parameters", "drive", "file")
 MINUTES_PER_HOUR = 60.0
 
 
@@ -109,18 +109,15 @@ def uncertainty_problems(parameters: FogParameters) -> Iterator[Problem]:
 
 def drive_problems(parameters: FogParameters) -> Iterator[Problem]:
     """Yield why the file of the vehicle test cannot be used."""
-    if parameters.drive is None:
-        return
-    path = Path(parameters.drive)
-    if not path.is_file():
-        what = f"there is no file '{path}'; its path is relative to where the station is started"
-        yield Problem(DRIVE, what)
-        return
-    from procedures.fog_scale_factor_temperature.from_import import read_drive
     from station.faults import FaultList
 
     try:
-        read_drive(path, parameters.latitude_deg, None)
+        files = inputs(parameters)
     except FaultList as found:
-        for fault in found.faults:
-            yield Problem(DRIVE, str(fault))
+        yield from (Problem(DRIVE, fault.said) for fault in found.faults)
+        return
+    try:
+        for path in files.values():
+            drive_in(path, parameters)
+    except FaultList as found:
+        yield from (Problem(DRIVE, str(fault)) for fault in found.faults)

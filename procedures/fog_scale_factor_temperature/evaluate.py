@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -21,7 +21,6 @@ from procedures.fog_scale_factor_temperature.flags import rejected_rows
 from procedures.fog_scale_factor_temperature.from_import import (
     conditions_of,
     dataset_of_import,
-    history_of,
 )
 from procedures.fog_scale_factor_temperature.parameters import PUBLISHED_SOAK_H, FogParameters
 from station.faults import FaultList
@@ -50,7 +49,6 @@ def findings_of_run(folder: RunFolder, parameters: FogParameters, bench: Bench) 
     from procedures.fog_scale_factor_temperature.from_record import dataset_of_run
 
     dataset = dataset_of_run(folder, parameters, bench)
-    dataset = replace(dataset, history={**history_of(dataset.turns), **dataset.history})
     analysis = analyse(dataset, settings(parameters))
     flags = [outside_flag("; ".join(parameters.outside))] if parameters.outside else []
     return to_findings(analysis, dataset, flags, "specification in the plan")

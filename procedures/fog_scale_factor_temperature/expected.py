@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from procedures.fog_scale_factor_temperature.curve import chebyshev_columns
+from procedures.fog_scale_factor_temperature.forecast import sets_of_ramp
 from procedures.fog_scale_factor_temperature.parameters import FogParameters
 from procedures.fog_scale_factor_temperature.turning import FULL_TURN_DEG, PPM, SECONDS_PER_HOUR
 
@@ -37,14 +38,9 @@ class Expectation:
         return float(np.hypot(self.rms_ppm, self.bias_ppm))
 
 
-def sets_of(span_degC: float, ramp_degC_per_h: float, interval_s: float) -> int:
-    """Return how many sets of turns a ramp holds, one at its beginning and one at its end."""
-    return int(span_degC / ramp_degC_per_h * SECONDS_PER_HOUR / interval_s + 1e-9) + 1
-
-
 def expected_uncertainty(parameters: FogParameters) -> Expectation:
     """Return the Cramer-Rao bounds of a plan."""
-    sets = sets_of(parameters.span_degC, parameters.ramp_rate_degC_per_h, parameters.set_interval_s)
+    sets = sets_of_ramp(parameters)
     turns = sets * len(parameters.signs)
     turn_h = parameters.schedule.turn_s / SECONDS_PER_HOUR
     resolution = parameters.heading_resolution_deg / np.sqrt(6.0)

@@ -144,9 +144,14 @@ def read_drive(path: Path, latitude_deg: float, first_heading_deg: float | None)
 
 def history_of(turns: TurnTable) -> dict[str, Array]:
     """Return the temperatures against time that a table of turns holds."""
-    history = {"gyro": np.column_stack((turns.middle_s, turns.temperature_degC))}
+    history = {}
     if bool(np.isfinite(turns.chamber_degC).all()):
         history["chamber"] = np.column_stack((turns.middle_s, turns.chamber_degC))
+    for axis in AXES:
+        own = turns.axis == axis
+        if bool(own.any()):
+            course = np.column_stack((turns.middle_s[own], turns.temperature_degC[own]))
+            history[f"gyro {axis}"] = course
     return history
 
 

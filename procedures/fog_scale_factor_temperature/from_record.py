@@ -7,8 +7,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from procedures.fog_scale_factor_temperature.bench_work import BETWEEN_TURNS, PROOF, RAMP
 from procedures.fog_scale_factor_temperature.check import CHAMBER, NAVIGATOR
-from procedures.fog_scale_factor_temperature.dataset import FogDataset, TurnTable
+from procedures.fog_scale_factor_temperature.dataset import AXES, FogDataset, TurnTable
+from procedures.fog_scale_factor_temperature.drive_file import PLACE, drive_in
 from procedures.fog_scale_factor_temperature.parameters import FogParameters
 from station.errors import RecordError
 
@@ -19,7 +21,9 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 ARRIVAL = "arrival_time_s"
 ATTITUDE = ("heading_deg", "pitch_deg", "roll_deg")
-RAMP, PROOF = "ramp", "proof"
+THINNED = 5
+"""Of the blocks of outputs between turns, which are many, one of so many is drawn."""
+
 SHORT_OF_MOTION_S = 0.3
 """The last outputs before a turn may already have left when it began; they arrive late."""
 
@@ -38,6 +42,7 @@ def dataset_of_run(folder: RunFolder, parameters: FogParameters, bench: Bench) -
         initial_order=parameters.initial_order,
         temperature_range_degC=parameters.temperature_range_degC,
         verification=proof if len(proof) else None,
+        drive=drive_in(folder.path / PLACE, parameters),
         history=history(folder),
     )
 
@@ -101,14 +106,13 @@ def mean_attitude_deg(rows: NDArray[Any]) -> Array:
 
 
 def history(folder: RunFolder) -> dict[str, Array]:
-    """Return the temperatures of chamber and gyros against time, for the report."""
-    found: dict[str, list[tuple[float, float]]] = {"chamber": []}
-    for unit in folder.finished_units():
-        try:
-            rows = folder.rows(CHAMBER, unit)
-        except RecordError:
-            continue
-        found["chamber"] += zip(rows[ARRIVAL], rows["process_value_degC"], strict=True)
-    return {
-        name: np.array(sorted(values)).reshape(-1, 2) for name, values in found.items() if values
-    }
+    """Return the temperatures of chamber and gyros against time, between the turns."""
+    columns = {"chamber": (CHAMBER, "process_value_degC", 1)}
+    columns |= {f"gyro {axis}": (NAVIGATOR, f"temperature_{axis}_degC", THINNED) for axis in AXES}
+    found = {}
+    for name, (source, column, every) in columns.items():
+        blocks = [block for unit in BETWEEN_TURNS for block in folder.course(source, unit, every)]
+        if blocks:
+            rows = np.concatenate([np.column_stack((one[ARRIVAL], one[column])) for one in blocks])
+            found[name] = rows[np.argsort(rows[:, 0])]
+    return found

@@ -48,6 +48,18 @@ class Verification(StrictModel):
     ramp_rate_degC_per_h: Annotated[float, Unit("degC/h"), Field(gt=0)] = 12.0
 
 
+class DriveTest(StrictModel):
+    """The vehicle test of step 4: a recorded drive, and where it was.
+
+    `file` is a path, or the name of a drive in `config/drives`. Where `initial_heading` is left out
+    the vehicle is taken to be level on average.
+    """
+
+    file: Annotated[str, Field(min_length=1)]
+    latitude_deg: Annotated[Degree, Field(ge=-90, le=90)] | None = None
+    initial_heading_deg: Degree | None = None
+
+
 class Thresholds(StrictModel):
     """Where a flag is raised; the defaults are those of the result format."""
 
@@ -89,7 +101,7 @@ class FogParameters(StrictModel):
     reference_temperature_degC: Celsius = 20.0
     asked_uncertainty_ppm: Annotated[float, Unit("ppm"), Field(gt=0)] | None = None
     verification: Verification | None = None
-    drive: Annotated[str, Field(min_length=1)] | None = None
+    drive: DriveTest | None = None
     thresholds: Thresholds = Thresholds()
 
     @field_validator("temperature_range_degC")

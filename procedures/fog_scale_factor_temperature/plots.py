@@ -24,7 +24,6 @@ from station.report.drawing import (
 )
 
 COLOURS = {"x": BLUE, "y": VERMILION, "z": GREEN}
-HISTORY_COLOURS = (ORANGE, SKY, PURPLE, INK, GREY)
 GRID = 201
 MOST_POINTS = 3000
 EDGE_SIGMA = 5.0
@@ -36,13 +35,14 @@ def temperatures(dataset: FogDataset) -> Figure:
     """Draw all temperatures that were recorded against time."""
     figure = new_figure(2.7)
     axes = figure.add_subplot()
-    for colour, (name, course) in zip(HISTORY_COLOURS, dataset.history.items(), strict=False):
+    for name, course in dataset.history.items():
         step = max(1, len(course) // MOST_POINTS)
         time_h = course[::step, 0] / SECONDS_PER_HOUR
-        axes.plot(time_h, course[::step, 1], color=colour, label=name)
+        colour = COLOURS.get(name.removeprefix("gyro "), INK)
+        axes.plot(time_h, course[::step, 1], color=colour, linewidth=1.1, label=name)
     axes.set_xlabel("time, h")
     axes.set_ylabel("temperature, degC")
-    axes.legend(loc="lower right", ncols=4)
+    axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=4)
     return figure
 
 
@@ -107,20 +107,26 @@ def _band(axes: Axes, fit: AxisFit) -> None:
 
 
 def verification(verified: dict[str, Verified]) -> Figure:
-    """Draw the turn errors of the verification ramp before and after compensation."""
-    figure = new_figure(2.9)
-    grid = figure.subplots(1, len(verified), squeeze=False)[0]
-    figure.subplots_adjust(wspace=0.22)
-    for axes, one in zip(grid, verified.values(), strict=True):
-        axes.plot(one.temperature_degC, one.before_ppm, ".", color=GREY, label="before")
-        axes.plot(
-            one.temperature_degC, one.after_ppm, ".", color=COLOURS[one.axis], label="compensated"
-        )
-        axes.axhline(0.0, color=INK, linewidth=0.8)
-        axes.set_xlabel("gyro temperature, degC")
-        label_above(axes, f"axis {one.axis}")
-    grid[0].set_ylabel("turn error, ppm")
-    grid[0].legend(loc="best")
+    """Draw the turn errors of the verification ramp before compensation, and enlarged after it."""
+    figure = new_figure(4.2)
+    grid = figure.subplots(
+        2, len(verified), sharex="col", squeeze=False, gridspec_kw={"height_ratios": (1.5, 1.0)}
+    )
+    figure.subplots_adjust(wspace=0.22, hspace=0.12)
+    for column, one in enumerate(verified.values()):
+        upper, lower = grid[0, column], grid[1, column]
+        colour = COLOURS[one.axis]
+        upper.plot(one.temperature_degC, one.before_ppm, ".", color=GREY, label="before")
+        for axes in (upper, lower):
+            axes.plot(one.temperature_degC, one.after_ppm, ".", color=colour, label="compensated")
+            axes.axhline(0.0, color=INK, linewidth=0.8)
+        reach = ROOM * float(np.max(np.abs(one.after_ppm)))
+        lower.set_ylim(-reach, reach)
+        lower.set_xlabel("gyro temperature, degC")
+        label_above(upper, f"axis {one.axis}")
+    grid[0, 0].set_ylabel("turn error, ppm")
+    grid[1, 0].set_ylabel("compensated, ppm")
+    grid[0, 0].legend(loc="best")
     return figure
 
 

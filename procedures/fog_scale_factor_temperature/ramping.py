@@ -6,24 +6,24 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from procedures.fog_scale_factor_temperature.bench_work import AXES, BenchWork, work_of
+from procedures.fog_scale_factor_temperature.bench_work import (
+    COOLING,
+    PROOF,
+    RAMP,
+    BenchWork,
+    work_of,
+)
 from procedures.fog_scale_factor_temperature.check import CHAMBER, NAVIGATOR
+from procedures.fog_scale_factor_temperature.dataset import AXES
+from procedures.fog_scale_factor_temperature.forecast import PROVED_WITHIN_DEGC
 from procedures.fog_scale_factor_temperature.parameters import FogParameters
+from procedures.fog_scale_factor_temperature.turning import SECONDS_PER_HOUR
 from station.errors import ConditionNotReached
 
 if TYPE_CHECKING:
     from station.runner.run import Run
 
-RAMP, PROOF = "ramp", "proof"
-COOLING = "cooling"
 DRIFTED_DEGC = 1.0
-PROVED_WITHIN_DEGC = 2.0
-"""So near to where the first turns were made the proof begins and ends; nearer takes hours."""
-
-EXPECTED_HEAT_DEGC = 5.0
-"""By how much gyros warm themselves."""
-
-SECONDS_PER_HOUR = 3600.0
 
 
 @dataclass(frozen=True)

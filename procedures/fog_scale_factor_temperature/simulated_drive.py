@@ -2,11 +2,17 @@
 
 For whoever wants to try the vehicle test: laps of a yard, all in one sense, on ground that is not
 quite level, in a gyro that cools down meanwhile. The vehicle ends in the heading in which it began.
+`config/drives/NAME.truth.json` holds what a drive that comes with the station was made of;
+`python -m procedures.fog_scale_factor_temperature.simulated_drive NAME.truth.json` prints it.
 """
 
 from __future__ import annotations
 
+import json
+import sys
 from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -76,6 +82,21 @@ def simulated_drive(
     )
 
 
+def drive_of_truth(truth: Mapping[str, Any]) -> Drive:
+    """Return the drive that a truth file describes.
+
+    `made_of` holds arguments of `simulated_drive`; `scale_factor_error_ppm` the curve of each axis
+    by the powers of u, which goes from -1 to 1 over `temperature_range_degC`.
+    """
+    low, high = truth["temperature_range_degC"]
+
+    def curve(powers: list[float]) -> ErrorOfTemperature:
+        return lambda heat: np.polyval(powers[::-1], (2.0 * heat - low - high) / (high - low))
+
+    errors = {axis: curve(powers) for axis, powers in truth["scale_factor_error_ppm"].items()}
+    return simulated_drive(errors, **truth["made_of"])
+
+
 def drive_csv(drive: Drive) -> str:
     """Return a drive as the CSV file of an imported dataset, reference heading included."""
     head = ["t_s", *(f"rate_{axis}_deg_per_s" for axis in AXES)]
@@ -85,7 +106,7 @@ def drive_csv(drive: Drive) -> str:
         head.append("heading_deg")
         columns.append(np.mod(drive.heading_deg, 360.0))
     lines = [",".join(head)]
-    lines += [",".join(f"{cell:.10g}" for cell in row) for row in zip(*columns, strict=True)]
+    lines += [",".join(f"{cell:.8g}" for cell in row) for row in zip(*columns, strict=True)]
     return "\n".join(lines) + "\n"
 
 
@@ -114,3 +135,8 @@ def _body_rates_deg_per_s(
         ]
     )
     return np.asarray(np.degrees(own + turned).T)
+
+
+if __name__ == "__main__":
+    described = json.loads(Path(sys.argv[1]).read_text(encoding="utf-8"))
+    sys.stdout.write(drive_csv(drive_of_truth(described)))

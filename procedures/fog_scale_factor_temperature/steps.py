@@ -6,15 +6,26 @@ gyro by continuous turns while the temperature rises, steps one to four.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from procedures.fog_scale_factor_temperature.bench_work import AXES, work_of
-from procedures.fog_scale_factor_temperature.check import CHAMBER, NAVIGATOR, POWER, TABLE
-from procedures.fog_scale_factor_temperature.parameters import FogParameters
-from procedures.fog_scale_factor_temperature.ramping import (
-    EXPECTED_HEAT_DEGC,
+from procedures.fog_scale_factor_temperature.bench_work import (
     PROOF,
     RAMP,
+    RANDOM,
+    SOAK,
+    WARM_UP,
+    work_of,
+)
+from procedures.fog_scale_factor_temperature.check import CHAMBER, NAVIGATOR, POWER
+from procedures.fog_scale_factor_temperature.forecast import (
+    EXPECTED_HEAT_DEGC,
+    proof_s,
+    ramp_s,
+    soak_s,
+)
+from procedures.fog_scale_factor_temperature.parameters import FogParameters
+from procedures.fog_scale_factor_temperature.ramping import (
     Ramp,
     coldest_degC,
     cool_down,
@@ -22,18 +33,14 @@ from procedures.fog_scale_factor_temperature.ramping import (
     make_ramp,
     soak_again,
 )
+from procedures.fog_scale_factor_temperature.turning import SECONDS_PER_HOUR
 from station.errors import ConditionNotReached
 from station.procedure import Prompt, Step
 
 if TYPE_CHECKING:
     from station.runner.run import Run
 
-SOAK, WARM_UP, RANDOM = "soak", "warm-up", "random-rotation"
-APPROACH_S = 3600.0
 LEG_S = 20.0
-SECONDS_PER_HOUR = 3600.0
-EXPECTED_LAG_DEGC = 5.0
-"""A gyro that heats itself is about as much warmer than the chamber as it lags behind it."""
 
 MOUNT = Prompt(
     "mount",
@@ -208,35 +215,19 @@ def prove(run: Run) -> None:
     run.role(POWER, DutPower).switch_off()
 
 
-def instruments(parameters: FogParameters) -> tuple[str, ...]:
-    """Return the bench instances that a plan needs."""
-    return (CHAMBER, TABLE, NAVIGATOR, POWER)
+def recorded(body: Callable[[Run], None]) -> Callable[[Run], None]:
+    """Return a step that leaves on disk what had come, however it ends."""
 
+    def step(run: Run) -> None:
+        with work_of(run).keeps_what_came():
+            body(run)
 
-def soak_s(parameters: FogParameters) -> float:
-    """Return the expected bench time in s of step 1."""
-    warm_s = parameters.alignment_s + 4 * parameters.warm_up.window_s
-    return APPROACH_S + parameters.soak_s + warm_s + parameters.random_rotation_s
-
-
-def ramp_s(parameters: FogParameters) -> float:
-    """Return the expected bench time in s of step 2."""
-    return parameters.span_degC / parameters.ramp_rate_degC_per_h * SECONDS_PER_HOUR
-
-
-def proof_s(parameters: FogParameters) -> float:
-    """Return the expected bench time in s of step 4."""
-    rule = parameters.verification
-    if rule is None:
-        return 1.0
-    return (parameters.span_degC + EXPECTED_LAG_DEGC) / rule.ramp_rate_degC_per_h * SECONDS_PER_HOUR
+    return step
 
 
 STEPS = (
-    Step("1", "Lowest temperature, soak, power on, align, rotate", soak, soak_s),
-    Step("2", "Slow ramp; every 10 min each axis up and turned", ramp_up, ramp_s),
+    Step("1", "Lowest temperature, soak, power on, align, rotate", recorded(soak), soak_s),
+    Step("2", "Slow ramp; every 10 min each axis up and turned", recorded(ramp_up), ramp_s),
     Step("3", "Scale-factor error over temperature: a polynomial", fit, lambda _: 0.0),
-    Step("4", "Another ramp, compensated; then everything off", prove, proof_s),
+    Step("4", "Another ramp, compensated; then everything off", recorded(prove), proof_s),
 )
-
-__all__ = ["AXES", "STEPS", "instruments", "prompts"]

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from procedures.nine_axis_calibration.parameters import NineAxisParameters
+from station import registry
 from station.procedure import Problem
 
 if TYPE_CHECKING:
@@ -40,7 +41,12 @@ def check(parameters: NineAxisParameters, bench: Bench) -> Iterator[Problem]:
                 "plate",
             )
     sensor = bench.instruments.get(IMU)
-    range_deg_per_s = sensor.limits.get(RATE) if sensor else None
+    if sensor is None:
+        return
+    driver = registry.load(registry.DRIVERS, sensor.driver)
+    if said := getattr(driver, "rates_said", lambda rate_Hz: "")(parameters.sample_rate_Hz):
+        yield Problem(("parameters", "sample_rate"), said)
+    range_deg_per_s = sensor.limits.get(RATE)
     if range_deg_per_s is None:
         return
     for rate in parameters.rates_deg_per_s:

@@ -19,6 +19,7 @@ from procedures.nine_axis_calibration.dataset import (
 )
 from procedures.nine_axis_calibration.outlook import prior_of
 from procedures.nine_axis_calibration.parameters import FULL_TURN_DEG, NineAxisParameters
+from procedures.nine_axis_calibration.placing import UP_SENSE
 from procedures.nine_axis_calibration.sensing import ACCELEROMETERS, GYROS, SECONDS_PER_HOUR
 from procedures.nine_axis_calibration.tracking import track
 from station.errors import RecordError
@@ -28,19 +29,29 @@ if TYPE_CHECKING:
     from station.record.folder import RunFolder
 
 ARRIVAL = "arrival_time_s"
+POSITION, TURN = "position", "rate_deg_per_s"
+"""What a finished unit tells of itself: its position, or the rate of its turns."""
 GYRO_BITS, ACCELEROMETER_BITS = (0, 1, 2), (4, 5, 6)
 LATE_S = 0.3
 """Outputs of a record may reach the computer so long after its end."""
+USUAL, SHORT_S = 1.5, 1e-4
 
 
 def dataset_of_run(
-    folder: RunFolder, parameters: NineAxisParameters, bench: Bench
+    folder: RunFolder,
+    parameters: NineAxisParameters,
+    bench: Bench,
+    kinds: tuple[str, ...] = (POSITION, TURN),
 ) -> NineAxisDataset:
-    """Return all finished positions and turns of a run.
+    """Return all finished positions and turns of a run, or one of these kinds.
 
     Times are run time. An output that the sensor itself calls not valid counts as beyond its range.
     """
-    units = folder.finished_units().items()
+    units = [
+        (unit, details)
+        for unit, details in folder.finished_units().items()
+        if any(kind in details for kind in kinds)
+    ]
     sensor = bench.instruments.get(IMU)
     limit = sensor.limits.get(RATE) if sensor is not None else None
     interval_s = 1.0 / parameters.sample_rate_Hz
@@ -50,12 +61,12 @@ def dataset_of_run(
         static=tuple(
             static_record(folder, unit, details, interval_s)
             for unit, details in units
-            if "position" in details
+            if POSITION in details
         ),
         turns=tuple(
             turn_record(folder, unit, details, interval_s)
             for unit, details in units
-            if "rate_deg_per_s" in details
+            if TURN in details
         ),
         largest_rate_deg_per_s=parameters.range_deg_per_s or limit or np.inf,
     )
@@ -70,7 +81,7 @@ def static_record(
     if not inside.any():
         raise RecordError(f"{unit}: the sensor said nothing while it was at rest")
     return StaticRecord(
-        position=int(details["position"]),
+        position=int(details[POSITION]),
         time_s=time_s[inside],
         rate_deg_per_h=gyros(rows[inside]) * SECONDS_PER_HOUR,
         acceleration_g=accelerometers(rows[inside]),
@@ -81,29 +92,41 @@ def turn_record(
     folder: RunFolder, unit: str, details: Mapping[str, Any], interval_s: float
 ) -> TurnRecord:
     """Return the whole turns of one rate: as many outputs as they take at the measured rate."""
-    table = folder.rows(TURNTABLE, unit)
-    inside = (table["asked_time_s"] >= details["from_s"]) & (table[ARRIVAL] <= details["until_s"])
-    table = table[inside]
-    if len(table) < 2:
-        raise RecordError(f"{unit}: the table's angle was not read while it turned")
-    # The middle of question and answer; the table counts clockwise seen from above.
-    read_s = 0.5 * (table["asked_time_s"] + table[ARRIVAL])
-    path = track(read_s, -table["angle_deg"])
+    read_s, angle_deg = readings(folder, unit, details)
+    path = track(read_s, angle_deg)
     rows, time_s = outputs(folder, unit, details, interval_s)
     whole_s = details["turns"] * FULL_TURN_DEG / abs(path.rate_deg_per_s)
     from_s = float(read_s[0])
     inside = (time_s >= from_s + interval_s) & (time_s < from_s + whole_s + 1.5 * interval_s)
     count = round(whole_s / interval_s)
-    place = np.flatnonzero(inside)
+    place = np.flatnonzero(inside & (time_s <= details["until_s"]))
     place = place[time_s[place] < time_s[place[0]] + (count - 0.5) * interval_s]
     return TurnRecord(
         axis=AXES.index(details["axis"]),
-        commanded_deg_per_s=float(details["rate_deg_per_s"]),
+        commanded_deg_per_s=float(details[TURN]),
         time_s=time_s[place],
         rate_deg_per_s=gyros(rows[place]),
         encoder_deg=path.angle_deg(time_s[place]),
         encoder_u_deg=path.end_u_deg,
     )
+
+
+def readings(folder: RunFolder, unit: str, details: Mapping[str, Any]) -> tuple[Array, Array]:
+    """Return when the table's angle was read during a record, and what it was, positive as rates.
+
+    A reading is taken for one of the middle between question and answer. One that took longer than
+    usual, as when others had the line, is left out: nobody knows when it was made.
+    """
+    table = folder.rows(TURNTABLE, unit)
+    asked_s, answered_s = table["asked_time_s"], table[ARRIVAL]
+    inside = (asked_s >= details["from_s"]) & (answered_s <= details["until_s"])
+    took_s = answered_s - asked_s
+    if inside.any():
+        inside &= took_s <= USUAL * float(np.median(took_s[inside])) + SHORT_S
+    if int(inside.sum()) < 2:
+        raise RecordError(f"{unit}: the table's angle was not read while it turned")
+    middle_s = 0.5 * (asked_s + answered_s)
+    return middle_s[inside], UP_SENSE * table["angle_deg"][inside]
 
 
 def outputs(

@@ -19,6 +19,7 @@ from procedures.nine_axis_calibration.placing import (
     MOUNT_TABLE,
     POSES_DEG,
     UP_DEG,
+    UP_SENSE,
     pose_prompt,
     table_axes,
     turning_axis,
@@ -42,14 +43,12 @@ FIRST_LOOK_S = 20.0
 """After so long a pose is judged first: a wrong one must not cost the whole static time."""
 MOVING_LOOK_S = 0.5
 EXTRA_S = 0.1
-"""So much more than the whole turns is recorded, for the outputs' delay."""
+"""So much more than the whole turns is recorded, and a reading more."""
 LATE_OUTPUTS_S = 0.2
 """Outputs of a record's last moments may still be on their way when it ends."""
 LATE = 1.5
 LATE_S = 10.0
 FOLLOWS = 0.5
-UP_SENSE = -1.0
-"""Rates are positive counter-clockwise seen from above, the table's are clockwise."""
 TABLE_COLUMNS = {
     "angle_deg": "deg, the encoder of the axis that turns, turns counted, clockwise from above",
     "asked_time_s": "s, run time at which it was asked for",
@@ -80,9 +79,9 @@ def stand(run: Run, position: int, said: str) -> None:
 
 def need_sensor_well(run: Run) -> None:
     """Raise InstrumentError where the sensor says of itself that something is wrong."""
-    from drivers.roles import InertialSensor
+    from drivers.roles import Imu
 
-    faults = run.role(IMU, InertialSensor).status().faults
+    faults = run.role(IMU, Imu).status().faults
     if faults:
         raise InstrumentError(
             IMU,
@@ -192,6 +191,8 @@ def turn(run: Run, one: Turn, said: str) -> None:
         ahead_s = min(run.clock.now() + LONGEST_READING_S, settled_s)
         sensing.follow(ahead_s, f"{said}, the rate settles")
         table.is_at_rate(axis)  # raises where it does not keep it
+    # The line is then free for the first reading as it is for all others.
+    sensing.follow(run.clock.now() + SHORTEST_READING_S, said)
     from_s = run.clock.now()
     turned_deg = read_turns(run, one, axis, sensing, said)
     until_s = run.clock.now()
@@ -216,8 +217,8 @@ def read_turns(run: Run, one: Turn, axis: int, sensing: Sensing, said: str) -> f
 
     Raises ConditionNotReached where they take far longer than they should.
     """
-    wanted_deg = one.turns * FULL_TURN_DEG + EXTRA_S * abs(one.rate_deg_per_s)
     every_s = reading_interval_s(one)
+    wanted_deg = one.turns * FULL_TURN_DEG + (every_s + EXTRA_S) * abs(one.rate_deg_per_s)
     gives_up_s = run.clock.now() + LATE * one.dwell_s + LATE_S
     first_deg = angle_deg = read_angle(run, one.unit, axis)
     while abs(angle_deg - first_deg) < wanted_deg:

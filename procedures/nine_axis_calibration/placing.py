@@ -37,6 +37,8 @@ POSES_DEG: dict[int, tuple[float, float, float]] = {
 """Outer, middle and inner angle of each position."""
 UP_DEG: dict[str, tuple[float, float]] = {"X": (90.0, 0.0), "Y": (0.0, 90.0), "Z": (0.0, 0.0)}
 """Middle and inner angle that let a sensor axis point up, along the outer axis."""
+UP_SENSE = -1.0
+"""Rates are positive counter-clockwise seen from above, the table's outer axis turns clockwise."""
 
 MOUNT_TABLE = Prompt(
     "mount-table",

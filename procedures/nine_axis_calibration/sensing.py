@@ -28,10 +28,10 @@ class Sensing:
     """The sensor's stream for one unit of work; `stop` it when the unit is done."""
 
     def __init__(self, run: Run, unit: str) -> None:
-        from drivers.roles import InertialSensor
+        from drivers.roles import Imu
 
         self._run, self._unit = run, unit
-        self._sensor = run.role(IMU, InertialSensor)
+        self._sensor = run.role(IMU, Imu)
         parameters: NineAxisParameters = run.parameters
         self._sensor.start(parameters.sample_rate_Hz)
         self._heard_s = run.clock.now()

@@ -114,10 +114,11 @@ def scale_factors(run: Run) -> None:
 def say_published(run: Run, name: str) -> None:
     """Say and record what the source's own rule gives for a result, from what is recorded."""
     from procedures.nine_axis_calibration.findings import UNITS
-    from procedures.nine_axis_calibration.from_record import dataset_of_run
+    from procedures.nine_axis_calibration.from_record import POSITION, TURN, dataset_of_run
     from procedures.nine_axis_calibration.published import published_values
 
-    dataset = dataset_of_run(run.read_back(), run.parameters, run.bench)
+    kinds = (POSITION,) if name == "bias" else (TURN,)
+    dataset = dataset_of_run(run.read_back(), run.parameters, run.bench, kinds)
     turned = sorted({one.axis for one in dataset.turns})
     said = []
     for one in published_values(dataset, turned):

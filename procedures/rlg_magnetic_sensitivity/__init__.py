@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from procedures.rlg_magnetic_sensitivity.check import check
@@ -45,9 +45,22 @@ def report(findings: Findings, document: ResultDocument) -> Sequence[Part]:
     """Return the plots and tables of this procedure."""
     from procedures.rlg_magnetic_sensitivity.figures import draw_parts
 
-    if not findings.detail.dataset.segments:
+    detail = findings.detail
+    if not detail.dataset.segments:
         return ()
-    return draw_parts(findings.detail.analysis, document=document, dataset=findings.detail.dataset)
+    return draw_parts(
+        detail.analysis,
+        document=document,
+        dataset=detail.dataset,
+        coils=detail.coils,
+        tested=detail.tested,
+    )
+
+
+def limited_results(parameters: RlgParameters) -> Mapping[str, tuple[str, ...]]:
+    """Return the results that need a limit: all, where the plan stops when they are decided."""
+    early = parameters.stop is not None and parameters.stop.early_decision
+    return {"magnetic_sensitivity": tuple(parameters.axes)} if early else {}
 
 
 PROCEDURE = Procedure(
@@ -69,6 +82,7 @@ PROCEDURE = Procedure(
     forecast=forecast,
     outlook=outlook,
     measured_axes=lambda parameters: {"magnetic_sensitivity": tuple(parameters.axes)},
+    needs_limits=limited_results,
     assumptions=(
         "The probe's axes stand along the coils' normals and the gyro's axes along both; what they "
         "differ is in the results as far as the measured cross components tell it.",

@@ -23,9 +23,9 @@ from .findings import (
     SegmentDetail,
 )
 from .flags import drive_flags, record_flags, result_flags
-from .pulse_beat import beat_flags
 from .gyro import GyroFit, fit_gyro
 from .published import plotted_spectrum, published_value
+from .pulse_beat import beat_flags
 from .response import Observed, Response, solve
 
 Array = NDArray[np.float64]

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from procedures.rlg_magnetic_sensitivity import one_axis
 from procedures.rlg_magnetic_sensitivity.analysis import analyse
-from procedures.rlg_magnetic_sensitivity.dataset import RlgDataset
+from procedures.rlg_magnetic_sensitivity.dataset import AXES, RlgDataset
 from procedures.rlg_magnetic_sensitivity.findings import AnalysisSettings, RlgAnalysis
 from procedures.rlg_magnetic_sensitivity.from_import import dataset_of_import
 from procedures.rlg_magnetic_sensitivity.from_record import (
@@ -18,10 +19,16 @@ from procedures.rlg_magnetic_sensitivity.from_record import (
     field_alignment,
     segment_of_unit,
 )
+from procedures.rlg_magnetic_sensitivity.misalignment import CoilResponse, coil_responses
 from procedures.rlg_magnetic_sensitivity.parameters import RlgParameters, Thresholds
-from procedures.rlg_magnetic_sensitivity.records import PlannedRecord, sensitivity_records
-from station.results import Estimate, Findings, Flag, Published
-from station.uncertainty import InputQuantity
+from procedures.rlg_magnetic_sensitivity.records import (
+    PlannedRecord,
+    check_of,
+    sensitivity_records,
+)
+from procedures.rlg_magnetic_sensitivity.repeats import Tested, background, flags_of, repeated
+from station.results import Estimate, Findings, Flag, Published, finite
+from station.uncertainty import InputQuantity, combine
 
 if TYPE_CHECKING:
     from station.bench import Bench
@@ -35,6 +42,8 @@ class Detail:
 
     analysis: RlgAnalysis
     dataset: RlgDataset
+    coils: Mapping[str, CoilResponse]
+    tested: Sequence[Tested]
 
 
 def findings_of_run(folder: RunFolder, parameters: RlgParameters, bench: Bench) -> Findings:
@@ -46,7 +55,8 @@ def findings_of_run(folder: RunFolder, parameters: RlgParameters, bench: Bench) 
     dataset = dataset_of_run(folder, units, parameters, bench)
     inputs = type_b_inputs(folder, units, parameters, bench)
     analysis = analyse(dataset, settings(parameters.thresholds))
-    findings = to_findings(analysis, dataset, inputs)
+    tested = tested_results(folder, parameters, bench, analysis)
+    findings = to_findings(analysis, dataset, inputs, tested)
     absent = [
         Estimate("magnetic_sensitivity", axis, None, "deg/h/mT", None, None, "least-squares")
         for axis in missing
@@ -58,10 +68,53 @@ def findings_of_run(folder: RunFolder, parameters: RlgParameters, bench: Bench) 
     return Findings(
         [*findings.estimates, *absent],
         findings.published,
-        [*findings.flags, *flags, *overload_flags(folder, measured)],
+        [
+            *findings.flags,
+            *flags,
+            *overload_flags(folder, measured),
+            *target_flags(findings, parameters),
+        ],
         inputs,
         findings.detail,
     )
+
+
+def tested_results(
+    folder: RunFolder, parameters: RlgParameters, bench: Bench, analysis: RlgAnalysis
+) -> list[Tested]:
+    """Return what the finished records of the plan's checks say of the results."""
+    limits, finished = settings(parameters.thresholds), folder.finished_units()
+    tested: list[Tested] = []
+    for check in parameters.checks:
+        units = [one.unit for one in check_of(parameters, check) if one.unit in finished]
+        again = dataset_of_run(folder, units, parameters, bench)
+        if check == "background":
+            for segment in again.segments:
+                tested += background(segment, parameters.amplitude_mT, limits)
+        elif again.segments:
+            reach = limits.checks_differ
+            tested += repeated(check, analysis, analyse(again, limits), again.segments, reach)
+    return tested
+
+
+def target_flags(findings: Findings, parameters: RlgParameters) -> Iterator[Flag]:
+    """Yield a flag for each result less certain than the plan's stop asked for."""
+    asked = parameters.stop.uncertainty_deg_per_h_per_mT if parameters.stop else None
+    if asked is None or parameters.stop is None:
+        return
+    combined = combine(findings.estimates, findings.inputs)
+    for estimate, total in zip(findings.estimates, combined, strict=True):
+        if total is None or total.standard_uncertainty <= asked:
+            continue
+        u = total.standard_uncertainty
+        yield Flag(
+            "target-not-reached",
+            f"The standard uncertainty of {estimate.axis} is {u:.2g} deg/h/mT, {asked:g} was asked "
+            f"for; its record ended at its longest, {parameters.stop.at_most_s:g} s, or by an "
+            "early decision.",
+            estimate.axis,
+            {"standard_uncertainty": u, "asked": asked},
+        )
 
 
 def estimates_so_far(
@@ -79,7 +132,7 @@ def estimates_so_far(
     dataset = RlgDataset((*before, now))
     inputs = type_b_inputs(folder, [*finished, name], parameters, bench)
     analysis = analyse(dataset, settings(parameters.thresholds))
-    return to_findings(analysis, dataset, inputs).estimates, inputs
+    return to_findings(analysis, dataset, inputs, []).estimates, inputs
 
 
 def overload_flags(folder: RunFolder, records: Iterable[PlannedRecord]) -> list[Flag]:
@@ -100,7 +153,7 @@ def overload_flags(folder: RunFolder, records: Iterable[PlannedRecord]) -> list[
 def findings_of_dataset(raw: RawDataset) -> Findings:
     """Return what an imported dataset says; it brings no calibration records, so type A only."""
     dataset = dataset_of_import(raw)
-    return to_findings(analyse(dataset, AnalysisSettings()), dataset, [])
+    return to_findings(analyse(dataset, AnalysisSettings()), dataset, [], [])
 
 
 def settings(thresholds: Thresholds) -> AnalysisSettings:
@@ -112,6 +165,7 @@ def settings(thresholds: Thresholds) -> AnalysisSettings:
         gap=thresholds.gap,
         field_differs=thresholds.field_differs_from_commanded,
         model_too_stiff=thresholds.model_too_stiff,
+        checks_differ=thresholds.checks_differ,
     )
 
 
@@ -135,7 +189,7 @@ def type_b_inputs(
                 field_calibration.source,
             )
         )
-    worst_s = max(field_alignment(folder, unit).offset_u_s for unit in units)
+    worst_s = max(time_offset_u_s(folder, unit) for unit in units)
     inputs.append(
         InputQuantity(
             "field_time_offset_s",
@@ -145,6 +199,9 @@ def type_b_inputs(
             "earliest arrivals of this run",
         )
     )
+    seen = [one_axis.components_T(folder.rows(GAUSSMETER, unit)) for unit in units]
+    if field_calibration is not None and any(one_axis.unseen(one).any() for one in seen):
+        inputs.append(one_axis.misalignment(field_calibration))
     gyro_calibration = bench.instruments[GYRO].calibration
     if gyro_calibration is not None:
         inputs.append(
@@ -159,10 +216,26 @@ def type_b_inputs(
     return inputs
 
 
+def time_offset_u_s(folder: RunFolder, unit: str) -> float:
+    """Return the standard uncertainty of the field's times against the gyro's, s.
+
+    A reading that was asked for had ended up to one averaging before, evenly spread.
+    """
+    aligned_u_s = field_alignment(folder, unit).offset_u_s
+    facts = folder.finished_units().get(unit, {})
+    if facts.get("field_timestamp") != "on-request":
+        return aligned_u_s
+    return math.hypot(aligned_u_s, float(facts["field_averaging_s"]) / math.sqrt(12.0))
+
+
 def to_findings(
-    analysis: RlgAnalysis, dataset: RlgDataset, inputs: list[InputQuantity]
+    analysis: RlgAnalysis,
+    dataset: RlgDataset,
+    inputs: list[InputQuantity],
+    tested: Sequence[Tested],
 ) -> Findings:
     """Return an analysis in the station's own terms."""
+    coils = coil_responses(analysis.lines, dataset.segments)
     estimates = [
         Estimate(
             one.name,
@@ -172,15 +245,31 @@ def to_findings(
             one.standard_uncertainty,
             one.degrees_of_freedom,
             one.method,
-            one.sensitivities,
+            {**one.sensitivities, **one_axis.slope_by_misalignment(one, analysis.estimates)},
+            extra_of(one.axis, coils, tested),
         )
         for one in analysis.estimates
     ]
     published = [
         Published(one.name, one.axis, one.value, one.unit, one.method) for one in analysis.published
     ]
-    flags = [Flag(one.code, one.message, one.axis, details_of(one)) for one in analysis.flags]
-    return Findings(estimates, published, flags, inputs, Detail(analysis, dataset))
+    flags = [
+        Flag(one.code, one.message, one.axis, details_of(one))
+        for one in (*analysis.flags, *flags_of(tested))
+    ]
+    return Findings(estimates, published, flags, inputs, Detail(analysis, dataset, coils, tested))
+
+
+def extra_of(
+    axis: str, coils: Mapping[str, CoilResponse], tested: Sequence[Tested]
+) -> dict[str, Any]:
+    """Return what stands beside a result: its coil's field over the commanded one, its checks."""
+    extra: dict[str, Any] = {}
+    if axis in coils:
+        components = coils[axis].components
+        extra["coil_field"] = {a: finite(b) for a, b in zip(AXES, components, strict=True)}
+    checks = [one.to_data() for one in tested if one.axis in (axis, None)]
+    return extra | ({"checks": checks} if checks else {})
 
 
 def details_of(flag: Any) -> dict[str, Any]:

@@ -2,20 +2,35 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Mapping, Sequence
 
 import matplotlib as mpl
 import numpy as np
 from scipy.special import stdtrit
 
-from procedures.rlg_magnetic_sensitivity import plots, spectrum_plot
-from procedures.rlg_magnetic_sensitivity.dataset import AXES, RlgDataset, Segment
+from procedures.rlg_magnetic_sensitivity import (
+    allan_plot,
+    phase_plot,
+    plots,
+    spectrum_plot,
+    tables,
+)
+from procedures.rlg_magnetic_sensitivity.dataset import RlgDataset, Segment
 from procedures.rlg_magnetic_sensitivity.findings import LineDetail, RlgAnalysis, SegmentDetail
+from procedures.rlg_magnetic_sensitivity.misalignment import CoilResponse
+from procedures.rlg_magnetic_sensitivity.repeats import Tested
 from procedures.rlg_magnetic_sensitivity.summary_plot import SummaryRow, summary
 from station.report.drawing import STYLE
-from station.report.numbers import NOTHING, format_number, format_with_uncertainty
-from station.report.parts import Part, Plot, Table
+from station.report.parts import Part, Plot
 from station.results import ResultDocument
+
+ALLAN = (
+    "Of the output without the fitted lines, drift included: the overlapping estimator (NIST "
+    "SP 1065). The curve is σ²(τ) = 3 Q²/τ² + N²/τ + (2 ln 2/π) B² + K² τ/3 with the "
+    "coefficients of the table of the records, not below zero (IEEE Std 952, annex C): Q "
+    "quantisation, N angle random walk, B bias instability, K rate random walk. A short record "
+    "tells nothing of those that act in long times."
+)
 
 
 def draw_parts(
@@ -23,12 +38,14 @@ def draw_parts(
     *,
     document: ResultDocument | None = None,
     dataset: RlgDataset | None = None,
+    coils: Mapping[str, CoilResponse] | None = None,
+    tested: Sequence[Tested] = (),
 ) -> tuple[Part, ...]:
     """Return the parts of the report, from the most to the least condensed.
 
     `document` gives combined uncertainties and limits to the summary; without it the bars hold
     type A only. `dataset` gives the measured field and the commanded frequency to the plots of the
-    records; without it the fitted ones are drawn.
+    records; without it the fitted ones are drawn. `coils` and `tested` fill tables of their own.
     """
     parts: list[Part] = []
     with mpl.rc_context(STYLE):
@@ -48,17 +65,41 @@ def draw_parts(
                 segment = dataset.segments[number] if dataset is not None else None
                 read = any(p.value is not None for p in analysis.published if p.axis in detail.axes)
                 parts += _record_plots(detail, lines, segment, read)
+        parts += _overviews(analysis)
     if analysis.lines:
-        parts.append(_line_table(analysis.lines))
+        parts.append(tables.lines(analysis.lines))
+    if coils:
+        parts.append(tables.coils(coils))
+    if tested:
+        parts.append(tables.tests(tested))
     if analysis.segments:
-        parts.append(_record_table(analysis.segments))
+        parts.append(tables.records(analysis.segments))
     return tuple(parts)
+
+
+def _overviews(analysis: RlgAnalysis) -> list[Part]:
+    """Return what all records have in common: responses against the field, and the noise."""
+    parts: list[Part] = []
+    if any(line.slope is not None for line in analysis.lines):
+        parts.append(
+            Plot(
+                "Response against field",
+                "The response of each axis over its field, as a phasor: to the right what answers "
+                "in phase with the field, upwards what comes before it. A sensitivity lies on the "
+                "horizontal line; the circles are where 95 % of such measurements would lie. What "
+                "other driven axes contribute is taken off.",
+                phase_plot.phase_diagram(analysis.lines),
+            )
+        )
+    if any(len(detail.allan.tau_s) for detail in analysis.segments):
+        parts.append(Plot("Allan deviation", ALLAN, allan_plot.allan(analysis.segments)))
+    return parts
 
 
 def _record_plots(
     detail: SegmentDetail, lines: Sequence[LineDetail], segment: Segment | None, published: bool
 ) -> list[Part]:
-    driven = _joined(detail.axes)
+    driven = tables.joined(detail.axes)
     several = len(lines) > 1
     peaks = "Circles: the peaks" if several else "Circle: the peak"
     peaks += " that the published formula reads (S7)."
@@ -100,7 +141,7 @@ def _record_plots(
             Plot(
                 f"{driven} driven: what the fit leaves",
                 "Residuals should be noise without a shape. Their lag-1 correlation is "
-                f"{_signed(detail.lag_one_correlation)}{counted}; "
+                f"{tables.signed(detail.lag_one_correlation)}{counted}; "
                 f"the curve is a normal distribution of the same spread.{outside}",
                 plots.residuals(detail, quantum),
             )
@@ -131,118 +172,3 @@ def _summary_rows(analysis: RlgAnalysis, document: ResultDocument | None) -> lis
             )
         )
     return rows
-
-
-def _line_table(lines: Sequence[LineDetail]) -> Table:
-    """Return the lines as columns: what was driven, what answered, along and across the field."""
-    rows: list[tuple[str, Callable[[LineDetail], str]]] = [
-        (
-            "Frequency, fitted to the field, Hz",
-            lambda x: _with_u(x.frequency_Hz, x.frequency_uncertainty_Hz),
-        ),
-        ("Field amplitude, mT", lambda x: format_number(x.field_amplitude_mT, 5)),
-        ("Field phase at the record’s middle, deg", lambda x: f"{x.field_phase_deg:.1f}"),
-        (
-            "Ambient field along the axis, mT",
-            lambda x: format_number(float(x.ambient_field_mT[AXES.index(x.axis)]), 3),
-        ),
-        ("Response amplitude, deg/h", _response),
-        ("Phase of the response after the field, deg", _phase_after_field),
-        ("In phase with the field, deg/h/mT", lambda x: _with_u(x.slope, x.slope_uncertainty)),
-        ("In quadrature, deg/h/mT", lambda x: _with_u(x.quadrature, x.quadrature_uncertainty)),
-        ("Second-order term, deg/h/mT²", lambda x: _with_u(x.quadratic, x.quadratic_uncertainty)),
-        ("Value over its uncertainty (type A)", lambda x: _plain(x.significance, "{:.1f}")),
-        ("Magnitude below, with 95 %, deg/h/mT", lambda x: format_number(x.upper_bound, 2)),
-    ]
-    texts = [[title, *(text(line) for line in lines)] for title, text in rows]
-    return Table(
-        "The driven lines",
-        "A real sensitivity answers in phase with the field, or against it where it is negative; "
-        "a part in quadrature would point to a delay, eddy currents or pickup. Uncertainties are "
-        "standard, type A. The bound is given where the value is not told from zero.",
-        ["", *(_line_name(line, lines) for line in lines)],
-        [row for row in texts if any(cell != NOTHING for cell in row[1:])],
-    )
-
-
-def _record_table(segments: Sequence[SegmentDetail]) -> Table:
-    rows = []
-    for detail in segments:
-        floor = detail.noise_floor_deg_per_h
-        kept = int(detail.kept.sum())
-        rows.append(
-            [
-                _joined(detail.axes),
-                str(len(detail.time_s)),
-                str(kept),
-                str(len(detail.kept) - kept),
-                str(detail.drift_order),
-                str(detail.autoregression_order),
-                f"{detail.lag_one_correlation:.3f}",
-                format_number(detail.residual_sigma_deg_per_h, 3),
-                format_number(_random_walk(detail, floor), 3),
-            ]
-        )
-    return Table(
-        "The records and their noise",
-        "Drift is a polynomial of the order given, fitted together with the lines. The angle "
-        "random walk is the noise density next to the driven frequency.",
-        [
-            "Driven",
-            "Samples",
-            "Kept",
-            "Rejected",
-            "Drift order",
-            "Noise model order",
-            "Lag-1 correlation",
-            "Residual σ, deg/h",
-            "Angle random walk, deg/√h",
-        ],
-        rows,
-    )
-
-
-def _random_walk(detail: SegmentDetail, floor_deg_per_h: float | None) -> float | None:
-    """Return the angle random walk in deg/sqrt(h) of white noise with this floor.
-
-    The floor is 2 sigma / sqrt(N) with sigma = 60 Q / sqrt(tau0): Q = floor sqrt(N tau0) / 120.
-    """
-    if floor_deg_per_h is None or len(detail.time_s) < 2:
-        return None
-    interval_s = float(np.median(np.diff(detail.time_s)))
-    return floor_deg_per_h * float(np.sqrt(detail.kept.sum() * interval_s)) / 120.0
-
-
-def _line_name(line: LineDetail, lines: Sequence[LineDetail]) -> str:
-    again = sum(other.axis == line.axis for other in lines) > 1
-    return f"{line.axis}, record {line.segment + 1}" if again else line.axis
-
-
-def _response(line: LineDetail) -> str:
-    phasor = line.gyro_phasor_deg_per_h
-    return NOTHING if phasor is None else format_number(abs(phasor), 3)
-
-
-def _phase_after_field(line: LineDetail) -> str:
-    if line.gyro_phase_deg is None:
-        return NOTHING
-    return f"{(line.gyro_phase_deg - line.field_phase_deg + 180.0) % 360.0 - 180.0:.0f}"
-
-
-def _with_u(value: float | None, uncertainty: float | None) -> str:
-    if value is None:
-        return NOTHING
-    value_text, u_text = format_with_uncertainty(value, uncertainty)
-    return value_text if u_text == NOTHING else f"{value_text} ± {u_text}"
-
-
-def _plain(value: float | None, form: str) -> str:
-    return NOTHING if value is None else form.format(value)
-
-
-def _joined(axes: Sequence[str]) -> str:
-    return axes[0] if len(axes) == 1 else ", ".join(axes[:-1]) + " and " + axes[-1]
-
-
-def _signed(value: float) -> str:
-    return f"{value:.3f}".replace("-", "−")

@@ -90,8 +90,8 @@ class LineDetail:
     """One driven axis of one segment: its line in the field and in the gyro's output.
 
     Phasors are Re(X exp(2 pi j f (t - segment middle))), both corrected for interval averaging:
-    the gyro's in deg/h, the field's amplitude in mT and phase in deg; `field_uncertainty_mT` (3,) is
-    the standard uncertainty of a part, real or imaginary, of each component. `slope` and `quadrature`
+    the gyro's in deg/h, the field's amplitude in mT and phase in deg; `field_uncertainty_mT` (3,)
+    is the standard uncertainty of a part, real or imaginary, of each. `slope` and `quadrature`
     (deg/h/mT) are the parts of the gyro phasor, other axes taken off, along and across the field;
     `quadratic` (deg/h/mT^2) is the axis's second-order term from all lines at 2f.
     `upper_bound` (95 %, one-sided, on |S|) is given where the axis is not significant.
@@ -128,8 +128,8 @@ class SegmentDetail:
     k = 0..N/2 (about the mean, missing samples left out, where rows are missing);
     `noise_floor_deg_per_h` is its expected root mean square ordinate next to the first driven line
     if there were no line. `drift_order` is the order of the fit; `drift_evident` says whether the
-    data prove any drift. The drift and lines are in `model_deg_per_h`. `allan` is the Allan deviation
-    of the output without the fitted lines, `noise` what it is made of.
+    data prove any drift. The drift and lines are in `model_deg_per_h`. `allan` is the Allan
+    deviation of the output without the fitted lines, `noise` what it is made of.
     """
 
     axes: tuple[str, ...]

@@ -15,6 +15,7 @@ from procedures.rlg_magnetic_sensitivity.measuring import (
 from procedures.rlg_magnetic_sensitivity.parameters import RlgParameters
 from procedures.rlg_magnetic_sensitivity.records import PlannedRecord, all_records
 from procedures.rlg_magnetic_sensitivity.warming import GYRO, POWER, expected_warm_up_s
+from station import registry
 from station.console import span
 from station.procedure import Forecast, Recording, SetPoint
 from station.units import UnitError, parse_as
@@ -42,7 +43,7 @@ def outlook(parameters: RlgParameters) -> Sequence[str]:
     if parameters.stop is not None:
         least_s, most_s = (n * parameters.sample_interval_s for n in (first.samples, first.most))
         lines.append(
-            f"each record ends by itself after {span(least_s)} to {span(most_s)}; the time above "
+            f"a record ends by itself after {span(least_s)} to {span(most_s)}; the time above "
             "is the longest"
         )
     return lines
@@ -100,9 +101,15 @@ def recordings(parameters: RlgParameters, bench: Bench) -> tuple[Recording, ...]
 def reading_period_s(parameters: RlgParameters, bench: Bench) -> float:
     """Return the seconds between two readings of the field: the gaussmeter's averaging time.
 
-    Where the bench file gives none that can be read, one reading in each sample of the gyro.
+    One that keeps no readings is read at each look. Where the bench file gives no time that can be
+    read, one reading in each sample of the gyro.
     """
-    given = bench.instruments[GAUSSMETER].settings.get("averaging")
+    from station.runner.acquisition import POLL_S
+
+    gaussmeter = bench.instruments[GAUSSMETER]
+    if not registry.load(registry.DRIVERS, gaussmeter.driver).keeps_readings:
+        return POLL_S
+    given = gaussmeter.settings.get("averaging")
     try:
         averaging_s = parse_as(given, "s")
     except UnitError:

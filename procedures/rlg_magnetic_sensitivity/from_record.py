@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from procedures.estimation.alignment import Alignment, align, unwrapped
+from procedures.rlg_magnetic_sensitivity import one_axis
 from procedures.rlg_magnetic_sensitivity.dataset import Drive, RlgDataset, Segment
-from procedures.rlg_magnetic_sensitivity.parameters import COIL_OF_AXIS, RlgParameters
+from procedures.rlg_magnetic_sensitivity.parameters import RlgParameters
 
 if TYPE_CHECKING:
     from station.bench import Bench
@@ -18,8 +19,14 @@ if TYPE_CHECKING:
 
 GYRO = "gyro_acquisition"
 GAUSSMETER = "gaussmeter"
+LATENCY = "latency_s"
 MT_PER_T = 1e3
-TO_MIDDLE = {"interval-start": 0.5, "interval-middle": 0.0, "interval-end": -0.5}
+TO_MIDDLE = {
+    "interval-start": 0.5,
+    "interval-middle": 0.0,
+    "interval-end": -0.5,
+    "on-request": -1.0,  # asked for, a reading is half an averaging old in the mean
+}
 
 
 def gyro_rates(
@@ -32,7 +39,10 @@ def gyro_rates(
     """
     rows = folder.rows(GYRO, unit)
     number = unwrapped(rows["sequence"])
-    aligned = align(number, rows["arrival_time_s"], parameters.sample_interval_s)
+    arrival_s = rows["arrival_time_s"]
+    if LATENCY in rows.dtype.names:  # the board says how long each sample was on its way
+        arrival_s = arrival_s - rows[LATENCY]
+    aligned = align(number, arrival_s, parameters.sample_interval_s)
     counts = np.diff(rows["counts"].astype(np.int64))
     counts = np.mod(counts + 2**31, 2**32) - 2**31  # the board's counter is 32 bits wide
     whole = np.diff(number) == 1
@@ -58,17 +68,20 @@ def segment_of_unit(
     """Return the record of a unit, in run time and on the gyro's axes.
 
     The probe's x, y, z stand along the coils' normals, which S1 makes parallel to IA, NA, LA. The
-    gaussmeter's calibration corrections of the bench file are applied here. `facts` are those of a
+    gaussmeter's calibration corrections of the bench file are applied here; a component that it did
+    not see is zero. `facts` are those of a
     unit that is not finished yet.
     """
     unit = folder.finished_units()[name] if facts is None else facts
     rows = folder.rows(GAUSSMETER, name)
     averaging_s = float(unit["field_averaging_s"])
     shift_s = TO_MIDDLE[unit["field_timestamp"]] * averaging_s
-    field_mT = np.column_stack([rows[f"{coil}_T"] for coil in COIL_OF_AXIS.values()]) * MT_PER_T
+    field_mT = one_axis.components_T(rows) * MT_PER_T
+    unseen = one_axis.unseen(field_mT)
     calibration = bench.instruments[GAUSSMETER].calibration
     if calibration is not None:
         field_mT = calibration.corrected("field", field_mT, "mT")
+    field_mT[:, unseen] = 0.0
     usable = rows["state"] == 0
     time_s, rate_deg_per_h = gyro_rates(folder, name, parameters, samples=unit["samples"])
     quantum = parameters.pulse_weight_arcsec / parameters.sample_interval_s

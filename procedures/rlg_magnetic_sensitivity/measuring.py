@@ -54,8 +54,10 @@ def drive(run: Run, planned: PlannedRecord) -> None:
         run.progress.say(f"    {planned.unit}: measured before the run was interrupted")
         return
     run.may_pause()
+    gaussmeter = run.role(GAUSSMETER, Gaussmeter)
+    gaussmeter.turn_to(COIL_OF_AXIS[next(iter(planned.drive))])
     largest_mT = planned.largest_field_mT or parameters.amplitude_mT
-    run.role(GAUSSMETER, Gaussmeter).start(FIELD_HEADROOM * largest_mT)
+    gaussmeter.start(FIELD_HEADROOM * largest_mT)
     supplies = {axis: run.role(coil_supply(axis), CoilSupply) for axis in planned.energised}
     given_Hz = {}
     for axis, supply in supplies.items():

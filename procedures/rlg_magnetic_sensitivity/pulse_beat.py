@@ -1,4 +1,4 @@
-"""Whether counted pulses beat with the sampling where it harms a result, and what to do about it."""
+"""Whether counted pulses beat with the sampling where it harms a result, and what would help."""
 
 from __future__ import annotations
 
@@ -12,9 +12,8 @@ from .dataset import Segment
 from .findings import Flag, LineDetail, SegmentDetail
 from .frequencies import LARGEST_CYCLES_PER_SAMPLE, allowed_Hz
 
-INTERVALS_S = tuple(
-    round(m * 10.0**e, 6) for e in (-2, -1, 0) for m in (1, 1.25, 1.6, 2, 2.5, 4, 5, 8)
-)
+ROUND_NUMBERS = (1.0, 1.25, 1.6, 2.0, 2.5, 4.0, 5.0, 8.0)
+INTERVALS_S = tuple(round(m * 10.0**e, 6) for e in (-2, -1, 0) for m in ROUND_NUMBERS)
 
 
 def beat_flags(

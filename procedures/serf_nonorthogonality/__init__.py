@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from procedures.serf_nonorthogonality.check import check
 from procedures.serf_nonorthogonality.forecast import forecast
 from procedures.serf_nonorthogonality.parameters import SerfParameters
+from procedures.serf_nonorthogonality.shots import AXES, PAIRS
 from procedures.serf_nonorthogonality.steps import STEPS, instruments, prompts, units
 from station.procedure import Procedure, ResultKind
 
@@ -18,9 +19,6 @@ if TYPE_CHECKING:
     from station.record.folder import RunFolder
     from station.report.parts import Part
     from station.results import Findings, ResultDocument
-
-AXES = ("x", "y", "z")
-PAIRS = ("xy", "xz", "yz")
 
 
 def evaluate_run(folder: RunFolder, parameters: SerfParameters, bench: Bench) -> Findings:
@@ -87,8 +85,8 @@ PROCEDURE = Procedure(
         "The fields are steady during a shot. A field of nuclei that still precess, or that decay "
         "from shot to shot, is not: it shows in the residual field and in chi-square.",
         "A falling frequency is taken for the slowing-down factor of one alkali at spin "
-        "temperature, with a broadening that follows the square of the frequency; pump and probe "
-        "light are taken to lie along their axes to 0.3 deg (standard uncertainty).",
+        "temperature, with a broadening that follows the square of the frequency and does not "
+        "change as the polarisation fades.",
         "The law of cosines as published runs on the frequencies of this fit, which knows the "
         "baseline. On those of the printed signal formula, which has none, it is worse.",
     ),

@@ -7,13 +7,14 @@ from numpy.typing import NDArray
 
 from .checks import checks_of
 from .chirped import Frequencies, frequencies_and_angles
-from .dataset import AXES, PAIRS, SerfDataset
+from .dataset import SerfDataset
 from .findings import AnalysisSettings, Published, SerfAnalysis, ShotResult
 from .flags import result_flags
 from .precession import Precession, look_at_all
 from .published import PublishedAngles, published_angles
 from .results import estimates, residual_magnitude_nT, scale_axis
 from .shot_flags import data_flags
+from .shots import AXES, PAIRS
 
 Array = NDArray[np.float64]
 
@@ -49,6 +50,7 @@ def analyse(dataset: SerfDataset, settings: AnalysisSettings | None = None) -> S
         shots=shots,
         solution=solution,
         joint=found.joint if found is not None else None,
+        lean=found.lean if found is not None else None,
         estimates=results,
         published=tuple(Published(pair, paper.angles_deg[pair]) for pair in PAIRS),
         flags=tuple(flags),

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import chdtrc
 
-from .dataset import AXES, PAIRS
+from .shots import AXES, PAIRS
 
 Array = NDArray[np.float64]
 
@@ -67,7 +67,7 @@ class Solution:
     @property
     def positive_definite(self) -> bool:
         """Whether three axes with these angles between them exist."""
-        return bool(np.linalg.eigvalsh(self.gram)[0] > 0.0)
+        return bool(np.all(np.isfinite(self.cosine)) and np.linalg.eigvalsh(self.gram)[0] > 0.0)
 
     @property
     def probability(self) -> float:
@@ -119,6 +119,8 @@ def solve(commanded_nT: Array, omega: Array, covariance: Array, *, known: bool) 
     natural = np.array([a] * 3 + [1.0] * 3 + [a * float(np.median(size))] * 3)
     maps = _maps(known)
     kept, determined, free_of_residual = _judge(commanded_nT, p, natural, maps)
+    if free_of_residual:
+        p = _begin(commanded_nT, omega, p)
     mapping = maps[:, kept] * natural[:, None]
     weight: Array = np.asarray(np.linalg.inv(covariance), dtype=np.float64)
     root = _root(weight)
@@ -164,6 +166,27 @@ def solve(commanded_nT: Array, omega: Array, covariance: Array, *, known: bool) 
         enlarged=improbable,
         converged=converged,
     )
+
+
+def _begin(commanded_nT: Array, omega: Array, p: Array) -> Array:
+    """Return the nine unknowns that solve w², which is linear in ten combinations of them.
+
+    Right for a residual field of any size; `p` where the shots do not tell the ten apart.
+    """
+    products = [commanded_nT[:, i] * commanded_nT[:, j] for i, j in PLACES.values()]
+    square = [*(commanded_nT.T**2), *(2.0 * np.array(products)), *(2.0 * commanded_nT.T)]
+    design = np.column_stack([*square, np.ones(len(omega))])
+    scale = np.max(np.abs(design), axis=0)
+    if np.any(scale == 0.0) or np.linalg.cond(design / scale) > 1.0 / INDEPENDENT:
+        return p
+    found = np.linalg.lstsq(design / scale, omega**2, rcond=None)[0] / scale
+    if np.any(found[:3] <= 0.0):
+        return p
+    a = np.sqrt(found[:3])
+    cosine = found[3:6] / np.array([a[i] * a[j] for i, j in PLACES.values()])
+    if float(np.linalg.eigvalsh(gram_of(cosine))[0]) <= 0.0:
+        return p
+    return np.concatenate([a, cosine, found[6:9] / a])
 
 
 def _root(weight: Array) -> Array:

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from procedures.serf_nonorthogonality.parameters import SerfParameters
+from procedures.serf_nonorthogonality.shots import Wanted
 from station.errors import InstrumentError
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
     from drivers.roles import Block
+    from procedures.serf_nonorthogonality.dataset import Shot
+    from procedures.serf_nonorthogonality.tone import ToneFit
     from station.bench import Bench
     from station.runner.run import Run
 
@@ -29,13 +29,14 @@ CHANNELS: Mapping[str, tuple[str, int]] = {
 }
 """The generator and the channel at each coil, as the names of the instances say."""
 
-REPEATED = "shot-repeated"
-"""The event of a shot that was bad and is taken again."""
-
 LOOK_S = 0.02
 SURE_OF_DARK = 1.3
 """The field comes when the light has been off for a third of the shutter's delay again."""
 LONGEST_WAIT_S = 10.0
+
+
+class LightPassed(InstrumentError):
+    """The pump light was not blocked during a shot."""
 
 
 @dataclass(frozen=True)
@@ -78,6 +79,8 @@ class Cell:
         self.digitizer = run.role(DIGITIZER, Digitizer)
         self.pump = run.role(PUMP, PumpLaser)
         self.held_nT = dict.fromkeys("xyz", 0.0)
+        self.usual: list[ToneFit] = []
+        """The fits of good shots that were taken last."""
 
     def prepare(self) -> None:
         """Write the limits, hold every coil at zero and let the light through until the trigger."""
@@ -114,7 +117,8 @@ class Cell:
     def fire(self, field_nT: Mapping[str, float], said: str) -> Block:
         """Pump, switch the light off and the field on, and return the record.
 
-        `field_nT` is added to what each coil holds. The record's time is zero at the field.
+        `field_nT` is added to what each coil holds. The record's time is zero at the trigger.
+        Raises LightPassed where the shutter's sensor still says so after the record.
         """
         parameters = self.parameters
         armed = []
@@ -133,9 +137,17 @@ class Cell:
         self.run.wait(parameters.pump_s, f"{said}: the vapour is pumped")
         self.digitizer.fire()
         block = self._fetched(said)
+        light_passes = self.pump.is_open()
         self.digitizer.release()
         for generator, channel in armed:
             self.generators[generator].disarm(channel)
+        if light_passes:
+            raise LightPassed(
+                PUMP,
+                said,
+                f"its sensor read open {1e3 * duration_s:.0f} ms after the trigger",
+                "look whether the trigger's cable is at its gate and nothing holds the blade",
+            )
         return block
 
     def _fetched(self, said: str) -> Block:
@@ -154,9 +166,22 @@ class Cell:
             "look whether its trigger output is looped back to its trigger input",
         )
 
+    def look(self, wanted: Wanted, said: str) -> Shot:
+        """Fire a shot that is not recorded."""
+        return self.shot_of(wanted, self.fire(wanted.by_coil_nT, said))
 
-def signal_of(block: Any, delay_s: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return time (s, zero at the field) and voltage of what follows the field's beginning."""
-    time_s = block.columns["time_s"] - delay_s
-    after = time_s > 0.0
-    return time_s[after], block.columns["voltage_V"][after]
+    def shot_of(self, wanted: Wanted, block: Block) -> Shot:
+        """Return a record from the beginning of the field on."""
+        import numpy as np
+
+        from procedures.serf_nonorthogonality.dataset import Shot
+
+        time_s = block.columns["time_s"] - self.delay_s
+        after = time_s > 0.0
+        return Shot(
+            wanted.id,
+            np.array(wanted.field_nT),
+            time_s[after],
+            block.columns["voltage_V"][after],
+            self.parameters.full_scale_V,
+        )

@@ -6,18 +6,21 @@ import math
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from procedures.serf_nonorthogonality.cell import CHANNELS
+from procedures.serf_nonorthogonality.cell import CHANNELS, DIGITIZER, PUMP, SURE_OF_DARK
 from procedures.serf_nonorthogonality.expected import expectation
 from procedures.serf_nonorthogonality.parameters import SerfParameters
+from procedures.serf_nonorthogonality.shots import LEAST_CYCLES
+from station import registry
 from station.procedure import Problem
 from station.units import UnitError, parse_as
 
 if TYPE_CHECKING:
+    from drivers.roles import Digitizer
     from station.bench import Bench
 
 FIELD = ("parameters", "field")
 OVERSAMPLING = 4.0
-LEAST_CYCLES = 1.0
+LEAST_DECAYS, USUAL_DECAYS = 1.0, 3.0
 BEYOND_USE = 3.0
 """Loss against the best field, as a ratio of uncertainties, beyond which a plan is refused."""
 
@@ -32,9 +35,17 @@ def check(parameters: SerfParameters, bench: Bench) -> Iterator[Problem]:
             f"{parameters.sample_rate_Hz:g} Hz is less than four times the fastest precession to "
             f"be expected, {fastest_Hz:.0f} Hz; {OVERSAMPLING * fastest_Hz:.0f} Hz would do",
         )
+    yield from _recorder(parameters, bench)
     expected = expectation(parameters)
     if expected is None:
         return
+    if expected.record_decays < LEAST_DECAYS:
+        yield Problem(
+            ("parameters", "record"),
+            f"it holds {expected.record_decays:.2g} 1/e times of the slowest precession, fewer "
+            f"than one; {USUAL_DECAYS / expected.record_decays * parameters.record_s:.2g} s would "
+            "do",
+        )
     cycles = min(expected.cycles.values())
     best_nT = parameters.best_field_nT
     if expected.loss > BEYOND_USE and expected.broadening_share > 0.5:
@@ -49,6 +60,32 @@ def check(parameters: SerfParameters, bench: Bench) -> Iterator[Problem]:
             FIELD,
             f"{cycles:.2f} cycles pass within the 1/e time, fewer than one; take about "
             f"{best_nT:g} nT",
+        )
+
+
+def _recorder(parameters: SerfParameters, bench: Bench) -> Iterator[Problem]:
+    """Yield why the digitizer cannot take the record, or nobody knows when it may begin."""
+    digitizer, pump = (bench.instruments.get(name) for name in (DIGITIZER, PUMP))
+    if digitizer is None or pump is None:
+        return
+    dark = pump.settings.get("trigger_to_dark")
+    if dark is None:
+        yield Problem(
+            ("procedure",),
+            f"the bench {bench.name!r} does not say when the light is off: measure it with a "
+            f"photodiode and give settings.trigger_to_dark of {PUMP}, such as 8 ms",
+        )
+        return
+    driver: type[Digitizer] = registry.load(registry.DRIVERS, digitizer.driver)
+    duration_s = parameters.record_s + SURE_OF_DARK * parse_as(str(dark), "s")
+    why = driver.why_no_record(
+        digitizer.settings, parameters.sample_rate_Hz, duration_s, parameters.full_scale_V
+    )
+    if why is not None:
+        yield Problem(
+            ("parameters", "record"),
+            f"{DIGITIZER} cannot record {duration_s:.3g} s at {parameters.sample_rate_Hz:g} Hz up "
+            f"to {parameters.full_scale_V:g} V: {why}",
         )
 
 

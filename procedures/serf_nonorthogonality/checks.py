@@ -8,10 +8,11 @@ import numpy as np
 
 from .angles import closed_form
 from .chirped import Frequencies
-from .dataset import PAIRS, SerfDataset
+from .dataset import SerfDataset
 from .findings import Check, Estimate, ShotResult
-from .law import SPINS
 from .results import ANGLE, SLOWING_DOWN
+from .shots import PAIRS
+from .spins import SPINS
 
 MARGIN_U = 3.0
 FACTOR_MARGIN = 0.02

@@ -12,9 +12,9 @@ from .angles import Solution, solve
 from .dataset import SerfDataset
 from .findings import AnalysisSettings
 from .joint import JointFit, NoJointFit, Record, decay_line, fit_jointly, joint_start
-from .law import SPINS, SlowingDown
 from .light import NO_LEAN, Lean, fields_in_light, lean_of
 from .precession import Precession
+from .spins import SPINS, SlowingDown
 from .tone import pooled_chirp, wild_samples
 
 Array = NDArray[np.float64]
@@ -135,6 +135,7 @@ def _jointly(
     by_lean = np.column_stack([one.omega_rad_per_s - joint.omega_rad_per_s for one in moved])
     by_lean /= LEAN_RAD
     covariance = joint.covariance + by_lean @ lean.covariance[:2, :2] @ by_lean.T
+    covariance += np.diag((joint.by_late_start * dataset.start_u_s) ** 2)
     solution = solve(commanded_nT, omega, covariance, known=dataset.constants_known)
     return Frequencies(
         omega,

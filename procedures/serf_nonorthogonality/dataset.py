@@ -8,12 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from .shots import AXES
+from .spins import GAMMA_HZ_PER_NT
 
-AXES = ("x", "y", "z")
-PAIRS = ("xy", "xz", "yz")
-GAMMA_HZ_PER_NT = 28.02495
-"""Gyromagnetic ratio of the free electron; the source's 28 nT/Hz is its reciprocal misprinted."""
+Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -44,7 +42,7 @@ class SerfDataset:
 
     `constants_known`: commanded fields are exact; otherwise each coil has a factor. `mains_Hz`:
     frequency of the pick-up, None where there is none. `repeated`: names of shots that were taken
-    again, with the reason of each.
+    again, with the reason of each. `start_u_s`: standard uncertainty of each record's time zero.
     """
 
     shots: Sequence[Shot]
@@ -56,6 +54,7 @@ class SerfDataset:
     gamma_Hz_per_nT: float = GAMMA_HZ_PER_NT
     mains_Hz: float | None = None
     repeated: Sequence[tuple[str, str]] = ()
+    start_u_s: float = 0.0
 
     @property
     def gamma_rad_per_s_nT(self) -> float:

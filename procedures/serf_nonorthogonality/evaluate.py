@@ -9,11 +9,12 @@ from typing import TYPE_CHECKING
 
 from procedures.serf_nonorthogonality.analysis import analyse
 from procedures.serf_nonorthogonality.cell import CHANNELS, DIGITIZER, PUMP
-from procedures.serf_nonorthogonality.dataset import AXES, SerfDataset
+from procedures.serf_nonorthogonality.dataset import SerfDataset
 from procedures.serf_nonorthogonality.findings import AnalysisSettings, SerfAnalysis
 from procedures.serf_nonorthogonality.from_import import dataset_of_import
 from procedures.serf_nonorthogonality.from_record import dataset_of_run
 from procedures.serf_nonorthogonality.parameters import SerfParameters
+from procedures.serf_nonorthogonality.shots import AXES
 from station.results import Estimate, Findings, Flag, Published
 from station.uncertainty import InputQuantity
 

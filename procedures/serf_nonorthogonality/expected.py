@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from procedures.serf_nonorthogonality.parameters import BROADENING, SerfParameters
+from procedures.serf_nonorthogonality.parameters import SerfParameters
 
 LEAST_LOSS_SHARE = 0.5
 """Broadening over width at which angles are told best."""
@@ -35,9 +35,9 @@ def expectation(parameters: SerfParameters) -> Expectation | None:
     relaxation, exchange = parameters.relaxation_rate_Hz, parameters.exchange_rate_Hz
     if relaxation is None or exchange is None:
         return None
-    q = parameters.largest_slowing_down
+    q = parameters.slowing_down.at_rest
     width = relaxation / q
-    beta = BROADENING[parameters.nuclear_spin] / exchange
+    beta = parameters.slowing_down.broadening / exchange
     frequency, decay, cycles = {}, {}, {}
     for shot in parameters.wanted:
         hertz = parameters.gyromagnetic_ratio_Hz_per_nT * math.hypot(*shot.field_nT) / q

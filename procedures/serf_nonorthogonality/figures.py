@@ -6,9 +6,10 @@ import matplotlib as mpl
 import numpy as np
 
 from procedures.serf_nonorthogonality import plots
-from procedures.serf_nonorthogonality.dataset import AXES, PAIRS, SerfDataset
+from procedures.serf_nonorthogonality.dataset import SerfDataset
 from procedures.serf_nonorthogonality.findings import SerfAnalysis
 from procedures.serf_nonorthogonality.results import ANGLE, FACTOR, RESIDUAL, SLOWING_DOWN
+from procedures.serf_nonorthogonality.shots import AXES, PAIRS
 from station.report.drawing import STYLE
 from station.report.numbers import NOTHING, format_number, format_with_uncertainty
 from station.report.parts import Part, Plot, Table
@@ -28,14 +29,15 @@ def draw_parts(
     shots = plots.drawn_shots(analysis, dataset)
     with mpl.rc_context(STYLE):
         if shots:
-            said = "A decaying tone with decaying baseline and offset"
+            said = "The fit is a decaying tone with decaying baseline and offset"
             if analysis.joint is not None:
-                said = "The joint fit of all shots, whose frequency falls as the polarisation fades"
+                said = "The fit is that of all shots, whose frequency falls as their spins fade"
             parts += [
                 Plot(
                     "Shots and their fits",
-                    f"Samples (grey) and fit (line). {said}; where the field lies between pump and "
-                    "probe the baseline is as large as the tone.",
+                    f"Samples (dots) and fit (line) over the first {plots.DECAYS_SHOWN:g} 1/e "
+                    f"times. {said}; where the field lies between pump and probe the baseline is "
+                    "as large as the tone.",
                     plots.signals(shots),
                 ),
                 Plot(
@@ -110,7 +112,7 @@ def _angles(analysis: SerfAnalysis, document: ResultDocument) -> Table:
 def _coils(analysis: SerfAnalysis, dataset: SerfDataset, document: ResultDocument) -> Table:
     rows = []
     for axis in AXES:
-        row = [axis]
+        row: list[str] = [axis]
         for name in (FACTOR, RESIDUAL):
             one = _result(document, name, axis)
             row += format_with_uncertainty(one.estimate.value, _expanded(one))
@@ -124,6 +126,13 @@ def _coils(analysis: SerfAnalysis, dataset: SerfDataset, document: ResultDocumen
         said += (
             f"Polarisation at the beginning {analysis.joint.polarisation:.3f}; the frequency falls "
             f"by {100.0 * analysis.chirp:.3g} % over the decay. "
+        )
+    if analysis.lean is not None:
+        aside, towards = np.degrees(analysis.lean.rad[:2])
+        u = np.degrees(np.sqrt(np.diag(analysis.lean.covariance)[:2]).max())
+        said += (
+            f"The spins began {aside:.2f} deg aside of the plane of pump and probe and "
+            f"{towards:.2f} deg towards the probe from the pump light (u = {u:.2g} deg). "
         )
     if analysis.rate_per_s is not None:
         said += f"Decay R/Q(0) = {format_number(analysis.rate_per_s, 4)} /s"
@@ -155,8 +164,9 @@ def _shots(analysis: SerfAnalysis) -> Table:
     rows = []
     for shot in analysis.shots:
         fit = shot.fit
+        name = shot.name.replace("-", "−")
         if fit is None:
-            rows.append([shot.name, *[NOTHING] * 8, shot.rejected or ""])
+            rows.append([name, *[NOTHING] * 8, shot.rejected or ""])
             continue
         omega, omega_u = shot.omega_rad_per_s, shot.omega_u
         if not np.isfinite(omega):
@@ -164,7 +174,7 @@ def _shots(analysis: SerfAnalysis) -> Table:
         value, u = format_with_uncertainty(omega, omega_u)
         rows.append(
             [
-                shot.name,
+                name,
                 value,
                 u,
                 format_number(omega / (2.0 * np.pi), 6),

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from .angles import Solution
 from .joint import JointFit
+from .light import Lean
 from .tone import ToneFit
 
 Array = NDArray[np.float64]
@@ -26,7 +27,6 @@ class AnalysisSettings:
     """
 
     few_cycles: float = 1.5
-    least_cycles: float = 1.0
     residual_field_nT: float = 1.5
     chirp: float = 0.01
     chirp_u: float = 5.0
@@ -113,13 +113,14 @@ class SerfAnalysis:
     """The whole outcome.
 
     `chirp` with `chirp_u` is by how much the frequency falls over the decay, relative; `joint` is
-    None where every shot was fitted alone. `rate_per_s` and `beta_s` give the decay of a shot as
+    None where every shot was fitted alone, and so is `lean`, that of spins and probe. `rate_per_s` and `beta_s` give the decay of a shot as
     rate + beta w².
     """
 
     shots: tuple[ShotResult, ...]
     solution: Solution | None
     joint: JointFit | None
+    lean: Lean | None
     estimates: tuple[Estimate, ...]
     published: tuple[Published, ...]
     flags: tuple[Flag, ...]

@@ -8,10 +8,11 @@ import numpy as np
 
 from .checks import outside_the_isotope, slowing_down_bounds
 from .chirped import Frequencies
-from .dataset import PAIRS, SerfDataset
+from .dataset import SerfDataset
 from .findings import AnalysisSettings, Estimate, Flag
 from .published import PublishedAngles
 from .results import ANGLE, FACTOR, RESIDUAL, SLOWING_DOWN, scale_axis
+from .shots import PAIRS
 
 CHANCE = 4.0
 
@@ -141,8 +142,8 @@ def _chirp(found: Frequencies, settings: AnalysisSettings) -> list[Flag]:
         Flag(
             "chirp",
             f"The frequency falls by {100.0 * found.chirp:.2g} % over the decay, as a polarisation "
-            f"of {polarisation:.2f} fades; all shots were fitted jointly. What a lean of the pump "
-            "light against the coils does is in the uncertainty.",
+            f"of {polarisation:.2f} fades; all shots were fitted jointly. How the spins lay to "
+            "the fields was told by the baselines.",
             None,
             {"relative_change": found.chirp, "polarisation": polarisation},
         )

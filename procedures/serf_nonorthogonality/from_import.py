@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import numpy as np
 from pydantic import Field, ValidationInfo, field_validator
 
-from procedures.serf_nonorthogonality.dataset import GAMMA_HZ_PER_NT, SerfDataset, Shot
-from procedures.serf_nonorthogonality.law import SPINS
+from procedures.serf_nonorthogonality.dataset import SerfDataset, Shot
+from procedures.serf_nonorthogonality.shots import Axis, Wanted, not_along_pump, why_without_signal
+from procedures.serf_nonorthogonality.spins import GAMMA_HZ_PER_NT, known_spin
 from station.dataset_reading import Table, check_ascending, read_table
 from station.faults import Fault, FaultList
 from station.fields import StrictModel, Unit
@@ -17,7 +18,6 @@ from station.yaml.reading import validate_model
 if TYPE_CHECKING:
     from station.dataset_reading import RawDataset
 
-Axis = Literal["x", "y", "z"]
 TIME = "t_s"
 RATE_TOLERANCE = 0.01
 LEAST_SAMPLES = 16
@@ -64,17 +64,13 @@ class Conditions(StrictModel):
     @classmethod
     def of_an_alkali(cls, nuclear_spin: float) -> float:
         """Refuse a spin whose slowing-down factor is not known."""
-        if nuclear_spin not in SPINS:
-            raise ValueError("must be 1.5 (K, Rb-87, Na), 2.5 (Rb-85) or 3.5 (Cs)")
-        return nuclear_spin
+        return known_spin(nuclear_spin)
 
     @field_validator("probe_axis")
     @classmethod
     def not_the_pump_axis(cls, probe_axis: Axis, info: ValidationInfo) -> Axis:
         """Refuse a probe along the pump light."""
-        if probe_axis == info.data.get("pump_axis"):
-            raise ValueError("must be another axis than pump_axis: no shot would carry a signal")
-        return probe_axis
+        return not_along_pump(probe_axis, info.data.get("pump_axis"))
 
     @field_validator("shots")
     @classmethod
@@ -86,15 +82,10 @@ class Conditions(StrictModel):
         twice = [name for name in names if names.count(name) > 1]
         if twice:
             raise ValueError(f"the shot '{twice[0]}' stands twice")
-        lights = {info.data.get("pump_axis"): "pump", info.data.get("probe_axis"): "probe"}
+        lights = info.data.get("pump_axis"), info.data.get("probe_axis")
         for shot in shots:
-            axes = "".join(a for a, b in zip("xyz", shot.field_nT, strict=True) if b)
-            if axes in lights and None not in lights:
-                usable = next(axis for axis in "xyz" if axis not in lights)
-                raise ValueError(
-                    f"the shot '{shot.id}' has its field along the {lights[axes]} light alone and "
-                    f"carries no signal; use coil {usable} for a single axis"
-                )
+            if why := why_without_signal(Wanted(shot.id, shot.field_nT).coils, *lights):
+                raise ValueError(f"the shot '{shot.id}': {why}")
         return shots
 
 

@@ -2,53 +2,47 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
-from procedures.serf_nonorthogonality.cell import DIGITIZER, REPEATED
+from procedures.serf_nonorthogonality.cell import DIGITIZER
 from procedures.serf_nonorthogonality.dataset import SerfDataset, Shot
 from procedures.serf_nonorthogonality.parameters import SerfParameters
+from procedures.serf_nonorthogonality.shots import Wanted
+from procedures.serf_nonorthogonality.steps import REPEATED
 
 if TYPE_CHECKING:
     from station.bench import Bench
     from station.record.folder import RunFolder
 
-Array = NDArray[np.float64]
 
-
-def shot_of_unit(folder: RunFolder, unit: str) -> tuple[Array, Array]:
-    """Return time (s, zero where the field comes) and voltage of a shot, (samples,) each.
+def shot_of_unit(folder: RunFolder, wanted: Wanted, parameters: SerfParameters) -> Shot:
+    """Return a finished shot, its time zero where the field comes.
 
     A shot that was taken again holds several records, each beginning before the trigger: only the
     last one counts.
     """
-    rows = folder.rows(DIGITIZER, unit)
+    rows = folder.rows(DIGITIZER, wanted.id)
     starts = np.flatnonzero(np.diff(rows["time_s"]) < 0) + 1
     last = rows[starts[-1] :] if len(starts) else rows
-    finished = folder.finished_units().get(unit, {})
+    finished = folder.finished_units().get(wanted.id, {})
     time_s = last["time_s"] - float(finished.get("delay_s", 0.0))
     after = time_s > 0.0
-    return np.asarray(time_s[after]), np.asarray(last["voltage_V"][after])
+    return Shot(
+        name=wanted.id,
+        field_nT=np.array(wanted.field_nT),
+        time_s=time_s[after],
+        voltage_V=last["voltage_V"][after],
+        full_scale_V=parameters.full_scale_V,
+    )
 
 
 def dataset_of_run(folder: RunFolder, parameters: SerfParameters, bench: Bench) -> SerfDataset:
     """Return all finished shots of a run in the order in which they were taken."""
     finished = folder.finished_units()
-    shots = []
-    for wanted in parameters.wanted:
-        if wanted.id in finished:
-            time_s, voltage_V = shot_of_unit(folder, wanted.id)
-            shots.append(
-                Shot(
-                    name=wanted.id,
-                    field_nT=np.array(wanted.field_nT),
-                    time_s=time_s,
-                    voltage_V=voltage_V,
-                    full_scale_V=parameters.full_scale_V,
-                )
-            )
+    taken = [wanted for wanted in parameters.wanted if wanted.id in finished]
     repeated = [
         (event.details["unit"], event.details["reason"])
         for event in folder.events_of(REPEATED)
@@ -56,7 +50,7 @@ def dataset_of_run(folder: RunFolder, parameters: SerfParameters, bench: Bench) 
     ]
     known = parameters.coil_constants == "known" or parameters.shots == "as_published"
     return SerfDataset(
-        shots=shots,
+        shots=[shot_of_unit(folder, wanted, parameters) for wanted in taken],
         pump_axis=parameters.pump_axis,
         probe_axis=parameters.probe_axis,
         nuclear_spin=parameters.nuclear_spin,
@@ -65,4 +59,6 @@ def dataset_of_run(folder: RunFolder, parameters: SerfParameters, bench: Bench) 
         gamma_Hz_per_nT=parameters.gyromagnetic_ratio_Hz_per_nT,
         mains_Hz=parameters.mains_frequency_Hz,
         repeated=repeated,
+        # The trigger falls anywhere between two samples.
+        start_u_s=1.0 / (math.sqrt(12.0) * parameters.sample_rate_Hz),
     )

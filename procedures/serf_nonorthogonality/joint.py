@@ -14,7 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .law import SlowingDown, clocks
+from .law import clocks
+from .spins import SlowingDown
 from .tone import NoTone, ToneFit, fit_tone
 
 Array = NDArray[np.float64]
@@ -43,7 +44,8 @@ class JointFit:
     P² at time zero, `rate_per_s` R/q(0), `beta_s` the broadening over w². `shared_covariance` (3,
     3) is of these three, `residual_V` are in the records' order; `chi_square` with
     `degrees_of_freedom` is of all samples. `baseline_over_tone` (shots,) compares the amplitudes at
-    time zero.
+    time zero; `by_late_start` (shots,) are derivatives of the frequencies, in rad/s², by a time
+    zero of the own record that came later than its time stamps say.
     """
 
     omega_rad_per_s: Array
@@ -55,6 +57,7 @@ class JointFit:
     residual_V: tuple[Array, ...]
     baseline_over_tone: Array
     baseline_over_tone_u: Array
+    by_late_start: Array
     chi_square: float
     degrees_of_freedom: int
     iterations: int
@@ -77,8 +80,8 @@ class _Step:
     normal: Array
     right: Array
     residual_V: tuple[Array, ...]
-    ratio: Array
-    """Baseline over tone (shots, 2) with its u."""
+    of_shots: Array
+    """Baseline over tone, its u, and the frequency's derivative by a late start, (shots, 3)."""
 
 
 def fit_jointly(
@@ -131,8 +134,9 @@ def fit_jointly(
         beta_s=float(shared[2]),
         shared_covariance=inverse[:SHARED, :SHARED],
         residual_V=step.residual_V,
-        baseline_over_tone=step.ratio[:, 0],
-        baseline_over_tone_u=step.ratio[:, 1],
+        baseline_over_tone=step.of_shots[:, 0],
+        baseline_over_tone_u=step.of_shots[:, 1],
+        by_late_start=step.of_shots[:, 2],
         chi_square=step.cost,
         degrees_of_freedom=samples - own * len(records) - SHARED,
         iterations=iterations,
@@ -159,7 +163,7 @@ def _evaluate(
     found = clocks(times * 4, spin, squares, rates, broads, np.tile(along, 4))
     normal = np.zeros((SHARED + count, SHARED + count))
     right = np.zeros(SHARED + count)
-    cost, residuals, ratios = 0.0, [], []
+    cost, residuals, of_shots = 0.0, [], []
     for k, record in enumerate(records):
         u = found[k]
         by = [(found[k + (n + 1) * count] - u) / nudge[n] for n in range(3)]
@@ -185,9 +189,12 @@ def _evaluate(
                 by_clock * by[1] - u * (tone + slow),
                 w**2 * by_broad,
                 u * turned + 2.0 * beta * w * by_broad,
+                broad[k] * tone - by_clock * np.gradient(u, t),
             ]
         )
         slopes -= basis @ (basis.T @ slopes)
+        late = float(slopes[:, 3] @ slopes[:, 4]) / float(slopes[:, 3] @ slopes[:, 3])
+        slopes = slopes[:, :4]
         residual = y - basis @ (basis.T @ y)
         weight = record.noise_V**-2
         places = np.array([0, 1, 2, SHARED + k])
@@ -197,8 +204,8 @@ def _evaluate(
         residuals.append(residual)
         size = np.hypot(linear[0], linear[1])
         last = np.linalg.solve(triangle.T, np.eye(len(linear))[2])
-        ratios.append((linear[2] / size, record.noise_V * np.linalg.norm(last) / size))
-    return _Step(cost, normal, right, tuple(residuals), np.array(ratios))
+        of_shots.append((linear[2] / size, record.noise_V * np.linalg.norm(last) / size, late))
+    return _Step(cost, normal, right, tuple(residuals), np.array(of_shots))
 
 
 def joint_start(

@@ -1,77 +1,27 @@
-"""How the spins of an alkali vapour slow down, fade and turn in a field after the pump light.
+"""How the spins of an alkali vapour fade and turn in a field when the pump light is off.
 
 With P the polarisation, q(P²) the slowing-down factor at spin temperature, n along the field,
 
     dP_par/dt = -(R/q) P_par, dP_perp/dt = -(R/q + Gamma_se) P_perp, dphi/dt = gamma B/q.
 
 So everything but Gamma_se goes by one clock u, du/dt = q(0)/q(P²): in its time the tone has one
-frequency and the baseline one decay. For q see Appelt et al. 1998; for spin exchange, which adds
-Gamma_se = beta w² and speeds the tone up, Happer and Tam 1977 in the limit of small P.
+frequency and the baseline one decay. Gamma_se = beta w², by spin exchange, is taken for steady.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+
+from .spins import SlowingDown
 
 Array = NDArray[np.float64]
 
 STEPS = 80
 DECAYS = 8.0
 """After so many decays of P nothing is left of a square of it."""
-
-
-@dataclass(frozen=True)
-class SlowingDown:
-    """The factor of a nuclear spin as a quotient of polynomials in P², lowest power first."""
-
-    above: tuple[float, ...]
-    below: tuple[float, ...]
-    levels: int
-    """2 I + 1."""
-
-    def at(self, square: Array) -> Array:
-        """Return the factor at polarisations squared, any shape."""
-        return _polynomial(self.above, square) / _polynomial(self.below, square)
-
-    @property
-    def at_rest(self) -> float:
-        """The factor without polarisation, the largest."""
-        return self.above[0] / self.below[0]
-
-    @property
-    def polarised(self) -> float:
-        """The factor of the fully polarised vapour, the smallest."""
-        return sum(self.above) / sum(self.below)
-
-    @property
-    def broadening_Hz_s(self) -> float:
-        """Gamma_se R_se / w², with w the angular frequency at small polarisation."""
-        return float((self.at_rest**2 - self.levels**2) / (2.0 * self.at_rest))
-
-    def pull(self, beta_s: float, omega_rad_per_s: Array) -> Array:
-        """Return by which share spin exchange speeds tones up, from how it broadens them."""
-        spread = self.at_rest**2 - self.levels**2
-        share = 2.0 * self.levels**2 / spread * (max(beta_s, 0.0) * omega_rad_per_s) ** 2
-        return np.asarray(share)
-
-
-def _polynomial(coefficients: tuple[float, ...], x: Array) -> Array:
-    total = coefficients[-1] * x + coefficients[-2]
-    for one in coefficients[-3::-1]:
-        total = total * x + one
-    return total
-
-
-SPINS = {
-    1.5: SlowingDown((6.0, 2.0), (1.0, 1.0), 4),
-    2.5: SlowingDown((38.0, 52.0, 6.0), (3.0, 10.0, 3.0), 6),
-    3.5: SlowingDown((22.0, 70.0, 34.0, 2.0), (1.0, 7.0, 7.0, 1.0), 8),
-}
-"""By nuclear spin: potassium and rubidium-87, rubidium-85, caesium."""
 
 
 def clocks(

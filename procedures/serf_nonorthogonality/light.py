@@ -17,11 +17,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .angles import Solution
-from .shots import single_axis
+from .shots import AXES, single_axis
 
 Array = NDArray[np.float64]
 
-AXES = ("x", "y", "z")
 USUAL_LEAN = np.radians(3.0)
 """Standard uncertainty of a lean that no shot tells."""
 MOST_ITERATIONS = 20

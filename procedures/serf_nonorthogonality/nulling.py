@@ -8,15 +8,17 @@ scale of the coils themselves. What is left is part of the results.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from procedures.serf_nonorthogonality.cell import Cell, signal_of
-from procedures.serf_nonorthogonality.shots import AXES, PAIRS, Wanted, shots_of
+from procedures.serf_nonorthogonality.cell import Cell
+from procedures.serf_nonorthogonality.shots import AXES, shots_of
 from station.errors import ConditionNotReached
 
 if TYPE_CHECKING:
+    from procedures.serf_nonorthogonality.dataset import Shot
     from procedures.serf_nonorthogonality.parameters import SerfParameters
+    from procedures.serf_nonorthogonality.precession import Precession
     from station.runner.run import Run
 
 LEAST_SLACK = 0.1
@@ -29,99 +31,87 @@ def fields_lost(field_nT: float) -> float:
 
 
 def null_residual_field(run: Run, cell: Cell) -> None:
-    """Solve the residual field from pairs of every polarity, take it off, and look again.
+    """Solve the residual field from shots of every polarity, take it off, and look again.
 
-    Raises ConditionNotReached where a pair shows no precession.
+    A field that is larger than a shield's, or not steady, is not nulled, and the run goes on: what
+    is there is part of the results. Raises ConditionNotReached where hardly a shot can be used.
     """
     parameters: SerfParameters = run.parameters
-    rule = parameters.nulling
-    levels_nT = parameters.field_levels_nT
-    every = shots_of("reversal", levels_nT, parameters.pump_axis, parameters.probe_axis)
-    pairs = [shot for shot in every if len(shot.coils) == len(PAIRS[0])]
+    rule, levels_nT = parameters.nulling, parameters.field_levels_nT
+    shots = shots_of("reversal", levels_nT, parameters.pump_axis, parameters.probe_axis)
     for number in range(1, rule.rounds + 1):
         said = f"nulling, round {number}"
-        squares = fired_squares(run, cell, pairs, said)
-        residual_nT = residual_of_pairs_nT(pairs, squares, levels_nT)
+        looks = []
+        for place, shot in enumerate(shots, 1):
+            looks.append(cell.look(shot, f"{said}, shot {place} of {len(shots)}"))
+        seen = look_at_shots(looks, parameters)
+        cell.usual = [one.used_fit for one in seen if one.used]
+        residual_nT = solved_residual_nT(seen, said)
+        run.record.event("residual-field", round=number, field_nT=residual_nT)
+        if residual_nT is None:
+            run.progress.say("    the residual field is not steady: it is not nulled")
+            return
         size_nT = math.hypot(*residual_nT.values())
-        told = {axis: round(value, 4) for axis, value in residual_nT.items()}
-        run.record.event("residual-field", round=number, field_nT=told)
         run.progress.say(f"    residual field {size_nT:.2f} nT in round {number}")
         if size_nT <= rule.tolerance_nT:
+            return
+        if size_nT > rule.at_most_nT:
+            run.progress.say(
+                f"    more than nulling.at_most, {rule.at_most_nT:g} nT: not the shield's, and not "
+                "nulled; were the nuclei depolarised?"
+            )
             return
         for axis in AXES:
             cell.hold(axis, cell.held_nT[axis] - residual_nT[axis])
 
 
-def fired_squares(run: Run, cell: Cell, pairs: Sequence[Wanted], said: str) -> dict[str, float]:
-    """Fire each shot as a look, not recorded, and return the squares of their frequencies, Hz^2.
+def look_at_shots(looks: Sequence[Shot], parameters: SerfParameters) -> list[Precession]:
+    """Return the fits of shots, all with one decay of the baseline.
 
-    All are fitted with one decay of the baseline: a shot alone may take a baseline for its tone.
+    A shot alone may take a baseline for its tone.
     """
-    import numpy as np
-
-    from procedures.serf_nonorthogonality.dataset import SerfDataset, Shot
+    from procedures.serf_nonorthogonality.dataset import SerfDataset
     from procedures.serf_nonorthogonality.findings import AnalysisSettings
     from procedures.serf_nonorthogonality.precession import look_at_all
 
-    parameters: SerfParameters = run.parameters
-    looks = []
-    for shot in pairs:
-        block = cell.fire(dict(zip(AXES, shot.field_nT, strict=True)), f"{said}, {shot.id}")
-        time_s, voltage_V = signal_of(block, cell.delay_s)
-        field_nT = np.array(shot.field_nT)
-        looks.append(Shot(shot.id, field_nT, time_s, voltage_V, parameters.full_scale_V))
-    seen = look_at_all(
-        SerfDataset(
-            looks,
-            parameters.pump_axis,
-            parameters.probe_axis,
-            parameters.nuclear_spin,
-            constants_known=False,
-            sample_rate_Hz=parameters.sample_rate_Hz,
-            mains_Hz=parameters.mains_frequency_Hz,
-        ),
-        AnalysisSettings(),
+    dataset = SerfDataset(
+        looks,
+        parameters.pump_axis,
+        parameters.probe_axis,
+        parameters.nuclear_spin,
+        constants_known=False,
+        sample_rate_Hz=parameters.sample_rate_Hz,
+        mains_Hz=parameters.mains_frequency_Hz,
     )
+    return look_at_all(dataset, AnalysisSettings())
+
+
+def solved_residual_nT(seen: Sequence[Precession], said: str) -> dict[str, float] | None:
+    """Return the fields of the three coils, in nT commanded, that make up the residual field.
+
+    None where no residual field explains the shots. Raises ConditionNotReached with too few.
+    """
+    import numpy as np
+
+    from procedures.serf_nonorthogonality.angles import solve
+
+    used = [one for one in seen if one.used]
     bad = [one for one in seen if not one.used]
-    if bad:
+    found = None
+    if used:
+        found = solve(
+            np.array([one.shot.field_nT for one in used]),
+            np.array([one.used_fit.omega_rad_per_s for one in used]),
+            np.diag([one.used_fit.omega_u**2 for one in used]),
+            known=False,
+        )
+    if found is None or (bad and not found.free_of_residual):
         raise ConditionNotReached(
             f"{said}: the shot {bad[0].shot.name} cannot be used ({bad[0].rejected}); look at the "
             "pump light, the probe light, the cell's temperature and the coils' cables"
         )
-    return {one.shot.name: one.used_fit.frequency_Hz**2 for one in seen}
-
-
-def residual_of_pairs_nT(
-    pairs: Sequence[Wanted], squares: Mapping[str, float], levels_nT: Mapping[str, float]
-) -> dict[str, float]:
-    """Return the residual field along each coil axis in nT of that coil.
-
-    The squared frequency of a pair of signs s, t is a^2 + b^2 + r^2 + 2 s t a b cos + 2 s a r_a
-    + 2 t b r_b: summed over the four polarities times s, 8 a r_a is left. Each coil stands in two
-    pairs, whose results are averaged; their means give the coils' strengths a.
-    """
-    means: dict[str, float] = {}
-    sums: dict[tuple[str, str], float] = {}
-    for one, other in PAIRS:
-        coils = one + other
-        mine = [shot for shot in pairs if shot.coils == coils]
-        means[coils] = sum(squares[shot.id] for shot in mine) / len(mine)
-        for axis in (one, other):
-            place = AXES.index(axis)
-            sums[coils, axis] = sum(
-                math.copysign(squares[shot.id], shot.field_nT[place]) for shot in mine
-            )
-    strength = {
-        axis: (
-            sum(means[coils] for coils in means if axis in coils)
-            - sum(means[coils] for coils in means if axis not in coils)
-        )
-        / 2
-        for axis in AXES
-    }
-    return {
-        axis: levels_nT[axis]
-        * sum(value for (_, of), value in sums.items() if of == axis)
-        / (2 * 8 * strength[axis])
-        for axis in AXES
-    }
+    if not (found.converged and found.positive_definite):
+        return None
+    # r holds projections on the axes, which are not quite at right angles.
+    along = np.linalg.solve(found.gram, found.residual) / found.scale
+    return {axis: round(one, 4) for axis, one in zip(AXES, along.tolist(), strict=True)}

@@ -7,9 +7,9 @@ import math
 import numpy as np
 
 from procedures.serf_nonorthogonality.angles import NAMES, solve
-from procedures.serf_nonorthogonality.dataset import PAIRS
 from procedures.serf_nonorthogonality.expected import expectation
 from procedures.serf_nonorthogonality.parameters import SerfParameters
+from procedures.serf_nonorthogonality.shots import PAIRS
 from station.report.numbers import format_number
 
 SIGNAL_TO_NOISE = 100.0

@@ -7,17 +7,24 @@ from typing import Annotated, Literal
 
 from pydantic import Field, ValidationInfo, field_validator
 
-from procedures.serf_nonorthogonality.shots import AXES, Wanted, shots_of
+from procedures.serf_nonorthogonality.shots import (
+    AXES,
+    Axis,
+    Wanted,
+    not_along_pump,
+    shots_of,
+    why_without_signal,
+)
+from procedures.serf_nonorthogonality.spins import (
+    GAMMA_HZ_PER_NT,
+    SPINS,
+    SlowingDown,
+    known_spin,
+)
 from station.fields import StrictModel, Unit
 
-Axis = Literal["x", "y", "z"]
 Nanotesla = Annotated[float, Unit("nT"), Field(gt=0)]
 Positive = Annotated[float, Unit("s"), Field(gt=0)]
-
-SLOWING_DOWN = {1.5: (4.0, 6.0), 2.5: (6.0, 38.0 / 3.0), 3.5: (8.0, 22.0)}
-"""Slowing-down factor by nuclear spin, from full to no polarisation."""
-BROADENING = {1.5: 20.0 / 12.0, 2.5: 4.912, 3.5: 9.545}
-"""Spin-exchange broadening in units of omega^2 / R_se: (q^2 - (2I + 1)^2) / (2 q)."""
 
 
 class Fields(StrictModel):
@@ -29,9 +36,13 @@ class Fields(StrictModel):
 
 
 class Nulling(StrictModel):
-    """When the residual field is small enough, and how often it is looked for at most."""
+    """When the residual field is small enough, and how often it is looked for at most.
+
+    Beyond `at_most` it is not the shield's but that of polarised nuclei, and not nulled.
+    """
 
     tolerance_nT: Nanotesla = 0.5
+    at_most_nT: Nanotesla = 10.0
     rounds: Annotated[int, Field(ge=0, le=20)] = 4
 
 
@@ -68,7 +79,7 @@ class SerfParameters(StrictModel):
     exchange_rate_Hz: Annotated[float, Unit("Hz"), Field(gt=0)] | None = Field(
         default=None, validate_default=True
     )
-    gyromagnetic_ratio_Hz_per_nT: Annotated[float, Unit("Hz/nT"), Field(gt=0)] = 28.02495
+    gyromagnetic_ratio_Hz_per_nT: Annotated[float, Unit("Hz/nT"), Field(gt=0)] = GAMMA_HZ_PER_NT
     sample_rate_Hz: Annotated[float, Unit("Hz"), Field(gt=0)] = 10_000.0
     record_s: Positive = 0.1
     full_scale_V: Annotated[float, Unit("V"), Field(gt=0)] = 1.0
@@ -84,30 +95,22 @@ class SerfParameters(StrictModel):
     @classmethod
     def not_the_pump_axis(cls, probe_axis: Axis, info: ValidationInfo) -> Axis:
         """Refuse a probe along the pump light: the spins precess about neither."""
-        if probe_axis == info.data.get("pump_axis"):
-            raise ValueError("must be another axis than pump_axis: no shot would carry a signal")
-        return probe_axis
+        return not_along_pump(probe_axis, info.data.get("pump_axis"))
 
     @field_validator("single_axis")
     @classmethod
     def carries_a_signal(cls, axis: Axis | None, info: ValidationInfo) -> Axis | None:
         """Refuse a shot with one coil whose field lies along the pump or the probe light."""
-        lights = {info.data.get("pump_axis"): "pump", info.data.get("probe_axis"): "probe"}
-        if axis in lights and None not in lights:
-            usable = next(one for one in AXES if one not in lights)
-            raise ValueError(
-                f"a field along {axis}, the {lights[axis]} light, lets nothing be seen to precess; "
-                f"use {usable}"
-            )
+        lights = info.data.get("pump_axis"), info.data.get("probe_axis")
+        if axis is not None and (why := why_without_signal(axis, *lights)):
+            raise ValueError(why)
         return axis
 
     @field_validator("nuclear_spin")
     @classmethod
     def of_an_alkali(cls, nuclear_spin: float) -> float:
         """Refuse a spin whose slowing-down factor is not known."""
-        if nuclear_spin not in SLOWING_DOWN:
-            raise ValueError("must be 1.5 (K, Rb-87, Na), 2.5 (Rb-85) or 3.5 (Cs)")
-        return nuclear_spin
+        return known_spin(nuclear_spin)
 
     @field_validator("fields")
     @classmethod
@@ -146,23 +149,23 @@ class SerfParameters(StrictModel):
         """
         assert self.relaxation_rate_Hz is not None
         assert self.exchange_rate_Hz is not None
-        q = self.largest_slowing_down
+        q = self.slowing_down.at_rest
         width = self.relaxation_rate_Hz / q
-        omega = math.sqrt(width * self.exchange_rate_Hz / (2.0 * BROADENING[self.nuclear_spin]))
+        omega = math.sqrt(width * self.exchange_rate_Hz / (2.0 * self.slowing_down.broadening))
         pair_nT = omega * q / (2 * math.pi * self.gyromagnetic_ratio_Hz_per_nT)
         return round(pair_nT / math.sqrt(2.0), 1)
 
     @property
-    def largest_slowing_down(self) -> float:
-        """The slowing-down factor of unpolarised vapour."""
-        return SLOWING_DOWN[self.nuclear_spin][1]
+    def slowing_down(self) -> SlowingDown:
+        """How the nuclear spin slows the precession down."""
+        return SPINS[self.nuclear_spin]
 
     @property
     def fastest_precession_Hz(self) -> float:
         """The highest frequency to be expected: the largest pair at the least slowing-down."""
         levels = sorted(self.field_levels_nT.values())
         largest_nT = math.hypot(levels[-1], levels[-2])
-        return self.gyromagnetic_ratio_Hz_per_nT * largest_nT / SLOWING_DOWN[self.nuclear_spin][0]
+        return self.gyromagnetic_ratio_Hz_per_nT * largest_nT / self.slowing_down.polarised
 
     @property
     def wanted(self) -> tuple[Wanted, ...]:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from procedures.serf_nonorthogonality.dataset import SerfDataset
@@ -16,8 +17,9 @@ from station.report.drawing import BLUE, GREEN, GREY, INK, VERMILION, label_abov
 
 Array = NDArray[np.float64]
 
-COLUMNS = 4
-MOST_PANELS = 16
+COLUMNS, WIDE_COLUMNS = 4, 2
+DECAYS_SHOWN = 3.0
+"""1/e times of a signal that are drawn; what comes later is in its residuals."""
 MILLI = 1e3
 PADDING = 4
 NOISE_SPAN = 4.5
@@ -35,6 +37,7 @@ class Drawn:
     residual_V: Array
     noise_V: float
     frequency_Hz: float
+    decay_per_s: float
 
 
 def drawn_shots(analysis: SerfAnalysis, dataset: SerfDataset) -> tuple[Drawn, ...]:
@@ -49,7 +52,7 @@ def drawn_shots(analysis: SerfAnalysis, dataset: SerfDataset) -> tuple[Drawn, ..
             frequency_Hz = outcome.omega_rad_per_s / (2.0 * np.pi)
         found.append(
             Drawn(
-                shot.name,
+                shot.name.replace("-", "−"),
                 shot.time_s,
                 shot.voltage_V,
                 shot.time_s[kept],
@@ -57,6 +60,7 @@ def drawn_shots(analysis: SerfAnalysis, dataset: SerfDataset) -> tuple[Drawn, ..
                 outcome.residual_V,
                 float(np.std(outcome.residual_V)),
                 frequency_Hz,
+                fit.decay_per_s,
             )
         )
     return tuple(found)
@@ -64,33 +68,37 @@ def drawn_shots(analysis: SerfAnalysis, dataset: SerfDataset) -> tuple[Drawn, ..
 
 def signals(shots: Sequence[Drawn]) -> Figure:
     """Draw each shot's samples and its fit."""
-    figure, grid = _panels(len(shots))
-    for axes, shot in zip(grid, shots, strict=False):
-        axes.plot(shot.time_s * MILLI, shot.voltage_V, ".", color=GREY, markersize=1.6)
-        axes.plot(shot.used_s * MILLI, shot.model_V, color=BLUE, linewidth=0.9)
+    figure, grid = _panels(len(shots), WIDE_COLUMNS)
+    end_s = DECAYS_SHOWN / min(shot.decay_per_s for shot in shots)
+    for axes, shot in zip(grid, shots, strict=True):
+        seen, fitted = shot.time_s <= end_s, shot.used_s <= end_s
+        axes.plot(
+            shot.time_s[seen] * MILLI, shot.voltage_V[seen], ".", color=VERMILION, markersize=2.2
+        )
+        axes.plot(shot.used_s[fitted] * MILLI, shot.model_V[fitted], color=BLUE, linewidth=0.8)
         label_above(axes, f"{shot.name}  {shot.frequency_Hz:.2f} Hz")
-    _label(grid, len(shots), "time, ms", "signal, V")
+    _label(grid, WIDE_COLUMNS, "time, ms", "signal, V")
     return figure
 
 
 def residuals(shots: Sequence[Drawn]) -> Figure:
     """Draw what the fits leave, each on the scale of its own noise."""
-    figure, grid = _panels(len(shots))
-    for axes, shot in zip(grid, shots, strict=False):
+    figure, grid = _panels(len(shots), COLUMNS)
+    for axes, shot in zip(grid, shots, strict=True):
         scale = shot.noise_V if shot.noise_V > 0.0 else 1.0
         axes.plot(shot.used_s * MILLI, shot.residual_V / scale, ".", color=BLUE, markersize=1.6)
         axes.axhline(0.0, color=INK, linewidth=0.6)
         axes.set_ylim(-NOISE_SPAN, NOISE_SPAN)
         label_above(axes, f"{shot.name}  σ = {MILLI * shot.noise_V:.3g} mV")
-    _label(grid, len(shots), "time, ms", "residual, σ")
+    _label(grid, COLUMNS, "time, ms", "residual, σ")
     return figure
 
 
 def spectra(shots: Sequence[Drawn]) -> Figure:
     """Draw the amplitude spectra of signal and residual, the fitted frequency marked."""
-    figure, grid = _panels(len(shots))
+    figure, grid = _panels(len(shots), COLUMNS)
     end_Hz = 3.0 * max(shot.frequency_Hz for shot in shots)
-    for axes, shot in zip(grid, shots, strict=False):
+    for axes, shot in zip(grid, shots, strict=True):
         frequency_Hz, amplitude = _spectrum(shot.used_s, shot.model_V + shot.residual_V)
         _, left = _spectrum(shot.used_s, shot.residual_V)
         span_s = float(shot.used_s[-1] - shot.used_s[0])
@@ -99,8 +107,9 @@ def spectra(shots: Sequence[Drawn]) -> Figure:
         axes.semilogy(frequency_Hz[shown], left[shown] * MILLI, color=GREEN, linewidth=0.7)
         axes.axvline(shot.frequency_Hz, color=VERMILION, linewidth=0.8, linestyle="--")
         axes.set_xlim(0.0, end_Hz)
+        axes.xaxis.set_major_locator(MaxNLocator(3, prune="upper"))
         label_above(axes, shot.name)
-    _label(grid, len(shots), "frequency, Hz", "mV")
+    _label(grid, COLUMNS, "frequency, Hz", "mV")
     return figure
 
 
@@ -114,7 +123,9 @@ def misfit(analysis: SerfAnalysis) -> Figure:
     axes.axhline(0.0, color=INK, linewidth=0.7)
     for edge in (-2.0, 2.0):
         axes.axhline(edge, color=GREY, linewidth=0.8, linestyle="--")
-    axes.set_xticks(places, [shot.name for shot in used], rotation=45 if len(used) > 8 else 0)
+    axes.set_xticks(
+        places, [shot.name.replace("-", "−") for shot in used], rotation=45 if len(used) > 8 else 0
+    )
     axes.set_ylabel("misfit, u")
     reach = max(3.0, 1.2 * max((abs(shot.misfit) for shot in used), default=0.0))
     axes.set_ylim(-reach, reach)
@@ -125,15 +136,15 @@ def _spectrum(time_s: Array, volts: Array) -> tuple[Array, Array]:
     count = len(volts)
     length = PADDING * int(2 ** np.ceil(np.log2(count)))
     interval_s = float(time_s[-1] - time_s[0]) / (count - 1)
-    amplitude = 2.0 / count * np.abs(np.fft.rfft(volts - volts.mean(), length))
+    # Falling from the beginning, where the signal is, to the end, which would leak else.
+    window = 0.5 + 0.5 * np.cos(np.pi * np.arange(count) / count)
+    amplitude = 2.0 / window.sum() * np.abs(np.fft.rfft((volts - volts.mean()) * window, length))
     return np.asarray(np.fft.rfftfreq(length, interval_s)), np.maximum(amplitude, 1e-9)
 
 
-def _panels(count: int) -> tuple[Figure, list[Axes]]:
-    count = min(count, MOST_PANELS)
-    rows = -(-count // COLUMNS)
+def _panels(count: int, columns: int) -> tuple[Figure, list[Axes]]:
+    rows, columns = -(-count // columns), min(count, columns)
     figure = new_figure(0.5 + 1.45 * rows)
-    columns = min(count, COLUMNS)
     grid = figure.subplots(rows, columns, sharex=False, sharey=True, squeeze=False)
     figure.subplots_adjust(hspace=0.62, wspace=0.08)
     panels = list(grid.flat)
@@ -142,12 +153,11 @@ def _panels(count: int) -> tuple[Figure, list[Axes]]:
     return figure, panels[:count]
 
 
-def _label(grid: list[Axes], count: int, below: str, beside: str) -> None:
-    count = min(count, MOST_PANELS)
+def _label(grid: list[Axes], columns: int, below: str, beside: str) -> None:
     for number, axes in enumerate(grid):
-        if number % COLUMNS == 0:
+        if number % columns == 0:
             axes.set_ylabel(beside)
-        if number + COLUMNS >= count:
+        if number + columns >= len(grid):
             axes.set_xlabel(below)
         else:
             axes.tick_params(labelbottom=False)

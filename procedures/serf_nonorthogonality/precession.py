@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from .dataset import SerfDataset, Shot
 from .findings import AnalysisSettings
 from .joint import decay_line
+from .shots import LEAST_CYCLES
 from .tone import NoTone, ToneFit, fit_tone
 
 Array = NDArray[np.float64]
@@ -21,6 +22,8 @@ AT_THE_END = 0.9995
 CLIPPED = 4
 """Equal extreme values in a row that nobody knows another reason for."""
 MOST_SATURATED = 0.1
+ALIKE = 0.1
+LEAST_ALIKE = 4
 UNLIKE = 0.1
 UNLIKE_U = 5.0
 """By how much, relative and in uncertainties, a decay may be faster than that of the others."""
@@ -83,7 +86,7 @@ def look_at(shot: Shot, settings: AnalysisSettings, mains_Hz: float | None = Non
 
 
 def _too_few(shot: Shot, fit: ToneFit, settings: AnalysisSettings) -> str | None:
-    if fit.cycles >= settings.least_cycles:
+    if fit.cycles >= LEAST_CYCLES:
         return None
     # Decay by spin exchange left aside, cycles grow with the field.
     field_nT = float(np.linalg.norm(shot.field_nT))
@@ -138,30 +141,32 @@ def _again(
 
 
 def _unlike_the_others(found: list[Precession]) -> list[Precession]:
-    """Reject shots that fade much faster than the others: the pump light was not off."""
-    used = [one for one in found if one.used]
-    if len(used) < 4:
-        return found
-    omega, decay, _ = _decays([one.used_fit for one in used])
-    # Medians of one size of field each: broadening makes pairs fade faster than single coils.
-    result = []
-    for one in found:
-        if not one.used:
-            result.append(one)
-            continue
-        fit = one.used_fit
-        alike = np.abs(omega / fit.omega_rad_per_s - 1.0) < 0.1
-        usual = float(np.median(decay[alike]))
-        spread = 1.4826 * float(np.median(np.abs(decay[alike] - usual)))
-        beyond = fit.decay_per_s - usual
-        # A chirp makes decays unlike that are not.
-        share = UNLIKE + abs(fit.chirp)
-        limit = max(share * usual, UNLIKE_U * float(np.hypot(fit.decay_u, spread)))
-        if int(alike.sum()) >= 4 and beyond > limit:
-            said = (
-                f"it fades at {fit.decay_per_s:.3g} /s where others fade at {usual:.3g} /s: pump "
-                "light leaked, or the field was not steady"
-            )
-            one = replace(one, rejected=said)
-        result.append(one)
-    return result
+    """Reject shots that fade much faster than the others."""
+    fits = [one.used_fit for one in found if one.used]
+    return [
+        replace(one, rejected=fades_unlike(one.used_fit, fits)) if one.used else one
+        for one in found
+    ]
+
+
+def fades_unlike(fit: ToneFit, fits: Sequence[ToneFit]) -> str | None:
+    """Return how much faster a shot fades than others, where that is beyond doubt; else None.
+
+    Its like among `fits`, itself included, are those of about its frequency: spin exchange makes
+    pairs fade faster than single coils.
+    """
+    omega, decay, _ = _decays(fits)
+    alike = decay[np.abs(omega / fit.omega_rad_per_s - 1.0) < ALIKE]
+    if len(alike) < LEAST_ALIKE:
+        return None
+    usual = float(np.median(alike))
+    spread = 1.4826 * float(np.median(np.abs(alike - usual)))
+    # A chirp makes decays unlike that are not.
+    share = UNLIKE + abs(fit.chirp)
+    limit = max(share * usual, UNLIKE_U * float(np.hypot(fit.decay_u, spread)))
+    if fit.decay_per_s - usual <= limit:
+        return None
+    return (
+        f"it fades at {fit.decay_per_s:.3g} /s where others fade at {usual:.3g} /s: pump light "
+        "leaked, or the field was not steady"
+    )

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .dataset import PAIRS
+from .shots import PAIRS
 
 Array = NDArray[np.float64]
 

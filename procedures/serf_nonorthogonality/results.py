@@ -7,8 +7,9 @@ from numpy.typing import NDArray
 
 from .angles import NAMES, Solution
 from .chirped import Frequencies
-from .dataset import AXES, PAIRS, SerfDataset
+from .dataset import SerfDataset
 from .findings import Estimate
+from .shots import AXES, PAIRS
 
 Array = NDArray[np.float64]
 

@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
-AXES = ("x", "y", "z")
-PAIRS = (("x", "y"), ("x", "z"), ("y", "z"))
+Axis = Literal["x", "y", "z"]
+AXES: tuple[Axis, ...] = ("x", "y", "z")
+PAIRS = ("xy", "xz", "yz")
+LEAST_CYCLES = 1.0
+"""Within the 1/e time of a shot; with fewer it says nothing."""
 ROUND = ((1, 1), (-1, -1), (1, -1), (-1, 1))
 """The polarities of a pair, so that a drift in time falls on all four alike."""
 
@@ -22,14 +26,37 @@ class Wanted:
         """The coils that carry a field, such as `xy`."""
         return "".join(axis for axis, field in zip(AXES, self.field_nT, strict=True) if field)
 
+    @property
+    def by_coil_nT(self) -> dict[str, float]:
+        """The field of each coil."""
+        return dict(zip(AXES, self.field_nT, strict=True))
 
-def single_axis(pump_axis: str, probe_axis: str) -> str:
+
+def single_axis(pump_axis: str, probe_axis: str) -> Axis:
     """Return the coil whose field alone lets the spins precess before the detector.
 
     A field along the pump axis turns no spin, and one along the probe axis turns none towards it:
     the third axis is left.
     """
     return next(axis for axis in AXES if axis not in (pump_axis, probe_axis))
+
+
+def not_along_pump(probe_axis: Axis, pump_axis: Axis | None) -> Axis:
+    """Return the probe's axis; ValueError where it is the pump's, so that no shot has a signal."""
+    if probe_axis == pump_axis:
+        raise ValueError("must be another axis than pump_axis: no shot would carry a signal")
+    return probe_axis
+
+
+def why_without_signal(coils: str, pump_axis: str | None, probe_axis: str | None) -> str | None:
+    """Return why a field of these coils lets nothing be seen to precess, None where it does."""
+    if coils not in (pump_axis, probe_axis) or pump_axis is None or probe_axis is None:
+        return None
+    light = "pump" if coils == pump_axis else "probe"
+    return (
+        f"a field along {coils}, the {light} light, lets nothing be seen to precess; use coil "
+        f"{single_axis(pump_axis, probe_axis)} for a single axis"
+    )
 
 
 def shots_of(
@@ -43,11 +70,11 @@ def shots_of(
     alone = single_axis(pump_axis, probe_axis)
     wishes: list[dict[str, int]]
     if kind == "as_published":
-        wishes = [{alone: 1}, *({one: 1, other: 1} for one, other in PAIRS)]
+        wishes = [{alone: 1}, *(dict.fromkeys(pair, 1) for pair in PAIRS)]
     else:
         wishes = [{alone: 1}]
         for first, second in ROUND:
-            wishes += [{one: first, other: second} for one, other in PAIRS]
+            wishes += [{pair[0]: first, pair[1]: second} for pair in PAIRS]
             if len(wishes) == 1 + 2 * len(PAIRS):
                 wishes.append({alone: -1})
     return tuple(

@@ -6,22 +6,24 @@ built-in magnetometer" (Chinese patent text 36201635, 2023-01-04), claims and st
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
-from procedures.serf_nonorthogonality.cell import DIGITIZER, REPEATED, Cell, signal_of
+from procedures.serf_nonorthogonality.cell import DIGITIZER, Cell, LightPassed
 from procedures.serf_nonorthogonality.nulling import fields_lost, null_residual_field
 from procedures.serf_nonorthogonality.parameters import SerfParameters
 from procedures.serf_nonorthogonality.shots import Wanted
-from procedures.serf_nonorthogonality.single import bad_because, frequency_Hz
 from station.errors import ConditionNotReached
 from station.procedure import Prompt, Step
 
 if TYPE_CHECKING:
     from drivers.roles import Block
+    from procedures.serf_nonorthogonality.published import PublishedAngles
     from station.runner.run import Run
 
 CELL = "the cell"
-FIRST_HZ = "the first shot's frequency"
+REPEATED = "shot-repeated"
+"""The event of a shot that was bad and is taken again."""
 SHOT_EXTRA_S = 1.2
 NULLING_SHOTS = 14
 
@@ -93,22 +95,20 @@ def depolarise(run: Run) -> None:
 
 def expected_Hz(parameters: SerfParameters) -> tuple[float, float]:
     """Return the bounds of the first shot's frequency where only its field is there."""
-    from procedures.serf_nonorthogonality.parameters import SLOWING_DOWN
-
-    field_nT = max(abs(field) for field in parameters.wanted[0].field_nT)
-    low_q, high_q = SLOWING_DOWN[parameters.nuclear_spin]
-    gamma = parameters.gyromagnetic_ratio_Hz_per_nT
+    field_nT = math.hypot(*parameters.wanted[0].field_nT)
+    gamma, q = parameters.gyromagnetic_ratio_Hz_per_nT, parameters.slowing_down
     slack = fields_lost(field_nT)
-    return gamma * field_nT / high_q * (1 - slack), gamma * field_nT / low_q * (1 + slack)
+    return gamma * field_nT / q.at_rest * (1 - slack), gamma * field_nT / q.polarised * (1 + slack)
 
 
 def first_frequency_Hz(run: Run, said: str) -> float | None:
     """Fire the plan's first shot, as a look, and return its frequency; None where none is seen."""
-    cell = cell_of(run)
-    shot: Wanted = run.parameters.wanted[0]
-    block = cell.fire(dict(zip("xyz", shot.field_nT, strict=True)), said)
-    time_s, voltage_V = signal_of(block, cell.delay_s)
-    return frequency_Hz(time_s, voltage_V, run.parameters.mains_frequency_Hz)
+    from procedures.serf_nonorthogonality.judging import fit_of
+
+    fit = fit_of(
+        cell_of(run).look(run.parameters.wanted[0], said), run.parameters.mains_frequency_Hz
+    )
+    return None if fit is None else fit.frequency_Hz
 
 
 def null(run: Run) -> None:
@@ -122,30 +122,51 @@ def null(run: Run) -> None:
 def take(run: Run, shot: Wanted) -> None:
     """Take one shot; a bad one is taken again, up to the plan's number of times.
 
-    One that stays bad is kept as it is: the analysis leaves it out, and says so.
+    One that stays bad is kept as it is: the analysis leaves it out, and says so. A shutter that
+    stays open is an error, since every other shot would be as bad.
     """
     parameters: SerfParameters = run.parameters
     if run.is_finished(shot.id):
         return
     run.may_pause()
     cell = cell_of(run)
-    fields_nT = dict(zip("xyz", shot.field_nT, strict=True))
     details = {
         "field_nT": list(shot.field_nT),
         "held_nT": [cell.held_nT[axis] for axis in "xyz"],
         "delay_s": cell.delay_s,
     }
     with run.unit(shot.id, **details):
-        for attempt in range(parameters.repeats + 1):
-            block = cell.fire(fields_nT, f"shot {shot.id}")
-            keep(run, shot.id, block)
-            reason = bad_because(block, cell.delay_s, parameters)
+        for left in range(parameters.repeats, -1, -1):
+            reason = bad_attempt(run, cell, shot, last=left == 0)
             if reason is None:
                 return
             run.progress.say(f"    {shot.id}: {reason}")
-            if attempt < parameters.repeats:
+            if left:
                 run.record.event(REPEATED, unit=shot.id, reason=reason)
         run.record.event("shot-stays-bad", unit=shot.id, reason=reason)
+
+
+def bad_attempt(run: Run, cell: Cell, shot: Wanted, *, last: bool) -> str | None:
+    """Fire a shot and record it; return why it is bad, None where it is good.
+
+    Raises LightPassed where the light was not blocked at the last attempt.
+    """
+    from procedures.serf_nonorthogonality.judging import bad_because, fit_of
+
+    try:
+        block = cell.fire(shot.by_coil_nT, f"shot {shot.id}")
+    except LightPassed:
+        if last:
+            raise
+        return "the shutter of the pump light stayed open"
+    keep(run, shot.id, block)
+    parameters: SerfParameters = run.parameters
+    seen = cell.shot_of(shot, block)
+    fit = fit_of(seen, parameters.mains_frequency_Hz) if len(seen.time_s) else None
+    reason = bad_because(seen, fit, cell.usual, parameters)
+    if reason is None and fit is not None:
+        cell.usual.append(fit)
+    return reason
 
 
 def keep(run: Run, unit: str, block: Block) -> None:
@@ -163,22 +184,34 @@ def first_shot(run: Run) -> None:
 
 def read_slowing_down(run: Run) -> None:
     """Step 4: the frequency of the first shot gives the slowing-down factor Q."""
-    parameters: SerfParameters = run.parameters
-    seen_Hz = recorded_frequency_Hz(run, parameters.wanted[0].id)
-    run.handed_on[FIRST_HZ] = seen_Hz
-    if seen_Hz is not None:
-        field_nT = max(abs(field) for field in parameters.wanted[0].field_nT)
-        q = parameters.gyromagnetic_ratio_Hz_per_nT * field_nT / seen_Hz
+    paper, frequency_Hz = published_so_far(run, 1)
+    if paper.slowing_down is not None:
+        q = paper.slowing_down
         run.record.event("published-value", name="slowing_down_factor", value=q, unit="1")
-        run.progress.say(f"    {seen_Hz:.2f} Hz, Q = {q:.3f}")
+        run.progress.say(f"    {frequency_Hz:.2f} Hz, Q = {q:.3f}")
 
 
-def recorded_frequency_Hz(run: Run, unit: str) -> float | None:
-    """Return the frequency of a recorded shot, read back from the record."""
+def published_so_far(run: Run, count: int) -> tuple[PublishedAngles, float]:
+    """Return what the published rule makes of the first shots, read back from the record.
+
+    With it the frequency of the last of them in Hz, NaN where it holds no tone.
+    """
+    import numpy as np
+
     from procedures.serf_nonorthogonality.from_record import shot_of_unit
+    from procedures.serf_nonorthogonality.judging import fit_of
+    from procedures.serf_nonorthogonality.published import published_angles
 
-    time_s, voltage_V = shot_of_unit(run.read_back(), unit)
-    return frequency_Hz(time_s, voltage_V, run.parameters.mains_frequency_Hz)
+    parameters: SerfParameters = run.parameters
+    shots = [shot_of_unit(run.read_back(), one, parameters) for one in parameters.wanted[:count]]
+    fits = [fit_of(shot, parameters.mains_frequency_Hz) for shot in shots]
+    hertz = np.array([np.nan if fit is None else fit.frequency_Hz for fit in fits])
+    paper = published_angles(
+        np.array([shot.field_nT for shot in shots]),
+        2.0 * np.pi * hertz,
+        2.0 * np.pi * parameters.gyromagnetic_ratio_Hz_per_nT,
+    )
+    return paper, float(hertz[-1])
 
 
 def first_pair(run: Run) -> None:
@@ -188,35 +221,20 @@ def first_pair(run: Run) -> None:
 
 def read_first_angle(run: Run) -> None:
     """Step 6: its frequency gives the total field; the law of cosines gives the angle."""
-    import math
-
-    parameters: SerfParameters = run.parameters
-    shot = parameters.wanted[1]
-    first_Hz, seen_Hz = run.handed_on.get(FIRST_HZ), recorded_frequency_Hz(run, shot.id)
-    if first_Hz is None or seen_Hz is None:
-        return
-    alone_nT = max(abs(field) for field in parameters.wanted[0].field_nT)
-    total_nT = seen_Hz / first_Hz * alone_nT
-    one, other = (field for field in shot.field_nT if field)
-    cosine = (total_nT**2 - one**2 - other**2) / (2 * one * other)
-    if abs(cosine) < 1:
-        angle_deg = math.degrees(math.acos(cosine))
-        run.record.event(
-            "published-value",
-            name="nonorthogonality_angle",
-            axis=shot.coils,
-            value=angle_deg,
-            unit="deg",
-        )
-        run.progress.say(f"    as published theta_{shot.coils} = {angle_deg:.3f} deg")
+    pair = run.parameters.wanted[1].coils
+    angle_deg = published_so_far(run, 2)[0].angles_deg[pair]
+    if angle_deg is not None:
+        name = "nonorthogonality_angle"
+        run.record.event("published-value", name=name, axis=pair, value=angle_deg, unit="deg")
+        run.progress.say(f"    as published theta_{pair} = {angle_deg:.3f} deg")
 
 
 def other_shots(run: Run) -> None:
     """Step 7: the same for the other pairs, and every other shot of the plan; then all off."""
     wanted = run.parameters.wanted
     for number, shot in enumerate(wanted[2:], 3):
-        take(run, shot)
         run.say_progress(f"shot {number} of {len(wanted)}")
+        take(run, shot)
     cell = cell_of(run)
     cell.pump.close_shutter()
     for generator in cell.generators.values():

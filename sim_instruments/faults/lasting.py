@@ -114,7 +114,7 @@ class ChainOpen(LastingFault):
 
 
 class Silent(LastingFault):
-    """The board goes on sampling and sends no sample."""
+    """What samples goes on sampling and sends no sample."""
 
     kind = "silent"
 
@@ -191,7 +191,7 @@ class AlignmentFails(LastingFault):
 
 
 class GyroFails(LastingFault):
-    """A gyro of the navigator fails its own test, and the status says so."""
+    """A gyro of the navigator, or of the nine-axis sensor, fails its own test; the status tells."""
 
     kind = "gyro-fails"
 

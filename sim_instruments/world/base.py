@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager
+from threading import RLock
 from typing import ClassVar, Protocol
 
 import numpy as np
@@ -79,3 +80,27 @@ def coil_named(currents: Mapping[str, CurrentHistory], name: str) -> CurrentHist
         known = ", ".join(currents)
         raise SimulationError(f"there is no coil '{name}' in this world (coils: {known})")
     return currents[name]
+
+
+class IdleCoils:
+    """What a world is made of whose device feels no coil of the other benches.
+
+    They stand in the same room; the gaussmeter's probe lies there and feels the ambient field.
+    """
+
+    def __init__(self, truth: Truth) -> None:
+        self.lock = RLock()
+        self.version = 0
+        self.currents = coil_currents(truth, self._changed)
+        self._ambient_mT = np.array(truth.quantities("ambient_field", AXES, "mT"))
+
+    def coil(self, axis: str) -> CurrentHistory:
+        """Return the coil of another bench; SimulationError when there is none."""
+        return coil_named(self.currents, axis)
+
+    def mean_probe_field_mT(self, edges_s: Array) -> Array:
+        """Return the mean field at the gaussmeter's probe, shape (intervals, 3)."""
+        return np.tile(self._ambient_mT, (edges_s.size - 1, 1))
+
+    def _changed(self) -> None:
+        self.version += 1

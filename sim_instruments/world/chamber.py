@@ -1,8 +1,8 @@
 """A thermal chamber: the temperature of its air over all time, known in closed form.
 
-The controller drives the air to its set-point as a first-order lag, as far as heater and compressor
-can; then they take turns, and the air cycles a little. Every command starts a plan that holds until
-the next, in pieces of c + a exp(-t/tau) + r t.
+The controller drives the air to its set-point, which may be on a ramp, as a first-order lag, as far
+as heater and compressor can; then they take turns, and the air cycles a little. Every command
+starts a plan that holds until the next, in pieces of c + a exp(-t/tau) + r t.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ Indices = npt.NDArray[np.int64]
 LONG_AGO_S = -1e6
 START, LEVEL, AMPLITUDE, TAU, SLOPE, CYCLES, EFFORT = range(7)
 OFF, CONTROLS, STRUGGLES = 0.0, 1.0, 2.0
+ROUNDING_S = 1e-6
 REACHES_K = 0.5
 """How near its set-point a chamber stays although what should move it there is broken."""
 
@@ -57,7 +58,8 @@ class Chamber:
         self.taus_s = (self._tau_s, self._idle_tau_s, self._door_tau_s)
         if min(*self.taus_s, self._heating, self._cooling) <= 0.0:
             raise SimulationError(f"{truth.where}: time constants and rates must be positive")
-        self._wanted_degC = self.room_degC
+        self._ends_degC = self.room_degC
+        self._ramp = LONG_AGO_S, self.room_degC, 0.0
         self._on = self._open = False
         self._heats = self._cools = True
         self._cycles_from_s: float | None = None
@@ -79,13 +81,20 @@ class Chamber:
         air = self.air_degC(time_s)
         needed = rate + (air - self.room_degC) / self._idle_tau_s
         share = needed / np.where(needed > 0.0, self._heating, self._cooling)
-        struggle = np.sign(self._wanted_degC - air)
+        struggle = np.sign(self._wanted(self._commanded_s) - air)
         share = np.where(row[..., EFFORT] == STRUGGLES, struggle, np.clip(share, -1.0, 1.0))
         return np.asarray(np.where(row[..., EFFORT] == OFF, 0.0, share))
 
     def set_point(self, time_s: float, degC: float) -> None:
         """Want another temperature of the air from a time on; without control nothing follows."""
-        self._wanted_degC = min(max(degC, self._lowest_degC), self._highest_degC)
+        self._ends_degC = self._possible(degC)
+        self._ramp = time_s, self._ends_degC, 0.0
+        self._plan(time_s)
+
+    def ramp(self, time_s: float, from_degC: float, to_degC: float, K_per_s: float) -> None:
+        """Want the air to go from one temperature to another, from a time on and at a rate."""
+        begin, self._ends_degC = self._possible(from_degC), self._possible(to_degC)
+        self._ramp = time_s, begin, float(np.copysign(K_per_s, self._ends_degC - begin))
         self._plan(time_s)
 
     def control(self, time_s: float, on: bool) -> None:
@@ -115,42 +124,76 @@ class Chamber:
         steady, cycle = float(self._steady(at)[0]), float(self._cycle(at)[0])
         keep = np.searchsorted(self.pieces.all[:, START], now_s, side="left")
         self.pieces.cut(max(int(keep), 1))
-        if self._on and not self._open and self._reaches(steady):
+        wanted = self._wanted(now_s)
+        if self._on and not self._open and self._reaches(wanted, steady):
             if self._cycles_from_s is None:
                 steady, self._cycles_from_s = steady + cycle, now_s
-            self._follow(now_s, steady)
+            if wanted != self._ends_degC:
+                slope = self._ramp[2]
+                end_s = now_s + (self._ends_degC - wanted) / slope
+                now_s, steady = self._follow(now_s, steady, wanted, slope, end_s)
+            self._follow(now_s, steady, self._ends_degC)
         else:
             # What was a cycle fades with the rest.
             self._cycles_from_s = None
-            self._leave(now_s, steady + cycle)
-        self._changed(now_s)
+            self._leave(now_s, steady + cycle, wanted)
+        self._changed(self._commanded_s)
 
-    def _reaches(self, air: float) -> bool:
+    def _possible(self, degC: float) -> float:
+        return min(max(degC, self._lowest_degC), self._highest_degC)
+
+    def _wanted(self, time_s: float) -> float:
+        """Return the set-point at a time, by the last command."""
+        begin_s, begin, slope = self._ramp
+        way, gone = self._ends_degC - begin, slope * (time_s - begin_s)
+        return self._ends_degC if abs(gone) >= abs(way) else begin + gone
+
+    def _reaches(self, wanted: float, air: float) -> bool:
         """Return whether what works brings the air to its set-point and keeps it there."""
-        gap = self._wanted_degC - air
+        gap = wanted - air
         moves = self._heats if gap > 0.0 else self._cools
-        return self._holds() and (moves or abs(gap) < REACHES_K)
+        return self._holds(wanted) and (moves or abs(gap) < REACHES_K)
 
-    def _holds(self) -> bool:
-        return self._heats if self._wanted_degC > self.room_degC else self._cools
+    def _holds(self, wanted: float) -> bool:
+        return self._heats if wanted > self.room_degC else self._cools
 
-    def _follow(self, now_s: float, air: float) -> None:
-        gap = self._wanted_degC - air
-        limit = self._heating if gap > 0.0 else -self._cooling
-        wide = abs(gap) - abs(limit) * self._tau_s
-        if wide > 0.0:
-            self._add(now_s, air, slope=limit, effort=CONTROLS)
-            now_s, gap = now_s + wide / abs(limit), limit * self._tau_s
-        self._add(now_s, self._wanted_degC, -gap, self._tau_s, effort=CONTROLS)
+    def _follow(
+        self, now_s: float, air: float, wanted: float, slope: float = 0.0, end_s: float = np.inf
+    ) -> tuple[float, float]:
+        """Add what follows a set-point on its way until a time; return that, and the air then."""
+        tau_s, most = self._tau_s, self._fastest(slope)
+        while now_s < end_s:
+            gap = wanted - air
+            limit = self._fastest(gap or slope)
+            wide_s, gains = gap / limit - tau_s, 1.0 - slope / limit
+            if wide_s > (ROUNDING_S if gains > 0.0 else -ROUNDING_S):
+                closes_s = wide_s / gains if gains > 0.0 else np.inf
+                lasts_s = min(closes_s, end_s - now_s)
+                self._add(now_s, air, slope=limit, effort=CONTROLS)
+                wanted += slope * lasts_s
+                air = wanted - limit * tau_s if lasts_s == closes_s else air + limit * lasts_s
+            else:
+                lasts_s, behind = end_s - now_s, slope * tau_s
+                if slope / most > 1.0:  # sooner or later the chamber cannot keep up
+                    lasts_s = min(lasts_s, -tau_s * np.log((slope - most) / (slope - gap / tau_s)))
+                self._add(now_s, wanted - behind, behind - gap, tau_s, slope, effort=CONTROLS)
+                wanted += slope * lasts_s if slope else 0.0
+                air = wanted - behind + (behind - gap) * float(np.exp(-lasts_s / tau_s))
+            now_s += lasts_s
+        return now_s, air
 
-    def _leave(self, now_s: float, air: float) -> None:
+    def _fastest(self, way: float) -> float:
+        """Return the fastest the chamber can go, up or down."""
+        return self._heating if way > 0.0 else -self._cooling
+
+    def _leave(self, now_s: float, air: float, wanted: float) -> None:
         """Let the air go to the room's temperature, to the set-point where that is between."""
         room, effort = self.room_degC, STRUGGLES if self._on else OFF
         tau_s = self._door_tau_s if self._open else self._idle_tau_s
         self._add(now_s, room, air - room, tau_s, effort=effort)
-        left = (self._wanted_degC - room) / (air - room) if air != room else 0.0
-        if self._on and not self._open and self._holds() and 0.0 < left < 1.0:
-            self._add(now_s - tau_s * np.log(left), self._wanted_degC, effort=CONTROLS)
+        left = (wanted - room) / (air - room) if air != room else 0.0
+        if self._on and not self._open and self._holds(wanted) and 0.0 < left < 1.0:
+            self._add(now_s - tau_s * np.log(left), wanted, effort=CONTROLS)
 
     def _add(
         self,

@@ -18,6 +18,15 @@ AXES = ("x", "y", "z")
 Array = npt.NDArray[np.float64]
 
 
+def direction_near(axis: str, lean: Truth) -> Array:
+    """Return the unit vector near an axis that leans `towards_…` the two others, shape (3,)."""
+    direction = np.zeros(3)
+    for k, other in enumerate(AXES):
+        towards = 0.0 if other == axis else lean.quantity(f"towards_{other}", "rad")
+        direction[k] = 1.0 if other == axis else np.tan(towards)
+    return np.asarray(direction / np.linalg.norm(direction))
+
+
 class HelmholtzPair:
     """Two equal circular windings about a common normal through the origin.
 
@@ -31,12 +40,7 @@ class HelmholtzPair:
         self.spacing_m = self.radius_m * (1.0 + truth.quantity("spacing_error", "1"))
         if self.radius_m <= 0 or self.spacing_m <= 0:
             raise SimulationError(f"{truth.where}: radius and spacing must be positive")
-        lean = truth.section("normal")
-        direction = np.zeros(3)
-        for k, other in enumerate(AXES):
-            towards = 0.0 if other == axis else lean.quantity(f"towards_{other}", "rad")
-            direction[k] = 1.0 if other == axis else np.tan(towards)
-        self.normal: Array = direction / np.linalg.norm(direction)
+        self.normal = direction_near(axis, truth.section("normal"))
 
     def field_mT_per_A(self, point_m: Array) -> Array:
         """Return the field of one ampere at a point of the coil frame, shape (3,), in mT."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from threading import RLock
 from typing import ClassVar
 
 import numpy as np
@@ -10,10 +9,8 @@ import numpy.typing as npt
 
 from sim_instruments.seeds import generator
 from sim_instruments.truth import SimulationError, Truth
-from sim_instruments.world.base import coil_currents, coil_named
+from sim_instruments.world.base import IdleCoils
 from sim_instruments.world.chamber import Chamber
-from sim_instruments.world.coils import AXES
-from sim_instruments.world.currents import CurrentHistory
 from sim_instruments.world.fog_gyro import FogGyros
 from sim_instruments.world.fog_navigator import Navigator
 from sim_instruments.world.table import Table
@@ -24,7 +21,7 @@ ACTS = ("mount", "connect-cables", "dut-power-on", "dut-power-off")
 BEFORE_ALL_S = -1e5
 
 
-class FogBench:
+class FogBench(IdleCoils):
     """A chamber around a table, and on the table a navigator whose gyros feel both.
 
     Truth below `simulation.fog`: `latitude`, `table`, `chamber`, `gyros` and `navigator` (see the
@@ -35,10 +32,7 @@ class FogBench:
     preparations: ClassVar[tuple[str, ...]] = ("mount", "connect-cables", "dut-power-on")
 
     def __init__(self, truth: Truth) -> None:
-        self.lock = RLock()
-        self.version = 0
-        self.currents = coil_currents(truth, self._coils_changed)
-        self._ambient_mT = np.array(truth.quantities("ambient_field", AXES, "mT"))
+        super().__init__(truth)
         seed = truth.integer("seed", 0)
         fog = truth.section("fog")
         self.chamber = Chamber(fog.section("chamber"), self._air_changed)
@@ -60,14 +54,6 @@ class FogBench:
     def navigator_powered(self) -> bool:
         """Whether the navigator is switched on."""
         return self._navigator.powered
-
-    def coil(self, axis: str) -> CurrentHistory:
-        """Return the coil of another bench; SimulationError when there is none."""
-        return coil_named(self.currents, axis)
-
-    def mean_probe_field_mT(self, edges_s: Array) -> Array:
-        """Return the mean field at the gaussmeter's probe, shape (intervals, 3)."""
-        return np.tile(self._ambient_mT, (edges_s.size - 1, 1))
 
     def power(self, time_s: float, on: bool) -> None:
         """Switch the navigator on or off, which warms its gyros or lets them cool down."""
@@ -124,7 +110,4 @@ class FogBench:
 
     def _table_changed(self, time_s: float) -> None:
         self._navigator.forget_after(time_s)
-        self.version += 1
-
-    def _coils_changed(self) -> None:
         self.version += 1

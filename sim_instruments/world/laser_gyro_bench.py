@@ -21,6 +21,9 @@ from sim_instruments.world.laser_gyro import LaserGyro
 
 Array = npt.NDArray[np.float64]
 
+TURNS = {f"turn-probe-{axis}": axis for axis in AXES}
+"""Acts that turn a gaussmeter's probe of one axis, and where to."""
+
 
 class LaserGyroBench:
     """Currents in the coils, the field they make, and the gyro that feels it.
@@ -35,6 +38,7 @@ class LaserGyroBench:
         self.lock = RLock()
         self.version = 0
         self.mounted = True
+        self.probe_axis = "x"
         self.gyro_powered = False
         self._gyro_dark = False
         coils = truth.section("coils")
@@ -115,9 +119,12 @@ class LaserGyroBench:
             if prompt_id == "dut-power-off":
                 self.power_gyro(time_s, False)
                 return "The simulated gyro was switched off."
+            if prompt_id in TURNS:
+                self.probe_axis = TURNS[prompt_id]
+                return f"The simulated probe was turned along {self.probe_axis}."
         raise SimulationError(
             f"the simulated world does not know the act '{prompt_id}' "
-            "(it knows: mount, connect-cables, dut-power-on, dut-power-off)"
+            f"(it knows: mount, connect-cables, dut-power-on, dut-power-off, {', '.join(TURNS)})"
         )
 
     def _mean_currents(self, edges_s: Array) -> Array:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from threading import RLock
 from typing import ClassVar, NamedTuple
 
 import numpy as np
@@ -12,9 +11,7 @@ from scipy.spatial.transform import Rotation
 from sim_instruments.seeds import generator
 from sim_instruments.truth import SimulationError, Truth
 from sim_instruments.world.averaging import Nodes, nodes_within
-from sim_instruments.world.base import coil_currents, coil_named
-from sim_instruments.world.coils import AXES
-from sim_instruments.world.currents import CurrentHistory
+from sim_instruments.world.base import IdleCoils
 from sim_instruments.world.fog_navigator import earth_rate_rad_per_s
 from sim_instruments.world.nine_axis_sensor import Means, NineAxisSensor
 from sim_instruments.world.table import Table
@@ -59,7 +56,7 @@ class _Place(NamedTuple):
     axes: Array
 
 
-class NineAxisBench:
+class NineAxisBench(IdleCoils):
     """A sensor that feels the earth's turn, gravity and the earth's field, and the table's turns.
 
     The base is north, east, down. Truth below `simulation.nine_axis`: `latitude`; `heading_error`
@@ -72,10 +69,7 @@ class NineAxisBench:
     preparations: ClassVar[tuple[str, ...]] = ("mount-table", "connect-cables", "dut-power-on")
 
     def __init__(self, truth: Truth) -> None:
-        self.lock = RLock()
-        self.version = 0
-        self.currents = coil_currents(truth, self._changed)
-        self._ambient_mT = np.array(truth.quantities("ambient_field", AXES, "mT"))
+        super().__init__(truth)
         self._seed = truth.integer("seed", 0)
         own = truth.section("nine_axis")
         rng = generator(self._seed, "table")
@@ -107,14 +101,6 @@ class NineAxisBench:
     def range_deg_per_s(self) -> float:
         """The rate at which a gyro of the sensor saturates."""
         return self.sensor.range_deg_per_s
-
-    def coil(self, axis: str) -> CurrentHistory:
-        """Return the coil of another bench; SimulationError when there is none."""
-        return coil_named(self.currents, axis)
-
-    def mean_probe_field_mT(self, edges_s: Array) -> Array:
-        """Return the mean field at the gaussmeter's probe, shape (intervals, 3)."""
-        return np.tile(self._ambient_mT, (edges_s.size - 1, 1))
 
     def power(self, time_s: float, on: bool) -> None:
         """Switch the sensor on, which begins its warm-up, or off."""
@@ -192,9 +178,6 @@ class NineAxisBench:
             attitude[here] = place.axes @ (self._base @ plate).transpose(0, 2, 1)
             rate[here] += turning @ self._base.T
         return attitude, rate
-
-    def _changed(self) -> None:
-        self.version += 1
 
 
 def _about_down(angle_rad: float) -> Array:

@@ -9,9 +9,10 @@ import numpy.typing as npt
 
 from sim_instruments.seeds import generator
 from sim_instruments.truth import SimulationError, Truth
-from sim_instruments.world.chance import RandomWalk, Wander
+from sim_instruments.world.chance import Wander
 from sim_instruments.world.coils import AXES
 from sim_instruments.world.laser_gyro import Heat
+from sim_instruments.world.noise import WhiteNoise
 
 Array = npt.NDArray[np.float64]
 Switches = npt.NDArray[np.bool_]
@@ -147,10 +148,13 @@ class _Plain:
         return np.asarray(self._offset + self._scale * true + _means(self._noise, edges_s))
 
 
-def _white(in_one_second: float, seed: int, name: str) -> RandomWalk:
-    """Return the integral of white noise on three axes, of so much in the mean over a second."""
-    return RandomWalk(np.full(3, in_one_second), CELL_S, generator(seed, f"nine-axis {name}"))
+def _white(in_one_second: float, seed: int, name: str) -> list[WhiteNoise]:
+    """Return the noise of three axes, of so much in the mean over a second."""
+    return [
+        WhiteNoise(in_one_second, generator(seed, f"nine-axis {name} {axis}"), CELL_S)
+        for axis in AXES
+    ]
 
 
-def _means(integral: RandomWalk, edges_s: Array) -> Array:
-    return np.asarray(np.diff(integral.at(edges_s), axis=0) / np.diff(edges_s)[:, None])
+def _means(noise: list[WhiteNoise], edges_s: Array) -> Array:
+    return np.column_stack([one.mean(edges_s) for one in noise])

@@ -16,18 +16,22 @@ BLOCK = 1024
 class WhiteNoise:
     """Noise whose mean over T has the standard deviation `in_one_second` / sqrt(T / 1 s).
 
-    White up to the 500 Hz of its cells: the mean over less than 1 ms is no noisier than over 1 ms.
+    White up to half the frequency of its cells: the mean over less than one is no noisier than over
+    it.
     """
 
-    def __init__(self, in_one_second: float, rng: np.random.Generator) -> None:
-        self._step = in_one_second * np.sqrt(CELL_S)
+    def __init__(
+        self, in_one_second: float, rng: np.random.Generator, cell_s: float = CELL_S
+    ) -> None:
+        self._cell_s = cell_s
+        self._step = in_one_second * np.sqrt(cell_s)
         self._key = rng.integers(0, 2**63, size=2).astype(np.uint64)
 
     def mean(self, edges_s: Array) -> Array:
         """Return the mean between neighbouring times, shape (intervals,)."""
         if self._step == 0.0:
             return np.zeros(edges_s.size - 1)
-        cells = edges_s / CELL_S
+        cells = edges_s / self._cell_s
         first = int(np.floor(cells[0] / BLOCK))
         last = int(np.floor(cells[-1] / BLOCK))
         steps = self._step * np.concatenate([self._block(k) for k in range(first, last + 1)])

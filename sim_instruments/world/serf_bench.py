@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from threading import RLock
 from typing import ClassVar
 
 import numpy as np
@@ -10,9 +9,8 @@ import numpy.typing as npt
 
 from sim_instruments.seeds import generator
 from sim_instruments.truth import SimulationError, Truth
-from sim_instruments.world.base import coil_currents, coil_named
+from sim_instruments.world.base import IdleCoils
 from sim_instruments.world.coils import AXES
-from sim_instruments.world.currents import CurrentHistory
 from sim_instruments.world.serf_cell import Cell
 from sim_instruments.world.serf_coils import CellCoils, Drive
 from sim_instruments.world.serf_course import Course, Physics, Residual, Switches
@@ -25,7 +23,7 @@ Array = npt.NDArray[np.float64]
 ACTS = ("heat-cell", "gyro-at-rest", "connect-cables", "dut-power-on", "dut-power-off")
 
 
-class SerfBench:
+class SerfBench(IdleCoils):
     """Voltages at the cell's coils, light on the vapour, and the voltage of the detector.
 
     Truth below `simulation.serf`: see the parts. The coils of the other benches stand in the same
@@ -42,11 +40,8 @@ class SerfBench:
     )
 
     def __init__(self, truth: Truth) -> None:
-        self.lock = RLock()
-        self.version = 0
+        super().__init__(truth)
         self.trigger = TriggerLine()
-        self.currents = coil_currents(truth, self._changed)
-        self._ambient_mT = np.array(truth.quantities("ambient_field", AXES, "mT"))
         serf = truth.section("serf")
         self.coils = CellCoils(serf.section("coils"))
         self.cell = Cell(serf.section("cell"), serf.section("pump"))
@@ -71,10 +66,6 @@ class SerfBench:
             self._heated = True
             self._switch_power(-1e5, True)
 
-    def coil(self, axis: str) -> CurrentHistory:
-        """Return the coil of another bench; SimulationError when there is none."""
-        return coil_named(self.currents, axis)
-
     def drive(self, coil: str, history: Drive) -> None:
         """Wire a generator's output to the coil x, y, z or gradient of the cell."""
         with self.lock:
@@ -92,10 +83,6 @@ class SerfBench:
         with self.lock:
             polarisation = self.course.polarisation(times_s)
             return self.detector.voltage_V(times_s, polarisation, self._power.at(times_s))
-
-    def mean_probe_field_mT(self, edges_s: Array) -> Array:
-        """Return the mean field at the gaussmeter's probe, outside the shield, (intervals, 3)."""
-        return np.tile(self._ambient_mT, (edges_s.size - 1, 1))
 
     def act(self, prompt_id: str, time_s: float) -> str:
         """Do what a person was asked to do; returns what was done, SimulationError if unknown."""
@@ -124,6 +111,3 @@ class SerfBench:
         self._power.switch(time_s, on)
         self.course.warm.switch(time_s, on and self._heated)
         self._changed()
-
-    def _changed(self) -> None:
-        self.version += 1

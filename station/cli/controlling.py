@@ -84,7 +84,7 @@ def real_rest_of_step_s(run: Path, status: Status) -> float | None:
     planned = next((event.details for event in events if event.kind == RUN_STARTED), {})
     speed, steps = planned.get("speed"), planned.get("steps", [])
     present = [one for one in steps if one["step"] == status.step]
-    left_s = remaining_s(present, events, status.run_time_s)
+    left_s = remaining_s({"steps": present}, events, status.run_time_s)
     return left_s / speed if speed and present and left_s is not None else None
 
 

@@ -34,6 +34,7 @@ def read_plan_for(name: str, bench: Bench, overrides: Sequence[str] = ()) -> Pla
         for problem in problems_of_plan(procedure, plan.parameters, bench)
     ]
     faults += limits_never_held(plan, procedure.measured_axes(plan.parameters))
+    faults += limits_missing(plan, procedure.needs_limits(plan.parameters))
     if faults:
         raise FaultList(faults)
     return plan
@@ -51,13 +52,27 @@ def outlook_of(plan: Plan) -> dict[str, Any]:
 
 
 def limits_never_held(plan: Plan, measured: Mapping[str, tuple[str, ...]]) -> Iterator[Fault]:
-    """Yield a fault for each limit that names an axis which the plan does not measure."""
+    """Yield a fault for each limit of a result, or of its axis, that the plan does not measure."""
     given = plan.document.data.get("limits") or {}
+    limited = {name for name, _ in plan.limits}
     for name, axes in measured.items():
+        if not axes and name in limited:
+            what = "is not measured by this plan; take the limit out, or have the plan measure it"
+            yield plan.document.fault(("limits", name), what, at_key=True)
+            continue
         for axis in given.get(name) or {}:
             if (name, axis) in plan.limits and axis not in axes:
                 what = f"is not measured by this plan; it measures {listed(axes)}"
                 yield plan.document.fault(("limits", name, axis), what, at_key=True)
+
+
+def limits_missing(plan: Plan, needed: Mapping[str, tuple[str, ...]]) -> Iterator[Fault]:
+    """Yield a fault for each result that a plan decides about and gives no limit."""
+    for name, axes in needed.items():
+        without = [axis for axis in axes if (name, axis) not in plan.limits]
+        if without:
+            what = f"has no limit for {listed(without)}, which an early decision needs"
+            yield plan.fault(("limits", name), what)
 
 
 def validate_plans(

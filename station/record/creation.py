@@ -34,8 +34,8 @@ def new_folder(parent: Path, name: str) -> Path:
     raise RecordError(f"{parent} holds a thousand runs of this second; choose another --output")
 
 
-def folder_with_head(parent: Path, name: str, head: Mapping[str, str]) -> Path:
-    """Create `parent/name` that holds `head` (texts by file name) from its first moment on.
+def folder_with_head(parent: Path, name: str, head: Mapping[str, str | bytes]) -> Path:
+    """Create `parent/name` that holds `head`, contents by file name, from its first moment on.
 
     It is built beside its place, under a name that begins with a dot, and then moved there: a run
     that was killed at its very beginning leaves no folder that does not open.
@@ -43,8 +43,10 @@ def folder_with_head(parent: Path, name: str, head: Mapping[str, str]) -> Path:
     being_built = new_folder(parent, f".new-{name}")
     try:
         (being_built / RAW).mkdir()
-        for file, text in {**head, EVENTS: ""}.items():
-            write_whole_file(being_built / file, text.encode())
+        for file, content in {**head, EVENTS: ""}.items():
+            (being_built / file).parent.mkdir(exist_ok=True)
+            data = content if isinstance(content, bytes) else content.encode()
+            write_whole_file(being_built / file, data)
         place = moved(being_built, parent, name)
         sync_folder(parent)
     except BaseException:

@@ -42,7 +42,7 @@ class RunRecord:
         procedure: str,
         serial: str,
         clock: Clock,
-        head: Mapping[str, str] | None = None,
+        head: Mapping[str, str | bytes] | None = None,
     ) -> None:
         stamp = utc_now().strftime("%Y%m%dT%H%M%SZ")
         safe_serial = re.sub(r"[^A-Za-z0-9._-]+", "_", serial)
@@ -173,22 +173,30 @@ class RunFolder:
         """
         import numpy as np
 
-        from station.record.raw import RawIndex
-
         if (source, unit) not in self._rows:
             blocks: list[NDArray[Any]] = []
             for segment in self._segments_of(unit):
-                file = raw_file(self.path, source, segment)
-                if file not in self._indices and file.is_file():
-                    self._indices[file] = RawIndex(file)
-                index = self._indices.get(file)
-                blocks = list(index.blocks(unit)) if index else []
+                blocks = self._blocks(source, unit, segment)
                 if blocks:
                     break
             if not blocks:
                 raise RecordError(f"{self.path}: no raw data of {source} for {unit}")
             self._rows[source, unit] = np.concatenate(blocks)
         return self._rows[source, unit]
+
+    def course(self, source: str, unit: str, every: int = 1) -> list[NDArray[Any]]:
+        """Return what all processes of the run recorded of a unit, every so-manieth block."""
+        segments = range(next_segment(self.path / RAW))
+        return [block for one in segments for block in self._blocks(source, unit, one, every)]
+
+    def _blocks(self, source: str, unit: str, segment: int, every: int = 1) -> list[NDArray[Any]]:
+        from station.record.raw import RawIndex
+
+        file = raw_file(self.path, source, segment)
+        if file not in self._indices and file.is_file():
+            self._indices[file] = RawIndex(file)
+        index = self._indices.get(file)
+        return list(index.blocks(unit, every)) if index else []
 
     def _segments_of(self, unit: str) -> list[int]:
         """Return where to look for a unit's rows: this process's own, then where it was finished.

@@ -14,7 +14,7 @@ from station import registry
 from station.bench import Bench
 from station.clock import Clock, system_clock_synchronised, utc_now
 from station.console import tell
-from station.errors import EXIT_ABORTED, EXIT_FAULT, EXIT_INTERLOCK, RecordError
+from station.errors import EXIT_ABORTED, EXIT_FAULT, EXIT_INTERLOCK, InputError, RecordError
 from station.evaluation import conclude_run, exit_code_of
 from station.plan import Plan
 from station.plan.resolved import resolved_text
@@ -67,7 +67,8 @@ def execute(request: Request) -> Outcome:
         )
         operator.check(all_prompts(procedure, plan, bench))
         warned = look_before_a_run(plan, procedure, bench, request.output, clock, real=session.real)
-        head = head_of(plan, bench, clock)
+        inputs = inputs_of(procedure, plan)
+        head: dict[str, str | bytes] = {**head_of(plan, bench, clock), **inputs}
         record = RunRecord(request.output, plan.procedure, plan.dut.serial, clock, head)
         outcome = Outcome(record.path)
         expected_s = procedure.duration_s(plan.parameters)
@@ -77,7 +78,8 @@ def execute(request: Request) -> Outcome:
             progress.say(f"bench {bench.name}, {how_long(expected_s, clock)}")
             progress.say(f"recorded in {record.path}")
             planned = what_is_planned(plan, procedure, clock)
-            record.event(RUN_STARTED, **planned, sha256=content_hashes(plan, bench))
+            hashes = {**content_hashes(plan, bench), **hashes_of(inputs)}
+            record.event(RUN_STARTED, **planned, sha256=hashes)
             for one in warned:
                 progress.say(f"WARNING: {one.sentence}")
                 record.event(one.kind, message=one.sentence)
@@ -138,6 +140,25 @@ def head_of(plan: Plan, bench: Bench, clock: Clock) -> dict[str, str]:
         "bench.resolved.yaml": yaml_text(bench.to_yaml_data()),
         RUN: json_text(facts),
     }
+
+
+def inputs_of(procedure: Procedure, plan: Plan) -> dict[str, bytes]:
+    """Return the files that a plan names, by their places in the run folder.
+
+    Raises FaultList or InputError where one cannot be read.
+    """
+    found = {}
+    for place, path in procedure.inputs(plan.parameters).items():
+        try:
+            found[place] = path.read_bytes()
+        except OSError as error:
+            raise InputError(f"{path} cannot be read: {error.strerror}") from error
+    return found
+
+
+def hashes_of(contents: Mapping[str, bytes]) -> dict[str, str]:
+    """Return the SHA-256 of contents, by the same names."""
+    return {name: hashlib.sha256(content).hexdigest() for name, content in contents.items()}
 
 
 def content_hashes(plan: Plan, bench: Bench) -> dict[str, str]:

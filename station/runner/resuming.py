@@ -18,7 +18,7 @@ from station.plan import Plan
 from station.procedure import Procedure, Prompt
 from station.record.creation import EVENTS
 from station.record.folder import RESULTS, RESUMED, RUN, RunFolder, RunRecord
-from station.record.manifest import covered_files
+from station.record.manifest import covered_files, file_hash
 from station.recorded import read_plan_and_bench, used_instruments
 from station.runner.execute import all_prompts, conclude, content_hashes
 from station.runner.outcome import Outcome
@@ -130,12 +130,15 @@ def evaluate_only(folder: RunFolder, *, report: bool) -> Outcome:
 
 
 def refuse_what_was_altered(folder: RunFolder, plan: Plan, bench: Bench) -> None:
-    """Raise InputError where the resolved plan or bench is not the one the run began with."""
+    """Raise InputError where plan, bench or a file is not the one the run began with."""
     began = next(folder.events_of(RUN_STARTED), None)
     if began is None:
         raise InputError(f"{folder.path} never began; start it with `station run`")
     now = content_hashes(plan, bench)
     for name, digest in began.details.get("sha256", {}).items():
+        if name not in now:  # a file that the plan named, copied into the folder
+            path = folder.path / name
+            now[name] = file_hash(path) if path.is_file() else ""
         if now[name] != digest:
             raise InputError(
                 f"the {name} in {folder.path} was changed since the run began: what is left would "

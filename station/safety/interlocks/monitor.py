@@ -152,10 +152,12 @@ class Monitor:
         self._alarm(self.trip)
 
     def _look_where_due(self) -> None:
+        now_s = self._clock.now()
         for watch in self._watches:
-            now_s = self._clock.now()
-            if self._stopped or watch.due_s > now_s:
+            if watch.due_s > now_s:
                 continue
+            if self._stopped:
+                return
             judged = watch.judge()
             now_s = self._clock.now()
             watch.due_s = now_s + self._period_s(watch)

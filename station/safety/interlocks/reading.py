@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 from station.faults import Fault, listed, nearest
@@ -39,17 +40,17 @@ class Interlock:
     grace_s: float = 0.0
     period_s: float = 1.0
 
-    @property
+    @cached_property
     def instruments(self) -> frozenset[str]:
         """The instruments that must be open for it to be watched."""
         return frozenset(instrument for instrument, _ in self.when.watched)
 
-    @property
+    @cached_property
     def on_contacts(self) -> bool:
         """Whether contacts that are open or closed are all that it depends on."""
         return all(kind_of(*watched).states == CONTACT_STATES for watched in self.when.watched)
 
-    @property
+    @cached_property
     def only_while_on(self) -> bool:
         """Whether only an energised bench can make it true."""
         return all(kind_of(*watched).while_on for watched in self.when.watched)

@@ -1,0 +1,105 @@
+"""Frames that a reader thread stamps: they wait here until somebody takes them."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Iterable
+from threading import Event, Lock, Thread
+from typing import Generic, TypeVar
+
+from drivers.roles import Place
+from station.errors import InstrumentError
+
+LOOK_S = 0.005
+
+F = TypeVar("F")
+
+
+class KeptFrames(Generic[F]):
+    """What a line of unasked frames does on whatever it goes; `kind_of` tells kinds apart.
+
+    A line calls `_begin_to_read` when it is open; its `_read` runs in a thread until `_closing` is
+    set, puts what has come to `_keep`, and leaves in `_dead` why it ended before.
+    """
+
+    line = "the line"
+    when_broken = "check the cable and the instrument's power, then start again"
+
+    def __init__(self, place: Place, wire: str, kind_of: Callable[[F], int]) -> None:
+        self._place = place
+        self._clock = place.clock
+        self._trace = place.trace
+        self._wire = place.clock.wire(wire)
+        self._kind_of = kind_of
+        self._frames: deque[F] = deque()
+        self._frames_lock = Lock()
+        self._closing = Event()
+        self._dead: str | None = None
+        self._reader = Thread(target=self._read, name=f"{place.name} reader", daemon=True)
+
+    def take(self, *kinds: int) -> list[F]:
+        """Return the received frames of these kinds, in order, and keep the others.
+
+        Raises InstrumentError when the line is gone and nothing is left to take.
+        """
+        with self._frames_lock:
+            taken = [frame for frame in self._frames if self._kind_of(frame) in kinds]
+            if taken:
+                kept = [frame for frame in self._frames if self._kind_of(frame) not in kinds]
+                self._frames.clear()
+                self._frames.extend(kept)
+        if not taken and self._dead is not None:
+            raise self._broken(self._dead)
+        return taken
+
+    def newest(self, kind: int) -> F | None:
+        """Return the last received frame of a kind that nobody has taken yet, and keep it.
+
+        Raises InstrumentError when the line is gone.
+        """
+        with self._frames_lock:
+            newest_first = reversed(self._frames)
+            found = next((one for one in newest_first if self._kind_of(one) == kind), None)
+        if found is None and self._dead is not None:
+            raise self._broken(self._dead)
+        return found
+
+    def wait_for(self, kind: int, deadline_s: float) -> list[F]:
+        """Return the frames of a kind as soon as there are any, or none at run time.
+
+        Raises InstrumentError when the line is gone.
+        """
+        while not (frames := self.take(kind)) and self._clock.now() < deadline_s:
+            self._clock.sleep(LOOK_S)
+        return frames
+
+    def _begin_to_read(self) -> None:
+        self._wire.open()
+        self._traced("-", b"opened")
+        self._reader.start()
+
+    def _end_reading(self, within_s: float) -> None:
+        if not self._closing.is_set():
+            self._traced("-", b"closed")
+        self._closing.set()
+        self._wire.close()
+        self._reader.join(within_s)
+
+    def _read(self) -> None:
+        """Read until `_closing` is set."""
+        raise NotImplementedError
+
+    def _keep(self, frames: Iterable[F]) -> None:
+        with self._frames_lock:
+            self._frames.extend(frames)
+
+    def _traced(self, direction: str, data: bytes) -> None:
+        if self._trace is not None:
+            self._trace(direction, data)
+
+    def _broken(self, why: str) -> InstrumentError:
+        return self._fault(f"used {self.line}", f"the line broke ({why})", self.when_broken)
+
+    def _fault(self, attempted: str, came_back: str, do_now: str) -> InstrumentError:
+        self._traced("!", f"{attempted}: {came_back}".encode())
+        return InstrumentError(self._place.name, attempted, came_back, do_now)

@@ -1,0 +1,76 @@
+"""What field each coil makes on the three axes: the 3 x 3 response of the coils, with angles."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .dataset import AXES, Segment
+from .findings import LineDetail
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class CoilResponse:
+    """The measured field of one coil over the commanded one, on IA, NA, LA.
+
+    `components` (3,) are the parts in phase with the coil's own field, `uncertainty` (3,) their
+    standard uncertainties (type A; the gaussmeter's scale is left aside), `lean_deg` (3,) the
+    angles by which the field leans from its own axis towards each; its own entry is the angle
+    between field and axis. What a probe did not see is not a number.
+    """
+
+    axis: str
+    components: Array
+    uncertainty: Array
+    lean_deg: Array
+    lean_uncertainty_deg: Array
+
+
+def coil_responses(
+    lines: Sequence[LineDetail], segments: Sequence[Segment]
+) -> Mapping[str, CoilResponse]:
+    """Return the response of each coil that drives a line of its own, by the axis it drives.
+
+    An axis that several records drive is taken from the first; where two axes share a frequency
+    their fields cannot be told apart, and neither is in the result.
+    """
+    found: dict[str, CoilResponse] = {}
+    for line in lines:
+        commanded_mT = segments[line.segment].drive[line.axis].amplitude_mT
+        shared = [one for one in lines if one.segment == line.segment]
+        alone = sum(one.frequency_Hz == line.frequency_Hz for one in shared) == 1
+        if line.axis in found or not alone or commanded_mT <= 0.0 or line.field_amplitude_mT <= 0.0:
+            continue
+        found[line.axis] = coil_response(line, commanded_mT)
+    return found
+
+
+def coil_response(line: LineDetail, commanded_mT: float) -> CoilResponse:
+    """Return the response of the coil behind a line."""
+    own = AXES.index(line.axis)
+    turned = line.field_phasors_mT * np.exp(-1j * np.angle(line.field_phasors_mT[own]))
+    # A component that was not measured is zero throughout.
+    seen = line.field_phasors_mT != 0.0
+    field_mT = np.where(seen, turned.real, np.nan)
+    u_mT = np.where(seen, line.field_uncertainty_mT, np.nan)
+    lean = np.arctan2(field_mT, field_mT[own])
+    lean_u = u_mT / field_mT[own]
+    unseen = (line.field_phasors_mT == 0.0) & (u_mT == 0.0)  # no noise at all: taken as zero
+    across = np.delete(field_mT, own)
+    lean[own] = np.arctan2(float(np.hypot(*across)), field_mT[own])
+    lean_u[own] = float(np.max(np.delete(u_mT, own))) / field_mT[own]
+    lean[unseen] = np.nan
+    if unseen.any():
+        lean[own] = np.nan
+    return CoilResponse(
+        line.axis,
+        np.where(unseen, np.nan, field_mT / commanded_mT),
+        u_mT / commanded_mT,
+        np.degrees(lean),
+        np.degrees(lean_u),
+    )
