@@ -1,6 +1,6 @@
 """Kill runs at random moments, look at what they left, and go on with it; a JSON line a kill.
 
-python benchmarks/kill_campaign.py --virtual 100 --scaled 20 [--plan NAME] [--first-seed 0]
+python benchmarks/kill_campaign.py --virtual 100 --scaled 20 [--plan NAME] [--bench NAME]
 
 The shipped plan NAME (that of the laser gyro unless given) is killed in its short form, that of the
 fault campaign. On virtual time each remainder is held byte by byte against the same run
@@ -48,12 +48,13 @@ from kill_helpers import (
 from resume_helpers import GOOD, resume_and_judge
 
 Plan = tuple[str, ...]
-"""A shipped plan's name, and the options that make it short."""
+"""A shipped plan's name, `--bench` and a bench's, and the options that make the plan short."""
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--plan", default="rlg-magnetic-sensitivity", help="a shipped plan")
+    parser.add_argument("--bench", default="sim", help="a simulated bench, such as sim-alternate")
     parser.add_argument("--virtual", type=int, default=100)
     parser.add_argument("--scaled", type=int, default=20)
     parser.add_argument("--speeds", type=float, nargs="+", default=[20.0, 50.0, 100.0])
@@ -63,7 +64,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as place:
         folder = Path(place)
         changes = [part for one in SHORT_FORMS.get(arguments.plan, ()) for part in ("--set", one)]
-        plan = (arguments.plan, *changes)
+        plan = (arguments.plan, "--bench", arguments.bench, *changes)
         first = arguments.first_seed
         done = station("run", *plan, "--non-interactive", "--output", folder / "reference")
         assert done.returncode in GOOD, done.stderr
@@ -109,7 +110,9 @@ def on_scaled_time(
     folder.mkdir()
     parent = folder / "runs"
     expected = written_bytes(reference.parent)
-    with world(folder, speed, procedure=plan[0]) as bench:
+    bench_name = plan[2]
+    procedure = json.loads((reference / "results.json").read_text(encoding="utf-8"))["procedure"]
+    with world(folder, speed, bench_name, procedure) as bench:
         command = station_command(
             "run", *plan, "--served", bench.head, "--non-interactive", "--output", parent
         )

@@ -5,6 +5,7 @@ from __future__ import annotations
 from contextlib import suppress
 from dataclasses import dataclass
 
+from drivers.acutrol3000_axis import AxisState
 from drivers.acutrol3000_line import INTERLOCK, AclLine
 from station.errors import InstrumentError
 
@@ -82,3 +83,26 @@ def fault_of(name: str, line: AclLine, axis: int, status: Status) -> InstrumentE
     source = " and ".join(said for bit, said in SOURCES.items() if byte & bit)
     said = f"the interlock was opened{f' by {source}' if source else ''}, and the servo is open"
     return InstrumentError(name, attempted, f"{said} ({registers}, status byte {byte})", INTERLOCK)
+
+
+def astray(name: str, state: AxisState, attempted: str, where_deg: float) -> InstrumentError:
+    """Return that an axis stands elsewhere than where it was sent; it must be homed again."""
+    state.homed = False
+    return InstrumentError(
+        name,
+        attempted,
+        f"the encoder of axis {state.number} reads {state.count.angle_deg:.5f} deg where "
+        f"{where_deg:.5f} deg was commanded, more than settings.in_position apart",
+        "look for a blocked axis or a loose encoder cable, then home it again",
+    )
+
+
+def wrong_rate(name: str, state: AxisState) -> InstrumentError:
+    """Return that an axis turns at another rate than it was told; it must be homed again."""
+    state.homed = False
+    return InstrumentError(
+        name,
+        f"turn axis {state.number} at {state.rate_demand:g} deg/s",
+        f"it turns at {state.rate:.4f} deg/s",
+        "look whether something blocks it, then home it again",
+    )

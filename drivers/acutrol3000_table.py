@@ -14,8 +14,10 @@ from drivers.acutrol3000_status import (
     AT_RATE,
     HARDWARE_ABORT,
     Status,
+    astray,
     fault_of,
     queries,
+    wrong_rate,
 )
 from drivers.acutrol3000_turns import TURN_DEG, TurnCount
 from drivers.roles import Place
@@ -223,7 +225,7 @@ class Table:
         apart = abs(state.rate - state.rate_demand)
         allowed = self._settings.at_rest + RATE_KEPT * abs(state.rate_demand)
         if state.doing is Doing.TURNING and state.at_rate and apart > allowed:
-            raise self._wrong_rate(state)
+            raise wrong_rate(self._place.name, state)
 
     def need_angle_kept(self, state: AxisState) -> None:
         """Raise InstrumentError for an axis that stands elsewhere than where it was sent."""
@@ -231,16 +233,18 @@ class Table:
         if state.doing is not Doing.NOTHING or target_deg is None:
             return
         if abs(state.count.angle_deg - target_deg) > self._settings.in_position_deg:
-            raise self._astray(state, "read the angle at rest", target_deg)
+            raise astray(self._place.name, state, "read the angle at rest", target_deg)
 
     def need_in_time(self, state: AxisState) -> None:
         """Raise InstrumentError for a task that should long be done."""
         if self._place.clock.now() <= state.until_s:
             return
         if state.doing is Doing.TURNING:
-            raise self._wrong_rate(state)
+            raise wrong_rate(self._place.name, state)
         if state.doing is Doing.POSITIONING and not self.is_turning(state):
-            raise self._astray(state, "waited for the axis to reach its angle", state.step_deg)
+            raise astray(
+                self._place.name, state, "waited for the axis to reach its angle", state.step_deg
+            )
         raise InstrumentError(
             self._place.name,
             f"waited for axis {state.number} to {state.doing.value}",
@@ -290,23 +294,3 @@ class Table:
         states = self.axes.values()
         values = [one.rate if name == "rate" else one.count.angle_deg for one in states]
         return max(values, key=abs)
-
-    def _astray(self, state: AxisState, attempted: str, where_deg: float) -> InstrumentError:
-        state.homed = False
-        return InstrumentError(
-            self._place.name,
-            attempted,
-            f"the encoder of axis {state.number} reads {state.count.angle_deg:.5f} deg where "
-            f"{where_deg:.5f} deg was commanded, more than {self._settings.in_position_deg:g} deg "
-            "apart",
-            "look for a blocked axis or a loose encoder cable, then home it again",
-        )
-
-    def _wrong_rate(self, state: AxisState) -> InstrumentError:
-        state.homed = False
-        return InstrumentError(
-            self._place.name,
-            f"turn axis {state.number} at {state.rate_demand:g} deg/s",
-            f"it turns at {state.rate:.4f} deg/s",
-            "look whether something blocks it, then home it again",
-        )

@@ -10,8 +10,8 @@ averaged and how often there is a new one; the bench file's `averaging` says bot
 It knows no error queue, so every setting is read back, and each reading brings unit or mode along,
 by turns: an answer that belongs to the question before is told by that. That answers to queries in
 one line are joined by `;` is from general knowledge. It keeps no readings and has no clock: each
-`drain` asks for the newest reading and stamps it with the run time of the question. The average had
-ended up to one `averaging` before.
+`drain` asks for the newest reading and stamps it with the run time in the middle of the exchange.
+The average had ended up to one `averaging` before.
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ class Lakeshore425:
     timestamp = "on-request"
     source = "gaussmeter"
     columns: ClassVar[Mapping[str, str]] = {
-        "instrument_time_s": "s of run time, at which the newest reading was asked for",
+        "instrument_time_s": "s of run time, in the middle of asking for the newest reading",
         **{
             f"{axis}_T": f"T along {axis}; NaN where the probe is turned elsewhere" for axis in AXES
         },
@@ -121,10 +121,10 @@ class Lakeshore425:
         """Return the newest reading, one row."""
         if not self._gives_tesla:
             self._prepare()
-        field_T, asked_s = self._newest()
+        field_T, time_s = self._newest()
         self._shown_mT(field_T)
         row = {
-            "instrument_time_s": asked_s,
+            "instrument_time_s": time_s,
             **{f"{one}_T": field_T if one == self._axis else math.nan for one in AXES},
             "state": float(abs(field_T) > self._range_T),
         }
@@ -175,13 +175,13 @@ class Lakeshore425:
             )
 
     def _newest(self) -> tuple[float, float]:
-        """Return the newest reading, T, and the run time at which it was asked for."""
+        """Return the newest reading, T, and the run time in the middle of asking for it."""
         query, wanted = WITNESSES[self._readings % len(WITNESSES)]
         self._readings += 1
-        answer, asked_s = self._timed(f"RDGFIELD?;{query}")
+        answer, time_s = self._timed(f"RDGFIELD?;{query}")
         reading, _, witness = answer.partition(";")
         self._check("read the field", query, witness, wanted)
-        return number_of(self.place.name, "RDGFIELD?", reading), asked_s
+        return number_of(self.place.name, "RDGFIELD?", reading), time_s
 
     def _shown_mT(self, field_T: float) -> float:
         field_mT = abs(field_T) * 1e3 if abs(field_T) <= self._range_T else math.inf
@@ -192,14 +192,16 @@ class Lakeshore425:
         return self._timed(message)[0]
 
     def _timed(self, message: str) -> tuple[str, float]:
-        """Return the answer to a query, and the run time at which it was asked."""
+        """Return the answer to a query, and the run time in the middle of the exchange."""
+        clock = self.place.clock
         with self._turn:
             self._wait()
-            asked_s = self.place.clock.now()
+            asked_s = clock.now()
             try:
-                return self._line.query(message), asked_s
+                answer = self._line.query(message)
+                return answer, 0.5 * (asked_s + clock.now())
             finally:
-                self._free_s = self.place.clock.now() + PAUSE_S
+                self._free_s = clock.now() + PAUSE_S
 
     def _tell(self, message: str) -> None:
         with self._turn:

@@ -101,9 +101,10 @@ class PulseBoard:
         self._channel = channel
         told = self._commands.ask("status", "status", "asked for its status")
         self._check_gyro(told, "start")
-        self._line.begin(channel, sample_interval_s)
         bit = 1 << (channel - 1)
         self._commands.command("start", channel_mask=bit, sample_interval_s=sample_interval_s)
+        # What was still on its way from before has come before the acknowledgement.
+        self._line.begin(channel, sample_interval_s)
         interval = f"{COLUMNS['sequence']}, every {sample_interval_s:.9g} s"
         self.columns = {**self.columns, "sequence": interval}
 

@@ -232,6 +232,22 @@ def test_an_interruption_ends_the_main_sleep() -> None:
         clock.stop()
 
 
+def test_an_interruption_by_another_thread_wakes_the_main_one_at_its_time() -> None:
+    clock = VirtualClock()
+
+    def trip() -> None:
+        clock.sleep(2.0)
+        clock.interrupt(KeyboardInterrupt())
+        clock.sleep(1.0)
+
+    with clock.participant("run"):
+        clock.start("interlocks", trip)
+        with pytest.raises(KeyboardInterrupt):
+            clock.sleep(3600.0)
+        assert clock.now() == 2.0
+    clock.stop()
+
+
 def test_a_faster_clock_runs_faster_than_the_real_one() -> None:
     real, fast = RealClock(), RealClock(speed=50.0)
     real.sleep(0.1)

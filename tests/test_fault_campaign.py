@@ -60,7 +60,7 @@ STRIDE = 7
 Referred = Callable[[str], Reference]
 
 ALTERNATE, ONE_PLAN = "sim-alternate", "rlg-magnetic-sensitivity"
-ONE_IN_ALTERNATE = 4
+ONE_IN_ALTERNATE = 7
 ON_ALTERNATE = [
     (role, kind)
     for number, (role, kind) in enumerate(roles_and_kinds(ONE_PLAN, ALTERNATE))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +13,7 @@ from fault_truths import nine_axis_scale_factor, number
 
 from station import registry
 from station.bench import read_bench
-from station.evaluation import conclude_run
+from station.evaluation import conclude_run, evaluate_run
 from station.lookup import BENCHES, PLANS, find
 from station.plan import read_plan
 from station.record.folder import RunFolder
@@ -33,7 +34,12 @@ COMBINED = 4.0
 
 
 def short_run(
-    folder: Path, seed: int, *faults: dict[str, str], **changes: Any
+    folder: Path,
+    seed: int,
+    *faults: dict[str, str],
+    saturates: str = "",
+    table: Any = None,
+    **changes: Any,
 ) -> tuple[Outcome, dict[str, Any]]:
     """Run the short form; return the truth of the gyros beside it."""
     plan = yaml.safe_load(find(PLANS, PROCEDURE).read_text(encoding="utf-8"))
@@ -41,7 +47,10 @@ def short_run(
     plan["parameters"] |= SHORT | changes
     bench["simulation"] |= {"seed": seed, "faults": list(faults)}
     bench["simulation"]["nine_axis"]["sensor"]["warm_up"]["bias"] = "0 deg/h"
+    gyros = bench["simulation"]["nine_axis"]["sensor"]["gyros"]
+    gyros["range"] = saturates or gyros["range"]
     folder.mkdir(exist_ok=True)
+    bench["instruments"]["turntable"]["settings"] |= table or {}
     (folder / "plan.yaml").write_text(yaml.safe_dump(plan), encoding="utf-8")
     (folder / "bench.yaml").write_text(yaml.safe_dump(bench), encoding="utf-8")
     outcome = execute(
@@ -53,32 +62,35 @@ def short_run(
             report=False,
         )
     )
-    return outcome, bench["simulation"]["nine_axis"]["sensor"]["gyros"]
+    return outcome, gyros
 
 
-def off_in_u(outcome: Outcome, gyros: dict[str, Any]) -> dict[tuple[str, str], float]:
+def off_in_u(
+    outcome: Outcome, gyros: dict[str, Any], rates: Sequence[float] = RATES
+) -> dict[tuple[str, str], float]:
     """Return by how many standard uncertainties, noise and heading alone, results are off."""
     assert outcome.document is not None, outcome.error
     off = {}
     for one in outcome.document.results:
         estimate = one.estimate
-        true = truth(gyros, estimate.name, str(estimate.axis))
+        true = truth(gyros, estimate.name, str(estimate.axis), rates)
         if true is None:
             continue
         assert estimate.value is not None
+        assert one.combined is not None
         u = one.combined.standard_uncertainty
         if estimate.name == "scale_factor":
+            assert estimate.standard_uncertainty is not None
             u = estimate.standard_uncertainty  # the simulated clock is right
         off[estimate.name, str(estimate.axis)] = abs(estimate.value - true) / u
     return off
 
 
-def truth(gyros: dict[str, Any], name: str, axis: str) -> float | None:
+def truth(gyros: dict[str, Any], name: str, axis: str, rates: Sequence[float]) -> float | None:
     """Return what a result should be; None where the world has no one number for it."""
-    own = gyros.get(axis.lower())
     if name == "scale_factor":
-        return nine_axis_scale_factor(own, RATES)
-    return number(own[name]) if name in ("bias", "asymmetry") else None
+        return nine_axis_scale_factor(gyros[axis.lower()], rates)
+    return number(gyros[axis.lower()][name]) if name in ("bias", "asymmetry") else None
 
 
 def codes(outcome: Outcome) -> set[str]:
@@ -134,9 +146,11 @@ def test_a_new_analysis_gives_the_same_bytes(run: tuple[Outcome, dict[str, Any]]
     assert again == (folder / "results.json").read_bytes()
 
 
-def test_a_silent_sensor_ends_the_run_and_what_was_done_stays(tmp_path: Path) -> None:
+def test_a_silent_sensor_ends_a_run_that_then_goes_on_with_saturated_rates_left_out(
+    tmp_path: Path,
+) -> None:
     silence = {"instrument": "imu", "fault": "silent", "at": "600 s", "for": "15 s"}
-    ended, gyros = short_run(tmp_path, 4, silence)
+    ended, gyros = short_run(tmp_path, 4, silence, saturates="95 deg/s")
     assert ended.exit_code == 3
     before = RunFolder(ended.folder).finished_units()
     assert len(before) > 5
@@ -145,4 +159,24 @@ def test_a_silent_sensor_ends_the_run_and_what_was_done_stays(tmp_path: Path) ->
     units = RunFolder(ended.folder).finished_units()
     assert {name: units[name] for name in before} == before
     assert len(units) == 3 + 30
-    assert max(off_in_u(outcome, gyros).values()) < COMBINED
+    assert outcome.document is not None
+    (over,) = [one for one in outcome.document.flags if (one.code, one.axis) == ("overload", "X")]
+    assert over.details["rates"] == [100.0, -100.0]
+    assert max(off_in_u(outcome, gyros, RATES[:-1]).values()) < COMBINED
+
+
+def test_a_wrong_pose_is_measured_again_and_refused_and_a_wrong_axis_up_ends_the_run(
+    tmp_path: Path,
+) -> None:
+    swapped = {"middle_axis": 3, "inner_axis": 2}
+    outcome, _ = short_run(tmp_path, 5, table=swapped, static_time="30 s")
+    assert outcome.exit_code == 3
+    assert outcome.error is not None
+    assert outcome.error.startswith("gyro X of imu reads")
+    assert "look how the sensor is mounted" in outcome.error
+    folder = RunFolder(outcome.folder)
+    refused = [one.details for one in folder.events_of("pose-refused")]
+    assert [(one["unit"], one["attempt"]) for one in refused] == [("position 3", n) for n in (1, 2)]
+    assert refused[0]["why"] == "the accelerometers are 1 g off"
+    document, _ = evaluate_run(folder)
+    assert [f.details["position"] for f in document.flags if f.code == "wrong-position"] == [3]

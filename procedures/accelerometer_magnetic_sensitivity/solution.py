@@ -49,8 +49,8 @@ FEWEST_OF_A_GROUP = 20
 ENOUGH_LEFT = 12
 MANY_STRAYS = 0.1
 """So many wild rows are no accident."""
-SURELY = 6.0
-"""So many standard deviations of the noise no row of many takes by chance."""
+PERHAPS, SURELY = 4.0, 6.0
+"""Beyond so many standard deviations of the noise a jump is tried, and believed."""
 QUIETER = 0.7
 ANGLES = (OFFSET, JUMP)
 
@@ -75,6 +75,11 @@ class Solution:
     jump_row: int | None
 
     @property
+    def sum_of_squares(self) -> float:
+        """The weighted squares that the solution left, in V²."""
+        return self.degrees_of_freedom * self.noise_V**2
+
+    @property
     def lag_one_correlation(self) -> float:
         """The correlation of neighbouring residuals of the rows that count."""
         left = self.residual_V[self.kept]
@@ -97,21 +102,30 @@ def solve_rows(rows: Rows, kept_names: tuple[str, ...], settings: AnalysisSettin
     if place is None or OFFSET not in found.names:
         return found
     well = strays < MANY_STRAYS and found.lag_one_correlation < settings.model_too_stiff
-    squares, freedom = found.degrees_of_freedom * found.noise_V**2, found.degrees_of_freedom
-    left = max(squares - place[1], 0.0) / max(freedom - 1, 1)
-    if well and place[1] < SURELY**2 * left:
+    left = max(found.sum_of_squares - place[1], 0.0) / max(found.degrees_of_freedom - 1, 1)
+    if well and place[1] < PERHAPS**2 * left:
         return found
     model = _Model(rows, kept_names, None)
     row, angle_rad = jump_begin(
         lambda added: model.with_misalignment(model.columns(added)), rows.output_V, place[0]
     )
     second = _solve(rows, kept_names, settings, row, {JUMP: angle_rad}).solution
+    fall = found.sum_of_squares - second.sum_of_squares
     quieter = second.noise_V < QUIETER * found.noise_V
+    quieter |= fall > SURELY**2 * second.noise_V**2 and second.kept.sum() >= found.kept.sum()
     fewer = float(np.mean(~second.kept)) < strays - 0.5 * MANY_STRAYS
-    evident = JUMP in second.names
     worse = second.noise_V > found.noise_V / QUIETER
-    worse = worse or second.lag_one_correlation > settings.model_too_stiff
-    return second if evident and (quieter or fewer) and not worse else found
+    worse |= second.lag_one_correlation > beyond_chance(settings, len(rows.time_s))
+    evident = JUMP in second.names and (quieter or fewer) and not worse
+    return second if evident else found
+
+
+def beyond_chance(settings: AnalysisSettings, rows: int) -> float:
+    """Return the correlation of neighbouring residuals above which the model is too stiff.
+
+    With few rows a correlation as large as the threshold is no rarity.
+    """
+    return max(settings.model_too_stiff, 3.0 / float(np.sqrt(rows)))
 
 
 @dataclass(frozen=True)

@@ -45,7 +45,7 @@ def data_flags(
     for axis in sorted({one.axis for one in saturated}):
         own = [one for one in saturated if one.axis == axis]
         count = sum(one.count for one in own)
-        rates = sorted({one.commanded_deg_per_s for one in own}, key=abs)
+        rates = sorted({one.commanded_deg_per_s for one in own}, key=lambda one: (abs(one), -one))
         what = "the records" if any(one.whole for one in own) else "they"
         overload_said = (
             f"{count} samples of gyro {AXES[axis]} at {listed_numbers(rates)} deg/s are saturated; "

@@ -65,10 +65,10 @@ def stand(run: Run, position: int, said: str) -> None:
     run.record.event("unit-started", durable=False, unit=unit)
     for attempt in range(1, parameters.pose.attempts + 1):
         put(run, position, again=attempt > 1)
-        from_s, until_s, pose = record_at_rest(run, position, said)
+        left = parameters.pose.attempts - attempt
+        from_s, until_s, pose = record_at_rest(run, position, said, whole=left == 0)
         if pose.right:
             break
-        left = parameters.pose.attempts - attempt
         run.record.event("pose-refused", unit=unit, attempt=attempt, why=pose.why)
         then = "it is measured again" if left else "the record counts as of a wrong position"
         run.progress.say(f"    {unit}: {pose.why}{looks_like(pose)}; {then}")
@@ -124,10 +124,11 @@ def put(run: Run, position: int, *, again: bool) -> None:
     ask_to_put(run, pose_prompt(position), again=again)
 
 
-def record_at_rest(run: Run, position: int, said: str) -> tuple[float, float, Pose]:
+def record_at_rest(run: Run, position: int, said: str, *, whole: bool) -> tuple[float, float, Pose]:
     """Record a position and judge it; returns begin and end of what counts, and the judgement.
 
-    A pose that is wrong from the beginning ends the record at once.
+    A pose that is wrong from the beginning ends the record at once, unless it is to be `whole`: it
+    is then the analysis that decides, with the biases free.
     """
     parameters: NineAxisParameters = run.parameters
     sensing = Sensing(run, position_unit(position))
@@ -138,7 +139,7 @@ def record_at_rest(run: Run, position: int, said: str) -> tuple[float, float, Po
         until_s = run.clock.now()
         limits = pose_limits(parameters)
         pose = check_pose(position, *sensing.means(from_s), parameters.latitude_deg, limits)
-        if not pose.right:
+        if not pose.right and not whole:
             break
     sensing.follow(run.clock.now() + LATE_OUTPUTS_S, said)
     sensing.stop()

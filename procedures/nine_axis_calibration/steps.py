@@ -90,7 +90,7 @@ def biases(run: Run) -> None:
 
 def rotate(run: Run) -> None:
     """Claim 2: on the turntable, each axis up in turn, N rates in both senses."""
-    from procedures.nine_axis_calibration.measuring import turn, turn_up
+    from procedures.nine_axis_calibration.measuring import need_sensor_well, turn, turn_up
 
     turns = run.parameters.all_turns
     for axis in AXES:
@@ -99,6 +99,7 @@ def rotate(run: Run) -> None:
             continue
         make_table_ready(run)
         turn_up(run, axis)
+        need_sensor_well(run)
         for one in own:
             turn(run, one, f"record {turns.index(one) + 1} of {len(turns)}, {one.unit}")
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from procedures.rlg_magnetic_sensitivity.parameters import RlgParameters
-from procedures.rlg_magnetic_sensitivity.records import all_records
+from procedures.rlg_magnetic_sensitivity.records import all_records, sensitivity_records
 from station.errors import ConditionNotReached
 
 if TYPE_CHECKING:
@@ -71,6 +71,7 @@ def warm_up(run: Run) -> None:
         if abs(slope_deg_per_h2) + 2 * u_deg_per_h2 < rule.slope_limit_deg_per_h2:
             run.record.finish_unit(WARM_UP, slope_deg_per_h2=slope_deg_per_h2, u=u_deg_per_h2)
             run.progress.say(f"    warm: {said}")
+            warn_of_beats(run, rate_deg_per_h[recent])
             return
         if elapsed_s >= rule.at_most_s:
             raise ConditionNotReached(
@@ -78,6 +79,28 @@ def warm_up(run: Run) -> None:
                 f"plan allows {rule.slope_limit_deg_per_h2:g}; wait longer (warm_up.at_most), or "
                 "look for air currents, a warming table or a gyro that was just carried in"
             )
+
+
+def warn_of_beats(run: Run, rate_deg_per_h: NDArray[Any]) -> None:
+    """Say before anything is driven that pulses counted at this mean rate would harm a result."""
+    from procedures.estimation.allan import allan_deviation, noise_coefficients
+    from procedures.rlg_magnetic_sensitivity.pulse_beat import advice
+
+    parameters: RlgParameters = run.parameters
+    noise = noise_coefficients(allan_deviation(rate_deg_per_h, parameters.sample_interval_s))
+    if noise is None:
+        return
+    planned = sensitivity_records(parameters)[0]
+    told = advice(
+        float(rate_deg_per_h.mean()),
+        parameters.pulse_weight_arcsec,
+        parameters.sample_interval_s,
+        noise.angle_random_walk_deg_per_sqrt_h,
+        [sine.frequency_Hz for sine in planned.drive.values()],
+        planned.samples * parameters.sample_interval_s,
+    )
+    if told is not None:
+        run.progress.say(f"    WARNING: {told.does}; better: {told.helps}")
 
 
 def expected_warm_up_s(parameters: RlgParameters) -> float:

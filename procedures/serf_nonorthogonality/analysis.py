@@ -6,10 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .checks import checks_of
-from .chirped import Frequencies, frequencies_and_angles
 from .dataset import SerfDataset
 from .findings import AnalysisSettings, Published, SerfAnalysis, ShotResult
 from .flags import result_flags
+from .frequencies import Frequencies, frequencies_and_angles
 from .precession import Precession, look_at_all
 from .published import PublishedAngles, published_angles
 from .results import estimates, residual_magnitude_nT, scale_axis

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from .angles import closed_form
-from .chirped import Frequencies
 from .dataset import SerfDataset
 from .findings import Check, Estimate, ShotResult
+from .frequencies import Frequencies
 from .results import ANGLE, SLOWING_DOWN
 from .shots import PAIRS
 from .spins import SPINS

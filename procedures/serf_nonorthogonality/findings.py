@@ -113,8 +113,8 @@ class SerfAnalysis:
     """The whole outcome.
 
     `chirp` with `chirp_u` is by how much the frequency falls over the decay, relative; `joint` is
-    None where every shot was fitted alone, and so is `lean`, that of spins and probe. `rate_per_s` and `beta_s` give the decay of a shot as
-    rate + beta w².
+    None where every shot was fitted alone, and so is `lean`, that of spins and probe. `rate_per_s`
+    and `beta_s` give the decay of a shot as rate + beta w².
     """
 
     shots: tuple[ShotResult, ...]

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from .checks import outside_the_isotope, slowing_down_bounds
-from .chirped import Frequencies
 from .dataset import SerfDataset
 from .findings import AnalysisSettings, Estimate, Flag
+from .frequencies import Frequencies
 from .published import PublishedAngles
 from .results import ANGLE, FACTOR, RESIDUAL, SLOWING_DOWN, scale_axis
 from .shots import PAIRS

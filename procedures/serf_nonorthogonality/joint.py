@@ -223,20 +223,22 @@ def joint_start(
     """
     strongest = int(np.argmax([fit.signal_to_noise for fit in fits]))
     rate = float(np.median([fit.decay_per_s for fit in fits])) * 0.85
-    best: tuple[float, float, float] | None = None
+    best: tuple[float, float, ToneFit] | None = None
     for square in SQUARES:
         found = _in_its_time(
             records[strongest], spin, square, rate, float(along[strongest]), mains_Hz
         )
         if found is not None and (best is None or found.noise_V < best[0]):
-            best = (found.noise_V, square, found.decay_per_s)
+            best = (found.noise_V, square, found)
     if best is None:
         raise NoJointFit("no polarisation explains the strongest shot")
-    _, square, rate = best
-    rate *= 0.9
+    _, square, told = best
+    rate = 0.9 * told.decay_per_s
+    slower = told.omega_rad_per_s / fits[strongest].omega_rad_per_s
     omega, decay = [], []
     for k, record in enumerate(records):
-        found = _in_its_time(record, spin, square, rate, float(along[k]), mains_Hz)
+        near = slower * fits[k].omega_rad_per_s, told.decay_per_s
+        found = _in_its_time(record, spin, square, rate, float(along[k]), mains_Hz, near)
         if found is None:
             raise NoJointFit(f"shot {k + 1} is no tone in the time of its polarisation")
         omega.append(found.omega_rad_per_s)
@@ -253,11 +255,12 @@ def _in_its_time(
     rate: float,
     along: float,
     mains_Hz: float | None,
+    near: tuple[float, float] | None = None,
 ) -> ToneFit | None:
     one = np.ones(1)
     (u,) = clocks([record.time_s], spin, square * one, rate * one, 0.1 * rate * one, along * one)
     try:
-        return fit_tone(u, record.voltage_V, mains_Hz=mains_Hz)
+        return fit_tone(u, record.voltage_V, mains_Hz=mains_Hz, start=near)
     except NoTone:
         return None
 

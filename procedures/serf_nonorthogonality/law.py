@@ -19,7 +19,7 @@ from .spins import SlowingDown
 
 Array = NDArray[np.float64]
 
-STEPS = 80
+STEPS = 40
 DECAYS = 8.0
 """After so many decays of P nothing is left of a square of it."""
 

@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .angles import NAMES, Solution
-from .chirped import Frequencies
 from .dataset import SerfDataset
 from .findings import Estimate
+from .frequencies import Frequencies
 from .shots import AXES, PAIRS
 
 Array = NDArray[np.float64]

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 CELL = "the cell"
 REPEATED = "shot-repeated"
 """The event of a shot that was bad and is taken again."""
-SHOT_EXTRA_S = 1.2
+SHOT_EXTRA_S = 0.1
 NULLING_SHOTS = 14
 
 CABLES = Prompt(

@@ -84,10 +84,14 @@ class InstrumentFaults:
         """Let what has become due on the bench begin or end."""
         self._schedule.catch_up()
 
+    def none_to_come(self) -> bool:
+        """Let begin or end what has become due; return whether no message can meet a fault."""
+        self._schedule.catch_up()
+        return not self._waiting and not self._wire
+
     def arrives(self, message: str) -> bool:
         """Let begin what waits for this message; return whether it is lost on its way in."""
-        self._schedule.catch_up()
-        if not self._waiting and not self._wire:
+        if self.none_to_come():
             return False
         self.is_on_the_line(message)
         now_s = self._clock.now()

@@ -28,8 +28,9 @@ class LineTap:
     def exchange(self, line: bytes, execute: Callable[[bytes], bytes], now_s: float) -> Outgoing:
         """Carry out a line, or not, and return what goes out for it."""
         faults = self._faults
-        if faults is None:
-            return Outgoing(self.parted(execute(line)))
+        if faults is None or faults.none_to_come():
+            self._previous = answer = execute(line)
+            return Outgoing(self.parted(answer))
         message = self.named(line)
         if faults.arrives(message):
             return Outgoing(None)

@@ -122,20 +122,36 @@ class VirtualClock(Clock):
     @contextmanager
     def joined(self, participant: Participant, *, parked: bool = False) -> Iterator[None]:
         """Take the first turn as `participant`, and leave the order of turns at exit."""
-        if getattr(self._mine, "participant", None) is not None:
-            raise ClockError(f"thread {current_thread().name} already takes part in time")
-        self._watchdog.begin()
         if not parked:
+            self._must_be_outside()
             with self._turns.mutex:
                 self._turns.park(participant, self.now(), "about to start", event_came=True)
+        self.join(participant)
         try:
-            self._turns.take(participant)
-            self._mine.participant = participant
             yield
         finally:
-            self._mine.participant = None
-            with self._turns.mutex:
-                self._turns.leave(participant)
+            self.leave(participant)
+
+    def join(self, participant: Participant) -> None:
+        """Take the first turn as `participant`, which is parked already; it must then leave."""
+        self._must_be_outside()
+        self._watchdog.begin()
+        try:
+            self._turns.take(participant)
+        except BaseException:
+            self.leave(participant)
+            raise
+        self._mine.participant = participant
+
+    def leave(self, participant: Participant) -> None:
+        """Leave the order of turns for good."""
+        self._mine.participant = None
+        with self._turns.mutex:
+            self._turns.leave(participant)
+
+    def _must_be_outside(self) -> None:
+        if getattr(self._mine, "participant", None) is not None:
+            raise ClockError(f"thread {current_thread().name} already takes part in time")
 
     def _raise_interruption(self, participant: Participant) -> None:
         if self._interruption is not None and not participant.stoppable:

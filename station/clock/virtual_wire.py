@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
+from contextlib import AbstractContextManager
 from types import TracebackType
 from typing import TYPE_CHECKING
 
@@ -79,9 +79,12 @@ class VirtualWire(Wire):
             self._turns.in_flight -= taken
             self._turns.pass_on()
 
-    @contextmanager
-    def serving(self, units: int) -> Iterator[None]:
+    def serving(self, units: int) -> AbstractContextManager[None]:
         """Take `units` off the wire on the server's side and be the running participant."""
+        return Serving(self, units)
+
+    def begin_to_serve(self, units: int) -> Participant:
+        """Take `units` off the wire; return the participant that deals with them."""
         turns = self._turns
         with turns.mutex:
             sequence = self._sequences.popleft() if self._sequences else turns.next_sequence()
@@ -94,13 +97,15 @@ class VirtualWire(Wire):
             if not self._to_server:
                 self._sequences.clear()
             turns.park(server, turns.now, "about to serve a request", event_came=True)
-        with self._clock.joined(server, parked=True):
-            try:
-                yield
-            finally:
-                with turns.mutex:
-                    self._busy = False
-                    turns.in_flight += self._unread()
+        self._clock.join(server)
+        return server
+
+    def end_serving(self, server: Participant) -> None:
+        """Let what came meanwhile count again, and let others run."""
+        with self._turns.mutex:
+            self._busy = False
+            self._turns.in_flight += self._unread()
+        self._clock.leave(server)
 
     def _unread(self) -> int:
         """Return what the server could read now; nothing while it is busy with a request."""
@@ -120,6 +125,26 @@ class VirtualWire(Wire):
             if self._open:
                 self._in_stream += units
                 self._turns.in_flight += units
+
+
+class Serving:
+    """One request on the server's side: the running participant from enter to exit."""
+
+    __slots__ = ("_server", "_units", "_wire")
+
+    def __init__(self, wire: VirtualWire, units: int) -> None:
+        self._wire, self._units = wire, units
+
+    def __enter__(self) -> None:
+        self._server = self._wire.begin_to_serve(self._units)
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._wire.end_serving(self._server)
 
 
 class TurnLock:

@@ -26,6 +26,14 @@ if TYPE_CHECKING:
 
 CHUNK_ROWS = 8192
 GZIP_LEVEL = 4
+FEW_ROWS = 512
+GROWING: dict[str, Any] = {
+    "maxshape": (None,),
+    "chunks": (CHUNK_ROWS,),
+    "shuffle": True,
+    "compression": "gzip",
+    "compression_opts": GZIP_LEVEL,
+}
 
 
 def export_hdf5(folder: RunFolder, path: Path) -> None:
@@ -109,15 +117,9 @@ class UnitWriter:
 def append(group: h5py.Group, column: Column, values: NDArray[Any]) -> None:
     """Append values to the dataset of a column, which is made when it is new."""
     if column.name not in group:
-        dataset = group.create_dataset(
-            column.name,
-            data=values,
-            maxshape=(None,),
-            chunks=(CHUNK_ROWS,),
-            shuffle=True,
-            compression="gzip",
-            compression_opts=GZIP_LEVEL,
-        )
+        # Where few rows are all there are, packing takes more room than it saves.
+        stored = GROWING if len(values) > FEW_ROWS else {}
+        dataset = group.create_dataset(column.name, data=values, **stored)
         dataset.attrs.update({"units": column.unit, "long_name": column.meaning})
         return
     dataset = group[column.name]
