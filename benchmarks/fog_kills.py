@@ -1,13 +1,14 @@
-"""The long run over temperature, killed at random hours and gone on with; JSON lines.
+"""The long run over temperature, killed at random moments and gone on with; JSON lines.
 
 python benchmarks/fog_kills.py --kills 10 [--seed 1] [--set KEY=VALUE …]
 
-The shipped plan on virtual time, in processes of its own: each is killed with SIGKILL when the log
-passes an hour that is drawn, the next goes on by `station resume`, the last one to the end. A line
-for each kill: the hour, and how far the gyros were, at the first turn after it, from where they had
-been at the last one before. The last line: whether every raw file stayed as it was at each kill,
-and for each axis the largest distance of the curve from the world's truth over its range, in ppm
-and in expanded uncertainties of the curve there. `--kills 0` gives that of an undisturbed run.
+The shipped plan on virtual time, in processes of its own: each is killed with SIGKILL after a turn
+that is drawn (the first of them at the end of the soak), the next goes on by `station resume`, the
+last one to the end. A line for each kill: the hour of bench time, and how far the gyros were, at
+the first turn after it, from where they had been at the last one before. The last line: at how many
+kills a raw file was not left as it was, and for each axis the largest distance of the curve from
+the world's truth over its range, in ppm and in expanded uncertainties of the curve there.
+`--kills 0` gives that of an undisturbed run.
 """
 
 from __future__ import annotations
@@ -32,9 +33,8 @@ from resume_helpers import raw_hashes
 from station.record.folder import RunFolder
 
 PLAN = "fog-scale-factor-temperature"
-RUN_H = 26.0
+TURNS = 684
 LOOKS_EVERY_S = 0.02
-TAIL_BYTES = 4096
 BAND = ("temperature_degC", "value", "standard_uncertainty")
 
 
@@ -44,14 +44,15 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--set", action="append", default=[], dest="overrides")
     arguments = parser.parse_args()
-    hours = np.sort(np.random.default_rng(arguments.seed).uniform(0.5, RUN_H, arguments.kills))
+    drawn = np.sort(np.random.default_rng(arguments.seed).integers(1, TURNS, arguments.kills))
+    drawn[:1] = 0
     options = [part for one in arguments.overrides for part in ("--set", one)]
     with tempfile.TemporaryDirectory() as place:
         parent, changed = Path(place), 0
         command = station_command("run", PLAN, "--non-interactive", "--output", parent, *options)
         before: dict[str, str] = {}
-        for hour in hours.tolist():
-            if not kill_at(3600.0 * hour, command, parent):
+        for turns in drawn.tolist():
+            if not kill_after(turns, command, parent):
                 break
             command = station_command("resume", folder_in(parent))
             after = raw_hashes(folder_in(parent))
@@ -72,25 +73,23 @@ def folder_in(parent: Path) -> Path:
     return folder
 
 
-def kill_at(time_s: float, command: list[str], parent: Path) -> bool:
-    """Start a process of the run and kill it at a bench time; False where it ended before."""
+def kill_after(turns: int, command: list[str], parent: Path) -> bool:
+    """Start a process of the run and kill it after so many turns; False where it ended before.
+
+    With none, when the device has been switched on, at the end of the soak.
+    """
+    told = '"unit-finished"' if turns else '"dut-power-on"'
     process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     while process.poll() is None:
         folder = only_run(parent) if parent.is_dir() else None
-        if folder is not None and last_event_s(folder) >= time_s:
-            process.kill()
-            process.wait()
-            return True
+        if folder is not None:
+            log = (folder / "events.jsonl").read_text(encoding="utf-8")
+            if log.count(told) >= max(turns, 1):
+                process.kill()
+                process.wait()
+                return True
         time.sleep(LOOKS_EVERY_S)
     return False
-
-
-def last_event_s(folder: Path) -> float:
-    """Return the bench time of the last whole line of a log."""
-    with (folder / "events.jsonl").open("rb") as log:
-        log.seek(max(0, log.seek(0, 2) - TAIL_BYTES))
-        *_, line, _ = (b"\n\n" + log.read()).rsplit(b"\n", 2)
-    return float(json.loads(line)["t_s"]) if line else 0.0
 
 
 def gaps(folder: Path) -> list[dict[str, Any]]:

@@ -17,6 +17,7 @@ The average had ended up to one `averaging` before.
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping
 from typing import ClassVar
 
@@ -28,7 +29,7 @@ from drivers.transport.retry import Repeatable, repeated
 from drivers.transport.serial_line import SerialLine
 from drivers.transport.serial_port import Framing
 from station.errors import InputError, InstrumentError
-from station.units import parse_as
+from station.units import UnitError, parse_as
 
 FRAMING = Framing(baud_rate=57600, data_bits=7, parity="O")
 PAUSE_S = 0.03
@@ -49,6 +50,8 @@ class Lakeshore425:
     """
 
     recognises: ClassVar[str] = r"^LSCI,MODEL425,(?P<serial>[^,]+)"
+    identifies_on: ClassVar[str] = "socket"
+    """Where a scan of served instruments may ask `identify`."""
     repeatable: ClassVar[Repeatable] = Repeatable(
         r"(\*IDN|RDGFIELD|UNIT|RANGE|AUTO|RDGMODE)\?",
         r"UNIT 2|RANGE [1-4]|AUTO 0|RDGMODE 1,0,1",
@@ -73,7 +76,6 @@ class Lakeshore425:
 
     def __init__(self, place: Place) -> None:
         self.place = place
-        self.averaging_s = parse_as(str(place.settings["averaging"]), "s")
         self._axis = "x"
         self._turned = False
         self._range_T = RANGES_T[-1]
@@ -83,11 +85,24 @@ class Lakeshore425:
         self._turn = place.clock.lock(f"{place.name} turn")
         self._line = SerialLine(place, FRAMING, request_end="\r\n")
 
+    @property
+    def averaging_s(self) -> float:
+        """The time over which a reading is averaged; InstrumentError where nobody said it."""
+        try:
+            return parse_as(self.place.settings.get("averaging"), "s")
+        except UnitError as error:
+            raise InstrumentError(
+                self.place.name,
+                "read settings.averaging of the bench file",
+                str(error),
+                "write it there, such as 100 ms",
+            ) from error
+
     def identify(self) -> Identity:
         """Ask `*IDN?`: maker, model, serial number and firmware."""
         answer = self._ask("*IDN?")
         parts = [part.strip() for part in answer.split(",")]
-        if len(parts) != 4:
+        if len(parts) != 4 or not re.match(self.recognises, answer):
             raise InstrumentError(
                 self.place.name,
                 "asked *IDN?",
@@ -106,6 +121,8 @@ class Lakeshore425:
     def start(self, largest_field_mT: float) -> None:
         """Select tesla, direct field without filter, and the range; each is read back."""
         largest_T = largest_field_mT * 1e-3
+        if self.averaging_s <= 0:
+            raise InputError(f"{self.place.name}: settings.averaging must be above zero")
         fitting = [one for one in RANGES_T if largest_T <= one]
         if not fitting:
             raise InputError(

@@ -55,7 +55,7 @@ SHORT_FORMS: Mapping[str, tuple[str, ...]] = {
     "rlg-magnetic-sensitivity-simultaneous": (
         "parameters.duration=100 s",
         "parameters.stop.uncertainty=0.008 deg/h/mT",
-        "parameters.stop.at_most=200 s",
+        "parameters.stop.at_most=150 s",
         "parameters.checks=[background]",
         "parameters.settle=5 s",
         "parameters.warm_up.slope_limit=40 deg/h^2",

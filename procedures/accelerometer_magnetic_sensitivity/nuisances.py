@@ -26,11 +26,15 @@ WARMED_K = 0.05
 and where temperature follows the angle the coefficients take it up and leave no residual."""
 FEWEST_LEFT = 3
 """So many rows must be left over, or nothing is told: fewer say neither how large the noise is nor
-whether the model holds."""
+whether the model holds. Where temperature terms would leave fewer, the criterion is asked all the
+same, and what is left out is in the uncertainty."""
 
 ARCSEC_PER_RAD = 3600.0 * 180.0 / np.pi
 OFFSET, JUMP, KO, KP = "encoder offset", "encoder jump", "Ko", "Kp"
 K0_T, KI_T = "K0_T", "Ki_T"
+USUAL = {K0_T: 30e-6, KI_T: 100e-6}
+"""Per degC and in parts of Ki: the temperature terms of quartz accelerometers with a flexure, 20 to
+50 µg and 80 to 150 ppm."""
 UNITS = {OFFSET: "arcsec", JUMP: "arcsec", KO: "V/g", KP: "V/g", K0_T: "V/degC", KI_T: "V/g/degC"}
 
 
@@ -105,7 +109,7 @@ def chosen(
     models: list[tuple[str, ...]] = []
     squares: list[float] = []
     counts: list[int] = []
-    sure = _warmed(terms, kept)
+    sure = rows - basis.shape[1] - len(warm) >= FEWEST_LEFT and has_warmed(terms, kept)
     for first in ([warm] if sure else [[], warm[:1], warm]) if warm else [[]]:
         own, rest = basis, left
         for order in range(-len(first), len(drift) + 1):
@@ -125,7 +129,8 @@ def chosen(
     return (*best, *drift[found : found + 1]) if found else best
 
 
-def _warmed(terms: Candidates, kept: Mask) -> bool:
+def has_warmed(terms: Candidates, kept: Mask) -> bool:
+    """Return whether the temperature of the kept rows changed by more than `WARMED_K`."""
     if K0_T not in terms.names:
         return False
     return float(np.ptp(terms.columns[kept, terms.names.index(K0_T)])) > WARMED_K

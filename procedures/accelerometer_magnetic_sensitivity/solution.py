@@ -12,39 +12,27 @@ from scipy.special import ndtr, stdtrit
 from procedures.estimation.linear import combine
 from procedures.estimation.orthogonal import (
     OrthogonalFit,
-    independent_of,
     keep_inliers,
     solve_by_qr,
 )
 
 from .findings import AnalysisSettings
 from .jump import jump_begin, jump_place
-from .model import (
-    COEFFICIENTS,
-    accelerations_by_angle,
-    model_columns,
-    model_columns_by_angle,
-)
 from .nuisances import (
     ARCSEC_PER_RAD,
-    INDEPENDENT_PART,
     JUMP,
-    KO,
-    KP,
     OFFSET,
     chosen,
     separable,
     slow_terms,
 )
 from .rows import Rows
+from .turned_model import ROUNDS, TurnedModel
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-ROUNDS = 8
 SETTLED_RAD = 1e-10
-LARGE_RAD = 3e-4
-"""The square of such an angle is 0.05 µV at 1 V/g."""
 FEWEST_OF_A_GROUP = 20
 ENOUGH_LEFT = 12
 MANY_STRAYS = 0.1
@@ -101,11 +89,16 @@ def solve_rows(rows: Rows, kept_names: tuple[str, ...], settings: AnalysisSettin
     place = jump_place(first.design, first.slope, found.residual_V)
     if place is None or OFFSET not in found.names:
         return found
-    well = strays < MANY_STRAYS and found.lag_one_correlation < settings.model_too_stiff
-    left = max(found.sum_of_squares - place[1], 0.0) / max(found.degrees_of_freedom - 1, 1)
-    if well and place[1] < PERHAPS**2 * left:
-        return found
-    model = _Model(rows, kept_names, None)
+    if strays < MANY_STRAYS and found.lag_one_correlation < settings.model_too_stiff:
+        # So that a few wild rows make no jump, each counts for no more than one at the threshold.
+        most_V = settings.outlier * found.noise_V
+        tamed = jump_place(first.design, first.slope, np.clip(found.residual_V, -most_V, most_V))
+        if tamed is None:
+            return found
+        left = max(found.sum_of_squares - tamed[1], 0.0) / max(found.degrees_of_freedom - 1, 1)
+        if tamed[1] < PERHAPS**2 * left:
+            return found
+    model = TurnedModel(rows, kept_names, None)
     row, angle_rad = jump_begin(
         lambda added: model.with_misalignment(model.columns(added)), rows.output_V, place[0]
     )
@@ -148,7 +141,7 @@ def _solve(
 
     `angles` are offset and jump to begin with, in rad.
     """
-    model = _Model(rows, kept_names, jump_row)
+    model = TurnedModel(rows, kept_names, jump_row)
     begin = model.correction_rad(angles or {})
     columns, data = model.columns(begin), rows.output_V
     start = model.with_misalignment(columns)
@@ -186,7 +179,8 @@ def _solve(
             break
     lost = tuple(name for name in slow.names if name not in usable.names)
     names = (*fixed_names, *terms.names)
-    solution = _solution(model, design, data, fit, kept, weight, names, angles, lost)
+    warmth = model.unfitted_warmth(usable, terms.names, kept) * weight[kept, None] ** 2
+    solution = _solution(model, design, data, fit, kept, names, angles, lost, warmth)
     return _Solved(solution, design, model.slope)
 
 
@@ -198,82 +192,6 @@ def far(design: Array, sigmas: float) -> float:
     """
     left = max(design.shape[0] - design.shape[1], 1)
     return sigmas if left >= ENOUGH_LEFT else float(-stdtrit(left, ndtr(-sigmas)))
-
-
-class _Model:
-    """The columns of the model at an encoder offset, and which alignment terms go with them."""
-
-    def __init__(self, rows: Rows, kept_names: tuple[str, ...], jump_row: int | None) -> None:
-        self.rows = rows
-        self.jump_row = jump_row
-        self.slope = np.zeros(len(rows.time_s))
-        later = np.arange(len(rows.time_s)) >= (len(rows.time_s) if jump_row is None else jump_row)
-        self._later = later.astype(np.float64)
-        self.names = kept_names
-        self._places = [COEFFICIENTS.index(name) for name in kept_names]
-        self._guess = np.zeros(len(COEFFICIENTS))
-        self._alignment: tuple[str, ...] | None = None
-        self.not_separable: tuple[str, ...] = ()
-
-    def correction_rad(self, angles: Mapping[str, float]) -> Array:
-        """Return what is added to the encoder's angle in each row."""
-        jump_rad = angles.get(JUMP, 0.0) * self._later
-        return np.asarray(angles.get(OFFSET, 0.0) + jump_rad)
-
-    def columns(self, offset_rad: Array) -> Array:
-        """Return the kept columns (rows, k)."""
-        columns = model_columns(self.rows.accelerations(offset_rad), self.rows.field_T)
-        return np.asarray(columns[:, self._places])
-
-    def with_misalignment(self, columns: Array) -> Array:
-        """Return columns with Ao and Ap beside them as far as those are independent."""
-        other = self.rows.accelerations()[:, 1:]
-        taken = independent_of(columns, other, INDEPENDENT_PART)
-        return np.column_stack((columns, other[:, list(taken)]))
-
-    def without_large_offset(self, begin_rad: Array, inside: Mask) -> Array:
-        """Return the correction of the encoder's angle with a large offset already in it.
-
-        The square of one would look like drift or temperature when those are chosen.
-        """
-        for _ in range(ROUNDS):
-            names, design = self.fixed(begin_rad)
-            if OFFSET not in names:
-                break
-            fit = solve_by_qr(design[inside], self.rows.output_V[inside])
-            self.guess(fit.coefficients)
-            step_rad = float(fit.coefficients[names.index(OFFSET)])
-            if abs(step_rad) < LARGE_RAD:
-                break
-            begin_rad = begin_rad + step_rad
-        return begin_rad
-
-    def guess(self, coefficients: Array) -> None:
-        """Take the kept coefficients as those of the next derivative by the angle."""
-        self._guess[self._places] = coefficients[: len(self._places)]
-
-    def fixed(self, offset_rad: Array) -> tuple[tuple[str, ...], Array]:
-        """Return names and columns of coefficients and alignment terms."""
-        rows = self.rows
-        acceleration_g = rows.accelerations(offset_rad)
-        turned = rows.theta_rad + offset_rad
-        change = accelerations_by_angle(rows.plane, turned, rows.gravity_g)
-        columns = model_columns(acceleration_g, rows.field_T)[:, self._places]
-        slope = model_columns_by_angle(acceleration_g, change, rows.field_T)
-        # Without input acceleration the encoder's zero turns only what is too small to tell it.
-        slope = combine(slope, self._guess) * ("Ki" in self.names)
-        self.slope = slope
-        misaligned = acceleration_g[:, 1:]
-        other = np.column_stack((slope, misaligned, slope * self._later))
-        known = (OFFSET, KO, KP, JUMP)
-        if self._alignment is None:
-            taken = independent_of(columns, other, INDEPENDENT_PART)
-            self._alignment = tuple(known[j] for j in taken)
-            self.not_separable = tuple(
-                name for j, name in enumerate(known) if j not in taken and np.any(other[:, j])
-            )
-        places = [known.index(name) for name in self._alignment]
-        return (*self.names, *self._alignment), np.column_stack((columns, other[:, places]))
 
 
 def group_weights(rows: Rows, design: Array, kept: Mask) -> Array:
@@ -301,18 +219,19 @@ def group_weights(rows: Rows, design: Array, kept: Mask) -> Array:
 
 
 def _solution(
-    model: _Model,
+    model: TurnedModel,
     design: Array,
     data: Array,
     fit: OrthogonalFit,
     kept: Mask,
-    weight: Array,
     names: tuple[str, ...],
     angles: Mapping[str, float],
     lost: tuple[str, ...],
+    warmth: Array,
 ) -> Solution:
     freedom = int(kept.sum()) - design.shape[1]
     variance = fit.sum_of_squares / freedom if freedom > 0 else float("nan")
+    moved = fit.inverse_normal @ design[kept].T @ warmth
     coefficients, factor = fit.coefficients.copy(), np.ones(len(names))
     for name, angle_rad in angles.items():
         place = names.index(name)
@@ -321,7 +240,7 @@ def _solution(
     return Solution(
         names=names,
         coefficients=coefficients,
-        covariance=variance * fit.inverse_normal * np.outer(factor, factor),
+        covariance=(variance * fit.inverse_normal + moved @ moved.T) * np.outer(factor, factor),
         kept=kept,
         residual_V=data - combine(design, fit.coefficients),
         degrees_of_freedom=freedom,

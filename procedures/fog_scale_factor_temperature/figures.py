@@ -49,8 +49,8 @@ def draw_parts(
             parts.append(
                 Plot(
                     "Verification ramp",
-                    "Turn errors of another ramp before and after compensation, below enlarged. None "
-                    "of these turns was used for the curve.",
+                    "Turn errors of another ramp before and after compensation, below enlarged. "
+                    "None of these turns was used for the curve.",
                     plots.verification(dict(analysis.verified)),
                 )
             )

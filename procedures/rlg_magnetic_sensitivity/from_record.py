@@ -40,7 +40,7 @@ def gyro_rates(
     rows = folder.rows(GYRO, unit)
     number = unwrapped(rows["sequence"])
     arrival_s = rows["arrival_time_s"]
-    if LATENCY in rows.dtype.names:  # the board says how long each sample was on its way
+    if LATENCY in (rows.dtype.names or ()):  # the board says how long each sample was on its way
         arrival_s = arrival_s - rows[LATENCY]
     aligned = align(number, arrival_s, parameters.sample_interval_s)
     counts = np.diff(rows["counts"].astype(np.int64))

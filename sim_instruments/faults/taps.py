@@ -29,7 +29,8 @@ class LineTap:
         """Carry out a line, or not, and return what goes out for it."""
         faults = self._faults
         if faults is None or faults.none_to_come():
-            self._previous = answer = execute(line)
+            answer = execute(line)
+            self._previous = answer or self._previous
             return Outgoing(self.parted(answer))
         message = self.named(line)
         if faults.arrives(message):

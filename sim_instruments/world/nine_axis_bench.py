@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from typing import ClassVar, NamedTuple
 
 import numpy as np
@@ -89,6 +90,8 @@ class NineAxisBench(IdleCoils):
         self.sensor = NineAxisSensor(sensor, room, self._seed)
         # Before anybody takes it, it lies on the bench, its cable somewhere.
         self._places = [_Place(BEFORE_ALL_S, False, _about_down(0.7) @ np.array(POSES["1"]))]
+        self._times_put: Counter[str] = Counter()
+        self._put_last = ""
         if sensor.switch("powered_at_start"):
             self.sensor.heat.switch(BEFORE_ALL_S, True)
 
@@ -125,10 +128,11 @@ class NineAxisBench(IdleCoils):
         """Do what a person was asked to do; returns what was done, SimulationError if unknown."""
         pose = prompt_id.removeprefix("pose-")
         if prompt_id != pose and pose in POSES:
-            self._put(time_s, False, POSES[pose])
+            self._put(time_s, prompt_id, POSES[pose])
             return f"The simulated sensor stands on the plate in position {pose}."
         if prompt_id in MOUNTINGS:
-            self._put(time_s, True, MOUNTINGS[prompt_id])
+            if self._put_last != prompt_id:  # nobody takes it off to mount it the same way
+                self._put(time_s, prompt_id, MOUNTINGS[prompt_id])
             return "The simulated sensor is mounted on the turntable."
         if prompt_id == "connect-cables":
             return "The simulated cables were in place."
@@ -142,12 +146,16 @@ class NineAxisBench(IdleCoils):
             f"the simulated world does not know the act '{prompt_id}' (it knows: {', '.join(ACTS)})"
         )
 
-    def _put(self, time_s: float, on_table: bool, axes: tuple[Array, Array, Array]) -> None:
+    def _put(self, time_s: float, prompt_id: str, axes: tuple[Array, Array, Array]) -> None:
         with self.lock:
-            rng = generator(self._seed, f"nine-axis placing {len(self._places)}")
+            # A run that goes on in a world begun anew finds the sensor as it stood.
+            self._times_put[prompt_id] += 1
+            self._put_last = prompt_id
+            name = f"nine-axis placing {prompt_id} {self._times_put[prompt_id]}"
+            rng = generator(self._seed, name)
             wrong = Rotation.from_rotvec(self._misplaced_rad * rng.standard_normal(3))
             placed = np.array(axes) @ wrong.as_matrix().T
-            self._places.append(_Place(time_s, on_table, placed))
+            self._places.append(_Place(time_s, prompt_id in MOUNTINGS, placed))
             self._changed()
 
     def _rests(self, edges_s: Array) -> bool:
