@@ -270,7 +270,8 @@ def opens(folder: Path) -> Iterator[str]:
         if document["procedure"] == PROCEDURE and (value is not None) != (axis in measured):
             yield f"{axis} is {value}, finished units are {sorted(finished)}"
         flagged = any(
-            flag["axis"] == axis and name in flag.get("coefficients", [name])
+            (flag["axis"] == axis and name in flag.get("coefficients", [name]))
+            or f"{name} {axis}" in flag.get("coefficients", ())
             for flag in document["flags"]
         )
         if value is None and not flagged:

@@ -72,6 +72,11 @@ SHORT_FORMS: Mapping[str, tuple[str, ...]] = {
         "parameters.nplc=1",
         "parameters.warm_up=30 s",
     ),
+    "serf-nonorthogonality": (
+        "parameters.record=60 ms",
+        "parameters.depolarise.duration=2 s",
+        "parameters.nulling.rounds=1",
+    ),
     "fog-scale-factor-temperature": (
         "parameters.outside_published_range=true",
         "parameters.temperature_range=[22 degC, 24 degC]",

@@ -5,10 +5,13 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from accelerometer_records import SIX_FIELDS_T, codes, off_in_u, points, record
+from accelerometer_records import SIX_FIELDS_T, TRUTH, codes, off_in_u, points, record
+from numpy.typing import NDArray
+from scipy.special import stdtrit
 
 from procedures.accelerometer_magnetic_sensitivity.analysis import analyse
 from procedures.accelerometer_magnetic_sensitivity.commanded import commanded_angles
+from procedures.accelerometer_magnetic_sensitivity.dataset import AccelerometerDataset
 
 
 def test_a_warming_that_follows_the_angle_is_not_taken_for_the_coefficients() -> None:
@@ -41,3 +44,30 @@ def test_a_field_that_was_never_there_ends_in_a_flag() -> None:
     assert all(one.value is None for one in analysis.estimates)
     flag = next(flag for flag in analysis.flags if flag.code == "not-identifiable")
     assert "do not follow the commanded ones" in flag.message
+
+
+def test_few_rows_are_told_with_the_uncertainty_they_have_or_not_at_all() -> None:
+    fields_T = (0.0, 0.05)
+    warm = 23.0 + 0.5 * (1.0 - np.exp(-np.arange(14) / 5.0))
+    off: list[float] = []
+    for seed in range(12):
+        for temperature in (None, warm):
+            whole = record(seed, ("io",), 7, fields_T, temperature_degC=temperature, K0_per_K=3e-5)
+            for count in range(9, 15):
+                rows = np.sort(np.random.default_rng([seed, count]).permutation(14)[:count])
+                analysis = analyse(some_rows(whole, rows))
+                # Seven angles at two fields have eight columns, and that of the misalignment.
+                assert all(one.value is None for one in analysis.estimates) or count >= 12
+                warmer_K = 0.0 if temperature is None else float(np.mean(warm[rows]) - warm.mean())
+                true = {**TRUTH, "K0": TRUTH["K0"] + 3e-5 * warmer_K}
+                freedom = analysis.estimates[0].degrees_of_freedom
+                if freedom is not None:
+                    limit = stdtrit(freedom, 0.975)
+                    off += [one / limit for one in off_in_u(analysis, true).values()]
+    assert np.mean(np.array(off) < 1.0) > 0.88
+    assert max(off) < 3.0
+
+
+def some_rows(dataset: AccelerometerDataset, rows: NDArray[np.int64]) -> AccelerometerDataset:
+    arrays = {name: one for name, one in vars(dataset).items() if isinstance(one, np.ndarray)}
+    return replace(dataset, **{name: one[rows] for name, one in arrays.items()})

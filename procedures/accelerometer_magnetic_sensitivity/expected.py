@@ -12,7 +12,7 @@ from procedures.estimation.orthogonal import independent_of, solve_by_qr
 
 from .identifiability import Identifiability, judge
 from .model import COEFFICIENTS, Names, accelerations, accelerations_by_angle, model_columns
-from .nuisances import INDEPENDENT_PART
+from .nuisances import FEWEST_LEFT, INDEPENDENT_PART
 
 Array = NDArray[np.float64]
 
@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 class Expectation:
     """What a plan determines; `standard_uncertainty` of each kept coefficient in its own unit.
 
-    It is None where the plan has no more points than coefficients.
+    It is None where the plan leaves fewer than three points beside its columns.
     """
 
     identifiability: Identifiability
@@ -46,7 +46,7 @@ def expected_uncertainty(
     other = np.column_stack((change[:, 0], acceleration_g[:, 1], acceleration_g[:, 2]))
     taken = independent_of(columns, other, INDEPENDENT_PART)
     design = np.column_stack((columns, other[:, list(taken)]))
-    if len(theta_deg) <= design.shape[1]:
+    if len(theta_deg) - design.shape[1] < FEWEST_LEFT:
         return Expectation(found, dict.fromkeys(found.kept))
     inverse = solve_by_qr(design, np.zeros(len(theta_deg))).inverse_normal
     size = noise_V * np.sqrt(np.diag(inverse))

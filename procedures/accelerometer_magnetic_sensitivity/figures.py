@@ -19,6 +19,7 @@ from station.report.parts import Part, Plot, Table
 from station.results import ResultDocument
 
 MOST_ROWS = 40
+WORDS = {"min": "≥ {:g}", "max": "≤ {:g}", "max_abs": "± {:g}"}
 
 
 def draw_parts(
@@ -41,9 +42,10 @@ def draw_parts(
             parts.append(
                 Plot(
                     "What the solution leaves",
-                    "Residuals over angle and field, and in the order of time: noise without a "
-                    "shape where the model is right. Triangles: rows that were left out, at the "
-                    "edge where they lie beyond it.",
+                    "Residuals over angle and field (their mean where a point was measured "
+                    "again), and in the order of time: noise without a shape where the model is "
+                    "right. Triangles: rows that were left out, at the edge where they lie beyond "
+                    "it.",
                     plots.residual_map(dataset, analysis),
                 )
             )
@@ -91,9 +93,9 @@ def _coefficients(analysis: AccelerometerAnalysis, document: ResultDocument) -> 
         if not terms:
             inside = [kept for kept, own in found.terms.items() if name in own]
             stands = f"in {', '.join(inside)}" if inside else "not excited"
-        limit = str(result.limit.to_data()) if result.limit else NOTHING
+        limit = NOTHING
         if result.limit:
-            limit = ", ".join(f"{k} {v:g}" for k, v in result.limit.to_data().items())
+            limit = ", ".join(WORDS[k].format(v) for k, v in result.limit.to_data().items())
         rows.append(
             [
                 name,

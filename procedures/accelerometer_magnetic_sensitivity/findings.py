@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
@@ -30,6 +31,13 @@ class AnalysisSettings:
     outlier: float = 5.0
     max_drift_order: int = 8
     window: int | None = None
+
+    def too_stiff_beyond(self, rows: int) -> float:
+        """Return the correlation of neighbouring residuals above which the model is too stiff.
+
+        With few rows a correlation as large as the threshold is no rarity.
+        """
+        return max(self.model_too_stiff, 3.0 / math.sqrt(rows))
 
 
 @dataclass(frozen=True)

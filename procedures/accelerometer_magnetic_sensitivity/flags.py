@@ -141,8 +141,7 @@ def result_flags(
                 details={"order": drift_order},
             )
         )
-    # With few rows a correlation as large as the threshold is no rarity.
-    if lag_one is not None and lag_one > max(settings.model_too_stiff, 3.0 / np.sqrt(rows)):
+    if lag_one is not None and lag_one > settings.too_stiff_beyond(rows):
         flags.append(
             Flag(
                 "model-too-stiff",

@@ -99,11 +99,13 @@ def residual_map(dataset: AccelerometerDataset, analysis: AccelerometerAnalysis)
     residual = analysis.residual_V * MICRO
     for column, plane in enumerate(planes):
         axes = figure.add_subplot(grid[0, column])
-        rows = analysis.used & (dataset.plane == plane)
+        angle_deg, field_mT, left = points_of(
+            dataset, residual, analysis.used & (dataset.plane == plane)
+        )
         picture = axes.scatter(
-            np.mod(dataset.theta_deg[rows] + 1.0, 360.0) - 1.0,
-            dataset.field_T[rows] * MILLI,
-            c=residual[rows],
+            angle_deg,
+            field_mT,
+            c=left,
             cmap="RdBu_r",
             vmin=-reach,
             vmax=reach,
@@ -155,6 +157,18 @@ def residual_map(dataset: AccelerometerDataset, analysis: AccelerometerAnalysis)
     return figure
 
 
+def points_of(
+    dataset: AccelerometerDataset, residual: Array, rows: NDArray[np.bool_]
+) -> tuple[Array, Array, Array]:
+    """Return angle (deg), field (mT) and mean residual of each point that the rows measured."""
+    angle_deg = np.mod(np.round(dataset.theta_deg[rows], 1), 360.0)
+    points = np.column_stack((angle_deg, dataset.field_commanded_T[rows]))
+    points, number = np.unique(points, axis=0, return_inverse=True)
+    count = np.bincount(number.ravel())
+    field_mT = np.bincount(number.ravel(), weights=dataset.field_T[rows] * MILLI) / count
+    return points[:, 0], field_mT, np.bincount(number.ravel(), weights=residual[rows]) / count
+
+
 def convergence(analysis: AccelerometerAnalysis) -> Figure:
     """Draw each coefficient of the finite-memory solution, against the full-data one, in its u."""
     path = analysis.path
@@ -165,6 +179,8 @@ def convergence(analysis: AccelerometerAnalysis) -> Figure:
     grid = figure.subplots(rows, COLUMNS, sharex=True, squeeze=False)
     figure.subplots_adjust(hspace=0.5, wspace=0.24)
     place = np.arange(1, len(path.estimates) + 1)
+    there = np.flatnonzero(np.isfinite(path.estimates).any(axis=1))
+    first = max(float(there[0]) - 0.02 * len(place), 0.0) if len(there) else 0.0
     for number, axes in enumerate(grid.flat):
         if number >= len(path.names):
             axes.set_visible(False)
@@ -180,7 +196,7 @@ def convergence(analysis: AccelerometerAnalysis) -> Figure:
         last = course[np.isfinite(course)][-len(course) // 3 :]
         reach = max(CONVERGED_U, 1.3 * float(np.max(np.abs(last)))) if len(last) else CONVERGED_U
         axes.set_ylim(-reach, reach)
-        axes.set_xlim(0, len(place))
+        axes.set_xlim(first, len(place))
         label_above(axes, name)
         if number + COLUMNS >= len(path.names):
             axes.tick_params(labelbottom=True)

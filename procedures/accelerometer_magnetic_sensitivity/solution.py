@@ -108,17 +108,9 @@ def solve_rows(rows: Rows, kept_names: tuple[str, ...], settings: AnalysisSettin
     quieter |= fall > SURELY**2 * second.noise_V**2 and second.kept.sum() >= found.kept.sum()
     fewer = float(np.mean(~second.kept)) < strays - 0.5 * MANY_STRAYS
     worse = second.noise_V > found.noise_V / QUIETER
-    worse |= second.lag_one_correlation > beyond_chance(settings, len(rows.time_s))
+    worse |= second.lag_one_correlation > settings.too_stiff_beyond(len(rows.time_s))
     evident = JUMP in second.names and (quieter or fewer) and not worse
     return second if evident else found
-
-
-def beyond_chance(settings: AnalysisSettings, rows: int) -> float:
-    """Return the correlation of neighbouring residuals above which the model is too stiff.
-
-    With few rows a correlation as large as the threshold is no rarity.
-    """
-    return max(settings.model_too_stiff, 3.0 / float(np.sqrt(rows)))
 
 
 @dataclass(frozen=True)
