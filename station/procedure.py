@@ -112,6 +112,11 @@ def not_told(parameters: Any) -> tuple[str, ...]:
     return ()
 
 
+def alike(parameters: Any) -> Mapping[str, float]:
+    """Return nothing: no unit of work is expected to take longer than another."""
+    return {}
+
+
 def every_axis(parameters: Any) -> Mapping[str, tuple[str, ...]]:
     """Return nothing: a run measures every axis of every result, and needs a limit for none."""
     return {}
@@ -154,6 +159,7 @@ class Procedure:
     evaluate_run / evaluate_dataset: recorded or imported data to findings;
     report(findings, document): plots and tables of its own;
     units(parameters): the units of work that a run of the plan will finish, in order;
+    unit_durations_s(parameters): the bench time in s that each of them is expected to take;
     forecast(parameters, bench): what a run will command and record; opens nothing;
     inputs(parameters): files that the plan names, by their places in the run folder, where copies
     of them are kept and read from;
@@ -180,6 +186,7 @@ class Procedure:
     evaluate_dataset: Callable[[RawDataset], Findings]
     report: Callable[[Findings, ResultDocument], Sequence[Part]]
     units: Callable[[Any], tuple[str, ...]] = not_told
+    unit_durations_s: Callable[[Any], Mapping[str, float]] = alike
     forecast: Callable[[Any, Bench], Forecast] = no_forecast
     outlook: Callable[[Any], Sequence[str]] = no_outlook
     undetermined: Callable[[Any], Mapping[str, str]] = nothing_undetermined
@@ -196,6 +203,11 @@ class Procedure:
             if step.number == number:
                 return step
         raise InputError(f"{self.name} has no step {number}")
+
+    def expected_units(self, parameters: Any) -> dict[str, float]:
+        """Return the units of work and how long each should take, against one another."""
+        told_s = self.unit_durations_s(parameters)
+        return {unit: told_s.get(unit, 1.0) for unit in self.units(parameters)}
 
     def duration_s(self, parameters: Any) -> float:
         """Return the bench time in s that a run is expected to take."""

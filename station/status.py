@@ -25,7 +25,7 @@ from station.record.creation import EVENTS
 from station.record.events import Event, read_events
 from station.record.folder import RESUMED
 from station.record.manifest import LOCK
-from station.time_left import time_left_s
+from station.time_left import FinishedUnit, time_left_s
 
 if TYPE_CHECKING:
     from station.clock import Clock
@@ -62,6 +62,7 @@ def what_is_planned(plan: Plan, procedure: Procedure, clock: Clock) -> dict[str,
             for step in procedure.steps
         ],
         "units": list(procedure.units(plan.parameters)),
+        "units_expected": procedure.expected_units(plan.parameters),
         "speed": getattr(clock, "speed", None),
     }
 
@@ -187,11 +188,15 @@ def remaining_s(
     def worked_s(until_s: float) -> float:
         return until_s - paused_s(events, float("-inf"), until_s)
 
-    units = set(planned.get("units", ()))
-    units_left = units - {e.details["unit"] for e in of_kind(all_events, "unit-finished")}
-    in_units = [e for e in of_kind(events, "unit-finished") if e.details["unit"] in units]
-    finished_s = [worked_s(event.time_s) for event in in_units]
-    return round(time_left_s(left_s, finished_s, len(units_left), worked_s(now_s)), 3)
+    units = dict(planned.get("units_expected", {}))
+    done = [
+        FinishedUnit(worked_s(event.time_s), units[event.details["unit"]])
+        for event in of_kind(events, "unit-finished")
+        if event.details["unit"] in units
+    ]
+    for event in of_kind(all_events, "unit-finished"):
+        units.pop(event.details["unit"], None)
+    return round(time_left_s(left_s, done, sum(units.values()), worked_s(now_s)), 3)
 
 
 def last_message(events: Sequence[Event], of_guardian: Sequence[Event] = ()) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 from itertools import pairwise
 
 FEWEST_UNITS = 3
@@ -12,26 +13,34 @@ ALIKE = 3.0
 """Units that differ by more than this factor, in the latest half of them, have no pace."""
 
 
+class FinishedUnit(NamedTuple):
+    """A unit of work that is done: when, in s of work, and how long it was expected to take.
+
+    Only the ratios of the expected times count; where none is foreseen, 1 for every unit.
+    """
+
+    at_s: float
+    expected_s: float
+
+
 def time_left_s(
-    forecast_s: float, finished_s: Sequence[float], units_left: int, now_s: float
+    forecast_s: float, finished: Sequence[FinishedUnit], units_left_s: float, now_s: float
 ) -> float:
     """Return the expected bench time left in s.
 
-    `forecast_s` is what the steps that are not done yet should take; `finished_s` when the units of
-    work of this process were finished, in order, and `now_s` the time now, both in s of work from
-    any instant. A bench that is slower than the forecast (instruments that answer late, time that
-    goes faster than real time) shows in the pace; the further the run is, the more the pace counts.
+    `forecast_s` is what the steps that are not done yet should take; `finished` are the units of
+    work of this process in order, `units_left_s` what the others were expected to take in sum, and
+    `now_s` the time now, in s of work from any instant. A bench that is slower than the forecast
+    (instruments that answer late, time that goes faster than real time) shows in the pace; the
+    further the run is, the more the pace counts.
     """
-    done = len(finished_s)
-    if done < FEWEST_UNITS or not units_left:
+    done = len(finished)
+    if done < FEWEST_UNITS or not units_left_s:
         return forecast_s
-    latest = finished_s[-max(FEWEST_UNITS, done // LATEST_PART) :]
-    took_s = [
-        later - before for before, later in pairwise(finished_s[-max(len(latest), done // 2) :])
-    ]
-    if max(took_s) > ALIKE * min(took_s):
-        return forecast_s
-    each_s = (latest[-1] - latest[0]) / (len(latest) - 1)
-    paced_s = max(units_left * each_s - (now_s - latest[-1]), 0.0)
-    share = done / (done + units_left)
+    first, *latest = finished[-max(FEWEST_UNITS, done // LATEST_PART) :]
+    last = latest[-1]
+    pace = (last.at_s - first.at_s) / sum(one.expected_s for one in latest)
+    paced_s = max(units_left_s * pace - (now_s - last.at_s), 0.0)
+    done_s = sum(one.expected_s for one in finished)
+    share = done_s / (done_s + units_left_s)
     return share * paced_s + (1.0 - share) * forecast_s

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from kill_helpers import served_bench
 from plan_runs import run_of, shipped_bench, shipped_plan
+from resume_helpers import warmth_K
 
 from station.cli.running import read_served
 from station.evaluation import conclude_run
@@ -45,13 +46,6 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> list[tuple[Outcome, dict[s
     return [short_run(folder / f"seed-{seed}", seed=seed) for seed in SEEDS]
 
 
-def warmth_K(folder: RunFolder) -> float:
-    """Return by how much the device was warmer, on average, than where its truth is given."""
-    units = list(folder.finished_units())
-    temperatures = [folder.rows("thermometer", unit)["temperature_degC"].mean() for unit in units]
-    return float(np.mean(temperatures)) - 25.0
-
-
 def test_the_true_coefficients_and_combinations_come_back(
     runs: list[tuple[Outcome, dict[str, float]]],
 ) -> None:
@@ -59,7 +53,7 @@ def test_the_true_coefficients_and_combinations_come_back(
     for outcome, truth in runs:
         assert outcome.exit_code == 0, outcome.error
         assert outcome.document is not None
-        warmer_K = warmth_K(RunFolder(outcome.folder))
+        warmer_K = warmth_K(outcome.folder)
         true = {**truth, "K0": truth["K0"] + 30e-6 * warmer_K, "Ki": truth["Ki"] + 1e-4 * warmer_K}
         for result in outcome.document.to_data()["results"]:
             if result["value"] is None:

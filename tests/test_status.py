@@ -21,7 +21,7 @@ from station.record.events import EventLog, read_events
 from station.record.folder import RunFolder, RunRecord
 from station.record.manifest import LOCK
 from station.status import newest_run, read_status
-from station.time_left import time_left_s
+from station.time_left import FinishedUnit, time_left_s
 
 SPEED = 5.0
 GIVES_UP_AFTER_S = 60.0
@@ -129,12 +129,22 @@ def test_a_bench_that_is_slower_than_the_forecast_is_not_said_to_be_done_early()
     # Ten units, foreseen to take 10 s each, take 20 s each; the forecast is over after five.
     ends_s = [20.0 * n for n in range(1, 11)]
     told = [
-        time_left_s(max(100.0 - now_s, 0.0), [one for one in ends_s if one <= now_s], left, now_s)
+        time_left_s(
+            max(100.0 - now_s, 0.0),
+            [FinishedUnit(one, 10.0) for one in ends_s if one <= now_s],
+            10.0 * left,
+            now_s,
+        )
         for left, now_s in zip(range(9, -1, -1), ends_s, strict=True)
     ]
     assert told[:2] == [80.0, 60.0]
     assert all(0.3 < one / true <= 1.0 for one, true in zip(told[:-1], ends_s[8::-1], strict=True))
     assert told[-1] == 0.0
+
+
+def test_short_units_after_long_ones_make_no_run_longer() -> None:
+    finished = [FinishedUnit(600.0 * n, 600.0) for n in (1, 2, 3)]
+    assert time_left_s(300.0, finished, 300.0, 1800.0) == pytest.approx(300.0)
 
 
 def test_a_run_that_failed_says_why_last(tmp_path: Path) -> None:

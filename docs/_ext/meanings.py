@@ -171,8 +171,8 @@ PARAMETERS = {
         "drive": "a recorded drive for the vehicle test; none unless given",
         "drive.file": "its CSV file, by path or by name in `config/drives`; copied into the run",
         "drive.latitude": "where it was, north positive; that of the table unless given",
-        "drive.initial_heading": "heading at its start; without it the vehicle is taken to be level "
-        "on average",
+        "drive.initial_heading": "heading at its start; without it the vehicle is taken to be "
+        "level on average",
         "thresholds": "where a flag is raised",
         "thresholds.gap": "in nominal intervals between sets",
         "thresholds.model_too_stiff": "correlation of residuals at neighbouring temperatures",

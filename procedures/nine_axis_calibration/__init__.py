@@ -9,7 +9,7 @@ from procedures.nine_axis_calibration.check import check, instruments
 from procedures.nine_axis_calibration.forecast import forecast
 from procedures.nine_axis_calibration.parameters import NineAxisParameters
 from procedures.nine_axis_calibration.placing import prompts
-from procedures.nine_axis_calibration.steps import STEPS
+from procedures.nine_axis_calibration.steps import STEPS, unit_durations_s
 from station.procedure import Procedure, ResultKind
 
 if TYPE_CHECKING:
@@ -93,6 +93,7 @@ PROCEDURE = Procedure(
     report=report,
     conditions=conditions,
     units=units,
+    unit_durations_s=unit_durations_s,
     forecast=forecast,
     outlook=outlook,
     files=files,

@@ -161,6 +161,15 @@ def rotate_s(parameters: NineAxisParameters) -> float:
     return moves_s + sum(turn_s(parameters, one) for one in parameters.all_turns)
 
 
+def unit_durations_s(parameters: NineAxisParameters) -> dict[str, float]:
+    """Return the expected bench time in s of each unit of work: a rest, or a record in turning."""
+    rests = dict.fromkeys(
+        [position_unit(one) for one in parameters.all_positions],
+        rest_s(parameters) / max(len(parameters.all_positions), 1),
+    )
+    return rests | {one.unit: turn_s(parameters, one) for one in parameters.all_turns}
+
+
 STEPS = (
     Step("1a", "Mount the sensor, switch it on, let it warm up", mount, mount_s),
     Step("1b", "At rest in each position, one axis after the other facing east", rest, rest_s),

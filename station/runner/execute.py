@@ -72,7 +72,7 @@ def execute(request: Request) -> Outcome:
         record = RunRecord(request.output, plan.procedure, plan.dut.serial, clock, head)
         outcome = Outcome(record.path)
         expected_s = procedure.duration_s(plan.parameters)
-        units = procedure.units(plan.parameters)
+        units = procedure.expected_units(plan.parameters)
         with Progress(expected_s, units=units, quiet=request.quiet) as progress:
             progress.say(f"{procedure.title}: {plan.dut.model} {plan.dut.serial}")
             progress.say(f"bench {bench.name}, {how_long(expected_s, clock)}")

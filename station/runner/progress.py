@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from types import TracebackType
 
 from station.clock import Clock, boot_seconds
 from station.console import span, tell
-from station.time_left import time_left_s
+from station.time_left import FinishedUnit, time_left_s
 
 LONGER = "not known, it takes longer than expected"
 REPEAT_S = 2.0
@@ -30,16 +30,18 @@ def how_long(expected_s: float, clock: Clock) -> str:
 class Progress:
     """Write progress to standard error; a live bar on a terminal, a line now and then elsewhere."""
 
-    def __init__(self, total_s: float, *, units: Iterable[str] = (), quiet: bool = False) -> None:
+    def __init__(
+        self, total_s: float, *, units: Mapping[str, float] | None = None, quiet: bool = False
+    ) -> None:
         self._later_s = total_s
         """What the steps after the present one should take."""
         self._step_s = 0.0
         self._before_s = 0.0
         """What the steps before it took."""
         self._elapsed_s = 0.0
-        self._units = set(units)
-        """The units of work that are still to be done."""
-        self._finished_s: list[float] = []
+        self._units = dict(units or {})
+        """The units of work that are still to be done, and how long they should take."""
+        self._finished: list[FinishedUnit] = []
         self._title = ""
         self._quiet = quiet
         self._said_at = 0.0
@@ -87,8 +89,8 @@ class Progress:
     def unit_finished(self, unit: str) -> None:
         """Take note that a unit of work is finished: the pace of the run shows in them."""
         if unit in self._units:
-            self._units.remove(unit)
-            self._finished_s.append(self._before_s + self._elapsed_s)
+            at_s = self._before_s + self._elapsed_s
+            self._finished.append(FinishedUnit(at_s, self._units.pop(unit)))
 
     def at(self, elapsed_s: float, detail: str = "") -> None:
         """Say how the run stands after `elapsed_s` of work on its step."""
@@ -97,7 +99,7 @@ class Progress:
             return
         done_s = self._before_s + elapsed_s
         forecast_s = max(self._later_s, 0.0) + max(self._step_s - elapsed_s, 0.0)
-        left_s = time_left_s(forecast_s, self._finished_s, len(self._units), done_s)
+        left_s = time_left_s(forecast_s, self._finished, sum(self._units.values()), done_s)
         total_s = max(done_s + left_s, 1e-9)
         left = span(left_s) if left_s > 0.0 else LONGER
         if self._bar is not None and self._task is not None:

@@ -87,7 +87,8 @@ def resume(request: ResumeRequest) -> Outcome:
         record = RunRecord.go_on(folder.path, clock)
         outcome = Outcome(record.path)
         expected_s = procedure.duration_s(plan.parameters)
-        units = [one for one in procedure.units(plan.parameters) if one not in past.finished]
+        expected = procedure.expected_units(plan.parameters)
+        units = {one: s for one, s in expected.items() if one not in past.finished}
         with Progress(expected_s, units=units, quiet=request.quiet) as progress:
             changed = software_changes(facts)
             record.event(
