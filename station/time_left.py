@@ -4,13 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from typing import NamedTuple
-from itertools import pairwise
 
 FEWEST_UNITS = 3
 LATEST_PART = 4
 """The pace is that of the latest quarter of the units: later ones may take longer than early."""
-ALIKE = 3.0
-"""Units that differ by more than this factor, in the latest half of them, have no pace."""
 
 
 class FinishedUnit(NamedTuple):

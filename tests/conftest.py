@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+
+from station.cli import ONE_BLAS_THREAD
+
+os.environ.update(ONE_BLAS_THREAD)  # as a run has it; NumPy reads it when it is first imported
 
 
 @pytest.fixture(autouse=True, scope="session")

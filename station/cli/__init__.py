@@ -9,12 +9,15 @@ from typing import NoReturn
 
 SHOW_TRACEBACK = "STATION_TRACEBACK"
 
-
 INTERRUPTED = 130
+ONE_BLAS_THREAD = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
+"""Our matrices are small: more threads cost time, and another number of them other last digits."""
 
 
 def main() -> None:
     """Run the command line and exit with the contract's code."""
+    for name, value in ONE_BLAS_THREAD.items():
+        os.environ.setdefault(name, value)
     from station.cli.app import app
     from station.console import tell
     from station.errors import EXIT_ABORTED, EXIT_FAULT, EXIT_WRONG_INPUT, StationError
