@@ -36,7 +36,7 @@ IN_PLANS: dict[tuple[str, str], list[str]] = {}
 for _plan in PLANS:
     for _pair in roles_and_kinds(_plan):
         IN_PLANS.setdefault(_pair, []).append(_plan)
-ONE_IN = 3
+ONE_IN = 6
 """Of the faults of a wire, that every role can have, a role gets one in so many here."""
 
 

@@ -128,7 +128,7 @@ def test_what_ends_a_terminal_does_not_end_the_guardian(bench: World, tmp_path: 
     assert os.getsid(guardian) != os.getsid(run.process.pid)
     run.end_by(signal.SIGKILL)
     run.wait_for_guardian()
-    assert bench.at_rest()
+    assert bench.at_rest("xy")
     names = [one["instrument"] for one in run.guardian_log()[-1]["outcomes"]]
     assert names == list(COILS), "what cannot harm is left alone"
 

@@ -20,7 +20,13 @@ from procedures.nine_axis_calibration.dataset import (
 from procedures.nine_axis_calibration.outlook import prior_of
 from procedures.nine_axis_calibration.parameters import FULL_TURN_DEG, NineAxisParameters
 from procedures.nine_axis_calibration.placing import UP_SENSE
-from procedures.nine_axis_calibration.sensing import ACCELEROMETERS, GYROS, SECONDS_PER_HOUR
+from procedures.nine_axis_calibration.sensing import (
+    ACCELEROMETER_BITS,
+    ACCELEROMETERS,
+    GYRO_BITS,
+    GYROS,
+    SECONDS_PER_HOUR,
+)
 from procedures.nine_axis_calibration.tracking import track
 from station.errors import RecordError
 
@@ -31,7 +37,6 @@ if TYPE_CHECKING:
 ARRIVAL = "arrival_time_s"
 POSITION, TURN = "position", "rate_deg_per_s"
 """What a finished unit tells of itself: its position, or the rate of its turns."""
-GYRO_BITS, ACCELEROMETER_BITS = (0, 1, 2), (4, 5, 6)
 LATE_S = 0.3
 """Outputs of a record may reach the computer so long after its end."""
 USUAL, SHORT_S = 1.5, 1e-4
@@ -161,7 +166,7 @@ def columns(rows: NDArray[Any], names: tuple[str, ...]) -> Array:
     return np.column_stack([rows[name].astype(np.float64) for name in names])
 
 
-def invalid(rows: NDArray[Any], bits: tuple[int, ...]) -> NDArray[np.bool_]:
+def invalid(rows: NDArray[Any], bits: Mapping[str, int]) -> NDArray[np.bool_]:
     """Return which outputs the sensor calls not valid, (n, bits)."""
     status = rows["status"].astype(np.int64)
-    return np.asarray((status[:, None] >> np.array(bits)) & 1 == 1)
+    return np.asarray((status[:, None] >> np.array(list(bits.values()))) & 1 == 1)

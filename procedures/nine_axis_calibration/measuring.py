@@ -26,7 +26,12 @@ from procedures.nine_axis_calibration.placing import (
     up_prompt,
 )
 from procedures.nine_axis_calibration.pose import Pose, check_pose
-from procedures.nine_axis_calibration.sensing import SECONDS_PER_HOUR, Sensing
+from procedures.nine_axis_calibration.sensing import (
+    ACCELEROMETER_BITS,
+    GYRO_BITS,
+    SECONDS_PER_HOUR,
+    Sensing,
+)
 from procedures.nine_axis_calibration.steps import (
     LONGEST_READING_S,
     SHORTEST_READING_S,
@@ -137,6 +142,7 @@ def record_at_rest(run: Run, position: int, said: str, *, whole: bool) -> tuple[
     for lasts_s in (min(FIRST_LOOK_S, parameters.static_time_s), parameters.static_time_s):
         sensing.follow(from_s + lasts_s, said)
         until_s = run.clock.now()
+        sensing.need_valid(from_s, {**GYRO_BITS, **ACCELEROMETER_BITS})
         limits = pose_limits(parameters)
         pose = check_pose(position, *sensing.means(from_s), parameters.latitude_deg, limits)
         if not pose.right and not whole:
@@ -197,6 +203,8 @@ def turn(run: Run, one: Turn, said: str) -> None:
     from_s = run.clock.now()
     turned_deg = read_turns(run, one, axis, sensing, said)
     until_s = run.clock.now()
+    across = {part: bit for part, bit in GYRO_BITS.items() if not part.endswith(one.axis)}
+    sensing.need_valid(from_s, across)
     need_gyro_follows(one, sensing, from_s, UP_SENSE * turned_deg / (until_s - from_s))
     table.stop(axis)
     sensing.follow(run.clock.now() + LATE_OUTPUTS_S, f"{said}, the table stops")

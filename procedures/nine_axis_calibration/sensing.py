@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -20,6 +21,10 @@ LOOK_S = 2.0
 """Run time between two looks; less where time runs by itself, so that a kill loses little."""
 SILENT_AFTER_S = 5.0
 SECONDS_PER_HOUR = 3600.0
+MOSTLY = 0.5
+GYRO_BITS = {"gyro X": 0, "gyro Y": 1, "gyro Z": 2}
+ACCELEROMETER_BITS = {"accelerometer X": 4, "accelerometer Y": 5, "accelerometer Z": 6}
+"""Bits of an output's status that are set while a part is not valid."""
 GYROS = tuple(f"gyro_{axis}_deg_per_s" for axis in "xyz")
 ACCELEROMETERS = tuple(f"accelerometer_{axis}_g" for axis in "xyz")
 
@@ -57,12 +62,7 @@ class Sensing:
             self._rows.append(rows)
             self._heard_s = now_s
         elif now_s - self._heard_s > SILENT_AFTER_S:
-            raise InstrumentError(
-                IMU,
-                f"record {self._unit}",
-                f"no output came for {SILENT_AFTER_S:g} s",
-                "check its cable and its power",
-            )
+            raise self._silent(f"for {SILENT_AFTER_S:g} s")
 
     def means(self, from_s: float) -> tuple[Array, Array]:
         """Return the gyros' means in deg/h and the accelerometers' in g, (3,) each, since a time.
@@ -77,6 +77,35 @@ class Sensing:
         together = np.concatenate(rows)
         gyro = np.array([np.nanmean(together[name]) for name in GYROS])
         return gyro * SECONDS_PER_HOUR, np.array([np.nanmean(together[n]) for n in ACCELEROMETERS])
+
+    def need_valid(self, from_s: float, parts: Mapping[str, int]) -> None:
+        """Raise InstrumentError for a part, given with its status bit, that mostly is not valid.
+
+        Of the outputs since a time. For parts that nothing drives beyond their range now.
+        """
+        from station.record.raw import ARRIVAL
+
+        status = [one["status"][one[ARRIVAL] > from_s].astype(np.int64) for one in self._rows]
+        if not any(len(one) for one in status):
+            raise self._silent("during the whole record")
+        for part, bit in parts.items():
+            share = float(np.mean(np.concatenate(status) >> bit & 1))
+            if share > MOSTLY:
+                raise InstrumentError(
+                    IMU,
+                    f"record {self._unit}",
+                    f"its outputs say that {part} is not valid, {share:.0%} of them, and nothing "
+                    "drives it beyond its range",
+                    "switch it off and on; where it says the same again have it looked at",
+                )
+
+    def _silent(self, when: str) -> InstrumentError:
+        return InstrumentError(
+            IMU,
+            f"record {self._unit}",
+            f"no output came {when}",
+            "check its cable and its power",
+        )
 
     def stop(self) -> None:
         """End the output and record the rest of it."""
