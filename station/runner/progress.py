@@ -12,6 +12,8 @@ from station.console import span, tell
 from station.time_left import FinishedUnit, time_left_s
 
 LONGER = "not known, it takes longer than expected"
+LEFT_WIDTH = len("100 %  bench time left 26 h 15 min")
+"""On a narrow terminal the step's title is cut, never the time left."""
 REPEAT_S = 2.0
 """Real time between two lines of progress where the output is no terminal."""
 
@@ -50,11 +52,17 @@ class Progress:
         if sys.stderr.isatty() and not quiet:
             from rich.console import Console
             from rich.progress import BarColumn, Progress, TextColumn
+            from rich.table import Column
 
             self._bar = Progress(
                 BarColumn(bar_width=16),
-                TextColumn("{task.percentage:>3.0f} %  bench time left {task.fields[left]}"),
-                TextColumn("{task.description}"),
+                TextColumn(
+                    "{task.percentage:>3.0f} %  bench time left {task.fields[left]}",
+                    table_column=Column(no_wrap=True, min_width=LEFT_WIDTH),
+                ),
+                TextColumn(
+                    "{task.description}", table_column=Column(no_wrap=True, overflow="ellipsis")
+                ),
                 console=Console(stderr=True),
                 transient=True,
             )
