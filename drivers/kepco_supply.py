@@ -182,8 +182,9 @@ class KepcoSupply(ABC):
             present_A = set_A
         steps = math.ceil(abs(present_A) / self._ramp_step_A)
         for step in range(steps - 1, -1, -1):
-            self._patient.command(f"CURR {present_A * step / steps:.4f}")
+            # First the wait: a ramp that was interrupted has just made its own step.
             clock.sleep(RAMP_STEP_S)
+            self._patient.command(f"CURR {present_A * step / steps:.4f}")
         self._patient.command("CURR:MODE FIX;:CURR 0")
         while abs(self._sure_current_A()) > self._zero_A and clock.now() < deadline_s:
             clock.sleep(SETTLE_S)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 from collections.abc import Iterator
 from contextlib import contextmanager
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -159,6 +160,27 @@ def test_a_switched_on_supply_that_carries_current_is_ramped_to_zero_not_cut() -
         here.supply.ramp_to(8.0)
         here.supply.switch_on()
         assert abs(here.true_A()) < 2e-3
+        report = here.simulation.simulation_report()["coils"]["dc"]
+        assert report["largest_slew_A_per_s"] * report["time_constant_s"] < SLEW * 0.05 * 1.6
+
+
+def test_a_ramp_that_is_interrupted_goes_on_to_zero_no_faster() -> None:
+    with bench() as here:
+        here.supply.switch_on()
+        here.supply.ramp_to(8.0)
+        sleep_until, sleeps = here.clock.sleep_until, count()
+
+        def interrupted(time_s: float) -> None:
+            if next(sleeps) == 10:
+                raise KeyboardInterrupt
+            sleep_until(time_s)
+
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(here.clock, "sleep_until", interrupted)
+            with pytest.raises(KeyboardInterrupt):
+                here.supply.ramp_to(-8.0)
+        here.supply.make_safe(here.clock.now() + 60.0)
+        assert here.supply.read_safety().safe
         report = here.simulation.simulation_report()["coils"]["dc"]
         assert report["largest_slew_A_per_s"] * report["time_constant_s"] < SLEW * 0.05 * 1.6
 

@@ -35,7 +35,7 @@ def dataset_of_run(
 
     Output and field of a point are means over its burst; the calibration corrections of the bench
     file are applied to both. Readings that say overload are left out where a higher range gave
-    others.
+    others; a point without a valid field has NaN there, which the analysis rejects and lists.
     """
     units = folder.finished_units()
     points = finished_points(units, parameters.points)
@@ -69,7 +69,8 @@ def row_of_point(
     good = meter["overload"] == 0
     usable = meter[good] if good.any() else meter
     field = folder.rows(GAUSSMETER, point.unit)
-    field_T = float(field[AXIS_COLUMN][field["state"] == 0].mean())
+    valid = field[AXIS_COLUMN][field["state"] == 0]
+    field_T = float(valid.mean()) if valid.size else np.nan
     output_V = float(usable["voltage_V"].mean())
     for_field = bench.instruments[GAUSSMETER].calibration
     if for_field is not None:

@@ -34,6 +34,7 @@ def screen(dataset: AccelerometerDataset) -> tuple[Mask, tuple[LeftOut, ...]]:
     note(dataset.overloaded, "overload of the voltmeter")
     note(~np.isfinite(dataset.theta_deg), "no angle")
     note(~np.isfinite(dataset.theta_commanded_deg), "angle off the plan's grid")
+    note(~np.isfinite(dataset.field_T), "no reading of the field")
     note(wild_field(dataset.field_T, dataset.field_commanded_T), "wild reading of the field")
     if dataset.temperature_degC is not None:
         note(wild_temperature(dataset.temperature_degC), "wild reading of the temperature")
