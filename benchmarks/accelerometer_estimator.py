@@ -13,8 +13,6 @@ that are missing or wild are the estimator's loss, not the bound's.
 
 from __future__ import annotations
 
-import argparse
-import json
 import sys
 from dataclasses import dataclass
 from pathlib import Path
@@ -24,6 +22,10 @@ from numpy.typing import NDArray
 from scipy.special import stdtrit
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+sys.path.insert(1, str(Path(__file__).resolve().parents[1] / "tests"))
+
+from accelerometer_records import INTERVAL_S, NOISE_V, SIX_FIELDS_T, TRUTH, axes_g, output_V
+from cases import print_cases
 
 from procedures.accelerometer_magnetic_sensitivity.analysis import analyse
 from procedures.accelerometer_magnetic_sensitivity.dataset import AccelerometerDataset
@@ -31,25 +33,7 @@ from procedures.accelerometer_magnetic_sensitivity.identifiability import judge
 
 Array = NDArray[np.float64]
 
-TRUTH = {
-    "K0": 3.9e-3,
-    "Ki": 1.00007,
-    "Kii": 15e-6,
-    "Kiii": 12e-6,
-    "Kio": -14e-6,
-    "Kip": -6e-6,
-    "Koo": 11e-6,
-    "Kpp": -5e-6,
-    "Km": 0.0135,
-    "Kmm": 0.12,
-    "Kim": 0.015,
-    "Kom": -0.005,
-    "Kpm": -0.0024,
-}
 NAMES = tuple(TRUTH)
-NOISE_V = 3e-6
-INTERVAL_S = 10.0
-ONE_SIDED = (0.0, 0.01, 0.02, 0.03, 0.04, 0.05)
 TWO_SIDED = (-0.05, 0.0, 0.05)
 ARCSEC = np.pi / 648000.0
 
@@ -61,7 +45,7 @@ class Case:
     name: str
     planes: tuple[str, ...] = ("io", "ip", "op")
     angles: int = 24
-    fields_T: tuple[float, ...] = ONE_SIDED
+    fields_T: tuple[float, ...] = SIX_FIELDS_T
     passes: int = 1
     shuffled: bool = False
     offset_arcsec: float = 0.0
@@ -107,29 +91,6 @@ CASES = (
     Case("faint drift, three planes, as published", drift_V_per_h=2e-6, warm_up_V=2e-6),
     Case("1 K warmer in the course, shuffled", warming_K=1.0, shuffled=True),
 )
-
-
-def axes_g(plane: NDArray[np.str_], theta: Array) -> tuple[Array, Array, Array]:
-    """Return Ai, Ao, Ap of each row."""
-    s, c = np.sin(theta), np.cos(theta)
-    i = np.where((plane == "io") | (plane == "ip"), s, 0.0)
-    o = np.where(plane == "io", c, np.where(plane == "op", s, 0.0))
-    p = np.where((plane == "ip") | (plane == "op"), c, 0.0)
-    return i, o, p
-
-
-def output_V(plane: NDArray[np.str_], theta: Array, field: Array) -> Array:
-    """Return the output without noise."""
-    i, o, p = axes_g(plane, theta)
-    k = TRUTH
-    still = k["K0"] + k["Ki"] * i + k["Kii"] * i**2 + k["Kiii"] * i**3 + k["Kio"] * i * o
-    still = still + k["Kip"] * i * p + k["Koo"] * o**2 + k["Kpp"] * p**2
-    return (
-        still
-        + k["Km"] * field
-        + k["Kmm"] * field**2
-        + (k["Kim"] * i + k["Kom"] * o + k["Kpm"] * p) * field
-    )
 
 
 def columns(case: Case) -> dict[str, Array]:
@@ -178,8 +139,8 @@ def recorded(case: Case, seed: int) -> tuple[AccelerometerDataset, dict[str, flo
     theta = np.radians(angle_deg) + case.offset_arcsec * ARCSEC
     drift = case.drift_V_per_h * time_s / 3600.0 - case.warm_up_V * np.exp(-time_s / 1500.0)
     warmer = case.warming_K * (1.0 - np.exp(-time_s / 1500.0))
-    i = axes_g(plane, theta)[0]
-    output = output_V(plane, theta, measured) + drift
+    i, o, p = axes_g(plane, theta)
+    output = output_V(i, o, p, measured) + drift
     output = output + 50e-6 * warmer + 120e-6 * TRUTH["Ki"] * i * warmer
     output = output + NOISE_V * generator.standard_normal(count)
     wild = generator.random(count) < case.outliers
@@ -263,13 +224,7 @@ def measure(case: Case, runs: int) -> dict[str, object]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description="Accelerometer estimator against its bound.")
-    parser.add_argument("--runs", type=int, default=2000)
-    parser.add_argument("--case", help="only the cases whose name contains this")
-    options = parser.parse_args()
-    for case in CASES:
-        if options.case is None or options.case in case.name:
-            print(json.dumps(measure(case, options.runs)), flush=True)
+    print_cases("Accelerometer estimator against its bound.", CASES, measure)
 
 
 if __name__ == "__main__":

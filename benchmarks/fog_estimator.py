@@ -5,16 +5,15 @@
 Seeds are 0 .. runs-1 of each case. One JSON object per case on standard output; errors are those of
 the curve at 21 temperatures over the range of the turns, in ppm: the root mean square error, its
 part that is the same in all runs (bias) and the rest (std), each over the Cramer-Rao bound with its
-standard error; coverage of the 95 % interval; how often the true order was chosen; rejected rows,
-found and false; the same for the published rule (all turns of the published sense, order 4, plain
+standard error; coverage of the 95 % interval, and how often the true curve lay within the band of
+the whole curve over all of its range; how often the true order was chosen; rejected rows, found and
+false; the same for the published rule (all turns of the published sense, order 4, plain
 least squares). The bound knows order, noise and the walk of the bias, and has the bias's own
 polynomial among its unknowns; wild and missing turns are not in it.
 """
 
 from __future__ import annotations
 
-import argparse
-import json
 import os
 import sys
 from dataclasses import dataclass
@@ -25,11 +24,13 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import stdtrit
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
+from cases import print_cases
+
 from procedures.fog_scale_factor_temperature.analysis import analyse
+from procedures.fog_scale_factor_temperature.band import Band
 from procedures.fog_scale_factor_temperature.dataset import FogDataset, TurnTable
 
 Array = NDArray[np.float64]
@@ -41,6 +42,7 @@ ARCSEC = 1.0 / 3600.0
 SETS, SET_S, RAMP_S, TURN_S, PAUSE_S = 54, 600.0, 18000.0, 47.0, 2.0
 WALL_S = 42.0 * 60.0
 BIAS_ORDER = 3
+DENSE = 201
 
 
 @dataclass(frozen=True)
@@ -197,6 +199,7 @@ def measure(case: Case, runs: int) -> dict[str, object]:
     limit = np.zeros((runs, len(grid)))
     errors, published, inside = (np.zeros((runs, len(grid))) for _ in range(3))
     within = np.zeros((runs, len(grid)), dtype=bool)
+    whole = np.zeros(runs, dtype=bool)
     orders, flags = np.zeros(runs, dtype=int), {}  # type: ignore[var-annotated]
     found = missed = false = 0
     for seed in range(runs):
@@ -208,10 +211,11 @@ def measure(case: Case, runs: int) -> dict[str, object]:
         shift = bias * TURN_S / 3600.0 / 360.0 * 1e6 if plain else 0.0
         errors[seed] = fit.curve.error_ppm(grid) - truth - shift
         published[seed] = paper.error_ppm(grid) - truth
-        by_bias = fit.curve.error_by_bias_ppm(grid) * 0.02 if plain else 0.0
-        u = np.hypot(fit.curve.standard_uncertainty_ppm(grid), by_bias)
-        factor = stdtrit(fit.curve.degrees_of_freedom, 0.975)
-        inside[seed] = np.abs(errors[seed] + shift) <= factor * u
+        band = Band(fit.curve, dataset.gyro_bias_deg_per_h or 0.0)
+        inside[seed] = np.abs(errors[seed] + shift) <= band.expanded_ppm(grid)
+        dense = fit.curve.temperatures_degC(DENSE)
+        off = np.abs(fit.curve.error_ppm(dense) - delta_ppm(case, dense))
+        whole[seed] = bool(np.all(off <= band.whole_ppm(dense)))
         low, high = fit.curve.domain_degC
         within[seed] = (grid >= low) & (grid <= high)
         good = np.isin(np.round(heat, 9), np.round(there[~wild], 9))
@@ -246,6 +250,7 @@ def measure(case: Case, runs: int) -> dict[str, object]:
         "bias_rms_ppm": round(float(np.sqrt(np.mean(mean**2))), 3),
         "largest_error_ppm": round(float(np.abs(errors).max(axis=1).mean()), 2),
         "coverage_95": round(float(inside[within].mean()), 4),
+        "whole_curve_inside": round(float(whole.mean()), 4),
         "true_order": round(float(np.mean(orders == 4)), 4),
         "orders": {int(n): int((orders == n).sum()) for n in np.unique(orders)},
         "wild_rows": {"found": found, "missed": missed, "false": false},
@@ -256,13 +261,7 @@ def measure(case: Case, runs: int) -> dict[str, object]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description="Estimator of a FOG's scale factor over heat.")
-    parser.add_argument("--runs", type=int, default=2000)
-    parser.add_argument("--case", help="only the cases whose name contains this")
-    options = parser.parse_args()
-    for case in CASES:
-        if options.case is None or options.case in case.name:
-            print(json.dumps(measure(case, options.runs)), flush=True)
+    print_cases("Estimator of a FOG's scale factor over heat.", CASES, measure)
 
 
 if __name__ == "__main__":

@@ -7,7 +7,7 @@ that is drawn (the first of them at the end of the soak), the next goes on by `s
 last one to the end. A line for each kill: the hour of bench time, and how far the gyros were, at
 the first turn after it, from where they had been at the last one before. The last line: at how many
 kills a raw file was not left as it was, and for each axis the largest distance of the curve from
-the world's truth over its range, in ppm and in expanded uncertainties of the curve there.
+the world's truth over its range, in ppm and in half widths of the band of the whole curve there.
 `--kills 0` gives that of an undisturbed run.
 """
 
@@ -28,6 +28,7 @@ import yaml
 sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))
 
 from campaign_helpers import only_run, station_command
+from fault_truths import fog_curve_off
 from resume_helpers import raw_hashes
 
 from station.record.folder import RunFolder
@@ -35,7 +36,6 @@ from station.record.folder import RunFolder
 PLAN = "fog-scale-factor-temperature"
 TURNS = 684
 LOOKS_EVERY_S = 0.02
-BAND = ("temperature_degC", "value", "standard_uncertainty")
 
 
 def main() -> None:
@@ -111,23 +111,15 @@ def gaps(folder: Path) -> list[dict[str, Any]]:
 def distances(folder: Path) -> dict[str, Any]:
     """Return how far the curves are from the truth of the simulated gyros."""
     bench = yaml.safe_load((folder / "bench.yaml").read_text(encoding="utf-8"))
-    gyros = bench["simulation"]["fog"]["gyros"]
     results = json.loads((folder / "results.json").read_text(encoding="utf-8"))["results"]
     found: dict[str, Any] = {}
     for one in results:
-        if one["name"] != "scale_factor_error":
-            continue
-        heat, value, u = (np.array(one["band"][key]) for key in BAND)
-        terms = gyros[one["axis"]]["scale_factor_error"]
-        powers = [float(terms[f"u{k}"].split()[0]) for k in range(len(terms))]
-        # The sensor's offset moves the curve along its axis; the model's argument is its reading.
-        offset = float(gyros["sensor_offset"][one["axis"]].split()[0])
-        true = np.polynomial.polynomial.polyval((heat - offset - 10.0) / 50.0, powers)
-        factor = one["expanded_uncertainty"] / one["standard_uncertainty"]
-        found[one["axis"]] = {
-            "largest_ppm": round(float(np.max(np.abs(value - true))), 3),
-            "largest_in_U": round(float(np.max(np.abs(value - true) / (factor * u))), 2),
-        }
+        if one["name"] == "scale_factor_error":
+            off_ppm, in_band = fog_curve_off(bench, one)
+            found[one["axis"]] = {
+                "largest_ppm": round(off_ppm, 3),
+                "largest_in_band": round(in_band, 2),
+            }
     return {"segments": len(list((folder / "raw").glob("navigator-*"))), "axes": found}
 
 

@@ -35,7 +35,6 @@ from campaign_helpers import (
     station,
     station_command,
 )
-from fault_cases import SHORT_FORMS
 from guardian_helpers import until, world
 from kill_helpers import (
     Kill,
@@ -46,6 +45,7 @@ from kill_helpers import (
     written_bytes,
 )
 from resume_helpers import GOOD, resume_and_judge
+from short_forms import SHORT_FORMS
 
 Plan = tuple[str, ...]
 """A shipped plan's name, `--bench` and a bench's, and the options that make the plan short."""

@@ -15,8 +15,6 @@ scale factors truly differ.
 
 from __future__ import annotations
 
-import argparse
-import json
 import sys
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -26,11 +24,14 @@ from numpy.typing import NDArray
 from scipy.special import stdtrit
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+sys.path.insert(1, str(Path(__file__).resolve().parents[1] / "tests"))
+
+from cases import print_cases
+from nine_axis_records import ARCMIN, LATITUDE_DEG, PRIOR, RATES, STANDS
 
 from procedures.nine_axis_calibration.analysis import analyse
 from procedures.nine_axis_calibration.dataset import (
     NineAxisDataset,
-    Prior,
     StaticRecord,
     TurnRecord,
 )
@@ -38,18 +39,9 @@ from procedures.nine_axis_calibration.expected import expected_uncertainty
 
 Array = NDArray[np.float64]
 
-ARCMIN = np.pi / 10800.0
 EARTH = 15.041067
-LATITUDE_DEG = 39.9
-RATES = (1.0, 5.0, 10.0, 50.0, 100.0)
 RANDOM_WALK = 0.01
-PRIOR = Prior(10.0 * ARCMIN, 0.5 * ARCMIN, 0.5 * ARCMIN, 1e-4)
-EAST, NORTH, UP = np.eye(3)
-POSITIONS = {
-    1: np.array([EAST, NORTH, UP]),
-    2: np.array([-NORTH, EAST, UP]),
-    3: np.array([NORTH, UP, EAST]),
-}
+POSITIONS = {n: np.array(STANDS[n]) for n in (1, 2, 3)}
 ARCSEC_PER_RAD = 180.0 * 3600.0 / np.pi
 
 
@@ -290,13 +282,7 @@ def measure(case: Case, runs: int) -> dict[str, object]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description="Nine-axis estimator against its bound.")
-    parser.add_argument("--runs", type=int, default=2000)
-    parser.add_argument("--case", help="only the cases whose name contains this")
-    options = parser.parse_args()
-    for case in CASES:
-        if options.case is None or options.case in case.name:
-            print(json.dumps(measure(case, options.runs)), flush=True)
+    print_cases("Nine-axis estimator against its bound.", CASES, measure)
 
 
 if __name__ == "__main__":

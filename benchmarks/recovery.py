@@ -6,8 +6,9 @@
 
 `--set` changes the plan, `--world` what the bench file says below `simulation`. One JSON line a
 run, then one over all: the share of errors within three standard uncertainties, the mean square of
-error / uncertainty (design goals: at least 98 %, and 0.7 to 1.4), and how often the 95 % interval
-held the truth. Results for which the world has no one number are left out.
+error / uncertainty (design goals: at least 98 %, and 0.7 to 1.4), how often the 95 % interval held
+the truth, and how often, over all of its range, the band of a whole curve. Results for which the
+world has no one number are left out.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ import yaml
 
 sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))
 
-from fault_truths import TRUTHS
+from fault_truths import TRUTHS, fog_curve_off
 
 from station import registry
 from station.bench import read_bench
@@ -47,6 +48,7 @@ def main() -> None:
     plan = read_plan(find(PLANS, arguments.plan), registry.Procedures(), arguments.overrides)
     ratios: dict[str, list[float]] = {}
     inside: list[bool] = []
+    curves: list[float] = []
     for seed in range(arguments.seeds):
         data = bench_data(seed, arguments.world)
         with tempfile.TemporaryDirectory() as parent:
@@ -62,9 +64,15 @@ def main() -> None:
             line[name] = round(ratio, 3)
             ratios.setdefault(name, []).append(ratio)
             inside.append(covered)
+        off = dict(curves_of(outcome.document.results, data))
+        line |= {name: round(in_band, 3) for name, in_band in off.items()}
+        curves += off.values()
         line["flags"] = sorted({flag.code for flag in outcome.document.flags} - {"simulated"})
         print(json.dumps(line), flush=True)
-    print(json.dumps(summary(arguments.plan, arguments.seeds, ratios, inside)))
+    told = summary(arguments.plan, arguments.seeds, ratios, inside)
+    if curves:
+        told["whole_curves_inside"] = round(float(np.mean(np.array(curves) <= 1.0)), 4)
+    print(json.dumps(told))
 
 
 def bench_data(seed: int, changes: Sequence[str]) -> dict[str, Any]:
@@ -98,6 +106,14 @@ def errors_of(
             name,
             (error / combined.standard_uncertainty, abs(error) < combined.expanded_uncertainty),
         )
+
+
+def curves_of(results: Sequence[Result], data: dict[str, Any]) -> Iterator[tuple[str, float]]:
+    """Yield for each result with a curve how far that is from the truth, in widths of its band."""
+    for result in results:
+        one = result.to_data()
+        if "band" in one:
+            yield f"whole curve {one['axis']}", fog_curve_off(data, one)[1]
 
 
 def summary(

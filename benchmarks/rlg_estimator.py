@@ -13,8 +13,6 @@ white rounding error. A limit applies to the ratio less two standard errors.
 
 from __future__ import annotations
 
-import argparse
-import json
 import os
 import sys
 from dataclasses import dataclass
@@ -28,6 +26,8 @@ from numpy.typing import NDArray
 from scipy.special import stdtrit
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+from cases import print_cases
 
 from procedures.rlg_magnetic_sensitivity.analysis import analyse
 from procedures.rlg_magnetic_sensitivity.dataset import Drive, RlgDataset, Segment
@@ -214,13 +214,7 @@ def measure(case: Case, runs: int) -> dict[str, object]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description="Laser-gyro estimator against its bound.")
-    parser.add_argument("--runs", type=int, default=2000)
-    parser.add_argument("--case", help="only the cases whose name contains this")
-    options = parser.parse_args()
-    for case in CASES:
-        if options.case is None or options.case in case.name:
-            print(json.dumps(measure(case, options.runs)), flush=True)
+    print_cases("Laser-gyro estimator against its bound.", CASES, measure)
 
 
 if __name__ == "__main__":

@@ -15,7 +15,6 @@ the time of a shot's fit and of a whole analysis.
 
 from __future__ import annotations
 
-import argparse
 import json
 import sys
 import time
@@ -30,6 +29,7 @@ from scipy.special import stdtrit
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 sys.path.insert(1, str(Path(__file__).resolve().parents[1] / "tests"))
 
+from cases import print_cases
 from serf_shots import FOUR, Cell, bound_of_frequency
 
 from procedures.serf_nonorthogonality.analysis import analyse
@@ -199,13 +199,7 @@ def speed() -> dict[str, object]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description="Coil angles against their bound.")
-    parser.add_argument("--runs", type=int, default=400)
-    parser.add_argument("--case", help="only the cases whose name contains this")
-    options = parser.parse_args()
-    for case in CASES:
-        if options.case is None or options.case in case.name:
-            print(json.dumps(measure(case, options.runs)), flush=True)
+    print_cases("Coil angles against their bound.", CASES, measure, 400)
     print(json.dumps(speed()), flush=True)
 
 

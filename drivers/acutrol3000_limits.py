@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection
 
 from drivers.acutrol3000_line import AclLine
+from drivers.bench_limits import check_written, limit_of
 from drivers.roles import Place
 from station.errors import InstrumentError
 
@@ -63,22 +64,9 @@ def write(place: Place, line: AclLine, header: str, which: str, value: float) ->
     """Set a value and read it back; InstrumentError where another one comes."""
     line.command(f":{header} {which},{value:.6f}")
     (found,) = line.numbers(f":{header}? {which}")
-    if abs(found - value) > AGREES:
-        raise InstrumentError(
-            place.name,
-            f"set {header} {which} to {value:g}",
-            f"{found:g} reads back",
-            "check that nobody else talks to the controller, then run again",
-        )
+    check_written(place, f"{header} {which}", value, found, AGREES)
 
 
 def limit(place: Place, name: str) -> float:
     """Return a limit of the bench file; InstrumentError without one."""
-    if name not in place.limits:
-        raise InstrumentError(
-            place.name,
-            "read the bench file",
-            f"it gives no limits.{name}",
-            "write it there; the table does not turn without it",
-        )
-    return place.limits[name]
+    return limit_of(place, name, "the table does not turn")

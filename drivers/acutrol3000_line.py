@@ -7,7 +7,8 @@ import re
 from typing import NamedTuple
 
 from drivers.roles import Place
-from drivers.transport.serial_line import SerialLine, shortened
+from drivers.transport.answers import odd, shortened
+from drivers.transport.serial_line import SerialLine
 from drivers.transport.serial_port import Framing
 from station.errors import InstrumentError
 
@@ -148,12 +149,7 @@ class AclLine:
 
     def odd(self, message: str, answer: str) -> InstrumentError:
         """Return the error of an answer that is none."""
-        return InstrumentError(
-            self._place.name,
-            f"asked {message}",
-            f"{shortened(answer)!r} came back",
-            "check that the address in the bench file is this controller's",
-        )
+        return odd(self._place.name, f"asked {message}", answer)
 
     def _told(self, message: str) -> Answer:
         if self._framed:

@@ -67,9 +67,7 @@ class CanImu(NineAxisSource):
 
     def identify(self) -> Identity:
         """Ask the interface for the sensor's identity."""
-        told = self._commands.ask("identify", "identity", "asked who it is")
-        firmware = f"{told['firmware_major']}.{told['firmware_minor']}"
-        return Identity("house-made", "nine-axis sensor", str(told["serial_number"]), firmware)
+        return self._commands.identity("nine-axis sensor")
 
     @classmethod
     def rates_said(cls, rate_Hz: float) -> str:
@@ -103,7 +101,7 @@ class CanImu(NineAxisSource):
 
     def stop(self) -> None:
         """End the output; what came before can still be drained."""
-        self._running = False
+        self._watch.end()
         self._commands.command("stop")
 
     def status(self) -> SensorStatus:

@@ -7,8 +7,8 @@ three gyros). Angles are in steps of 0.0001 deg, temperatures of 0.01 degC.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Any, ClassVar
+from collections.abc import Mapping
+from typing import ClassVar
 
 from drivers.navigator import InertialNavigator
 from drivers.navigator_messages import Output, Request
@@ -28,7 +28,7 @@ class CanNavigatorLine:
     """The navigator's messages on a CAN bus."""
 
     def __init__(self, place: Place) -> None:
-        self._messages = CanMessages(place, "navigator", ANSWERS, OUTPUT)
+        self.answers = self._messages = CanMessages(place, "navigator", ANSWERS, OUTPUT)
 
     def send(self, request: Request) -> None:
         """Put a command on the bus."""
@@ -39,14 +39,6 @@ class CanNavigatorLine:
             "latitude": request.latitude_deg,
         }
         self._messages.send("NAV_COMMAND", values)
-
-    def take(self, answer: str) -> Sequence[Mapping[str, Any]]:
-        """Return the answers of a kind that have come."""
-        return self._messages.take(answer)
-
-    def wait_for(self, answer: str, deadline_s: float) -> Sequence[Mapping[str, Any]]:
-        """Return the answers of a kind as soon as there are any, or none at run time."""
-        return self._messages.wait_for(answer, deadline_s)
 
     def outputs(self) -> list[Output]:
         """Return the complete outputs that came since the last call."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any, ClassVar
+from typing import ClassVar
 
 from drivers.pulse_board import PulseBoard, Sample
 from drivers.roles import Place
@@ -27,7 +27,7 @@ class CanPulseLine:
     further: Mapping[str, str] = {}
 
     def __init__(self, place: Place) -> None:
-        self._messages = CanMessages(place, "pulse_board", ANSWERS, ())
+        self.answers = self._messages = CanMessages(place, "pulse_board", ANSWERS, ())
         self._counts = "GYRO_COUNTS_1"
 
     def send(self, command: str, number: int, values: Mapping[str, float]) -> None:
@@ -40,14 +40,6 @@ class CanPulseLine:
             "request_id": number,
         }
         self._messages.send("BOARD_COMMAND", told)
-
-    def take(self, answer: str) -> Sequence[Mapping[str, Any]]:
-        """Return the answers of a kind that have come."""
-        return self._messages.take(answer)
-
-    def wait_for(self, answer: str, deadline_s: float) -> Sequence[Mapping[str, Any]]:
-        """Return the answers of a kind as soon as there are any, or none at run time."""
-        return self._messages.wait_for(answer, deadline_s)
 
     def begin(self, channel: int, sample_interval_s: float) -> None:
         """Forget what came of a channel, whose samples begin anew."""

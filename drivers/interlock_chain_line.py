@@ -22,7 +22,7 @@ from contextlib import suppress
 from typing import ClassVar
 
 from drivers.roles import Identity, Place
-from drivers.transport.answers import shortened
+from drivers.transport.answers import identification, shortened
 from drivers.transport.retry import PatientLine, Repeatable
 from drivers.transport.visa_line import ScpiLine
 from station.errors import InputError, InstrumentError
@@ -45,16 +45,7 @@ class InterlockChainLine:
 
     def identify(self) -> Identity:
         """Ask `*IDN?`: maker, model, serial number and firmware."""
-        answer = self._line.query("*IDN?")
-        parts = [part.strip() for part in answer.split(",")]
-        if len(parts) < 4:
-            raise InstrumentError(
-                self.place.name,
-                "asked *IDN?",
-                f"{shortened(answer)!r} came back",
-                "check that the address in the bench file is the reader's of the chain",
-            )
-        return Identity(parts[0], parts[1], parts[2], parts[3])
+        return Identity(*identification(self.place.name, self._line.query("*IDN?"))[:4])
 
     def is_closed(self) -> bool:
         """Whether the chain is closed, so that the bench may be energised."""

@@ -33,11 +33,7 @@ class KepcoBop(KepcoSupply):
     """Not a list's points, which are appended; nor its start, which begins a period again; nor
     the output's switching on, which lifts a protection that tripped meanwhile."""
 
-    def programme_limits(self) -> None:
-        """Set current mode, zero, and the card's own current and voltage limits.
-
-        Raises InstrumentError when the bench's limit is above the instrument's rating.
-        """
+    def _programme_limits(self) -> None:
         self._line.query(f"*CLS;{ERROR_QUERY}")
         self._line.command("FUNC:MODE CURR")
         self._line.command("CURR:MODE FIX;:CURR 0")

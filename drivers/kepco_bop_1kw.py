@@ -38,12 +38,7 @@ class KepcoBop1kW(KepcoSupply):
     """Not a segment, which is appended; nor the list's start, which begins a period again; nor
     the output's switching on, which lifts a protection that tripped meanwhile."""
 
-    def programme_limits(self) -> None:
-        """Take the output over, and set current mode, zero, and the instrument's own limits.
-
-        Raises InstrumentError when the bench's limit is above the instrument's rating, or the
-        instrument does not read back what it was told.
-        """
+    def _programme_limits(self) -> None:
         self._line.query(f"*CLS;{ERROR_QUERY}")
         self._line.command("SYST:REM ON")
         self._line.command("OUTP:CONT OFF")

@@ -24,6 +24,7 @@ FEWEST_LOOKS = 16
 PATIENCE_S = 2.0
 PATIENCE_TAUS = 20.0
 RELATIVE_TOLERANCE = 0.002
+MOST_READS = 4
 VOLTAGE_MODE = 1 << 8
 
 
@@ -82,7 +83,7 @@ class SteadyCurrent:
             )
         # The set-point is where a ramp starts: a supply in compliance reads less than it is told,
         # and what it drives follows its set-point no faster than that moves.
-        begin_A = self._line.number("CURR?")
+        begin_A = set_point_A(self._line.number)
         steps = math.ceil(abs(current_A - begin_A) / self._step_A - 1e-6)
         for step in range(1, steps + 1):
             level_A = begin_A + (current_A - begin_A) * step / steps
@@ -145,6 +146,20 @@ class SteadyCurrent:
 
     def _error(self, attempted: str, came_back: str, do_now: str) -> InstrumentError:
         return InstrumentError(self._place.name, attempted, came_back, do_now)
+
+
+def set_point_A(number: Callable[[str], float]) -> float:
+    """Return the set-point that a supply reads back, in A; `number` asks it.
+
+    A line that is one answer behind gives that of the question before: what counts is what comes
+    twice.
+    """
+    read_A = number("CURR?")
+    for _ in range(MOST_READS):
+        before_A, read_A = read_A, number("CURR?")
+        if read_A == before_A:
+            break
+    return read_A
 
 
 def moves_one_way(readings: list[float]) -> bool:

@@ -12,9 +12,9 @@ from contextlib import suppress
 from typing import ClassVar
 
 from drivers.kepco_leaving import Sine, wait_for_zero
-from drivers.kepco_steady import SteadyCurrent
+from drivers.kepco_steady import SteadyCurrent, set_point_A
 from drivers.roles import Identity, Place, SafetyReading
-from drivers.transport.answers import shortened
+from drivers.transport.answers import identification
 from drivers.transport.retry import PatientLine, Repeatable
 from drivers.transport.visa_line import ScpiLine
 from station.errors import InputError, InstrumentError, PauseRefused
@@ -25,6 +25,7 @@ OPERATION = "STAT:OPER:COND?"
 LIST_RUNNING = 1 << 14
 RAMP_STEP_S = 0.05
 SETTLE_S = 0.1
+COMES_TO_REST_S = 60.0
 LONGEST_HALF_PERIOD_S = 10.5
 """Half a period of the slowest published drive, 0.05 Hz, and a little."""
 
@@ -57,23 +58,22 @@ class KepcoSupply(ABC):
 
     def identify(self) -> Identity:
         """Ask `*IDN?`; the answer is maker, model and ratings, serial number, firmware."""
-        answer = self._line.query("*IDN?")
-        parts = [part.strip() for part in answer.split(",")]
-        if len(parts) < 4:
-            raise InstrumentError(
-                self.place.name,
-                "asked *IDN?",
-                f"{shortened(answer)!r} came back",
-                "check that the address in the bench file is this supply's",
-            )
-        return Identity(parts[0], parts[1], parts[2], parts[3])
+        return Identity(*identification(self.place.name, self._line.query("*IDN?"))[:4])
 
-    @abstractmethod
     def programme_limits(self) -> None:
         """Set current mode, zero, and the instrument's own current and voltage limits.
 
-        Raises InstrumentError when the bench's limit is above the instrument's rating.
+        A supply that is found switched on, as an earlier run may have left it, is first brought to
+        rest within its slew limit. Raises InstrumentError when the bench's limit is above the
+        instrument's rating.
         """
+        if self._output_is_on():
+            self.make_safe(self.place.clock.now() + COMES_TO_REST_S)
+        self._programme_limits()
+
+    @abstractmethod
+    def _programme_limits(self) -> None:
+        """Set what `programme_limits` says, on a supply at rest."""
 
     @abstractmethod
     def _prepare(self, frequency_Hz: float, amplitude_A: float) -> float:
@@ -134,7 +134,7 @@ class KepcoSupply(ABC):
 
     def stop(self) -> None:
         """Bring the current to zero within the slew limit and switch the output off."""
-        self.make_safe(self.place.clock.now() + 60.0)
+        self.make_safe(self.place.clock.now() + COMES_TO_REST_S)
 
     def current_A(self) -> float:
         """Return the measured output current in A."""
@@ -175,16 +175,19 @@ class KepcoSupply(ABC):
         clock = self.place.clock
         if self._list_runs():
             self._leave_list(deadline_s)
-        present_A, set_A = self._sure_current_A(), self._patient.number("CURR?")
+        present_A, set_A = self._sure_current_A(), set_point_A(self._patient.number)
         if abs(set_A) > self._ramp_step_A or self._stood_still:
             # What it drives follows what it is told, also where it reads back something else:
             # in compliance, frozen, or beyond its set-point.
             present_A = set_A
-        steps = math.ceil(abs(present_A) / self._ramp_step_A)
-        for step in range(steps - 1, -1, -1):
-            # First the wait: a ramp that was interrupted has just made its own step.
-            clock.sleep(RAMP_STEP_S)
+        flows = abs(present_A) > self._zero_A
+        steps = math.ceil(abs(present_A) / self._ramp_step_A) if flows else 0
+        # First the wait and the present set-point once more: a ramp that was interrupted has just
+        # made its step, or its last command was lost.
+        clock.sleep(RAMP_STEP_S)
+        for step in range(steps, 0, -1):
             self._patient.command(f"CURR {present_A * step / steps:.4f}")
+            clock.sleep(RAMP_STEP_S)
         self._patient.command("CURR:MODE FIX;:CURR 0")
         while abs(self._sure_current_A()) > self._zero_A and clock.now() < deadline_s:
             clock.sleep(SETTLE_S)

@@ -36,7 +36,7 @@ from drivers.keysight_33522b_messages import (
     wrong_setting,
 )
 from drivers.roles import Identity, Place, SafetyReading
-from drivers.transport.answers import shortened
+from drivers.transport.answers import identification, shortened
 from drivers.transport.retry import PatientLine, Repeatable
 from drivers.transport.visa_line import ScpiLine
 from station.errors import InputError, InstrumentError
@@ -83,11 +83,7 @@ class Keysight33522B:
 
     def identify(self) -> Identity:
         """Ask `*IDN?`; the answer is maker, model, serial number, firmware."""
-        answer = self._line.query("*IDN?")
-        parts = [part.strip() for part in answer.split(",")]
-        if len(parts) < 4:
-            raise self._odd("*IDN?", answer)
-        return Identity(parts[0], parts[1], parts[2], parts[3])
+        return Identity(*identification(self.place.name, self._line.query("*IDN?"))[:4])
 
     def programme_limits(self) -> None:
         """Reset the instrument, outputs off, then write and read back terminations and limits.

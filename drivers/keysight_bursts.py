@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.roles import Identity, Place
-from drivers.transport.answers import shortened
+from drivers.transport.answers import identification, odd
 from drivers.transport.retry import PatientLine, Repeatable
 from drivers.transport.visa_line import ScpiLine
 from station.errors import InstrumentError
@@ -78,11 +78,7 @@ class Bursts:
 
     def identify(self) -> Identity:
         """Ask `*IDN?`; the answer is maker, model, serial number, firmware."""
-        answer = self._line.query("*IDN?")
-        parts = [part.strip() for part in answer.split(",")]
-        if len(parts) < 4:
-            raise self._odd("*IDN?", answer, "check that the address in the bench file is its own")
-        return Identity(parts[0], parts[1], parts[2], parts[3])
+        return Identity(*identification(self._place.name, self._line.query("*IDN?"))[:4])
 
     def choose(
         self, range_: float, nplc: float, auto_zero: bool | None, *, once: bool = False
@@ -260,11 +256,12 @@ class Bursts:
             raise self._odd(question, answer)
         return values
 
-    def _odd(self, question: str, answer: str, do_now: str = "") -> InstrumentError:
-        return self._error(
+    def _odd(self, question: str, answer: str) -> InstrumentError:
+        return odd(
+            self._place.name,
             f"asked {question}",
-            f"{shortened(answer)!r} came back",
-            do_now or "check the cable and that nobody else talks to the instrument",
+            answer,
+            "check the cable and that nobody else talks to the instrument",
         )
 
     def _error(self, attempted: str, came_back: str, do_now: str) -> InstrumentError:

@@ -69,7 +69,7 @@ class Kvh1775(NineAxisSource):
     def identify(self) -> Identity:
         """Ask for serial number and firmware; a unit that streams is not disturbed twice."""
         if self._identity is None:
-            runs = self._running
+            runs = self._watch.runs
             self._configure()
             serial, firmware = self._ask("?is", "IS"), self._ask("?ws", "WS")
             self._identity = Identity("KVH", "1775", serial, firmware)
@@ -106,7 +106,7 @@ class Kvh1775(NineAxisSource):
 
     def stop(self) -> None:
         """End the output; what came before can still be drained."""
-        self._running = False
+        self._watch.end()
         self._configure()
 
     def status(self) -> SensorStatus:

@@ -24,7 +24,7 @@ from typing import ClassVar
 import numpy as np
 
 from drivers.roles import Block, Identity, Place
-from drivers.transport.answers import number_of, shortened
+from drivers.transport.answers import number_of, odd, shortened
 from drivers.transport.retry import Repeatable, repeated
 from drivers.transport.serial_line import SerialLine
 from drivers.transport.serial_port import Framing
@@ -103,12 +103,7 @@ class Lakeshore425:
         answer = self._ask("*IDN?")
         parts = [part.strip() for part in answer.split(",")]
         if len(parts) != 4 or not re.match(self.recognises, answer):
-            raise InstrumentError(
-                self.place.name,
-                "asked *IDN?",
-                f"{shortened(answer)!r} came back",
-                "check that the address in the bench file is this gaussmeter's",
-            )
+            raise odd(self.place.name, "asked *IDN?", answer)
         return Identity(parts[0], parts[1], parts[2], parts[3])
 
     def turn_to(self, axis: str) -> None:

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.roles import Block, Identity, Place
-from drivers.transport.answers import shortened
+from drivers.transport.answers import identification, shortened
 from drivers.transport.retry import PatientLine, Repeatable
 from drivers.transport.visa_line import ScpiLine
 from station.errors import InputError, InstrumentError
@@ -77,15 +77,7 @@ class LakeshoreF71:
 
     def identify(self) -> Identity:
         """Ask `*IDN?`: maker, model, serial number, options and firmware."""
-        answer = self._line.query("*IDN?")
-        parts = [part.strip() for part in answer.split(",")]
-        if len(parts) < 4:
-            raise InstrumentError(
-                self.place.name,
-                "asked *IDN?",
-                f"{shortened(answer)!r} came back",
-                "check that the address in the bench file is this gaussmeter's",
-            )
+        parts = identification(self.place.name, self._line.query("*IDN?"))
         return Identity(parts[0], parts[1], parts[2].split("/")[0], parts[-1])
 
     def turn_to(self, axis: str) -> None:

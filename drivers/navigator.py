@@ -19,18 +19,16 @@ from drivers.navigator_messages import (
     REFUSALS,
     ROW,
     NavigatorLine,
-    Output,
     Request,
     fault_words,
 )
 from drivers.roles import Block, Identity, NavigatorStatus, Place
+from drivers.stream_watch import StreamWatch
 from drivers.transport.acknowledged import Commands
 from drivers.transport.retry import Repeatable
 from station.errors import InputError, InstrumentError
 
 WHEN_SILENT = "check the supply of the navigator's interface, its cable and the bit rate"
-SHORTEST_SILENCE_S = 3.0
-SILENT_INTERVALS = 3
 SLOWEST_HZ, FASTEST_HZ = 1.0, 10.0
 RATE_STEP_HZ = 0.1
 
@@ -48,17 +46,17 @@ class InertialNavigator:
     def __init__(self, place: Place, line: NavigatorLine) -> None:
         self.place = place
         self._line = line
-        self._commands = Commands(place, line, self._send, REFUSALS, WHEN_SILENT)
-        self._running = False
-        self._heard_s = 0.0
-        self._silent_after_s = SHORTEST_SILENCE_S
-        self._temperature_degC: float | None = None
+        self._commands = Commands(place, line.answers, self._send, REFUSALS, WHEN_SILENT)
+        self._watch = StreamWatch(
+            place,
+            "gyros'",
+            "output",
+            "check that the device under test is on, and the navigator's cable",
+        )
 
     def identify(self) -> Identity:
         """Ask the interface for the navigator's identity."""
-        told = self._commands.ask("identify", "identity", "asked who it is")
-        firmware = f"{told['firmware_major']}.{told['firmware_minor']}"
-        return Identity("house-made", "FOG navigator", str(told["serial_number"]), firmware)
+        return self._commands.identity("FOG navigator")
 
     def start(self, rate_Hz: float) -> None:
         """Begin to output, 1 Hz to 10 Hz in steps of 0.1 Hz, the counter from 1.
@@ -82,15 +80,13 @@ class InertialNavigator:
                 f"it says that it outputs {told['rate']:g} Hz",
                 "see that nobody else uses the navigator, then start again",
             )
-        self._silent_after_s = max(SHORTEST_SILENCE_S, SILENT_INTERVALS / rate_Hz)
-        self._heard_s, self._temperature_degC = self.place.clock.now(), None
-        self._running = True
+        self._watch.begin(1 / rate_Hz)
         self.columns = {**COLUMNS, "counter": f"{COLUMNS['counter']}, every {1 / rate_Hz:.9g} s"}
         self._line.outputs()
 
     def stop(self) -> None:
         """End the output; what came before can still be drained."""
-        self._running = False
+        self._watch.end()
         self._commands.command("stop")
 
     def align(self, latitude_deg: float) -> None:
@@ -115,7 +111,7 @@ class InertialNavigator:
         """Return the outputs that came since the last call; one that lacks a part is left out."""
         found = self._line.outputs()
         if found:
-            self._heard(found[-1])
+            self._watch.hear(found[-1].arrival_s, found[-1].warmest_degC)
         rows = np.array(found, dtype=ROW)
         return Block({name: rows[name] for name in COLUMNS}, rows["arrival_s"])
 
@@ -125,33 +121,12 @@ class InertialNavigator:
         Outputs are looked at and left where they are, for whoever drains them. Raises
         InstrumentError when none has come for a while, or a gyro has no sensor.
         """
-        if quantity != "temperature":
-            raise InputError(
-                f"{self.place.name}: a navigator does not measure its {quantity}; take that "
-                "interlock out of the bench file"
-            )
-        if not self._running:
+        if not self._watch.expects(quantity):
             return None
         newest = self._line.newest()
         if newest is not None:
-            self._heard(newest)
-        silent_s = self.place.clock.now() - self._heard_s
-        attempted = "looked for the gyros' temperature"
-        if silent_s > self._silent_after_s:
-            raise InstrumentError(
-                self.place.name,
-                attempted,
-                f"no output came for {silent_s:.3g} s",
-                "check that the device under test is on, and the navigator's cable",
-            )
-        if self._temperature_degC is not None and math.isnan(self._temperature_degC):
-            raise InstrumentError(
-                self.place.name,
-                attempted,
-                "the outputs say that a sensor is missing",
-                "have the navigator looked at, or take that interlock out of the bench file",
-            )
-        return self._temperature_degC
+            self._watch.hear(newest.arrival_s, newest.warmest_degC)
+        return self._watch.temperature_degC()
 
     def close(self) -> None:
         """Close the line; the navigator goes on as it is."""
@@ -159,10 +134,3 @@ class InertialNavigator:
 
     def _send(self, command: str, number: int, values: Mapping[str, float]) -> None:
         self._line.send(Request(command, number, **values))
-
-    def _heard(self, newest: Output) -> None:
-        """Take note of the newest output."""
-        self._heard_s = max(self._heard_s, newest.arrival_s)
-        self._temperature_degC = newest.warmest_degC
-        if not math.isnan(newest.warmest_degC):
-            self.place.publish("temperature", newest.warmest_degC, "degC")

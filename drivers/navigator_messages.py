@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple, Protocol
+from collections.abc import Mapping
+from typing import NamedTuple, Protocol
 
 import numpy as np
+
+from drivers.transport.acknowledged import AnswerLine
 
 NO_SENSOR_DEGC = -327.68
 ALIGNED, ALIGNING = 1, 2
@@ -85,16 +87,13 @@ class NavigatorLine(Protocol):
     InstrumentError when the line is gone, or for a message that is none of the navigator's.
     """
 
+    @property
+    def answers(self) -> AnswerLine:
+        """The instrument's answers."""
+        ...
+
     def send(self, request: Request) -> None:
         """Put a command on the line."""
-        ...
-
-    def take(self, answer: str) -> Sequence[Mapping[str, Any]]:
-        """Return the answers of a kind that have come."""
-        ...
-
-    def wait_for(self, answer: str, deadline_s: float) -> Sequence[Mapping[str, Any]]:
-        """Return the answers of a kind as soon as there are any, or none at run time."""
         ...
 
     def outputs(self) -> list[Output]:

@@ -6,6 +6,7 @@ used, VA, AC and AG, is the bench's all the same.
 
 from __future__ import annotations
 
+from drivers.bench_limits import check_written, limit_of
 from drivers.newport_esp301_line import EspLine
 from drivers.roles import Place
 from station.errors import InstrumentError
@@ -57,22 +58,9 @@ def write(place: Place, line: EspLine, axis: int, header: str, value: float) -> 
     """Set a value and read it back; InstrumentError where another one comes."""
     line.command(f"{axis}{header}{value:.6g}")
     found = line.number(f"{axis}{header}?")
-    if abs(found - value) > AGREES:
-        raise InstrumentError(
-            place.name,
-            f"set {header} to {value:g}",
-            f"{found:g} reads back",
-            "check that nobody else talks to the controller, then run again",
-        )
+    check_written(place, header, value, found, AGREES)
 
 
 def limit(place: Place, name: str) -> float:
     """Return a limit of the bench file; InstrumentError without one."""
-    if name not in place.limits:
-        raise InstrumentError(
-            place.name,
-            "read the bench file",
-            f"it gives no limits.{name}",
-            "write it there; the stage does not turn without it",
-        )
-    return place.limits[name]
+    return limit_of(place, name, "the stage does not turn")

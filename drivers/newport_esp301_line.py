@@ -6,8 +6,8 @@ import re
 from collections.abc import Collection
 
 from drivers.roles import Place
-from drivers.transport.answers import number_of
-from drivers.transport.serial_line import SerialLine, shortened
+from drivers.transport.answers import number_of, odd, shortened
+from drivers.transport.serial_line import SerialLine
 from drivers.transport.serial_port import Framing
 from station.errors import InstrumentError
 
@@ -110,12 +110,7 @@ class EspLine:
 
     def odd(self, message: str, answer: str) -> InstrumentError:
         """Return the error of an answer that is none."""
-        return InstrumentError(
-            self._place.name,
-            f"asked {message}",
-            f"{shortened(answer)!r} came back",
-            "check that the address in the bench file is this controller's",
-        )
+        return odd(self._place.name, f"asked {message}", answer)
 
     def _error(self, message: str) -> tuple[int, str]:
         answer = self.query(message)

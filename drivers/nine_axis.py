@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.roles import Block, Place
-from station.errors import InputError, InstrumentError
+from drivers.stream_watch import StreamWatch
 
 AXES = ("x", "y", "z")
 GYROS = tuple(f"gyro_{axis}_deg_per_s" for axis in AXES)
@@ -40,9 +40,6 @@ ROW = np.dtype(
 )
 """Columns and arrival of an output."""
 
-SHORTEST_SILENCE_S = 3.0
-SILENT_INTERVALS = 3
-
 
 class NineAxisSource(ABC):
     """The outputs of a sensor, and its temperature for interlocks."""
@@ -52,10 +49,12 @@ class NineAxisSource(ABC):
     def __init__(self, place: Place) -> None:
         self.place = place
         self.columns: Mapping[str, str] = COLUMNS
-        self._running = False
-        self._heard_s = 0.0
-        self._silent_after_s = SHORTEST_SILENCE_S
-        self._temperature_degC: float | None = None
+        self._watch = StreamWatch(
+            place,
+            "sensor's",
+            "output",
+            "check that the device under test is on, and its cable",
+        )
 
     @abstractmethod
     def _take(self) -> NDArray[np.void]:
@@ -77,38 +76,21 @@ class NineAxisSource(ABC):
         Outputs are looked at and left where they are, for whoever drains them. Raises
         InstrumentError when none has come for a while.
         """
-        if quantity != "temperature":
-            raise InputError(
-                f"{self.place.name}: a nine-axis sensor is not asked for its {quantity}; take that "
-                "interlock out of the bench file"
-            )
-        if not self._running:
+        if not self._watch.expects(quantity):
             return None
         self._heard(self._newest())
-        silent_s = self.place.clock.now() - self._heard_s
-        if silent_s > self._silent_after_s:
-            raise InstrumentError(
-                self.place.name,
-                "looked for the sensor's temperature",
-                f"no output came for {silent_s:.3g} s",
-                "check that the device under test is on, and its cable",
-            )
-        return self._temperature_degC
+        return self._watch.temperature_degC()
 
     def _begin(self, rate_Hz: float) -> None:
         """Take note that outputs begin, every so often by the sensor's clock."""
-        self._silent_after_s = max(SHORTEST_SILENCE_S, SILENT_INTERVALS / rate_Hz)
-        self._heard_s, self._temperature_degC = self.place.clock.now(), None
+        self._watch.begin(1 / rate_Hz)
         self.columns = {**COLUMNS, "counter": f"{COLUMNS['counter']}, every {1 / rate_Hz:.9g} s"}
-        self._running = True
 
     def _heard(self, rows: NDArray[np.void]) -> None:
         """Take note of the newest outputs."""
         if not len(rows):
             return
-        self._heard_s = max(self._heard_s, float(rows["arrival_s"][-1]))
         warm = rows["temperature_degC"]
         told = warm[np.isfinite(warm)]
-        if len(told):
-            self._temperature_degC = float(told[-1])
-            self.place.publish("temperature", self._temperature_degC, "degC")
+        newest_degC = float(told[-1]) if len(told) else None
+        self._watch.hear(float(rows["arrival_s"][-1]), newest_degC)

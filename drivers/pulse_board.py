@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar, NamedTuple, Protocol
 
 import numpy as np
 
 from drivers.roles import Block, Identity, Place
+from drivers.stream_watch import StreamWatch
 from drivers.transport.acknowledged import AnswerLine, Commands
 from drivers.transport.retry import Repeatable
-from station.errors import InputError, InstrumentError
+from station.errors import InstrumentError
 
-SHORTEST_SILENCE_S = 3.0
-SILENT_INTERVALS = 3
 NO_SUCH_PARAMETERS = "compare the plan's sample interval and channel with the board's ranges"
 REFUSALS: Mapping[str, str] = {
     "unknown_command": NO_SUCH_PARAMETERS,
@@ -42,8 +40,13 @@ class Sample(NamedTuple):
     """Values of the line's further columns."""
 
 
-class PulseLine(AnswerLine, Protocol):
+class PulseLine(Protocol):
     """A line that carries a board's messages; `status` has `gyro_present` and `laser_on`, bits."""
+
+    @property
+    def answers(self) -> AnswerLine:
+        """The instrument's answers."""
+        ...
 
     further: Mapping[str, str]
     """Columns besides those of every board, to unit and meaning."""
@@ -80,25 +83,25 @@ class PulseBoard:
     def __init__(self, place: Place, line: PulseLine) -> None:
         self.place = place
         self._line = line
-        self._commands = Commands(place, line, line.send, REFUSALS, WHEN_SILENT)
+        self._commands = Commands(place, line.answers, line.send, REFUSALS, WHEN_SILENT)
         self.columns: Mapping[str, str] = {**COLUMNS, **line.further}
         self._channel: int | None = None
-        self._heard_s = 0.0
-        self._silent_after_s = SHORTEST_SILENCE_S
-        self._temperature_degC: float | None = None
+        self._watch = StreamWatch(
+            place,
+            "gyro's",
+            "sample",
+            "check the board's power, its line and that the device under test is on",
+        )
 
     def identify(self) -> Identity:
         """Ask for the board's identity."""
-        told = self._commands.ask("identify", "identity", "asked who it is")
-        firmware = f"{told['firmware_major']}.{told['firmware_minor']}"
-        return Identity("house-made", self.model, str(told["serial_number"]), firmware)
+        return self._commands.identity(self.model)
 
     def start(self, sample_interval_s: float, channel: int) -> None:
         """Begin to sample one channel; raises InstrumentError when the board sees no lit gyro."""
         self._commands.command("stop")
-        self._silent_after_s = max(SHORTEST_SILENCE_S, SILENT_INTERVALS * sample_interval_s)
-        self._heard_s, self._temperature_degC = self.place.clock.now(), None
         self._channel = channel
+        self._watch.begin(sample_interval_s)
         told = self._commands.ask("status", "status", "asked for its status")
         self._check_gyro(told, "start")
         bit = 1 << (channel - 1)
@@ -111,7 +114,7 @@ class PulseBoard:
     def drain(self) -> Block:
         """Return the samples that came since the last call."""
         samples = self._line.samples()
-        for told in self._line.take("status"):
+        for told in self._line.answers.take("status"):
             self._check_gyro(told, "record")
         if samples:
             self._heard(samples[-1])
@@ -136,37 +139,17 @@ class PulseBoard:
         Samples are looked at and left where they are, for whoever drains them. Raises
         InstrumentError when the board samples and none has come for a while, or none has one.
         """
-        if quantity != "temperature":
-            raise InputError(
-                f"{self.place.name}: this board does not measure its {quantity}; take that "
-                "interlock out of the bench file"
-            )
-        if self._channel is None:
+        if not self._watch.expects(quantity):
             return None
         newest = self._line.newest()
         if newest is not None:
             self._heard(newest)
-        silent_s = self.place.clock.now() - self._heard_s
-        attempted = "looked for the gyro's temperature"
-        if silent_s > self._silent_after_s:
-            raise InstrumentError(
-                self.place.name,
-                attempted,
-                f"no sample came for {silent_s:.3g} s",
-                "check the board's power, its line and that the device under test is on",
-            )
-        if self._temperature_degC is not None and math.isnan(self._temperature_degC):
-            raise InstrumentError(
-                self.place.name,
-                attempted,
-                "the samples say that there is no sensor",
-                "check the sensor's cable, or take that interlock out of the bench file",
-            )
-        return self._temperature_degC
+        return self._watch.temperature_degC()
 
     def stop(self) -> None:
         """End the sampling."""
         self._channel = None
+        self._watch.end()
         self._commands.command("stop")
 
     def close(self) -> None:
@@ -175,12 +158,9 @@ class PulseBoard:
 
     def _heard(self, sample: Sample) -> None:
         """Take note of the newest sample."""
-        self._heard_s = max(self._heard_s, sample.arrival_s)
         if not sample.lit and self._channel is not None:
             raise self._dark("record")
-        self._temperature_degC = sample.temperature_degC
-        if not math.isnan(sample.temperature_degC):
-            self.place.publish("temperature", sample.temperature_degC, "degC")
+        self._watch.hear(sample.arrival_s, sample.temperature_degC)
 
     def _check_gyro(self, status: Mapping[str, Any], attempted: str) -> None:
         """Raise InstrumentError when the board sees no lit gyro on the channel in use."""

@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 
 from drivers.red_pitaya_settings import SLOTS, CannotRecord, Record, Settings
 from drivers.roles import Block, Identity, Place, SafetyReading
-from drivers.transport.answers import shortened
+from drivers.transport.answers import odd, shortened
 from drivers.transport.retry import Repeatable, repeated
 from drivers.transport.visa_line import VisaLine
 from station.errors import InputError, InstrumentError
@@ -91,7 +91,7 @@ class RedPitaya:
         answer = self._line.query("*IDN?")
         parts = [part.strip() for part in answer.split(",")]
         if len(parts) != 4 or parts[0] != "REDPITAYA":
-            raise self._odd("*IDN?", answer, "check that the address in the bench file is its own")
+            raise odd(self.place.name, "asked *IDN?", answer)
         return Identity("Red Pitaya", "STEMlab 125-14", parts[2] or "0", f"{parts[1]} {parts[3]}")
 
     @classmethod
@@ -298,8 +298,8 @@ class RedPitaya:
             raise self._odd(question, answer)
         return values
 
-    def _odd(self, question: str, answer: str, do_now: str = OTHERS) -> InstrumentError:
-        return self._error(f"asked {question}", f"{shortened(answer)!r} came back", do_now)
+    def _odd(self, question: str, answer: str) -> InstrumentError:
+        return odd(self.place.name, f"asked {question}", answer, OTHERS)
 
     def _error(self, attempted: str, came_back: str, do_now: str) -> InstrumentError:
         return InstrumentError(self.place.name, attempted, came_back, do_now)

@@ -37,7 +37,7 @@ own test. The interface has a supply of its own and answers while the unit behin
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any, ClassVar
 
 from drivers.navigator import InertialNavigator
@@ -55,7 +55,7 @@ from drivers.serial_navigator_frames import (
     split,
 )
 from drivers.transport.serial_port import Framing
-from drivers.transport.serial_stream import SerialStream, StreamFrame
+from drivers.transport.serial_stream import SerialStream, StreamAnswers, StreamFrame
 
 FRAMING = Framing(baud_rate=115200)
 ANGLE_DEG, RATE_HZ, TEMPERATURE_DEGC, TIME_S = 1e-7, 0.1, 0.01, 0.1
@@ -71,20 +71,13 @@ class SerialNavigatorLine:
 
     def __init__(self, place: Place) -> None:
         self._stream = SerialStream(place, FRAMING, split)
+        self.answers = StreamAnswers(self._stream, ANSWERS, decoded)
 
     def send(self, request: Request) -> None:
         """Put a command on the line."""
         steps = request.rate_Hz / RATE_HZ + request.latitude_deg / ANGLE_DEG
         payload = COMMAND_PAYLOAD.pack(COMMANDS[request.command], request.number, round(steps))
         self._stream.send(frame(COMMAND, payload))
-
-    def take(self, answer: str) -> Sequence[Mapping[str, Any]]:
-        """Return the answers of a kind that have come."""
-        return [decoded(one) for one in self._stream.take(ANSWERS[answer])]
-
-    def wait_for(self, answer: str, deadline_s: float) -> Sequence[Mapping[str, Any]]:
-        """Return the answers of a kind as soon as there are any, or none at run time."""
-        return [decoded(one) for one in self._stream.wait_for(ANSWERS[answer], deadline_s)]
 
     def outputs(self) -> list[Output]:
         """Return the outputs that came since the last call."""

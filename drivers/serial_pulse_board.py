@@ -52,7 +52,7 @@ from drivers.serial_pulse_board_frames import (
 )
 from drivers.transport.numbering import Numbering
 from drivers.transport.serial_port import Framing
-from drivers.transport.serial_stream import SerialStream, StreamFrame
+from drivers.transport.serial_stream import SerialStream, StreamAnswers, StreamFrame
 
 FRAMING = Framing(baud_rate=921600)
 COMMANDS: Mapping[str, int] = {"start": 1, "stop": 2, "identify": 3, "status": 4}
@@ -86,6 +86,7 @@ class SerialPulseLine:
 
     def __init__(self, place: Place) -> None:
         self._stream = SerialStream(place, FRAMING, split)
+        self.answers = StreamAnswers(self._stream, ANSWERS, decoded)
         self._channel = 1
         self._numbering = Numbering(1.0, COUNTER_MODULUS)
         self._raw_counts = self._counts = 0
@@ -96,14 +97,6 @@ class SerialPulseLine:
         mask = int(values.get("channel_mask", 0))
         payload = COMMAND_PAYLOAD.pack(COMMANDS[command], mask, steps, number)
         self._stream.send(frame(COMMAND, payload))
-
-    def take(self, answer: str) -> Sequence[Mapping[str, Any]]:
-        """Return the answers of a kind that have come."""
-        return [decoded(one) for one in self._stream.take(ANSWERS[answer])]
-
-    def wait_for(self, answer: str, deadline_s: float) -> Sequence[Mapping[str, Any]]:
-        """Return the answers of a kind as soon as there are any, or none at run time."""
-        return [decoded(one) for one in self._stream.wait_for(ANSWERS[answer], deadline_s)]
 
     def begin(self, channel: int, sample_interval_s: float) -> None:
         """Number and count from the beginning; what came before is forgotten."""

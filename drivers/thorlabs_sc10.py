@@ -19,8 +19,9 @@ from collections.abc import Callable
 from typing import ClassVar
 
 from drivers.roles import Identity, Place, SafetyReading
+from drivers.transport.answers import odd
 from drivers.transport.retry import Repeatable, repeated
-from drivers.transport.serial_line import SerialLine, shortened
+from drivers.transport.serial_line import SerialLine
 from drivers.transport.serial_port import Framing
 from station.errors import InputError, InstrumentError
 from station.units import UnitError, parse_as
@@ -75,7 +76,7 @@ class ThorlabsSc10:
         answer = self._ask("id?")
         match = MODEL.search(answer)
         if match is None:
-            raise self._odd("id?", answer, "check that the address in the bench file is its own")
+            raise odd(self.place.name, "sent 'id?'", answer)
         return Identity("Thorlabs", match[1], UNTOLD, match[2])
 
     def open_shutter(self) -> None:
@@ -261,10 +262,10 @@ class ThorlabsSc10:
                 )
         return value
 
-    def _odd(self, message: str, answer: str, do_now: str = "") -> InstrumentError:
-        return InstrumentError(
+    def _odd(self, message: str, answer: str) -> InstrumentError:
+        return odd(
             self.place.name,
             f"sent {message!r}",
-            f"{shortened(answer)!r} came back",
-            do_now or "check the cable and that nobody else talks to the controller",
+            answer,
+            "check the cable and that nobody else talks to the controller",
         )

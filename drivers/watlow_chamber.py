@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from abc import abstractmethod
 
+from drivers.bench_limits import limit_of
 from drivers.roles import Place, SafetyReading
 from drivers.transport.patient_registers import RegisterLine
 from drivers.watlow_ramp import Steps
@@ -253,13 +254,7 @@ class WatlowChamber(WatlowSight):
             )
 
     def _limit(self, name: str) -> float:
-        if name not in self.place.limits:
-            raise self._fault(
-                "read the bench file",
-                f"it gives no limits.{name}",
-                "write it there; the chamber is not switched on without it",
-            )
-        return self.place.limits[name]
+        return limit_of(self.place, name, "the chamber is not switched on")
 
     def _fault(self, attempted: str, came_back: str, do_now: str) -> InstrumentError:
         return InstrumentError(self.place.name, attempted, came_back, do_now)

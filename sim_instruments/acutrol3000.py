@@ -33,8 +33,8 @@ from sim_instruments.acutrol3000_limits import Axes, add_limits
 from sim_instruments.acutrol3000_table import Encoder, Table
 from sim_instruments.faults.lasting import EmergencyStop, FollowingError, LastingFault, Stuck
 from sim_instruments.instrument import Setting
+from sim_instruments.line_instrument import LineInstrument
 from sim_instruments.seeds import generator
-from sim_instruments.tcp import HOST, LineServer
 from sim_instruments.truth import SimulationError
 
 FIRMWARE = "A8800-001-01.000-a"
@@ -46,13 +46,16 @@ REGISTERS = ("STATE", "DYN", "SWFLT")
 LIMITS = {"RATE": "rate", "ACCELERATION": "acceleration", "JERK": "jerk"}
 
 
-class Acutrol3000:
+class Acutrol3000(LineInstrument):
     """The controller, whose axes turn those of the world's `table`, or axes of its own.
 
     Truth (`simulator` mapping): `framing`; what `Table` of `sim_instruments.acutrol3000_table`
     needs; and `axis_1` to `axis_3`, as many as there are, each as `Encoder` there.
     """
 
+    model = "Acutronic ACUTROL3000"
+    protocol = "acl"
+    resource = "socket://{host}:{port}"
     lasting_faults: ClassVar = (FollowingError.kind, Stuck.kind, EmergencyStop.kind)
 
     def __init__(self, setting: Setting) -> None:
@@ -80,32 +83,17 @@ class Acutrol3000:
         setting.faults.when_changed(FollowingError.kind, self._falls_behind)
         setting.faults.when_changed(Stuck.kind, self._sticks)
         setting.faults.when_changed(EmergencyStop.kind, self._emergency)
-        self._server = LineServer(
-            setting.name, setting.port, clock, setting.world.lock, self._message, setting.faults
-        )
-        self._server.begin()
+        self.begin_to_serve(setting)
 
     def describe(self) -> dict[str, Any]:
         """Return what `station sim` prints about this instrument."""
-        port = self._server.port
-        return {
-            "model": "Acutronic ACUTROL3000",
-            "protocol": "acl",
-            "address": f"socket://{HOST}:{port}",
-            "host": HOST,
-            "port": port,
-            "framing": self._framing,
-        }
+        return {**super().describe(), "framing": self._framing}
 
     def energised(self) -> bool:
         """Return whether an axis turns."""
         return any(axis.turns() for axis in self.axes.values())
 
-    def close(self) -> None:
-        """Stop serving."""
-        self._server.close()
-
-    def _message(self, line: bytes) -> bytes:
+    def _line(self, line: bytes) -> bytes:
         for axis in self.axes.values():
             axis.catch_up()
         text = line.decode("ascii", "replace").strip()

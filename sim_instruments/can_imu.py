@@ -13,8 +13,7 @@ import numpy as np
 
 from sim_instruments.instrument import Setting
 from sim_instruments.nine_axis_model import LASTING_FAULTS, Counters, NineAxisModel
-from sim_instruments.socketcand import SocketcandServer, frame_text
-from sim_instruments.truth import SimulationError
+from sim_instruments.socketcand import CanInstrument
 from sim_instruments.world.nine_axis_sensor import Means
 
 COMMAND, ACK, STATUS, IDENTITY = 0x0C0, 0x0C1, 0x0C2, 0x0C3
@@ -23,51 +22,30 @@ START, STOP, IDENTIFY, REPORT = 1, 2, 3, 4
 OK, UNKNOWN_COMMAND, BAD_RATE, ALREADY_RUNNING, BAD_LENGTH, UNIT_OFF = range(6)
 OFF_BIT, GYRO_FAILED = 1 << 8, 1 << 9
 SLOWEST, FASTEST = 10, 2000  # outputs per second in units of 0.1 Hz
-FIRMWARE_MAJOR, FIRMWARE_MINOR, HARDWARE_REVISION, PROTOCOL_VERSION = 1, 0, 1, 1
+PROTOCOL_VERSION = 1
+VERSIONS = (1, 0, 1, PROTOCOL_VERSION)
+"""Firmware major and minor, hardware, protocol."""
 GYRO_STEPS, FORCE_STEPS = 2**14, 2**19  # per deg/s, per g
 TEMPERATURE_STEPS = 100  # per degC
 LARGEST = 2**23 - 1
 GYRO_BITS = np.array([1, 2, 4])
 
 
-class CanImu:
+class CanImu(CanInstrument):
     """The sensor of the simulated world, where it has one, behind an interface on CAN.
 
     Truth (`simulator` mapping): `channel` of the bus; `latency` and `clock_error` of the sensor.
     """
 
+    model = "nine-axis sensor"
+    dbc = "nine_axis"
     lasting_faults: ClassVar = LASTING_FAULTS
 
     def __init__(self, setting: Setting) -> None:
-        if not setting.serial.isdigit() or int(setting.serial) >= 2**32:
-            raise SimulationError(
-                f"{setting.truth.where}: the sensor's serial number is a number below 2^32, "
-                f"got '{setting.serial}'"
-            )
-        self._serial = int(setting.serial)
-        self._clock = setting.clock
+        self._serial = setting.serial_number("the sensor's")
         self._model = NineAxisModel(setting, self._frames, self._send_outputs)
         self._status = 0
-        self._server = SocketcandServer(
-            setting.name,
-            setting.port,
-            setting.truth.text("channel"),
-            setting.clock,
-            setting.world.lock,
-            self._received,
-            lambda: None,
-            setting.faults,
-        )
-        self._server.begin()
-
-    def describe(self) -> dict[str, Any]:
-        """Return what `station sim` prints about this instrument."""
-        return self._server.describe("nine-axis sensor", "nine_axis")
-
-    def close(self) -> None:
-        """Stop serving."""
-        self._model.close()
-        self._server.close()
+        self.begin_to_serve(setting, self._model)
 
     def _received(self, identifier: int, data: bytes) -> None:
         if identifier != COMMAND:
@@ -83,8 +61,7 @@ class CanImu:
             self._model.stop()
         self._acknowledge(command, result, request)
         if command == IDENTIFY:
-            versions = (FIRMWARE_MAJOR, FIRMWARE_MINOR, HARDWARE_REVISION, PROTOCOL_VERSION)
-            self._send(IDENTITY, struct.pack("<I4B", self._serial, *versions))
+            self._send(IDENTITY, struct.pack("<I4B", self._serial, *VERSIONS))
         elif command == REPORT:
             counter = self._model.counter & 0xFFFF
             told = (self._bits(), counter, self._rate(), PROTOCOL_VERSION)
@@ -136,15 +113,10 @@ class CanImu:
         )
 
     def _send_outputs(self, outputs: Any) -> None:
-        now_s = self._clock.now()
         if outputs:
             self._status = int.from_bytes(bytes.fromhex(outputs[-1][-1])[2:4], "little")
-        text = "".join(
-            frame_text(identifier, now_s, data)
+        self._send_all(
+            (identifier, data)
             for output in outputs
             for identifier, data in zip(PARTS, output, strict=True)
         )
-        self._server.send_frames(text, len(PARTS) * len(outputs))
-
-    def _send(self, identifier: int, data: bytes) -> None:
-        self._server.send_frames(frame_text(identifier, self._clock.now(), data.hex()), 1)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Callable
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 import numpy.typing as npt
@@ -17,55 +17,36 @@ from sim_instruments.instrument import Setting
 from sim_instruments.pulse_board_model import (
     BAD_LENGTH,
     CHANNELS,
-    FIRMWARE_MAJOR,
-    FIRMWARE_MINOR,
-    HARDWARE_REVISION,
     IDENTIFY,
     LASTING_FAULTS,
     PROTOCOL_VERSION,
     REPORT_STATUS,
+    VERSIONS,
     PulseBoardModel,
 )
 from sim_instruments.pulse_sampler import NO_SENSOR, Rows
-from sim_instruments.socketcand import SocketcandServer, frame_text
+from sim_instruments.socketcand import CanInstrument, frame_text
 
 COMMAND, ACK, STATUS, IDENTITY, FIRST_COUNTS = 0x100, 0x101, 0x110, 0x111, 0x121
 STATUS_PERIOD_S = 1.0
 HEX_DIGITS = 16
 
 
-class CanPulseBoard:
+class CanPulseBoard(CanInstrument):
     """The board on a bus.
 
     Truth (`simulator` mapping): `channel` of the bus, and that of the board, see `PulseBoardModel`.
     """
 
+    model = "CAN pulse board"
+    dbc = "pulse_board"
     lasting_faults: ClassVar = LASTING_FAULTS
 
     def __init__(self, setting: Setting) -> None:
-        self._clock, self._world = setting.clock, setting.world
+        self._world = setting.world
         self._board = PulseBoardModel(setting, self._samples)
-        self._server = SocketcandServer(
-            setting.name,
-            setting.port,
-            setting.truth.text("channel"),
-            setting.clock,
-            self._world.lock,
-            self._received,
-            self._someone_listens,
-            setting.faults,
-        )
         self._reporting = False
-        self._server.begin()
-
-    def describe(self) -> dict[str, Any]:
-        """Return what `station sim` prints about this instrument."""
-        return self._server.describe("CAN pulse board", "pulse_board")
-
-    def close(self) -> None:
-        """Stop serving; the board's threads end when they next look."""
-        self._board.close()
-        self._server.close()
+        self.begin_to_serve(setting, self._board)
 
     def _received(self, identifier: int, data: bytes) -> None:
         if identifier != COMMAND:
@@ -76,8 +57,7 @@ class CanPulseBoard:
         command, mask, interval, request = struct.unpack("<BBIH", data)
         self._acknowledge(command, self._board.carry_out(command, mask, interval), request)
         if command == IDENTIFY:
-            versions = (FIRMWARE_MAJOR, FIRMWARE_MINOR, HARDWARE_REVISION, CHANNELS)
-            self._send(IDENTITY, struct.pack("<I4B", self._board.serial, *versions))
+            self._send(IDENTITY, struct.pack("<I4B", self._board.serial, *VERSIONS))
         elif command == REPORT_STATUS:
             self._send_status()
 
@@ -98,7 +78,7 @@ class CanPulseBoard:
                 parts.append(frame_text(FIRST_COUNTS + channel, time_s, shown))
         return lambda: self._server.send_frames("".join(parts), len(parts))
 
-    def _someone_listens(self) -> None:
+    def _joined(self) -> None:
         # Not before: with a thread asleep and nobody else there, virtual time would run away.
         with self._world.lock:
             if not self._reporting:
@@ -111,6 +91,3 @@ class CanPulseBoard:
         lamps = board.present | board.lit << 4
         told = (flags, board.error_bits, lamps, PROTOCOL_VERSION)
         self._send(STATUS, struct.pack("<I4B", board.samples & 0xFFFFFFFF, *told))
-
-    def _send(self, identifier: int, data: bytes) -> None:
-        self._server.send_frames(frame_text(identifier, self._clock.now(), data.hex()), 1)

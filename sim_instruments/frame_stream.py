@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import socket
 from collections.abc import Callable, Sequence
-from contextlib import AbstractContextManager, suppress
+from contextlib import suppress
 from threading import Lock, get_ident
-from typing import Any, NamedTuple
+from typing import ClassVar, NamedTuple
 
-from sim_instruments.faults.instrument import InstrumentFaults
 from sim_instruments.faults.wire import Reply, WireFault
-from sim_instruments.tcp import HOST, TcpServer, is_closed
-from station.clock import Clock
+from sim_instruments.instrument import Electronics, ServedInstrument, Setting
+from sim_instruments.tcp import TcpServer, is_closed
 
 LONGEST_PENDING = 4096
 
@@ -27,36 +26,26 @@ class FrameStreamServer(TcpServer):
     """Carry frames between one client and one instrument; a new client takes the line over.
 
     `split` finds the client's frames, `received` carries one out, as the running participant and
-    with `lock` held. Faults meet frames by the names that `split` and `send` are given. One unit
-    on the clock's wire is one byte.
+    with the world's lock held. Faults meet frames by the names that `split` and `send` are given.
+    One unit on the clock's wire is one byte.
     """
 
     def __init__(
         self,
-        name: str,
-        port: int,
-        clock: Clock,
-        lock: AbstractContextManager[object],
+        setting: Setting,
         split: Callable[[bytes], Arrived],
         received: Callable[[bytes], None],
-        faults: InstrumentFaults,
     ) -> None:
-        super().__init__(name, port, clock, faults)
-        self._wire = clock.wire(self.address)
-        self._lock = lock
+        super().__init__(setting.name, setting.port, setting.clock, setting.faults)
+        self._wire = setting.clock.wire(self.address)
+        self._lock = setting.world.lock
         self._split = split
         self._received = received
-        self._wrong = faults
+        self._wrong = setting.faults
         self._client: socket.socket | None = None
         self._sending = Lock()
         self._previous: dict[str, Reply] = {}
         self._answering: tuple[int, list[WireFault]] = (0, [])
-
-    def describe(self, model: str) -> dict[str, Any]:
-        """Return what `station sim` prints about the instrument on this line."""
-        address = f"socket://{self.address}"
-        told = {"model": model, "protocol": "frames", "address": address}
-        return {**told, "host": HOST, "port": self.port}
 
     def send(self, name: str, frame: bytes) -> None:
         """Send a frame, whose message has a name, to the client if there is one."""
@@ -147,3 +136,22 @@ class FrameStreamServer(TcpServer):
             self._wire.streamed(len(data))
             with suppress(OSError):
                 client.sendall(data)
+
+
+class FrameInstrument(ServedInstrument):
+    """An instrument on a serial line of its own; `_received` carries out a client's frame."""
+
+    protocol: ClassVar[str] = "frames"
+    resource: ClassVar[str] = "socket://{host}:{port}"
+    _server: FrameStreamServer
+
+    def begin_to_serve(
+        self, setting: Setting, split: Callable[[bytes], Arrived], electronics: Electronics
+    ) -> None:
+        """Listen from now on."""
+        self._electronics = electronics
+        self._server = FrameStreamServer(setting, split, self._received)
+        self._server.begin()
+
+    def _received(self, payload: bytes) -> None:
+        raise NotImplementedError

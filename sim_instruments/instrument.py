@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, ClassVar, Protocol
 
 import numpy as np
 
 from sim_instruments.faults.instrument import InstrumentFaults
-from sim_instruments.truth import Truth
+from sim_instruments.tcp import HOST, TcpServer
+from sim_instruments.truth import SimulationError, Truth
 from sim_instruments.world.base import World
 from station.clock import Clock
 
@@ -26,6 +27,15 @@ class Setting:
     port: int
     faults: InstrumentFaults
 
+    def serial_number(self, whose: str) -> int:
+        """Return the serial number of what tells it in 32 bits; SimulationError where it cannot."""
+        if not self.serial.isdigit() or int(self.serial) >= 2**32:
+            raise SimulationError(
+                f"{self.truth.where}: {whose} serial number is a number below 2^32, "
+                f"got '{self.serial}'"
+            )
+        return int(self.serial)
+
 
 class SimulatedInstrument(Protocol):
     """An instrument that listens on its port from its construction until it is closed.
@@ -42,3 +52,40 @@ class SimulatedInstrument(Protocol):
 
     def close(self) -> None:
         """Stop serving."""
+
+
+class Electronics(Protocol):
+    """What makes an instrument's outputs, in threads of its own."""
+
+    def close(self) -> None:
+        """End the outputs for good."""
+
+
+class ServedInstrument:
+    """What every instrument does alike: say where it is served, and end.
+
+    Its class says which it is; `resource` is the form of the address that a driver of it takes.
+    """
+
+    model: ClassVar[str]
+    protocol: ClassVar[str]
+    resource: ClassVar[str]
+    _server: TcpServer
+    _electronics: Electronics | None = None
+
+    def describe(self) -> dict[str, Any]:
+        """Return what `station sim` prints about this instrument."""
+        port = self._server.port
+        return {
+            "model": self.model,
+            "protocol": self.protocol,
+            "address": self.resource.format(host=HOST, port=port),
+            "host": HOST,
+            "port": port,
+        }
+
+    def close(self) -> None:
+        """Stop serving."""
+        if self._electronics is not None:
+            self._electronics.close()
+        self._server.close()

@@ -25,7 +25,8 @@ from typing import Any, ClassVar
 import numpy as np
 import numpy.typing as npt
 
-from sim_instruments.frame_stream import Arrived, FrameStreamServer
+from sim_instruments.crc32 import SEED, TABLE
+from sim_instruments.frame_stream import Arrived, FrameInstrument
 from sim_instruments.instrument import Setting
 from sim_instruments.nine_axis_model import LASTING_FAULTS, Counters, NineAxisModel
 from sim_instruments.world.nine_axis_sensor import Means
@@ -62,19 +63,12 @@ WELL = 0x7F
 X_FAILED = 0x01
 
 
-def _crc_table() -> npt.NDArray[np.uint32]:
-    table = np.arange(256, dtype=np.uint64) << 24
-    for _ in range(8):
-        table = np.where(table & 0x80000000, (table << 1) ^ 0x04C11DB7, table << 1) & 0xFFFFFFFF
-    return table.astype(np.uint32)
-
-
-CRC_TABLE = _crc_table()
+CRC_TABLE = np.array(TABLE, dtype=np.uint32)
 
 
 def crc32(frames: npt.NDArray[np.uint8]) -> npt.NDArray[np.uint32]:
     """Return the CRC-32/MPEG-2 of each row of bytes."""
-    crc = np.full(len(frames), 0xFFFFFFFF, dtype=np.uint32)
+    crc = np.full(len(frames), SEED, dtype=np.uint32)
     for column in frames.T:
         crc = (crc << np.uint32(8)) ^ CRC_TABLE[(crc >> np.uint32(24)) ^ column]
     return crc
@@ -88,12 +82,13 @@ def commands_in(pending: bytes) -> Arrived:
     )
 
 
-class Kvh1775:
+class Kvh1775(FrameInstrument):
     """The nine-axis sensor of the simulated world, where it has one, as a KVH 1775.
 
     Truth (`simulator` mapping): `latency` and `clock_error` of the sensor.
     """
 
+    model = "KVH 1775"
     lasting_faults: ClassVar = LASTING_FAULTS
 
     def __init__(self, setting: Setting) -> None:
@@ -102,25 +97,7 @@ class Kvh1775:
         self._awake = self._configures = False
         self._sequence = 0
         self._model = NineAxisModel(setting, self._frames, self._send)
-        self._server = FrameStreamServer(
-            setting.name,
-            setting.port,
-            setting.clock,
-            setting.world.lock,
-            commands_in,
-            self._received,
-            setting.faults,
-        )
-        self._server.begin()
-
-    def describe(self) -> dict[str, Any]:
-        """Return what `station sim` prints about this instrument."""
-        return self._server.describe("KVH 1775")
-
-    def close(self) -> None:
-        """Stop serving."""
-        self._model.close()
-        self._server.close()
+        self.begin_to_serve(setting, commands_in, self._model)
 
     def _received(self, line: bytes) -> None:
         if not self._model.powered:

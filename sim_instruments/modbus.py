@@ -8,12 +8,15 @@ drivers use.
 from __future__ import annotations
 
 import struct
+from abc import abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from sim_instruments.faults.instrument import InstrumentFaults
 from sim_instruments.faults.taps import LineTap
 from sim_instruments.faults.wire import Reply
+from sim_instruments.instrument import Setting
+from sim_instruments.tcp import LineServer
 
 READ_HOLDING, READ_INPUT, WRITE_ONE, WRITE_MANY = 3, 4, 6, 16
 ILLEGAL_FUNCTION, ILLEGAL_ADDRESS, ILLEGAL_VALUE, DEVICE_FAILURE = 1, 2, 3, 4
@@ -130,6 +133,26 @@ class ModbusTap(LineTap):
     def parted(self, answer: bytes) -> Reply | None:
         """Return the whole frame as what may be changed; a frame has no end of line."""
         return Reply(answer) if answer else None
+
+
+class ModbusServer(LineServer):
+    """Answer for one device, whose requests stand `request_at` bytes into their frames."""
+
+    def __init__(self, setting: Setting, registers: Registers, request_at: int) -> None:
+        super().__init__(
+            setting.name,
+            setting.port,
+            setting.clock,
+            setting.world.lock,
+            self._frame,
+            setting.faults,
+        )
+        self._registers = registers
+        self._tap = ModbusTap(setting.faults, request_at)
+
+    @abstractmethod
+    def _frame(self, frame: bytes) -> bytes:
+        """Return the answer to a whole frame, or nothing."""
 
 
 def unpacked(form: str, data: bytes) -> tuple[int, ...]:

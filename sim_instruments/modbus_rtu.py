@@ -16,12 +16,10 @@ from sim_instruments.modbus import (
     READ_INPUT,
     WRITE_MANY,
     WRITE_ONE,
-    ModbusTap,
+    ModbusServer,
     Registers,
 )
-from sim_instruments.tcp import LineServer
 
-PROTOCOL = "modbus-rtu"
 POLYNOMIAL = 0xA001
 SILENCE_S = 0.02
 """What ends a frame: more than three and a half characters at 9600 Bd, and some."""
@@ -30,21 +28,12 @@ SHORTEST, FIXED, BEFORE_DATA, LONGEST = 4, 8, 7, 256
 EVERYBODY = 0
 
 
-class ModbusRtuServer(LineServer):
+class ModbusRtuServer(ModbusServer):
     """Answer for one device."""
 
     def __init__(self, setting: Setting, registers: Registers, unit: int) -> None:
-        super().__init__(
-            setting.name,
-            setting.port,
-            setting.clock,
-            setting.world.lock,
-            self._frame,
-            setting.faults,
-        )
-        self._registers = registers
+        super().__init__(setting, registers, 1)
         self._unit = unit
-        self._tap = ModbusTap(setting.faults, 1)
 
     def serve(self, client: socket.socket) -> None:
         """Read frames until the client leaves."""

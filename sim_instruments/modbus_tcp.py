@@ -12,31 +12,20 @@ import struct
 from collections.abc import Iterator
 
 from sim_instruments.instrument import Setting
-from sim_instruments.modbus import ModbusTap, Registers
-from sim_instruments.tcp import LineServer
+from sim_instruments.modbus import ModbusServer, Registers
 
-PROTOCOL = "modbus-tcp"
 HEADER = struct.Struct(">HHHB")
 LENGTHS = range(2, 255)
 EVERY_UNIT = (0, 255)
 """How a client that speaks to the one device of an address may name it."""
 
 
-class ModbusTcpServer(LineServer):
+class ModbusTcpServer(ModbusServer):
     """Answer for one device; requests to other units stay without an answer."""
 
     def __init__(self, setting: Setting, registers: Registers, unit: int) -> None:
-        super().__init__(
-            setting.name,
-            setting.port,
-            setting.clock,
-            setting.world.lock,
-            self._frame,
-            setting.faults,
-        )
-        self._registers = registers
+        super().__init__(setting, registers, HEADER.size)
         self._units = (unit, *EVERY_UNIT)
-        self._tap = ModbusTap(setting.faults, HEADER.size)
 
     def serve(self, client: socket.socket) -> None:
         """Read frames until the client leaves, or sends what is none."""

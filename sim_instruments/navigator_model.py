@@ -22,7 +22,11 @@ OK, UNKNOWN_COMMAND, BAD_RATE, BAD_LATITUDE, ALREADY_RUNNING, BAD_LENGTH, UNIT_O
 ALIGNED, ALIGNING = 1 << 0, 1 << 1
 OFF_BIT, ALIGNMENT_FAILED, GYRO_FAILED = 1 << 8, 1 << 9, 1 << 10
 SLOWEST, FASTEST = 10, 100  # outputs per second in units of 0.1 Hz
-FIRMWARE_MAJOR, FIRMWARE_MINOR, HARDWARE_REVISION, PROTOCOL_VERSION = 1, 0, 1, 1
+PROTOCOL_VERSION = 1
+VERSIONS = (1, 0, 1, PROTOCOL_VERSION)
+"""Firmware major and minor, hardware, protocol."""
+TEMPERATURE_STEPS, LARGEST_TEMPERATURE = 100.0, 32767  # per degC
+LONGEST_TOLD = 0xFFFF  # of an alignment, in units of 0.1 s
 FIRST_AHEAD, MOST_AHEAD = 16, 256
 LONGEST_AHEAD_S = 60.0
 LASTING_FAULTS = (Frozen.kind, Silent.kind, AlignmentFails.kind, GyroFails.kind)
@@ -73,6 +77,11 @@ class Output(NamedTuple):
     temperature_degC: tuple[float, float, float]
     status: int
 
+    def temperature_steps(self) -> list[int]:
+        """Return the temperatures in 0.01 degC, as both lines send them."""
+        steps = (round(one * TEMPERATURE_STEPS) for one in self.temperature_degC)
+        return [max(-LARGEST_TEMPERATURE, min(one, LARGEST_TEMPERATURE)) for one in steps]
+
 
 class NavigatorModel:
     """A navigator that answers commands and gives each output to `send` when it is due.
@@ -85,12 +94,7 @@ class NavigatorModel:
 
     def __init__(self, setting: Setting, send: Callable[[Output], None]) -> None:
         truth = setting.truth
-        if not setting.serial.isdigit() or int(setting.serial) >= 2**32:
-            raise SimulationError(
-                f"{truth.where}: the navigator's serial number is a number below 2^32, "
-                f"got '{setting.serial}'"
-            )
-        self.serial = int(setting.serial)
+        self.serial = setting.serial_number("the navigator's")
         self._resolution_deg = truth.quantity("resolution", "deg")
         self._latency_s = truth.quantity("latency", "s")
         self._stretch = 1.0 + truth.quantity("clock_error", "1")
@@ -112,8 +116,23 @@ class NavigatorModel:
         self._begin_s = self._interval_s = 0.0
         self._forget_ahead()
 
-    def start(self, rate: int) -> int:
-        """Begin to output, `rate` in 0.1 Hz; returns a result."""
+    def carry_out(self, command: int, rate: int, latitude_deg: float) -> int:
+        """Do what a command asks for, `rate` in 0.1 Hz; returns a result."""
+        if command == START:
+            return self._start(rate)
+        if command == ALIGN:
+            return self._align(latitude_deg)
+        if command == STOP:
+            self.rate = 0
+        return OK if command in (STOP, IDENTIFY, REPORT) else UNKNOWN_COMMAND
+
+    def report(self) -> tuple[int, int, int, int]:
+        """Return status, 0.1 s that an alignment is under way, last counter and rate."""
+        status, since_s = self.status(), self._aligning_since_s
+        for_s = self._clock.now() - since_s if status & ALIGNING and since_s is not None else 0.0
+        return status, min(round(10 * for_s), LONGEST_TOLD), self.counter & 0xFFFF, self.rate
+
+    def _start(self, rate: int) -> int:
         if not self._powered():
             return UNIT_OFF
         if self.rate:
@@ -130,13 +149,7 @@ class NavigatorModel:
         self._clock.start(name, lambda: self._output(number))
         return OK
 
-    def stop(self) -> int:
-        """End the output; returns a result."""
-        self.rate = 0
-        return OK
-
-    def align(self, latitude_deg: float) -> int:
-        """Begin an alignment; returns a result."""
+    def _align(self, latitude_deg: float) -> int:
         if self._world is None or not self._powered():
             return UNIT_OFF
         if not abs(latitude_deg) <= 90:
@@ -158,12 +171,6 @@ class NavigatorModel:
             self._aligning_since_s = None
             return bits | ALIGNED
         return bits | (ALIGNING if self._aligning_since_s is not None else 0)
-
-    def aligning_for_s(self) -> float:
-        """Return how long the alignment has been under way, 0 when none is."""
-        if not self.status() & ALIGNING or self._aligning_since_s is None:
-            return 0.0
-        return self._clock.now() - self._aligning_since_s
 
     def close(self) -> None:
         """End the output for good; the thread ends when it next looks."""

@@ -21,7 +21,9 @@ START, STOP, IDENTIFY, REPORT_STATUS = 1, 2, 3, 4
 OK, UNKNOWN_COMMAND, BAD_INTERVAL, BAD_MASK, ALREADY_RUNNING, BAD_LENGTH = range(6)
 REFUSED_BIT, OVERFLOW_BIT = 1, 2
 CHANNELS = 3
-FIRMWARE_MAJOR, FIRMWARE_MINOR, HARDWARE_REVISION, PROTOCOL_VERSION = 1, 2, 1, 1
+VERSIONS = (1, 2, 1, CHANNELS)
+"""Firmware major and minor, hardware, and how many channels there are."""
+PROTOCOL_VERSION = 1
 SHORTEST, LONGEST = 10, 100_000  # sample interval in units of 0.1 ms
 LASTING_FAULTS = (Frozen.kind, Silent.kind, Dark.kind, Overheating.kind)
 
@@ -45,12 +47,7 @@ class PulseBoardModel:
         self._name, self._clock, self._send = setting.name, setting.clock, send
         self._world = setting.world
         self._latency_s, self._shortest_batch_s = latency_s, shortest_batch_s
-        if not setting.serial.isdigit() or int(setting.serial) >= 2**32:
-            raise SimulationError(
-                f"{setting.truth.where}: the pulse board's serial number is a number below 2^32, "
-                f"got '{setting.serial}'"
-            )
-        self.serial = int(setting.serial)
+        self.serial = setting.serial_number("the pulse board's")
         self._stretch = 1.0 + setting.truth.quantity("clock_error", "1")
         self._gyro_bench = self._world if isinstance(self._world, LaserGyroBench) else None
         self.gyro_bit = 1 << (self._gyro_bench.gyro.channel - 1) if self._gyro_bench else 0

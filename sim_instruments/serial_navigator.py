@@ -7,24 +7,20 @@ byte comes first. Written from that layout alone, with a checksum of its own.
 from __future__ import annotations
 
 import struct
-from typing import Any, ClassVar
+from typing import ClassVar
 
-from sim_instruments.frame_stream import Arrived, FrameStreamServer
+from sim_instruments.crc32 import crc32
+from sim_instruments.frame_stream import Arrived, FrameInstrument
 from sim_instruments.instrument import Setting
 from sim_instruments.navigator_model import (
     ALIGN,
     BAD_LENGTH,
-    FIRMWARE_MAJOR,
-    FIRMWARE_MINOR,
-    HARDWARE_REVISION,
     IDENTIFY,
     LASTING_FAULTS,
-    OK,
-    PROTOCOL_VERSION,
     REPORT,
     START,
     STOP,
-    UNKNOWN_COMMAND,
+    VERSIONS,
     NavigatorModel,
     Output,
 )
@@ -41,32 +37,7 @@ NAMES = {
 COMMANDS = {START: "start", STOP: "stop", IDENTIFY: "identify", REPORT: "report", ALIGN: "align"}
 HEAD_BYTES, CRC_BYTES, COMMAND_BYTES = 4, 4, 7
 LONGEST_PAYLOAD = 32
-ANGLE_STEPS, TEMPERATURE_STEPS = 1e7, 100.0  # per deg, per degC
-LARGEST_TEMPERATURE = 32767
-LONGEST_TOLD = 0xFFFF
-POLYNOMIAL, SEED = 0x04C11DB7, 0xFFFFFFFF
-
-
-def _table() -> list[int]:
-    table = []
-    for top in range(256):
-        remainder = top << 24
-        for _ in range(8):
-            carry = remainder >> 31
-            remainder = (remainder << 1 & 0xFFFFFFFF) ^ (POLYNOMIAL if carry else 0)
-        table.append(remainder)
-    return table
-
-
-CRC_TABLE = _table()
-
-
-def crc32(data: bytes) -> int:
-    """Return the checksum of a frame: zero bytes fill it up to a multiple of four."""
-    crc = SEED
-    for byte in data + b"\0" * (-len(data) % 4):
-        crc = (crc << 8 & 0xFFFFFFFF) ^ CRC_TABLE[crc >> 24 ^ byte]
-    return crc
+ANGLE_STEPS = 1e7  # per deg
 
 
 def frame_of(kind: int, payload: bytes) -> bytes:
@@ -101,72 +72,40 @@ def commands_in(pending: bytes) -> Arrived:
             frames.append((f"{NAMES[COMMAND]} {command}", whole[HEAD_BYTES:]))
 
 
-class SerialNavigator:
+class SerialNavigator(FrameInstrument):
     """The navigator of the simulated world, where it has one, behind an interface on RS-422.
 
     Truth (`simulator` mapping): `resolution`, `latency` and `clock_error` of the navigator.
     """
 
+    model = "FOG navigator"
     lasting_faults: ClassVar = LASTING_FAULTS
 
     def __init__(self, setting: Setting) -> None:
         self._model = NavigatorModel(setting, self._send_output)
-        self._server = FrameStreamServer(
-            setting.name,
-            setting.port,
-            setting.clock,
-            setting.world.lock,
-            commands_in,
-            self._received,
-            setting.faults,
-        )
-        self._server.begin()
-
-    def describe(self) -> dict[str, Any]:
-        """Return what `station sim` prints about this instrument."""
-        return self._server.describe("FOG navigator")
-
-    def close(self) -> None:
-        """Stop serving."""
-        self._model.close()
-        self._server.close()
+        self.begin_to_serve(setting, commands_in, self._model)
 
     def _received(self, payload: bytes) -> None:
         if len(payload) != COMMAND_BYTES:
             self._acknowledge(payload[0] if payload else 0, BAD_LENGTH, 0)
             return
         command, request, argument = struct.unpack(">BHi", payload)
-        if command == START:
-            result = self._model.start(argument)
-        elif command == STOP:
-            result = self._model.stop()
-        elif command == ALIGN:
-            result = self._model.align(argument * 1e-7)
-        else:
-            result = OK if command in (IDENTIFY, REPORT) else UNKNOWN_COMMAND
+        result = self._model.carry_out(command, argument, argument * 1e-7)
         self._acknowledge(command, result, request)
         if command == IDENTIFY:
-            versions = (FIRMWARE_MAJOR, FIRMWARE_MINOR, HARDWARE_REVISION, PROTOCOL_VERSION)
-            self._send(IDENTITY, struct.pack(">I4B", self._model.serial, *versions))
+            self._send(IDENTITY, struct.pack(">I4B", self._model.serial, *VERSIONS))
         elif command == REPORT:
-            self._send_status()
+            self._send(STATUS, struct.pack(">HHHB", *self._model.report()))
 
     def _acknowledge(self, command: int, result: int, request: int) -> None:
         self._send(ACK, struct.pack(">BBHB", command, result, request, self._model.rate))
-
-    def _send_status(self) -> None:
-        model = self._model
-        status, aligning = model.status(), min(round(10 * model.aligning_for_s()), LONGEST_TOLD)
-        counter = model.counter & 0xFFFF
-        self._send(STATUS, struct.pack(">HHHB", status, aligning, counter, model.rate))
 
     def _send_output(self, output: Output) -> None:
         heading, pitch, roll = (
             round(angle * ANGLE_STEPS)
             for angle in (output.heading_deg, output.pitch_deg, output.roll_deg)
         )
-        steps = (round(one * TEMPERATURE_STEPS) for one in output.temperature_degC)
-        warm = [max(-LARGEST_TEMPERATURE, min(one, LARGEST_TEMPERATURE)) for one in steps]
+        warm = output.temperature_steps()
         self._send(
             OUTPUT,
             struct.pack(">HIii3hH", output.counter, heading, pitch, roll, *warm, output.status),

@@ -10,24 +10,23 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Callable
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 import numpy.typing as npt
 
-from sim_instruments.frame_stream import Arrived, FrameStreamServer
+from sim_instruments.crc32 import crc32
+from sim_instruments.frame_stream import Arrived, FrameInstrument
 from sim_instruments.instrument import Setting
 from sim_instruments.pulse_board_model import (
     BAD_LENGTH,
     CHANNELS,
-    FIRMWARE_MAJOR,
-    FIRMWARE_MINOR,
-    HARDWARE_REVISION,
     IDENTIFY,
     LASTING_FAULTS,
     REPORT_STATUS,
     START,
     STOP,
+    VERSIONS,
     PulseBoardModel,
 )
 from sim_instruments.pulse_sampler import NO_SENSOR, Rows
@@ -43,29 +42,6 @@ SHOWN_PER_DEGC = 100.0
 ALL = (1 << CHANNELS) - 1
 BATCH_S, LONGEST_LATENCY_S = 0.04, 0.02
 LARGEST_LATENCY = 0xFFFF  # us
-POLYNOMIAL = 0x04C11DB7
-
-
-def _table() -> list[int]:
-    table = []
-    for top in range(256):
-        remainder = top << 24
-        for _ in range(8):
-            carry = remainder >> 31
-            remainder = (remainder << 1 & 0xFFFFFFFF) ^ (POLYNOMIAL if carry else 0)
-        table.append(remainder)
-    return table
-
-
-CRC_TABLE = _table()
-
-
-def crc32(data: bytes) -> int:
-    """Return the checksum of a datagram: zero bytes fill it up to a multiple of four."""
-    crc = 0xFFFFFFFF
-    for byte in data + b"\0" * (-len(data) % 4):
-        crc = (crc << 8 & 0xFFFFFFFF) ^ CRC_TABLE[crc >> 24 ^ byte]
-    return crc
 
 
 def datagram(kind: int, payload: bytes) -> bytes:
@@ -93,13 +69,14 @@ def commands_in(pending: bytes) -> Arrived:
         pending = pending[whole:]
 
 
-class SerialPulseBoard:
+class SerialPulseBoard(FrameInstrument):
     """The board on a serial line.
 
     Truth (`simulator` mapping): `latency` from the end of an interval to its datagram, and that of
     the board, see `PulseBoardModel`.
     """
 
+    model = "serial pulse board"
     lasting_faults: ClassVar = LASTING_FAULTS
 
     def __init__(self, setting: Setting) -> None:
@@ -108,25 +85,7 @@ class SerialPulseBoard:
             raise SimulationError(f"{setting.truth.where}.latency: 0 s to {LONGEST_LATENCY_S:g} s")
         self._clock = setting.clock
         self._board = PulseBoardModel(setting, self._outputs, latency_s, BATCH_S)
-        self._server = FrameStreamServer(
-            setting.name,
-            setting.port,
-            setting.clock,
-            setting.world.lock,
-            commands_in,
-            self._received,
-            setting.faults,
-        )
-        self._server.begin()
-
-    def describe(self) -> dict[str, Any]:
-        """Return what `station sim` prints about this instrument."""
-        return self._server.describe("serial pulse board")
-
-    def close(self) -> None:
-        """Stop serving; the board's threads end when they next look."""
-        self._board.close()
-        self._server.close()
+        self.begin_to_serve(setting, commands_in, self._board)
 
     def _received(self, payload: bytes) -> None:
         board = self._board
@@ -136,8 +95,7 @@ class SerialPulseBoard:
         command, mask, interval, request = struct.unpack(">BBIH", payload)
         self._acknowledge(command, board.carry_out(command, mask, interval), request)
         if command == IDENTIFY:
-            versions = (FIRMWARE_MAJOR, FIRMWARE_MINOR, HARDWARE_REVISION, CHANNELS)
-            self._send(IDENTITY, struct.pack(">I4B", board.serial, *versions))
+            self._send(IDENTITY, struct.pack(">I4B", board.serial, *VERSIONS))
         elif command == REPORT_STATUS:
             told = (int(board.running), board.error_bits, board.present, board.lit)
             self._send(STATUS, struct.pack(">I4B", board.samples & 0xFFFFFFFF, *told))

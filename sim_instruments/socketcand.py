@@ -3,65 +3,42 @@
 from __future__ import annotations
 
 import socket
-from collections.abc import Callable
-from contextlib import AbstractContextManager, suppress
+from collections.abc import Callable, Iterable
+from contextlib import suppress
 from importlib.resources import files
 from threading import Lock
-from typing import Any
+from typing import Any, ClassVar
 
-from sim_instruments.faults.instrument import InstrumentFaults
 from sim_instruments.faults.taps import FrameTap
-from sim_instruments.tcp import HOST, TcpServer
-from station.clock import Clock
+from sim_instruments.instrument import Electronics, ServedInstrument, Setting
+from sim_instruments.tcp import TcpServer
 
 LONGEST_COMMAND = 4096
 
 
 class SocketcandServer(TcpServer):
-    """Carry CAN frames between any number of clients and one device on the bus `channel`.
+    """Carry CAN frames between any number of clients and one device.
 
-    `received` is called with the identifier and the data of each frame that a client sends, as
-    the running participant and with `lock` held; `joined` before a client gets its first frame.
-    One unit on the clock's wire is one frame.
+    The instrument's truth has the bus's `channel`. `received` is called with the identifier and the
+    data of each frame that a client sends, as the running participant and with the world's lock
+    held; `joined` before a client gets its first frame. One unit on the clock's wire is one frame.
     """
 
     def __init__(
         self,
-        name: str,
-        port: int,
-        channel: str,
-        clock: Clock,
-        lock: AbstractContextManager[object],
+        setting: Setting,
         received: Callable[[int, bytes], None],
         joined: Callable[[], None],
-        faults: InstrumentFaults | None = None,
     ) -> None:
-        super().__init__(name, port, clock, faults)
-        self.channel = channel
-        self._wire = clock.wire(self.address)
-        self._lock = lock
+        super().__init__(setting.name, setting.port, setting.clock, setting.faults)
+        self.channel = setting.truth.text("channel")
+        self._wire = setting.clock.wire(self.address)
+        self._lock = setting.world.lock
         self._received = received
         self._joined = joined
         self._raw: list[socket.socket] = []
         self._sending = Lock()
-        self._tap = FrameTap(faults)
-
-    @property
-    def clients(self) -> int:
-        """How many clients get frames now."""
-        return len(self._raw)
-
-    def describe(self, model: str, dbc: str) -> dict[str, Any]:
-        """Return what `station sim` prints about the device; `dbc` names its message file."""
-        return {
-            "model": model,
-            "protocol": "socketcand",
-            "address": f"socketcand://{self.address}/{self.channel}",
-            "host": HOST,
-            "port": self.port,
-            "channel": self.channel,
-            "dbc": str(files("config") / "dbc" / f"{dbc}.dbc"),
-        }
+        self._tap = FrameTap(setting.faults)
 
     def send_frames(self, text: str, count: int) -> None:
         """Send `count` frames, already written as `< frame … >`, to every client in raw mode."""
@@ -159,3 +136,43 @@ def frame_text(identifier: int, time_s: float, data_hex: str) -> str:
     """Return one received frame as the daemon writes it; data in hexadecimal without blanks."""
     name = f"{identifier:03X}" if identifier < 0x800 else f"{identifier:08X}"
     return f"< frame {name} {time_s:.6f} {data_hex} >"
+
+
+class CanInstrument(ServedInstrument):
+    """A device on a CAN bus of its own; `_received` carries out a client's frame.
+
+    `dbc` names its message file.
+    """
+
+    protocol: ClassVar[str] = "socketcand"
+    resource: ClassVar[str] = "socketcand://{host}:{port}"
+    dbc: ClassVar[str]
+    _server: SocketcandServer
+
+    def begin_to_serve(self, setting: Setting, electronics: Electronics) -> None:
+        """Listen from now on."""
+        self._clock = setting.clock
+        self._electronics = electronics
+        self._server = SocketcandServer(setting, self._received, self._joined)
+        self._server.begin()
+
+    def describe(self) -> dict[str, Any]:
+        """Return what `station sim` prints about this instrument."""
+        told, channel = super().describe(), self._server.channel
+        told["address"] += f"/{channel}"
+        return {**told, "channel": channel, "dbc": str(files("config") / "dbc" / f"{self.dbc}.dbc")}
+
+    def _received(self, identifier: int, data: bytes) -> None:
+        raise NotImplementedError
+
+    def _joined(self) -> None:
+        """Do what is due before a client gets its first frame."""
+
+    def _send(self, identifier: int, data: bytes) -> None:
+        self._send_all([(identifier, data.hex())])
+
+    def _send_all(self, frames: Iterable[tuple[int, str]]) -> None:
+        """Send frames, identifier and data in hexadecimal, together."""
+        now_s = self._clock.now()
+        texts = [frame_text(identifier, now_s, data_hex) for identifier, data_hex in frames]
+        self._server.send_frames("".join(texts), len(texts))

@@ -13,14 +13,12 @@ refused with exception 3. Left out: profiles, the second channel.
 from __future__ import annotations
 
 from functools import partial
-from typing import Any, ClassVar
 
 from sim_instruments.instrument import Setting
 from sim_instruments.modbus import ILLEGAL_VALUE, ModbusError, Parameter, Registers, Words, fixed
-from sim_instruments.modbus_rtu import PROTOCOL, ModbusRtuServer
-from sim_instruments.tcp import HOST
+from sim_instruments.modbus_rtu import ModbusRtuServer
 from sim_instruments.truth import SimulationError
-from sim_instruments.watlow_plant import Plant
+from sim_instruments.watlow_plant import Plant, WatlowController
 
 UNIT = 1
 MODEL, REVISION, MADE = 5270, 203, 2208
@@ -31,7 +29,7 @@ EVENTS = 8
 HIGHEST_SERIAL = 999_999
 
 
-class WatlowF4:
+class WatlowF4(WatlowController):
     """The controller; its channel 1 moves the world's `chamber`, or one of its own.
 
     Truth (`simulator` mapping): what `Plant` needs; `set_point_low` and `set_point_high` as the
@@ -40,7 +38,9 @@ class WatlowF4:
     said.
     """
 
-    lasting_faults: ClassVar = Plant.lasting_faults
+    model = "Watlow F4"
+    protocol = "modbus-rtu"
+    resource = "socket://{host}:{port}"
 
     def __init__(self, setting: Setting) -> None:
         truth = setting.truth
@@ -57,25 +57,6 @@ class WatlowF4:
         self._add_registers(int(setting.serial))
         self._server = ModbusRtuServer(setting, self._registers, UNIT)
         self._server.begin()
-
-    def describe(self) -> dict[str, Any]:
-        """Return what `station sim` prints about this instrument."""
-        port = self._server.port
-        return {
-            "model": "Watlow F4",
-            "protocol": PROTOCOL,
-            "address": f"socket://{HOST}:{port}",
-            "host": HOST,
-            "port": port,
-        }
-
-    def energised(self) -> bool:
-        """Return whether heater and compressor may run."""
-        return self._plant.energised()
-
-    def close(self) -> None:
-        """Stop serving."""
-        self._server.close()
 
     def _add_registers(self, serial: int) -> None:
         first, last = divmod(serial, 1000)

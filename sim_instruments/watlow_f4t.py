@@ -14,7 +14,7 @@ from __future__ import annotations
 import struct
 from contextlib import suppress
 from functools import partial
-from typing import Any, ClassVar
+from typing import Any
 
 from sim_instruments.instrument import Setting
 from sim_instruments.modbus import (
@@ -26,10 +26,9 @@ from sim_instruments.modbus import (
     Words,
     fixed,
 )
-from sim_instruments.modbus_tcp import PROTOCOL, ModbusTcpServer
-from sim_instruments.tcp import HOST
+from sim_instruments.modbus_tcp import ModbusTcpServer
 from sim_instruments.truth import SimulationError
-from sim_instruments.watlow_plant import Plant, SetPoint
+from sim_instruments.watlow_plant import Plant, SetPoint, WatlowController
 
 UNIT = 1
 HARDWARE_ID, RELEASE, BUILD = 124, 5, 1203
@@ -47,7 +46,7 @@ WORD_ORDERS = ("low-first", "high-first")
 LIMIT_REGISTERS = {11250: SAFE, 11264: OK, 11288: NONE}
 
 
-class WatlowF4T:
+class WatlowF4T(WatlowController):
     """The controller; its loop 1 moves the world's `chamber`, or one of its own.
 
     Truth (`simulator` mapping): what `Plant` needs; `word_order`; `set_point_low` and
@@ -57,7 +56,9 @@ class WatlowF4T:
     `spare`; `events`: number to the output that it switches.
     """
 
-    lasting_faults: ClassVar = Plant.lasting_faults
+    model = "Watlow F4T"
+    protocol = "modbus-tcp"
+    resource = "modbus-tcp://{host}:{port}"
 
     def __init__(self, setting: Setting) -> None:
         truth = setting.truth
@@ -89,25 +90,6 @@ class WatlowF4T:
         self._add_states(truth.integer("alarms", 0), truth.raw("limit_modules"))
         self._server = ModbusTcpServer(setting, self._registers, UNIT)
         self._server.begin()
-
-    def describe(self) -> dict[str, Any]:
-        """Return what `station sim` prints about this instrument."""
-        port = self._server.port
-        return {
-            "model": "Watlow F4T",
-            "protocol": PROTOCOL,
-            "address": f"{PROTOCOL}://{HOST}:{port}",
-            "host": HOST,
-            "port": port,
-        }
-
-    def energised(self) -> bool:
-        """Return whether heater and compressor may run."""
-        return self._plant.energised()
-
-    def close(self) -> None:
-        """Stop serving."""
-        self._server.close()
 
     # The registers.
 

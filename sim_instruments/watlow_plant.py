@@ -15,7 +15,7 @@ from sim_instruments.faults.lasting import (
     HeaterBroken,
     LastingFault,
 )
-from sim_instruments.instrument import Setting
+from sim_instruments.instrument import ServedInstrument, Setting
 from sim_instruments.truth import SimulationError, Truth
 from sim_instruments.world.chamber import Chamber
 
@@ -156,3 +156,14 @@ class SetPoint:
             self._plant.ramp(start_degC, target_degC, rate_K_per_s)
         else:
             self._plant.set_point(start_degC)
+
+
+class WatlowController(ServedInstrument):
+    """A controller, of whatever model, that steers a plant."""
+
+    lasting_faults: ClassVar = Plant.lasting_faults
+    _plant: Plant
+
+    def energised(self) -> bool:
+        """Return whether heater and compressor may run."""
+        return self._plant.energised()

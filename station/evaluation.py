@@ -14,11 +14,12 @@ from station.bench import Bench
 from station.console import span
 from station.errors import EXIT_DONE, EXIT_OUTSIDE_LIMIT, EXIT_UNDETERMINED
 from station.faults import FaultList, not_there
+from station.findings import Findings, Flag
 from station.record.files import write_whole_file
 from station.record.folder import REPORT, RESULTS, RESUMED, RunFolder
 from station.record.manifest import MANIFEST, write_manifest
 from station.recorded import left_unverified, read_plan_and_bench, used_instruments
-from station.results import Findings, Flag, ResultDocument, conclude
+from station.results import ResultDocument, conclude
 
 if TYPE_CHECKING:
     from station.dataset_reading import RawDataset

@@ -29,7 +29,9 @@ from pydantic import (
     ConfigDict,
     GetCoreSchemaHandler,
     GetJsonSchemaHandler,
+    ValidationInfo,
     WithJsonSchema,
+    field_validator,
 )
 from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
@@ -136,6 +138,19 @@ class StrictModel(BaseModel):
             renamed = True
         if renamed:
             cls.model_rebuild(force=True)
+
+
+class WarmUpWindow(StrictModel):
+    """What every warm-up's `window_s` and `at_most_s` hold to; it adds its own limit of a slope."""
+
+    @field_validator("at_most_s", check_fields=False)
+    @classmethod
+    def longer_than_window(cls, at_most_s: float, info: ValidationInfo) -> float:
+        """Refuse a time-out that ends before the window can be full."""
+        window_s = info.data.get("window_s")
+        if window_s is not None and at_most_s < window_s:
+            raise ValueError(f"the warm-up may not end before its window of {window_s:g} s is full")
+        return at_most_s
 
 
 def unit_in(parts: tuple[object, ...]) -> Unit | None:

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from pkgutil import resolve_name
+from typing import TYPE_CHECKING, Any, TypedDict
 
 from station.errors import InputError
 
@@ -13,9 +14,10 @@ if TYPE_CHECKING:
     from station.bench import Bench
     from station.dataset_reading import RawDataset
     from station.fields import StrictModel
+    from station.findings import Findings
     from station.record.folder import RunFolder
     from station.report.parts import Part
-    from station.results import Findings, ResultDocument
+    from station.results import ResultDocument
     from station.runner.run import Run
 
 
@@ -67,7 +69,8 @@ class SetPoint:
     `rms_current_A` is what heats a coil, the effective current of a current that changes; None
     where it is `current_A` itself. `duty` is the part of the time in which the current flows, None
     where it always does. `temperature_slew_degC_per_min` is how fast a temperature is approached.
-    What a set-point does not concern is None.
+    `decided_by` is the key of the plan that decides it, where that is not the one which the
+    forecast names for the instrument. What a set-point does not concern is None.
     """
 
     step: str
@@ -83,6 +86,7 @@ class SetPoint:
     angle_deg: float | None = None
     temperature_slew_degC_per_min: float | None = None
     voltage_V: float | None = None
+    decided_by: tuple[str, ...] | None = None
 
 
 @dataclass(frozen=True)
@@ -105,6 +109,47 @@ class Forecast:
     set_points: tuple[SetPoint, ...] = ()
     recordings: tuple[Recording, ...] = ()
     decided_by: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Later:
+    """Something of a module that is imported when it is asked for, not before: `lab.fit:analyse`.
+
+    Called, it calls what stands there; `get` returns it.
+    """
+
+    name: str
+
+    def get(self) -> Any:
+        """Return it; raises ImportError or AttributeError where there is no such thing."""
+        return resolve_name(self.name)
+
+    def __call__(self, *arguments: Any) -> Any:
+        """Call it."""
+        return self.get()(*arguments)
+
+
+class DataHooks(TypedDict):
+    """What a procedure does with data once they are there."""
+
+    evaluate_run: Callable[[RunFolder, Any, Bench], Findings]
+    evaluate_dataset: Callable[[RawDataset], Findings]
+    conditions: Callable[[], type[StrictModel]]
+    report: Callable[[Findings, ResultDocument], Sequence[Part]]
+
+
+def usual_modules(package: str) -> DataHooks:
+    """Return the hooks of a package whose modules have the usual names, imported when used.
+
+    `evaluate` has `findings_of_run(folder, parameters, bench)` and `findings_of_dataset(raw)`,
+    `from_import` the model `Conditions`, `figures` has `draw_parts(findings, document)`.
+    """
+    return DataHooks(
+        evaluate_run=Later(f"{package}.evaluate:findings_of_run"),
+        evaluate_dataset=Later(f"{package}.evaluate:findings_of_dataset"),
+        conditions=Later(f"{package}.from_import:Conditions").get,
+        report=Later(f"{package}.figures:draw_parts"),
+    )
 
 
 def not_told(parameters: Any) -> tuple[str, ...]:
@@ -150,6 +195,9 @@ def no_forecast(parameters: Any, bench: Bench) -> Forecast:
 @dataclass(frozen=True)
 class Procedure:
     """A published method, ready to be run, imported and analysed.
+
+    What needs NumPy or a plotting library, as evaluation and report do, is given as `Later` or by
+    `usual_modules`, so that a plan is validated without them.
 
     parameters: model of the plan's `parameters`; results: name to axes and unit;
     instruments(parameters): the bench instances it needs; prompts(parameters): what it may ask;

@@ -1,82 +1,16 @@
-"""What a procedure found, and the result document that other programs rely on."""
+"""The result document that other programs rely on: findings, held against their limits."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 from station.decision import Decision, Limit, Rule, Verdict, decide, overall
-from station.uncertainty import BudgetLine, Combined, InputQuantity, combine
+from station.findings import Estimate, Findings, Flag, Published, finite
+from station.uncertainty import BudgetLine, Combined, combine
 
 SCHEMA = 1
-
-
-@dataclass(frozen=True)
-class Estimate:
-    """A quantity that the data gave, with its type A uncertainty and what else it depends on.
-
-    `sensitivities` maps the name of an input quantity to d value / d input; `extra` goes into the
-    result as it is (terms of a combination, a model's coefficients).
-    """
-
-    name: str
-    axis: str | None
-    value: float | None
-    unit: str
-    standard_uncertainty: float | None
-    degrees_of_freedom: float | None
-    method: str
-    sensitivities: Mapping[str, float] = field(default_factory=dict)
-    extra: Mapping[str, Any] = field(default_factory=dict)
-
-
-@dataclass(frozen=True)
-class Published:
-    """What the source document's own formula gives on the same data."""
-
-    name: str
-    axis: str | None
-    value: float | None
-    unit: str
-    method: str
-
-    def to_data(self) -> dict[str, Any]:
-        """Return the entry of `as_published`."""
-        return {
-            "name": self.name,
-            "axis": self.axis,
-            "value": finite(self.value),
-            "unit": self.unit,
-            "method": self.method,
-        }
-
-
-@dataclass(frozen=True)
-class Flag:
-    """Something the reader must know, with a code that programs rely on."""
-
-    code: str
-    message: str
-    axis: str | None = None
-    details: Mapping[str, Any] = field(default_factory=dict)
-
-    def to_data(self) -> dict[str, Any]:
-        """Return the entry of `flags`."""
-        data: dict[str, Any] = {"code": self.code, "axis": self.axis, "message": self.message}
-        return {**data, **self.details}
-
-
-@dataclass(frozen=True)
-class Findings:
-    """All that an analysis says; `detail` is the procedure's own, for its report."""
-
-    estimates: Sequence[Estimate]
-    published: Sequence[Published]
-    flags: Sequence[Flag]
-    inputs: Sequence[InputQuantity]
-    detail: Any
 
 
 @dataclass(frozen=True)
@@ -162,8 +96,3 @@ def conclude(
     if not bench_safe and verdict == "pass":
         verdict = "inconclusive"
     return ResultDocument(procedure, results, findings.published, findings.flags, verdict)
-
-
-def finite(value: float | None) -> float | None:
-    """Return the value, or None where it is no finite number."""
-    return float(value) if value is not None and math.isfinite(value) else None

@@ -3,48 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Literal, Protocol
+from typing import Any, Literal
+
+from station.findings import Estimate, InputQuantity
 
 COVERAGE_PERCENT = 95
 TYPE_A = "repeatability (from the data)"
-
-
-@dataclass(frozen=True)
-class InputQuantity:
-    """A type B input: its standard uncertainty in its own unit, and where that comes from."""
-
-    name: str
-    description: str
-    standard_uncertainty: float
-    unit: str
-    source: str
-    degrees_of_freedom: float = math.inf
-
-
-class Measured(Protocol):
-    """An estimate as far as its uncertainty goes."""
-
-    @property
-    def value(self) -> float | None:
-        """The value, None where undetermined."""
-        ...
-
-    @property
-    def standard_uncertainty(self) -> float | None:
-        """The type A standard uncertainty in the value's unit."""
-        ...
-
-    @property
-    def degrees_of_freedom(self) -> float | None:
-        """Degrees of freedom of the type A uncertainty, None for infinitely many."""
-        ...
-
-    @property
-    def sensitivities(self) -> Mapping[str, float]:
-        """Derivatives with respect to input quantities, by their names."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -78,7 +44,7 @@ class Combined:
 
 
 def combine(
-    estimates: Sequence[Measured], inputs: Sequence[InputQuantity]
+    estimates: Sequence[Estimate], inputs: Sequence[InputQuantity]
 ) -> list[Combined | None]:
     """Return each estimate's combined uncertainty, None where it has no value.
 

@@ -8,10 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from procedures.accelerometer_magnetic_sensitivity.dataset import AccelerometerDataset
-from procedures.accelerometer_magnetic_sensitivity.findings import (
-    AccelerometerAnalysis,
-    Estimate,
-)
+from procedures.accelerometer_magnetic_sensitivity.findings import AccelerometerAnalysis
+from station.findings import Estimate
 
 Array = NDArray[np.float64]
 
@@ -117,7 +115,7 @@ def off_in_u(
     found = {}
     for one in analysis.estimates:
         if one.value is not None and one.standard_uncertainty is not None:
-            true = sum(share * truth[name] for name, share in one.terms.items())
+            true = sum(share * truth[name] for name, share in one.extra["terms"].items())
             found[one.name] = abs(one.value - true) / one.standard_uncertainty
     return found
 

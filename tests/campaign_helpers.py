@@ -10,7 +10,6 @@ import hashlib
 import io
 import json
 import subprocess
-import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
 from importlib.resources import files
@@ -19,6 +18,7 @@ from typing import Any
 
 import numpy as np
 import yaml
+from command_line import station_command
 from mcap.exceptions import McapError
 from mcap.stream_reader import StreamReader
 
@@ -55,11 +55,6 @@ def short_plan(folder: Path, **parameters: Any) -> Path:
     path = folder / "plan.yaml"
     path.write_text(yaml.safe_dump(plan), encoding="utf-8")
     return path
-
-
-def station_command(*arguments: str | Path) -> list[str]:
-    """Return the command line of a verb."""
-    return [sys.executable, "-m", "station", *map(str, arguments)]
 
 
 def station(*arguments: str | Path) -> subprocess.CompletedProcess[str]:

@@ -1,10 +1,11 @@
-"""What every test stands on: a state folder of its own, so that no test knows of another's trip."""
+"""What tests stand on: a state folder of their own, where no test knows of another; a bench."""
 
 from __future__ import annotations
 
 import os
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -20,3 +21,29 @@ def state_folder_of_the_tests(tmp_path_factory: pytest.TempPathFactory) -> Itera
         folder = tmp_path_factory.mktemp("state")
         patch.setenv("XDG_STATE_HOME", str(folder))
         yield folder
+
+
+@pytest.fixture
+def clock() -> Any:
+    """A virtual clock."""
+    from station.clock import VirtualClock
+
+    return VirtualClock()
+
+
+@pytest.fixture
+def bench(clock: Any) -> Iterator[Any]:
+    """The bench of the tests of simulators, served on virtual time."""
+    from sim_bench import served
+
+    with served(clock) as simulation:
+        yield simulation
+
+
+@pytest.fixture
+def board(bench: Any, clock: Any) -> Iterator[Any]:
+    """A raw client of that bench's pulse board."""
+    from sim_bench import Frames
+
+    with Frames(bench, clock) as client:
+        yield client

@@ -37,10 +37,29 @@ def fog_truth(bench: Mapping[str, Any], result: Mapping[str, Any]) -> float | No
     if result["name"] != "scale_factor_error":
         return None
     gyros = bench["simulation"]["fog"]["gyros"]
+    return fog_curve_ppm(gyros, result["axis"], result["reference_temperature"])
+
+
+def fog_curve_ppm(gyros: Mapping[str, Any], axis: str, reading_degC: float) -> float:
+    """Return the scale-factor error of a simulated gyro where its thermometer has a reading."""
     low, high = (number(gyros["temperature_range"][end]) for end in ("low", "high"))
-    u = (2.0 * result["reference_temperature"] - low - high) / (high - low)
-    true = gyros[result["axis"]]["scale_factor_error"]
+    u = (2.0 * (reading_degC - number(gyros["sensor_offset"][axis])) - low - high) / (high - low)
+    true = gyros[axis]["scale_factor_error"]
     return sum(number(text) * u ** int(power[1:]) for power, text in true.items())
+
+
+def fog_curve_off(bench: Mapping[str, Any], result: Mapping[str, Any]) -> tuple[float, float]:
+    """Return how far a curve lies from that of the simulated gyro over its range, at most.
+
+    In ppm, and in half widths of the band of the whole curve.
+    """
+    gyros, band = bench["simulation"]["fog"]["gyros"], result["band"]
+    off = [
+        abs(value - fog_curve_ppm(gyros, result["axis"], heat_degC))
+        for heat_degC, value in zip(band["temperature_degC"], band["value"], strict=True)
+    ]
+    wide = band["whole_curve_uncertainty"]
+    return max(off), max(one / half for one, half in zip(off, wide, strict=True))
 
 
 def serf_truth(bench: Mapping[str, Any], result: Mapping[str, Any]) -> float | None:

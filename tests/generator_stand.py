@@ -3,23 +3,19 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
+from contextlib import AbstractContextManager
 from threading import RLock
 from typing import Any
 
 import numpy as np
-from sim_bench import Line
+from stand import Stand as AnyStand
+from stand import serving
 
-from sim_instruments.faults.instrument import InstrumentFaults, Schedule
-from sim_instruments.faults.reading import read_fault
-from sim_instruments.instrument import Setting
 from sim_instruments.keysight_33522b import Keysight33522B as SimulatedGenerator
-from sim_instruments.truth import Truth
 from sim_instruments.world.trigger_line import TriggerLine
 from sim_instruments.world.voltages import VoltageHistory
-from station.clock import Clock, VirtualClock
-from station.readings import Readings
+from station.clock import Clock
 from station.runner.opening import Place
 
 NAME = "signal_generator.xy"
@@ -47,61 +43,17 @@ class Room:
         return self.coils[coil].voltage_V(np.array(times_s)).tolist()
 
 
-class EmptyRoom:
-    """A world in which there is nothing to drive."""
-
-    def __init__(self) -> None:
-        self.lock = RLock()
-
-
-class Stand:
+class Stand(AnyStand):
     """A simulated generator that is served in a world, and whoever talks to it."""
 
     def __init__(
-        self, clock: Clock, truth: Mapping[str, Any], room: Any, *faults: dict[str, Any]
+        self, clock: Clock, truth: Mapping[str, Any], room: Any, *faults: Mapping[str, Any]
     ) -> None:
-        self.clock, self.room = clock, room
-        self.readings = Readings(clock)
-        self.heard: list[str] = []
-        instrument_faults = InstrumentFaults(Schedule(clock, room.lock))
-        rng = np.random.default_rng(1)
-        self.generator = SimulatedGenerator(
-            Setting(
-                NAME,
-                "MY59000101",
-                Truth(truth, "simulator"),
-                room,
-                clock,
-                rng,
-                0,
-                instrument_faults,
-            )
-        )
-        self.instruments = {NAME: self.generator.describe()}
-        for entry in faults:
-            given = {"instrument": NAME, **entry}
-            read = read_fault(
-                given, Truth(given, "fault"), "scpi", [entry["fault"]], clock.now(), rng
-            )
-            instrument_faults.add(read[0], at_message=read[1])
+        super().__init__(clock, NAME, SimulatedGenerator, truth, room, *faults, serial="MY59000101")
 
-    def line(self) -> Line:
-        return Line(self, NAME, self.clock)  # type: ignore[arg-type]
-
-    def place(self, limit_V: float = 9.0, **settings: Any) -> Place:
-        return Place(
-            NAME,
-            self.instruments[NAME]["address"],
-            self.clock,
-            {"load": "high-impedance", **settings},
-            {"voltage": limit_V},
-            trace=self._hear,
-            publisher=self.readings.publisher(NAME),
-        )
-
-    def at_its_front_panel(self, message: str) -> str | None:
-        """Do what somebody else does there; on virtual time the line has room for one client."""
-        return self.generator.execute(message)
+    def place(self, limits: Mapping[str, float] | None = None, **settings: Any) -> Place:
+        given = {"load": "high-impedance", **settings}
+        return super().place({"voltage": 9.0} if limits is None else limits, **given)
 
     def rise(self) -> float:
         """Give the trigger now; return when."""
@@ -110,23 +62,10 @@ class Stand:
             self.room.trigger.rise(now_s)
         return now_s
 
-    def output(self) -> Any:
-        reading = self.readings.newest(NAME, "output")
-        return None if reading is None else reading.value
 
-    def _hear(self, direction: str, data: bytes) -> None:
-        if direction == ">":
-            self.heard.append(data.decode())
-
-
-@contextmanager
-def standing(*faults: dict[str, Any], room: Any = None, **changes: Any) -> Iterator[Stand]:
-    clock = VirtualClock()
+def standing(
+    *faults: dict[str, Any], room: Any = None, **changes: Any
+) -> AbstractContextManager[Stand]:
+    """Serve a generator while this thread takes part in time."""
     truth = {**copy.deepcopy(TRUTH), **changes}
-    with clock.participant("test"):
-        stand = Stand(clock, truth, room or Room(), *faults)
-        try:
-            yield stand
-        finally:
-            stand.generator.close()
-            clock.stop()
+    return serving(lambda clock: Stand(clock, truth, room or Room(), *faults))

@@ -14,7 +14,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from campaign_helpers import only_run, station_command
+from campaign_helpers import only_run
+from command_line import station_command
 
 SCRIPT = Path(__file__).parent / "guarded_run.py"
 ROOT = Path(__file__).parent.parent

@@ -2,21 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
+from contextlib import AbstractContextManager
 from threading import RLock
 from typing import Any
 
 import numpy as np
-import yaml
-from trigger_stand import Stand, standing
+from stand import Stand, bench_alone, opened
 
 from drivers.can_imu import CanImu
 from drivers.kvh_1775 import Kvh1775
 from sim_instruments.can_imu import CanImu as SimulatedOnCan
 from sim_instruments.kvh_1775 import Kvh1775 as SimulatedKvh
 from sim_instruments.world.nine_axis_sensor import Means
-from station.lookup import BENCHES, find
 
 NAME = "imu"
 KINDS = ("kvh", "can")
@@ -52,32 +50,16 @@ class Spindle:
         return Means(clipped, inside, force, field, 20.0 + 0.01 * middle_s)
 
 
-@contextmanager
 def imu(
     kind: str, *faults: Mapping[str, Any], room: Any = None, **truth: Any
-) -> Iterator[tuple[Stand, Any]]:
+) -> AbstractContextManager[tuple[Stand, Any]]:
     """Serve a sensor of a kind and open its driver."""
     simulator: Any = SimulatedKvh if kind == "kvh" else SimulatedOnCan
+    driver: Any = Kvh1775 if kind == "kvh" else CanImu
     given = {**TRUTH, **({"channel": "can0"} if kind == "can" else {}), **truth}
-    with standing(NAME, simulator, given, room or Spindle(), *faults) as stand:
-        driver: Any = (Kvh1775 if kind == "kvh" else CanImu)(stand.place())
-        try:
-            yield stand, driver
-        finally:
-            driver.close()
-
-
-def recorded(stand: Stand, driver: Any, seconds: float) -> Any:
-    """Return the outputs of a while as a block, drained once."""
-    stand.clock.sleep(seconds)
-    return driver.drain()
+    return opened(NAME, simulator, driver, given, room or Spindle(), *faults)
 
 
 def bench_of(kind: str) -> dict[str, Any]:
     """Return the shipped bench with a sensor of a kind, and nothing else."""
-    shipped = "sim" if kind == "kvh" else "sim-alternate"
-    bench: dict[str, Any] = yaml.safe_load(find(BENCHES, shipped).read_text(encoding="utf-8"))
-    bench["instruments"] = {NAME: bench["instruments"][NAME]}
-    bench["safe_state"] = []
-    bench.pop("interlocks", None)
-    return bench
+    return bench_alone(NAME, "sim" if kind == "kvh" else "sim-alternate")

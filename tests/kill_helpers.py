@@ -15,9 +15,9 @@ from campaign_helpers import (
     finished_units,
     only_run,
     raw_content,
-    station_command,
     whole_events,
 )
+from command_line import station_command
 
 STARTING, EVALUATING = 0.1, 0.15
 """Share of the kills before the run has a folder to show, and after its last step."""

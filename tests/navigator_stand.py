@@ -3,20 +3,18 @@
 from __future__ import annotations
 
 import socket
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager, suppress
+from collections.abc import Mapping
+from contextlib import AbstractContextManager, suppress
 from threading import RLock, Thread
 from typing import Any
 
 import numpy as np
-import yaml
-from trigger_stand import Stand, standing
+from stand import Stand, bench_alone, opened
 
 from drivers.can_navigator import CanNavigator
 from drivers.serial_navigator import SerialNavigator
 from sim_instruments.can_navigator import CanNavigator as SimulatedOnCan
 from sim_instruments.serial_navigator import SerialNavigator as SimulatedOnSerial
-from station.lookup import BENCHES, find
 
 NAME = "navigator"
 KINDS = ("can", "serial")
@@ -63,25 +61,14 @@ class Plate:
         return np.stack((-40.0 + 0.01 * times_s, 20.0 + 0.0 * times_s, -0.5 * times_s), axis=1)
 
 
-@contextmanager
 def navigator(
     kind: str, *faults: Mapping[str, Any], room: Any = None, **truth: Any
-) -> Iterator[tuple[Stand, Any]]:
+) -> AbstractContextManager[tuple[Stand, Any]]:
     """Serve a navigator of a kind and open its driver."""
     simulator: Any = SimulatedOnCan if kind == "can" else SimulatedOnSerial
+    driver: Any = CanNavigator if kind == "can" else SerialNavigator
     given = {**TRUTH, **({"channel": "can0"} if kind == "can" else {}), **truth}
-    with standing(NAME, simulator, given, room or Plate(), *faults) as stand:
-        driver: Any = (CanNavigator if kind == "can" else SerialNavigator)(stand.place())
-        try:
-            yield stand, driver
-        finally:
-            driver.close()
-
-
-def recorded(stand: Stand, driver: Any, seconds: float) -> Any:
-    """Return the outputs of a while as a block, drained once."""
-    stand.clock.sleep(seconds)
-    return driver.drain()
+    return opened(NAME, simulator, driver, given, room or Plate(), *faults)
 
 
 class RawLine:
@@ -154,12 +141,5 @@ def bitwise_crc(data: bytes) -> int:
 
 def bench_of(kind: str) -> dict[str, Any]:
     """Return the shipped bench with a navigator of a kind, and nothing else."""
-    bench: dict[str, Any] = yaml.safe_load(find(BENCHES, "sim").read_text(encoding="utf-8"))
-    entry = bench["instruments"][NAME]
-    if kind == "serial":
-        entry["driver"] = "serial-navigator"
-        del entry["simulator"]["channel"]
-    bench["instruments"] = {NAME: entry}
-    bench["safe_state"] = []
-    bench.pop("interlocks", None)
-    return bench
+    other = bench_alone(NAME, "sim-alternate")["instruments"][NAME]
+    return bench_alone(NAME, entry=None if kind == "can" else other)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import os
 import shlex
 import shutil
 import subprocess
@@ -14,6 +13,7 @@ from typing import Any
 
 import pytest
 import yaml
+from command_line import station
 
 from station.cli import main
 
@@ -43,17 +43,7 @@ def attempt(case: dict[str, Any], folder: Path) -> subprocess.CompletedProcess[s
     words = shlex.split(case["command"])
     if words[0] in IN_PROCESS:
         return here(words, folder)
-    return subprocess.run(
-        [sys.executable, "-m", "station", *words],
-        cwd=folder,
-        capture_output=True,
-        text=True,
-        encoding="utf-8",
-        check=False,
-        stdin=subprocess.DEVNULL,
-        env={**os.environ, "COLUMNS": COLUMNS},
-        timeout=60,
-    )
+    return station(folder, *words, COLUMNS=COLUMNS)
 
 
 def here(words: list[str], folder: Path) -> subprocess.CompletedProcess[str]:

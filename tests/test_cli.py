@@ -3,45 +3,13 @@
 from __future__ import annotations
 
 import json
-import os
 import signal
 import socket
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
 import pytest
-
-PLAN = """\
-plan: 1
-procedure: rlg-magnetic-sensitivity
-dut: {model: RLG-50, serial: SN-1}
-parameters:
-  frequency: 0.1 Hz
-  amplitude: 1 mT
-  sample_interval: 0.1 s
-  duration: 100 s
-  axes: [IA]
-  pulse_weight: 0.0625 arcsec
-  warm_up: {slope_limit: 10 deg/h^2, window: 1 min, at_most: 5 min}
-limits:
-  magnetic_sensitivity: {max_abs: 0.2 deg/h/mT}
-"""
-
-
-def station(folder: Path, *arguments: str, **environment: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, "-m", "station", *arguments],
-        cwd=folder,
-        capture_output=True,
-        text=True,
-        encoding="utf-8",
-        check=False,
-        stdin=subprocess.DEVNULL,
-        env={**os.environ, **environment},
-        timeout=120,
-    )
+from command_line import PLAN, begun, station
 
 
 @pytest.fixture(scope="module")
@@ -192,14 +160,7 @@ def test_absent_instruments_are_all_named_at_once(tmp_path: Path) -> None:
 def test_interrupting_a_run_leaves_a_safe_bench_and_exit_code_4(tmp_path: Path) -> None:
     text = PLAN.replace("duration: 100 s", "duration: 40 h").replace("10 deg/h^2", "50 deg/h^2")
     (tmp_path / "plan.yaml").write_text(text, encoding="utf-8")
-    process = subprocess.Popen(
-        [sys.executable, "-m", "station", "run", "plan.yaml", "--non-interactive", "--json"],
-        cwd=tmp_path,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        encoding="utf-8",
-    )
+    process = begun(tmp_path, "run", "plan.yaml", "--non-interactive", "--json")
     assert process.stderr is not None
     for line in process.stderr:
         if "samples" in line:
@@ -247,14 +208,7 @@ def test_wrong_usage_is_exit_code_2(tmp_path: Path) -> None:
 
 
 def test_sim_serves_instruments_to_any_client_until_interrupted(tmp_path: Path) -> None:
-    process = subprocess.Popen(
-        [sys.executable, "-m", "station", "sim", "sim", "--speed", "50"],
-        cwd=tmp_path,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        encoding="utf-8",
-    )
+    process = begun(tmp_path, "sim", "sim", "--speed", "50")
     assert process.stdout is not None
     head = json.loads(process.stdout.readline())
     assert head["clock"]["speed"] == 50.0
@@ -277,14 +231,7 @@ def test_a_run_on_a_bench_served_by_another_process_finds_the_same_sensitivity(
 ) -> None:
     (tmp_path / "plan.yaml").write_text(PLAN, encoding="utf-8")
     with (tmp_path / "served.json").open("w", encoding="utf-8") as first_line:
-        process = subprocess.Popen(
-            [sys.executable, "-m", "station", "sim", "sim", "--speed", "40"],
-            cwd=tmp_path,
-            stdout=first_line,
-            stderr=subprocess.PIPE,
-            text=True,
-            encoding="utf-8",
-        )
+        process = begun(tmp_path, "sim", "sim", "--speed", "40", stdout=first_line)
     assert process.stderr is not None
     assert "serving" in process.stderr.readline()
     try:

@@ -8,7 +8,6 @@ import threading
 import pytest
 
 from station.clock import ClockError, ClockStopped, RealClock, VirtualClock
-from station.clock import watchdog as watchdog_module
 
 
 def test_time_jumps_to_the_earliest_sleeper_in_a_fixed_order() -> None:
@@ -195,33 +194,6 @@ def test_a_lock_is_waited_for_without_holding_time() -> None:
     thread.join(5.0)
     clock.stop()
     assert seen == [("first", 5.0), ("second", 5.0)]
-
-
-def test_a_deadlock_is_an_error_that_names_the_waiting_threads(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    monkeypatch.setattr(watchdog_module, "HANGS_AFTER_S", 0.6)
-    monkeypatch.setattr(watchdog_module, "LOOKS_EVERY_S", 0.1)
-    clock = VirtualClock()
-    first, second = clock.lock("the gaussmeter"), clock.lock("the supply")
-
-    def crosswise() -> None:
-        with second:
-            clock.sleep(1.0)
-            with first:
-                pass
-
-    with clock.participant("run"), pytest.raises(ClockError) as caught:
-        thread = clock.start("interlocks", crosswise)
-        with first:
-            clock.sleep(2.0)
-            with second:
-                pass
-    assert "interlocks" in str(caught.value)
-    assert "the gaussmeter" in str(caught.value)
-    assert "the supply" in str(caught.value)
-    with pytest.raises(ClockError, match="time stands still"):
-        thread.join(5.0)
 
 
 def test_an_interruption_ends_the_main_sleep() -> None:

@@ -11,8 +11,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from campaign_helpers import finished_units, only_run, short_plan, station, station_command
+from campaign_helpers import finished_units, only_run, short_plan, station
 from campaign_helpers import whole_events as events_of
+from command_line import begun
 from guardian_helpers import until, world
 
 from station.control.client import ask
@@ -24,13 +25,7 @@ SHORT = {"frequency": "0.2 Hz", "duration": "50 s"}
 @contextmanager
 def running(*arguments: str | Path, parent: Path) -> Iterator[tuple[subprocess.Popen[str], Path]]:
     """Start a run; yield its process and its folder."""
-    process = subprocess.Popen(
-        station_command("run", *arguments, "--non-interactive", "--output", parent),
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        encoding="utf-8",
-    )
+    process = begun(None, "run", *arguments, "--non-interactive", "--output", parent)
     try:
         until(lambda: parent.is_dir() and only_run(parent))
         folder = only_run(parent)

@@ -81,7 +81,7 @@ def test_a_deadlock_names_who_holds_what(monkeypatch: pytest.MonkeyPatch) -> Non
                 pass
     assert "run is waiting for the gaussmeter, which interlocks holds" in str(caught.value)
     assert "interlocks is waiting for the supply, which run holds" in str(caught.value)
-    with pytest.raises(ClockError):
+    with pytest.raises(ClockError, match="time stands still"):
         thread.join(5.0)
 
 

@@ -16,9 +16,9 @@ from campaign_helpers import (
     raw_content,
     short_plan,
     station,
-    station_command,
     whole_events,
 )
+from command_line import station_command
 from kill_helpers import written_bytes
 
 from station.record.folder import RunFolder

@@ -265,7 +265,7 @@ def test_what_is_no_number_is_never_a_current(answer: bytes) -> None:
 
 def test_a_refused_command_says_what_the_instrument_said() -> None:
     refusal = b'-222,"Data out of range"\n'
-    with Wire((NO_ERROR,), (refusal,)) as wire:
+    with Wire((b"0\n",), (NO_ERROR,), (refusal,)) as wire:
         instrument = supply(wire)
         with pytest.raises(InstrumentError) as raised:
             instrument.programme_limits()

@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 import yaml
+from command_line import station
 
 from station import registry
 from station.bench import Bench, read_bench
@@ -19,7 +20,6 @@ from station.procedure import SetPoint
 from station.runner.disk_space import BESIDE_RAW_BYTES, in_bytes, needed_bytes
 from station.runner.dry_run import Extreme, extremes, walk
 from station.runner.simulation import clock_for
-from tests.test_cli import station
 from tests.test_run_rlg import short_run
 
 NAME = "rlg-magnetic-sensitivity"

@@ -15,7 +15,8 @@ from typing import Any
 import h5py
 import numpy as np
 import pytest
-from campaign_helpers import only_run, short_plan, station, station_command
+from campaign_helpers import only_run, short_plan, station
+from command_line import station_command
 from numpy.typing import NDArray
 from scipy.io import loadmat
 

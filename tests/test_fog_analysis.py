@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from fog_records import CURVES, NOISE_DEG, knocked, only, other, quartic, record
-from scipy.special import stdtrit
 
 from procedures.fog_scale_factor_temperature.analysis import analyse
+from procedures.fog_scale_factor_temperature.band import Band
 from procedures.fog_scale_factor_temperature.curve import Curve
 from procedures.fog_scale_factor_temperature.findings import AxisFit, FogAnalysis
 
@@ -60,13 +60,13 @@ def test_turns_of_the_negative_sense_alone_have_the_scale_factor_with_its_sign()
 
 
 def test_noise_is_answered_by_the_bound_and_by_intervals_that_hold_the_truth() -> None:
-    inside, ratios, orders = [], [], []
+    inside, whole, ratios, orders = [], [], [], []
     for seed in range(60):
         fit, curve = fit_of(analyse(record(seed, walk=0.05)))
         heat = curve.temperatures_degC(21)
-        u = curve.standard_uncertainty_ppm(heat)
-        factor = stdtrit(curve.degrees_of_freedom, 0.975)
-        inside.append(np.mean(np.abs(off_ppm(curve)) <= factor * u))
+        band = Band(curve)
+        inside.append(np.mean(np.abs(off_ppm(curve)) <= band.expanded_ppm(heat)))
+        whole.append(np.all(np.abs(off_ppm(curve)) <= band.whole_ppm(heat)))
         columns = curve.columns(fit.temperature_degC)
         bound = np.linalg.inv(columns.T @ columns)
         there = curve.columns(heat)
@@ -74,6 +74,7 @@ def test_noise_is_answered_by_the_bound_and_by_intervals_that_hold_the_truth() -
         ratios.append(np.mean(off_ppm(curve) ** 2) / np.mean(limit**2))
         orders.append(curve.order)
     assert 0.90 <= np.mean(inside) <= 0.985
+    assert 0.88 <= np.mean(whole) < 1.0
     assert np.sqrt(np.mean(ratios)) < 1.2
     assert np.mean(np.array(orders) == 4) >= 0.9
 

@@ -16,6 +16,7 @@ from procedures.fog_scale_factor_temperature.parameters import FogParameters
 from station import registry
 from station.bench import Bench, bench_of
 from station.plan import read_plan
+from station.safety.static_limits import problems_of_plan
 from station.yaml.reading import read_yaml, read_yaml_text
 
 CONFIG = Path(__file__).parent.parent / "config"
@@ -123,13 +124,17 @@ def test_a_bias_too_large_for_what_is_asked_is_an_argument_for_pairs() -> None:
 @pytest.mark.parametrize(
     ("limits", "where", "said"),
     [
-        ({"temperature_low": "-30 degC"}, "temperature_range", "below the -30 degC"),
-        ({"temperature_high": "55 degC"}, "temperature_range", "above the 55 degC"),
-        ({"temperature_slew": "0.1 degC/min"}, "ramp_rate", "faster than the 6 degC/h"),
+        (
+            {"temperature_low": "-30 degC"},
+            "temperature_range",
+            "is less than the -30 degC",
+        ),
+        ({"temperature_high": "55 degC"}, "temperature_range", "is more than the 55 degC"),
+        ({"temperature_slew": "0.1 degC/min"}, "ramp_rate", "0.2 degC/min is more than the 0.1"),
     ],
 )
 def test_what_the_chamber_cannot_do_is_said(limits: dict[str, str], where: str, said: str) -> None:
-    problems = list(check(parameters(), bench(**limits)))
+    problems = list(problems_of_plan(PROCEDURE, parameters(), bench(**limits)))
     assert problems[0].where == ("parameters", where)
     assert said in problems[0].what
 

@@ -124,7 +124,7 @@ def test_a_fault_is_one_sentence_with_its_place(
 def test_the_report_shows_what_was_found_and_what_cannot_be(tmp_path: Path) -> None:
     raw = read_dataset(DATA / THREE)
     document, findings = evaluate_dataset(raw)
-    parts = draw_parts(findings.detail.analysis, findings.detail.dataset, document)
+    parts = draw_parts(findings, document)
     assert [type(part) for part in parts] == [Table, Plot, Plot, Plot, Plot, Table]
     coefficients = parts[0]
     assert isinstance(coefficients, Table)

@@ -100,8 +100,7 @@ def test_the_examples_come_out_within_their_tolerance(name: str) -> None:
 
 def test_the_report_shows_curves_residuals_and_compensation() -> None:
     document, findings = evaluate_dataset(read_dataset(DATA / PAIRS))
-    detail = findings.detail
-    parts = draw_parts(detail.analysis, detail.dataset, document)
+    parts = draw_parts(findings, document)
     assert {part.title for part in parts if isinstance(part, Plot)} == {
         "Temperatures",
         "Scale-factor error over temperature",

@@ -109,7 +109,7 @@ def test_missing_rows_and_spikes_are_analysed_and_flagged(tmp_path: Path) -> Non
 
 def test_the_report_shows_angles_checks_shots_and_spectra() -> None:
     document, findings = evaluate_dataset(read_dataset(DATA / REVERSAL))
-    parts = draw_parts(findings.detail.analysis, findings.detail.dataset, document)
+    parts = draw_parts(findings, document)
     assert [type(part) for part in parts] == [Table, Table, Table, *[Plot] * 4, Table]
     angles, coils, checks = parts[:3]
     assert isinstance(angles, Table) and isinstance(coils, Table) and isinstance(checks, Table)

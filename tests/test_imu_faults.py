@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from imu_stand import KINDS, NAME, imu, recorded
+from imu_stand import KINDS, NAME, imu
+from stand import recorded, said_of_a_line_that_is_gone
 
 from station.errors import InstrumentError, InstrumentTimeout
 
@@ -134,14 +135,5 @@ def test_a_line_that_ends_is_told_clearly(kind: str) -> None:
         stand.clock.sleep(4.0)
         assert len(driver.drain())
         stand.clock.sleep(3.0)
-        # The reader learns of it in real time, a moment later.
-        said = ""
-        for _ in range(50):
-            if "broke" in said:
-                break
-            try:
-                driver.drain()
-                driver.status()
-            except InstrumentError as error:
-                said = str(error)
+        said = said_of_a_line_that_is_gone(driver)
         assert said.startswith(NAME) and "broke (" in said

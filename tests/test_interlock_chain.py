@@ -19,11 +19,6 @@ from station.runner.opening import Place
 
 
 @pytest.fixture
-def clock() -> VirtualClock:
-    return VirtualClock()
-
-
-@pytest.fixture
 def bench(clock: VirtualClock) -> Iterator[SimulatedBench]:
     with clock.participant("test"):
         simulation = SimulatedBench(SHIPPED, clock, "rlg-magnetic-sensitivity")

@@ -5,13 +5,12 @@ has acknowledged it.
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
 import pytest
 import yaml
+from command_line import station
 from interlock_helpers import SHIPPED
 from test_faults_in_runs import is_safe, run_with
 
@@ -111,39 +110,26 @@ def test_the_state_folder_is_the_users_own(monkeypatch: pytest.MonkeyPatch) -> N
     assert state_folder().is_relative_to(Path.home())
 
 
-def station(*words: str, folder: Path) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, "-m", "station", *words],
-        cwd=folder,
-        capture_output=True,
-        text=True,
-        encoding="utf-8",
-        check=False,
-        timeout=60,
-    )
-
-
 def test_acknowledge_is_a_verb(tmp_path: Path, own_state: Path) -> None:
     bench = tmp_path / "bench.yaml"
     bench.write_text(yaml.safe_dump(SHIPPED), encoding="utf-8")
-    nothing = station("acknowledge", "bench.yaml", folder=tmp_path)
+    nothing = station(tmp_path, "acknowledge", "bench.yaml")
     assert (nothing.returncode, nothing.stdout) == (
         0,
         "bench.yaml: no interlock waits to be acknowledged\n",
     )
     remember_trip(bench, InterlockTripped("door", "the door is open", 3.0), tmp_path / "run")
     refused = station(
-        "run", "rlg-magnetic-sensitivity", "--bench", "bench.yaml", "--non-interactive",
-        folder=tmp_path,
-    )  # fmt: skip
+        tmp_path, "run", "rlg-magnetic-sensitivity", "--bench", "bench.yaml", "--non-interactive"
+    )
     assert refused.returncode == 5
     assert "the door is open" in refused.stderr
     assert "station acknowledge" in refused.stderr
     assert not (tmp_path / "runs").exists()
-    done = station("acknowledge", "bench.yaml", "--json", folder=tmp_path)
+    done = station(tmp_path, "acknowledge", "bench.yaml", "--json")
     told = json.loads(done.stdout)
     assert done.returncode == 0
     assert told["acknowledged"]["interlock"] == "door"
     assert unacknowledged(bench) is None
-    missing = station("acknowledge", "bensh.yaml", folder=tmp_path)
+    missing = station(tmp_path, "acknowledge", "bensh.yaml")
     assert missing.returncode == 2

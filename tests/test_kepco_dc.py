@@ -14,7 +14,7 @@ import pytest
 import yaml
 
 from drivers.kepco_bop import KepcoBop
-from drivers.kepco_steady import moves_one_way
+from drivers.kepco_steady import moves_one_way, set_point_A
 from drivers.roles import DirectCurrentSupply
 from sim_instruments.bench import SimulatedBench
 from sim_instruments.kepco_bop import KepcoBop as SimulatedKepco
@@ -180,6 +180,22 @@ def test_a_ramp_that_is_interrupted_goes_on_to_zero_no_faster() -> None:
             with pytest.raises(KeyboardInterrupt):
                 here.supply.ramp_to(-8.0)
         here.supply.make_safe(here.clock.now() + 60.0)
+        assert here.supply.read_safety().safe
+        report = here.simulation.simulation_report()["coils"]["dc"]
+        assert report["largest_slew_A_per_s"] * report["time_constant_s"] < SLEW * 0.05 * 1.6
+
+
+def test_a_set_point_counts_when_it_comes_twice() -> None:
+    answers = iter([1.0, 8.0, 8.0])
+    assert set_point_A(lambda question: next(answers)) == 8.0
+    assert next(answers, None) is None
+
+
+def test_a_supply_that_an_earlier_run_left_on_is_not_cut_when_its_limits_are_set() -> None:
+    with bench() as here:
+        here.supply.switch_on()
+        here.supply.ramp_to(8.0)
+        here.supply.programme_limits()
         assert here.supply.read_safety().safe
         report = here.simulation.simulation_report()["coils"]["dc"]
         assert report["largest_slew_A_per_s"] * report["time_constant_s"] < SLEW * 0.05 * 1.6

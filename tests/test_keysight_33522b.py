@@ -7,7 +7,8 @@ from typing import Any
 
 import pytest
 import yaml
-from generator_stand import LATENCY_S, TRUTH, EmptyRoom, Stand, standing
+from generator_stand import LATENCY_S, TRUTH, Stand, standing
+from stand import EmptyRoom
 
 from drivers.keysight_33522b import Keysight33522B
 from drivers.keysight_33522b_messages import differs
@@ -43,7 +44,7 @@ def test_a_voltage_that_is_held_is_at_the_coil_at_once(
     generator.hold(1, 1.25)
     generator.hold(2, -0.5)
     assert (now(stand, "x"), now(stand, "y")) == (1.25, -0.5)
-    assert stand.output() == "on"
+    assert stand.newest("output") == "on"
     generator.hold(1, -8.9)
     assert (now(stand, "x"), now(stand, "y")) == (-8.9, -0.5)
     generator.switch_off(1)
@@ -52,7 +53,7 @@ def test_a_voltage_that_is_held_is_at_the_coil_at_once(
     generator.make_safe(stand.clock.now() + 5.0)
     assert (now(stand, "x"), now(stand, "y")) == (0.0, 0.0)
     assert generator.read_safety().safe
-    assert stand.output() == "off"
+    assert stand.newest("output") == "off"
 
 
 def test_a_voltage_that_is_held_changes_without_a_gap(
@@ -61,7 +62,7 @@ def test_a_voltage_that_is_held_changes_without_a_gap(
     generator.hold(1, 1.0)
     stand.heard.clear()
     generator.hold(1, 2.0)
-    assert not [said for said in stand.heard if "OUTP1 O" in said]
+    assert not [said for said in stand.sent() if b"OUTP1 O" in said]
 
 
 @pytest.mark.parametrize("step_V", [2.5, -2.5])
@@ -98,7 +99,7 @@ def test_two_generators_start_together_at_one_trigger(
     assert stand.room.volts("z", at_s + 0.15) == pytest.approx([-2.0])
     assert stand.room.volts("gradient", at_s + 0.15) == [8.0]
     other_generator.close()
-    other.generator.close()
+    other.simulator.close()
 
 
 def test_a_step_that_is_disarmed_never_comes(stand: Stand, generator: Keysight33522B) -> None:
@@ -166,7 +167,7 @@ def test_nothing_but_zero_and_what_was_asked_for_reaches_the_coil(
 
 
 def test_the_load_of_the_bench_file_is_written_and_read_back(stand: Stand) -> None:
-    generator = Keysight33522B(stand.place(limit_V=4.0, load="50 ohm"))
+    generator = Keysight33522B(stand.place({"voltage": 4.0}, load="50 ohm"))
     generator.hold(1, 1.0)
     assert stand.at_its_front_panel("OUTP1:LOAD?;:OUTP2:LOAD?") == ";".join(
         ["+5.0000000000000E+01"] * 2
@@ -226,7 +227,7 @@ def test_a_setting_that_is_missing_or_wrong_is_told(
 
 @pytest.mark.parametrize(("load", "largest"), [("high-impedance", "10 V"), ("50 ohm", "5 V")])
 def test_a_limit_beyond_the_rating_is_refused(stand: Stand, load: str, largest: str) -> None:
-    generator = Keysight33522B(stand.place(limit_V=10.5, load=load))
+    generator = Keysight33522B(stand.place({"voltage": 10.5}, load=load))
     with pytest.raises(InstrumentError, match=f"with this load the instrument ends at {largest}"):
         generator.programme_limits()
     generator.close()
@@ -246,7 +247,7 @@ def test_a_voltage_beyond_the_limit_is_not_tried(stand: Stand, generator: Keysig
     ):
         with pytest.raises(InstrumentError, match="the bench allows 9 V"):
             ask()
-    assert not stand.heard
+    assert not stand.sent()
     assert now(stand, "x") == 8.0
 
 
@@ -260,7 +261,7 @@ def test_a_value_that_the_instrument_clips_is_told_and_switched_off(
     assert "it refused with -221" in str(raised.value)
     assert "and the channel was switched off; " in str(raised.value)
     assert now(stand, "x") == 0.0
-    assert stand.output() == "off"
+    assert stand.newest("output") == "off"
     with pytest.raises(InstrumentError, match="level clipped due to voltage limit"):
         generator.prepare_step(1, 3.0, 0.1)
     # The fault of one request is no fault of the next.
@@ -373,7 +374,7 @@ def test_it_works_where_there_is_nothing_to_drive() -> None:
         generator.hold(1, 1.0)
         generator.prepare_step(2, 1.0, 0.1)
         generator.make_safe(stand.clock.now() + 5.0)
-        assert not stand.generator.energised()
+        assert not stand.simulator.energised()
         generator.close()
 
 

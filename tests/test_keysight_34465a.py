@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
-from keysight_stand import OHMS, EmptyRoom, Room, Stand, standing
+from keysight_stand import OHMS, Room, standing
+from stand import EmptyRoom, Stand
 
 from drivers.keysight_34465a import Keysight34465A
 from drivers.keysight_34465a_pt100 import Keysight34465APt100, temperature_degC

@@ -18,8 +18,8 @@ from campaign_helpers import (
     raw_content,
     short_plan,
     station,
-    station_command,
 )
+from command_line import station_command
 from guardian_helpers import until, world
 from kill_helpers import guardian_at_work, kill_at_random_moment, written_bytes
 from resume_helpers import resume_and_judge

@@ -14,9 +14,8 @@ from navigator_stand import (
     STRETCH,
     Plate,
     navigator,
-    recorded,
 )
-from trigger_stand import EmptyRoom
+from stand import EmptyRoom, recorded
 
 from drivers.navigator_messages import fault_words
 from drivers.roles import Identity, Navigator, NavigatorStatus

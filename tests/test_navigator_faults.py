@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from navigator_stand import KINDS, NAME, navigator, recorded
+from navigator_stand import KINDS, NAME, navigator
+from stand import recorded, said_of_a_line_that_is_gone
 
 from drivers.navigator_messages import Request
 from drivers.roles import NavigatorStatus
-from station.errors import InstrumentError, InstrumentTimeout
+from station.errors import InstrumentTimeout
 
 both = pytest.mark.parametrize("kind", KINDS)
 
@@ -70,16 +71,7 @@ def test_a_line_that_ends_is_told_clearly(kind: str) -> None:
         stand.clock.sleep(4.0)
         assert driver.read_quantity("temperature") is not None
         stand.clock.sleep(3.0)
-        # The reader learns of it in real time, a moment later.
-        said = ""
-        for _ in range(50):
-            if "broke" in said:
-                break
-            try:
-                driver.drain()
-                driver.status()
-            except InstrumentError as error:
-                said = str(error)
+        said = said_of_a_line_that_is_gone(driver)
         assert said.startswith(NAME) and "broke (" in said
 
 
@@ -88,9 +80,9 @@ def test_a_line_that_ends_is_told_clearly(kind: str) -> None:
 def test_the_navigator_itself_refuses_too(kind: str, rate_Hz: float) -> None:
     with navigator(kind) as (stand, driver):
         driver._line.send(Request("start", 7, rate_Hz=rate_Hz))
-        (answer,) = driver._line.wait_for("acknowledgement", stand.clock.now() + 0.5)
+        (answer,) = driver._line.answers.wait_for("acknowledgement", stand.clock.now() + 0.5)
         assert (answer["request_id"], str(answer["result"])) == (7, "bad_rate")
         driver.start(1.0)
         driver._line.send(Request("start", 8, rate_Hz=1.0))
-        (answer,) = driver._line.wait_for("acknowledgement", stand.clock.now() + 0.5)
+        (answer,) = driver._line.answers.wait_for("acknowledgement", stand.clock.now() + 0.5)
         assert str(answer["result"]) == "already_running"

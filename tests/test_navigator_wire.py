@@ -22,7 +22,7 @@ from navigator_stand import (
     raw_frame,
     raw_frames,
 )
-from trigger_stand import standing
+from stand import standing
 
 from drivers.can_navigator import CanNavigator
 from drivers.serial_navigator import SerialNavigator
@@ -31,8 +31,8 @@ from drivers.transport.can_line import CanLine
 from drivers.transport.can_messages import decoder_of, message_file
 from drivers.transport.crc import crc32_stim300
 from sim_instruments.bench import SimulatedBench
+from sim_instruments.crc32 import crc32
 from sim_instruments.serial_navigator import SerialNavigator as SimulatedOnSerial
-from sim_instruments.serial_navigator import crc32
 from station.clock import Clock, RealClock, VirtualClock
 from station.errors import InstrumentError
 from station.runner.opening import Place

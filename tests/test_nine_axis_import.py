@@ -194,8 +194,8 @@ def test_an_encoder_that_counts_the_other_way_is_a_fault(tmp_path: Path) -> None
 
 
 def test_the_report_shows_pose_records_rates_and_gain(tmp_path: Path) -> None:
-    _, findings = evaluate_dataset(read_dataset(DATA))
-    parts = draw_parts(findings.detail.analysis, findings.detail.dataset)
+    document, findings = evaluate_dataset(read_dataset(DATA))
+    parts = draw_parts(findings, document)
     assert [part.title for part in parts] == [
         "Positions",
         "Pose check",

@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from command_line import PLAN, station
 
 from station.clock import RealClock, VirtualClock, system_clock_synchronised
 from station.lookup import BENCHES, find
@@ -23,7 +24,6 @@ from station.runner.preflight import (
 )
 from station.runner.progress import how_long
 from station.runner.prompts import Operator
-from tests.test_cli import PLAN, station
 
 NAME = "rlg-magnetic-sensitivity"
 ANSWERS = "mount: done\nconnect-cables: done\ndut-power-on: done\ndut-power-off: done\n"

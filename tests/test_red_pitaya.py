@@ -10,8 +10,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from stand import EmptyRoom, Stand, standing
 from test_conformance import conformance
-from trigger_stand import EmptyRoom, Room, Signal, Stand, bench_with_only, standing
+from trigger_stand import Room, Signal, bench_with_only
 
 from drivers.red_pitaya import RedPitaya
 from drivers.red_pitaya_settings import Record
@@ -201,7 +202,7 @@ def test_a_long_buffer_comes_in_slices_that_are_each_one_short_exchange() -> Non
         block = shot(stand, driver)
         assert len(block) > 15_000
         assert np.diff(block.columns["time_s"]) == pytest.approx(1 / rate_Hz)
-        asked = [data for way, data in stand.heard if way == ">" and b":N?" in data]
+        asked = [data for data in stand.sent() if b":N?" in data]
         assert len(asked) == -(-len(block) // 2048)
         clipped = block.columns["time_s"] > 0.1001
         assert (block.columns["voltage_V"][clipped] == 1.0 - round(LSB_V, 6)).all()

@@ -11,8 +11,10 @@ import pytest
 
 from procedures.rlg_magnetic_sensitivity.analysis import analyse
 from procedures.rlg_magnetic_sensitivity.dataset import Drive, RlgDataset, Segment
+from procedures.rlg_magnetic_sensitivity.evaluate import to_findings
 from procedures.rlg_magnetic_sensitivity.figures import draw_parts
 from station.decision import Limit
+from station.findings import Estimate, Findings, Flag, InputQuantity, Published
 from station.report.context import (
     InstrumentRow,
     PromptRow,
@@ -28,15 +30,7 @@ from station.report.numbers import (
     format_with_uncertainty,
 )
 from station.report.parts import Part, Plot, Table
-from station.results import (
-    Estimate,
-    Findings,
-    Flag,
-    Published,
-    ResultDocument,
-    conclude,
-)
-from station.uncertainty import InputQuantity
+from station.results import ResultDocument, conclude
 
 NAME = "magnetic_sensitivity"
 UNIT = "deg/h/mT"
@@ -176,8 +170,13 @@ def test_what_is_empty_is_left_out() -> None:
     assert page.ids == ["head", "results", "budget", "assumptions"]
 
 
+def drawn(dataset: RlgDataset) -> tuple[Part, ...]:
+    findings = to_findings(analyse(dataset), dataset, [], [])
+    return draw_parts(findings, conclude("rlg-magnetic-sensitivity", findings, {}, "simple"))
+
+
 def test_the_page_needs_nothing_beside_it() -> None:
-    parts = draw_parts(analyse(a_gyro_record()))
+    parts = drawn(a_gyro_record())
     html = render_html(a_document(), a_context(), parts)
     page = Page(html)
     assert page.references and all(r.startswith("data:image/png;base64,") for r in page.references)
@@ -186,7 +185,7 @@ def test_the_page_needs_nothing_beside_it() -> None:
 
 
 def test_every_picture_says_what_it_shows() -> None:
-    parts = draw_parts(analyse(a_gyro_record()))
+    parts = drawn(a_gyro_record())
     page = Page(render_html(a_document(), a_context(), parts))
     plots = [part for part in parts if isinstance(part, Plot)]
     assert len(page.alternatives) == len(plots) == 6
@@ -252,25 +251,21 @@ def test_the_shares_of_a_budget_add_up() -> None:
 
 
 def test_no_number_on_the_page_is_infinite_or_not_a_number() -> None:
-    dataset = a_gyro_record(("IA", "NA"))
-    analysis = analyse(dataset)
-    text = Page(render_html(a_document(), a_context(), draw_parts(analysis))).text
+    parts = drawn(a_gyro_record(("IA", "NA")))
+    text = Page(render_html(a_document(), a_context(), parts)).text
     assert not re.search(r"\b(nan|inf|None)\b", text, re.IGNORECASE)
 
 
 def test_the_same_inputs_give_the_same_bytes() -> None:
     dataset = a_gyro_record()
-    pages = [
-        render_html(a_document(), a_context(), draw_parts(analyse(dataset), dataset=dataset))
-        for _ in range(2)
-    ]
+    pages = [render_html(a_document(), a_context(), drawn(dataset)) for _ in range(2)]
     assert pages[0] == pages[1]
 
 
 def test_a_record_without_a_field_is_still_drawn() -> None:
     dataset = a_gyro_record()
     dead = replace(dataset.segments[0], field_mT=dataset.segments[0].field_mT * 0.0)
-    parts: tuple[Part, ...] = draw_parts(analyse(RlgDataset((dead,))))
+    parts: tuple[Part, ...] = drawn(RlgDataset((dead,)))
     assert "undetermined" in Page(render_html(a_document(), a_context(), parts)).text
 
 

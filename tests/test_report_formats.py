@@ -14,10 +14,11 @@ import pytest
 from campaign_helpers import only_run, short_plan, station
 
 from station.decision import Limit, Rule
+from station.findings import Estimate, Findings, Flag, Published
 from station.record.folder import RunFolder
 from station.report.junit import junit_of
 from station.report.result_table import csv_of
-from station.results import Estimate, Findings, Flag, Published, ResultDocument, conclude
+from station.results import ResultDocument, conclude
 
 
 @pytest.fixture(scope="module")

@@ -16,7 +16,8 @@ from typing import Any
 
 import pytest
 import yaml
-from campaign_helpers import shipped, short_plan, station_command
+from campaign_helpers import shipped, short_plan
+from command_line import station_command
 from resume_helpers import raw_hashes, results_of, what_is_wrong
 from test_disk_full import limited
 

@@ -10,7 +10,8 @@ from typing import Any
 
 import pytest
 import yaml
-from campaign_helpers import only_run, shipped, station_command
+from campaign_helpers import only_run, shipped
+from command_line import station_command
 
 from station.record.creation import EVENTS
 from station.record.folder import RunFolder

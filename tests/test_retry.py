@@ -92,8 +92,8 @@ def test_two_bad_answers_are_borne_by_whoever_watches_and_not_by_a_step() -> Non
 
 
 def test_the_way_to_rest_bears_a_bad_answer_to_any_of_its_messages() -> None:
-    # Clear errors, register, current, set-point, zero, current, output off: each lost once.
-    answers = [NO_ERROR, b"0\n", b"0.0\n", b"0.0\n", NO_ERROR, b"0.0\n", NO_ERROR]
+    # Clear errors, register, current, set-point twice, zero, current, output off: each lost once.
+    answers = [NO_ERROR, b"0\n", *[b"0.0\n"] * 3, NO_ERROR, b"0.0\n", NO_ERROR]
     acts = [act for answer in answers for act in ((HANG_UP,), (answer,))]
     with Wire(*acts) as wire:
         instrument = supply(wire)

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import signal
 import subprocess
-import sys
 from pathlib import Path
 
-from test_cli import PLAN
+from command_line import PLAN, begun
 from test_run_rlg import short_run
 
 from station.cli.analysing import analyse_run
@@ -48,14 +47,7 @@ def test_a_supply_in_compliance_shows_in_the_measured_field(tmp_path: Path) -> N
 def test_a_run_that_ended_early_is_analysed_as_far_as_it_went(tmp_path: Path) -> None:
     text = PLAN.replace("axes: [IA]", "axes: [IA, LA]").replace("100 s", "2000 s")
     (tmp_path / "plan.yaml").write_text(text, encoding="utf-8")
-    process = subprocess.Popen(
-        [sys.executable, "-m", "station", "run", "plan.yaml", "--non-interactive"],
-        cwd=tmp_path,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        encoding="utf-8",
-    )
+    process = begun(tmp_path, "run", "plan.yaml", "--non-interactive")
     assert process.stderr is not None
     for line in process.stderr:
         if "IA: as published" in line:
@@ -82,14 +74,7 @@ def test_an_overdue_calibration_is_flagged(tmp_path: Path) -> None:
 
 def test_a_terminal_that_is_gone_ends_no_run(tmp_path: Path) -> None:
     (tmp_path / "plan.yaml").write_text(PLAN, encoding="utf-8")
-    process = subprocess.Popen(
-        [sys.executable, "-m", "station", "run", "plan.yaml", "--non-interactive"],
-        cwd=tmp_path,
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.PIPE,
-        text=True,
-        encoding="utf-8",
-    )
+    process = begun(tmp_path, "run", "plan.yaml", "--non-interactive", stdout=subprocess.DEVNULL)
     assert process.stderr is not None
     process.stderr.readline()
     process.stderr.close()

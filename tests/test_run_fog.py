@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from fault_truths import fog_curve_ppm
 from plan_runs import run_of, shipped_bench, shipped_plan
 from resume_helpers import raw_hashes
 
@@ -47,13 +48,6 @@ def short_run(
     return outcome, truth
 
 
-def true_ppm(truth: dict[str, Any], axis: str, temperature_degC: float) -> float:
-    """Return the true scale-factor error of a gyro, by the powers of u over -40 to 60 degC."""
-    u = (temperature_degC - 10.0) / 50.0
-    terms = truth[axis]["scale_factor_error"]
-    return sum(float(str(terms[f"u{k}"]).split()[0]) * u**k for k in range(5))
-
-
 @pytest.fixture(scope="module")
 def run(tmp_path_factory: pytest.TempPathFactory) -> tuple[Outcome, dict[str, Any]]:
     """One short run with pairs of turns."""
@@ -70,7 +64,7 @@ def test_the_true_curve_comes_back_at_the_reference_and_at_its_largest(
     for axis in "xyz":
         at = found["scale_factor_error", axis]
         assert at.combined is not None
-        error_ppm = at.estimate.value - true_ppm(truth, axis, 26.0)
+        error_ppm = at.estimate.value - fog_curve_ppm(truth, axis, 26.0)
         # Over ten degrees a straight line may win, which leaves half a ppm of the curve.
         assert abs(error_ppm) < 4 * at.combined.standard_uncertainty + 0.5
         assert at.estimate.extra["model"]["basis"] == "chebyshev"
@@ -134,7 +128,7 @@ def test_an_interrupted_ramp_goes_on_where_the_gyros_were(tmp_path: Path) -> Non
     assert outcome.document is not None
     for one in outcome.document.results:
         if one.estimate.name == "scale_factor_error" and one.combined is not None:
-            true = true_ppm(truth, str(one.estimate.axis), 26.0)
+            true = fog_curve_ppm(truth, str(one.estimate.axis), 26.0)
             assert abs(one.estimate.value - true) < 4 * one.combined.standard_uncertainty + 0.5
 
 

@@ -7,12 +7,12 @@ import re
 import signal
 import socket
 import subprocess
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 import yaml
+from command_line import begun, station
 
 from station import registry
 from station.bench import read_bench
@@ -42,29 +42,11 @@ MADE_SAFE = (
 )
 
 
-def station(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, "-m", "station", *arguments],
-        cwd=folder,
-        capture_output=True,
-        text=True,
-        encoding="utf-8",
-        check=False,
-        timeout=60,
-    )
-
-
 @pytest.fixture(scope="module")
 def served(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     folder = tmp_path_factory.mktemp("served")
     with (folder / "served.json").open("w", encoding="utf-8") as first_line:
-        process = subprocess.Popen(
-            [sys.executable, "-m", "station", "sim", "sim"],
-            stdout=first_line,
-            stderr=subprocess.PIPE,
-            text=True,
-            encoding="utf-8",
-        )
+        process = begun(folder, "sim", "sim", stdout=first_line)
     assert process.stderr is not None
     assert "serving" in process.stderr.readline()
     yield folder

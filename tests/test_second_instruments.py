@@ -20,7 +20,7 @@ from plan_runs import run_of, shipped_bench, shipped_plan
 from drivers.kepco_bop import KepcoBop
 from drivers.kepco_bop_1kw import KepcoBop1kW
 from drivers.serial_pulse_board_frames import IDENTITY, OUTPUT, frame, split
-from sim_instruments.serial_pulse_board import crc32
+from sim_instruments.crc32 import crc32
 from station import registry
 from station.bench import read_bench
 from station.cli.validating import read_plan_for

@@ -6,8 +6,9 @@ from collections.abc import Iterator
 
 import numpy as np
 import pytest
-from generator_stand import LATENCY_S, EmptyRoom, Room, Stand, standing
+from generator_stand import LATENCY_S, Room, Stand, standing
 from sim_bench import Line
+from stand import EmptyRoom
 
 from sim_instruments.truth import SimulationError
 from sim_instruments.world.trigger_line import TriggerLine
@@ -254,7 +255,7 @@ def test_a_reset_switches_off_and_forgets(stand: Stand, line: Line) -> None:
 def test_it_serves_where_there_is_nothing_to_drive() -> None:
     with standing(room=EmptyRoom()) as stand, stand.line() as line:
         quiet(line, PULSE.format(1))
-        assert stand.generator.energised()
+        assert stand.simulator.energised()
 
 
 def test_a_coil_that_no_world_has_is_told() -> None:

@@ -11,14 +11,9 @@ import pytest
 from sim_bench import Line, bench_with, served
 
 from sim_instruments.bench import SimulatedBench
-from station.clock import Clock, RealClock, VirtualClock
+from station.clock import Clock, RealClock
 
 CLEAN = '0,"No error"'
-
-
-@pytest.fixture
-def clock() -> Clock:
-    return VirtualClock()
 
 
 @pytest.fixture

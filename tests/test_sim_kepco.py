@@ -10,20 +10,9 @@ import pyvisa
 from sim_bench import Line, served
 
 from sim_instruments.bench import SimulatedBench
-from station.clock import Clock, RealClock, VirtualClock
+from station.clock import Clock, RealClock
 
 CLEAN = '0,"No error"'
-
-
-@pytest.fixture
-def clock() -> Clock:
-    return VirtualClock()
-
-
-@pytest.fixture
-def bench(clock: Clock) -> Iterator[SimulatedBench]:
-    with served(clock) as simulation:
-        yield simulation
 
 
 @pytest.fixture

@@ -8,8 +8,9 @@ from collections.abc import Iterator
 
 import numpy as np
 import pytest
-from keysight_stand import VOLTS, EmptyRoom, Room, Stand, standing
+from keysight_stand import standing
 from sim_bench import Line
+from stand import EmptyRoom, Stand
 
 from station.clock import RealClock
 
@@ -185,9 +186,7 @@ def test_an_open_input_wanders_and_open_ohms_are_an_overload() -> None:
 
 
 def test_while_one_client_waits_for_a_burst_another_is_served() -> None:
-    clock = RealClock()
-    with clock.participant("test"):
-        stand = Stand(clock, VOLTS, Room(0.25, 0.0, 100.0))
+    with standing(volts=0.25, clock=RealClock()) as stand:
         entry = stand.instruments["multimeter"]
         place = entry["host"], entry["port"]
         with (
@@ -203,15 +202,11 @@ def test_while_one_client_waits_for_a_burst_another_is_served() -> None:
             assert other.recv(4096).startswith(b"Keysight")
             assert not select.select([patient], [], [], 0)[0]
             assert patient.recv(4096) == b"+2.50000000E-01,+2.50000000E-01\n"
-        stand.meter.close()
 
 
 def test_a_plain_socket_reads_it_in_real_time() -> None:
-    clock = RealClock()
-    with clock.participant("test"):
-        stand = Stand(clock, VOLTS, Room(0.25, 0.0, 100.0))
+    with standing(volts=0.25, clock=RealClock()) as stand:
         entry = stand.instruments["multimeter"]
         with socket.create_connection((entry["host"], entry["port"]), 2.0) as client:
             client.sendall(b"CONF:VOLT:DC 1\nVOLT:DC:NPLC 0.02\nREAD?\n")
             assert client.recv(4096) == b"+2.50000000E-01\n"
-        stand.meter.close()

@@ -2,34 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import numpy as np
 import pytest
 from sim_bench import Frames, Line, bench_with, counts, served
 
 from sim_instruments.bench import SimulatedBench
-from station.clock import Clock, VirtualClock
+from station.clock import Clock
 
 START, COUNTS_1 = 1, 0x121
 PULSE_ARCSEC = 0.3
-
-
-@pytest.fixture
-def clock() -> Clock:
-    return VirtualClock()
-
-
-@pytest.fixture
-def bench(clock: Clock) -> Iterator[SimulatedBench]:
-    with served(clock) as simulation:
-        yield simulation
-
-
-@pytest.fixture
-def board(bench: SimulatedBench, clock: Clock) -> Iterator[Frames]:
-    with Frames(bench, clock) as client:
-        yield client
 
 
 def test_a_gyro_that_is_off_counts_nothing(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import socket
-from collections.abc import Iterator
 from typing import Any
 
 import can
@@ -16,23 +15,6 @@ from station.clock import Clock, RealClock, VirtualClock
 
 START, STOP, IDENTIFY, STATUS = 1, 2, 3, 4
 COUNTS_1, COUNTS_2, BOARD_STATUS, BOARD_IDENTITY = 0x121, 0x122, 0x110, 0x111
-
-
-@pytest.fixture
-def clock() -> Clock:
-    return VirtualClock()
-
-
-@pytest.fixture
-def bench(clock: Clock) -> Iterator[SimulatedBench]:
-    with served(clock) as simulation:
-        yield simulation
-
-
-@pytest.fixture
-def board(bench: SimulatedBench, clock: Clock) -> Iterator[Frames]:
-    with Frames(bench, clock) as client:
-        yield client
 
 
 def test_the_message_file_describes_all_messages(bench: SimulatedBench) -> None:

@@ -5,13 +5,14 @@ from __future__ import annotations
 import json
 import shutil
 import subprocess
-import sys
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from campaign_helpers import only_run, short_plan, station, station_command
+from campaign_helpers import only_run, short_plan, station
+from command_line import station as station_in
+from command_line import station_command
 from kill_helpers import served_bench
 
 from station.clock import VirtualClock
@@ -168,11 +169,8 @@ def test_the_command_prints_one_json_document_or_a_few_lines(finished: Path) -> 
 
 
 def test_without_a_name_it_is_the_newest_run_below_runs(finished: Path) -> None:
-    command = [sys.executable, "-m", "station", "status", "--json"]
     place = finished.parent.parent
-    done = subprocess.run(
-        command, cwd=place, capture_output=True, text=True, encoding="utf-8", check=True
-    )
+    done = station_in(place, "status", "--json")
     assert (place / json.loads(done.stdout)["run"]).samefile(finished)
 
 

@@ -10,8 +10,9 @@ from typing import Any
 
 import pytest
 from sim_bench import Line
+from stand import EmptyRoom, Stand, standing
 from test_conformance import conformance
-from trigger_stand import EmptyRoom, Room, Stand, bench_with_only, standing
+from trigger_stand import Room, bench_with_only
 
 from drivers.roles import MadeSafe, PumpLaser
 from drivers.thorlabs_sc10 import ThorlabsSc10

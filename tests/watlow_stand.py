@@ -4,25 +4,23 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from threading import RLock
 from typing import Any
 
 import numpy as np
 from sim_bench import Line
+from stand import Stand as AnyStand
+from stand import serving
 
 from drivers.watlow_f4 import WatlowF4
 from drivers.watlow_f4t import WatlowF4T
-from sim_instruments.faults.instrument import InstrumentFaults, Schedule
-from sim_instruments.faults.reading import read_fault
-from sim_instruments.instrument import Setting
 from sim_instruments.truth import Truth
 from sim_instruments.watlow_f4 import WatlowF4 as F4Simulator
 from sim_instruments.watlow_f4t import WatlowF4T as F4TSimulator
 from sim_instruments.watlow_plant import ROOM
 from sim_instruments.world.chamber import Chamber
-from station.clock import VirtualClock
-from station.readings import Readings
+from station.clock import Clock
 from station.runner.opening import Place
 
 NAME = "thermal_chamber"
@@ -64,54 +62,32 @@ class Room:
         return prompt_id
 
 
-class Stand:
+class Stand(AnyStand):
     """A served controller, and whoever talks to it."""
 
     def __init__(
         self,
-        clock: VirtualClock,
+        clock: Clock,
         model: str,
         truth: Mapping[str, Any],
         faults: tuple[Mapping[str, Any], ...],
         room: Any,
     ) -> None:
-        self.clock, self.model, self.room = clock, model, room
-        self.readings = Readings(clock)
-        self.heard: list[tuple[str, bytes]] = []
-        rng = np.random.default_rng(1)
-        known = InstrumentFaults(Schedule(clock, room.lock))
-        whole = Truth({**TRUTHS[model], **truth}, "simulator")
-        setting = Setting(NAME, SERIALS[model], whole, room, clock, rng, 0, known)
-        self.simulator = SIMULATORS[model](setting)
-        self.instruments = {NAME: self.simulator.describe()}
-        for entry in faults:
-            given = {"instrument": NAME, **entry}
-            protocol = str(self.instruments[NAME]["protocol"])
-            fault = read_fault(
-                given, Truth(given, "fault"), protocol, [entry["fault"]], clock.now(), rng
-            )
-            known.add(fault[0], at_message=fault[1])
+        self.model = model
+        whole = {**TRUTHS[model], **truth}
+        super().__init__(
+            clock, NAME, SIMULATORS[model], whole, room, *faults, serial=SERIALS[model]
+        )
 
     def place(self, limits: Mapping[str, float] | None = None, **settings: Any) -> Place:
-        return Place(
-            NAME,
-            self.instruments[NAME]["address"],
-            self.clock,
-            {**SETTINGS[self.model], **settings},
-            LIMITS if limits is None else limits,
-            trace=lambda direction, data: self.heard.append((direction, data)),
-            publisher=self.readings.publisher(NAME),
-        )
+        given = {**SETTINGS[self.model], **settings}
+        return super().place(LIMITS if limits is None else limits, **given)
 
     def driver(self, limits: Mapping[str, float] | None = None, **settings: Any) -> Any:
         return DRIVERS[self.model](self.place(limits, **settings))
 
     def line(self) -> RawModbus:
         return RawModbus(self)
-
-    def newest(self, quantity: str) -> Any:
-        reading = self.readings.newest(NAME, quantity)
-        return None if reading is None else reading.value
 
     def air_degC(self) -> float:
         """Return the true temperature of the air."""
@@ -157,19 +133,11 @@ class RawModbus(Line):
         return self.pdu(struct.pack(">BHHBHH", 16, address, 2, 4, low, high))
 
 
-@contextmanager
 def controller(
     model: str, *faults: Mapping[str, Any], room: Any = None, **truth: Any
-) -> Iterator[Stand]:
+) -> AbstractContextManager[Stand]:
     """Serve a controller while this thread takes part in time."""
-    clock = VirtualClock()
-    with clock.participant("test"):
-        stand = Stand(clock, model, truth, faults, room or Room())
-        try:
-            yield stand
-        finally:
-            stand.simulator.close()
-            clock.stop()
+    return serving(lambda clock: Stand(clock, model, truth, faults, room or Room()))
 
 
 @contextmanager

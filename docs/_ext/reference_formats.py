@@ -11,8 +11,8 @@ from pathlib import Path
 from tables import code, table
 
 from station.decision import Limit
-from station.results import Estimate, Findings, Flag, Published, conclude
-from station.uncertainty import InputQuantity
+from station.findings import Estimate, Findings, Flag, InputQuantity, Published
+from station.results import conclude
 
 RESULT_KEYS = {
     "schema": "version of the format",

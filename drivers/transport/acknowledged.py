@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Protocol
 
-from drivers.roles import Place
+from drivers.roles import Identity, Place
 from station.errors import InstrumentError, InstrumentTimeout
 
 ANSWER_WITHIN_S = 0.5
@@ -69,6 +69,12 @@ class Commands:
         if not found:
             raise self._silent(answer, attempted)
         return found[-1]
+
+    def identity(self, model: str) -> Identity:
+        """Ask an instrument of our own who it is."""
+        told = self.ask("identify", "identity", "asked who it is")
+        firmware = f"{told['firmware_major']}.{told['firmware_minor']}"
+        return Identity("house-made", model, str(told["serial_number"]), firmware)
 
     def _acknowledgement(self, attempted: str) -> Mapping[str, Any]:
         """Return the acknowledgement of the last command; a late one of another is passed over."""

@@ -6,6 +6,8 @@ import math
 
 from station.errors import InstrumentError
 
+OTHER_ADDRESS = "check that the address in the bench file is its own"
+
 
 def number_of(instrument: str, message: str, answer: str) -> float:
     """Return the answer to a message as a finite number; anything else is InstrumentError."""
@@ -21,6 +23,21 @@ def number_of(instrument: str, message: str, answer: str) -> float:
             "check the cable and that nobody else talks to the instrument",
         )
     return value
+
+
+def odd(
+    instrument: str, attempted: str, answer: str, do_now: str = OTHER_ADDRESS
+) -> InstrumentError:
+    """Return the error of an answer that is none."""
+    return InstrumentError(instrument, attempted, f"{shortened(answer)!r} came back", do_now)
+
+
+def identification(instrument: str, answer: str) -> list[str]:
+    """Return the fields of an answer to `*IDN?`, four at least; fewer are an InstrumentError."""
+    fields = [field.strip() for field in answer.split(",")]
+    if len(fields) < 4:
+        raise odd(instrument, "asked *IDN?", answer)
+    return fields
 
 
 def shortened(text: str, longest: int = 60) -> str:

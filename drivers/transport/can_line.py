@@ -63,10 +63,8 @@ class CanLine(KeptFrames[Frame]):
                 interface="socketcand", host=parts.hostname, port=parts.port, channel=channel
             )
         except (OSError, can.CanError) as error:
-            raise self._fault(
-                f"open {place.address}",
-                f"nobody answers there ({first_line(error)})",
-                "start socketcand, check the adapter and the address in the bench file",
+            raise self._nobody_answers(
+                first_line(error), "start socketcand, check the adapter"
             ) from error
         self._begin_to_read()
 

@@ -7,6 +7,7 @@ from contextlib import contextmanager, suppress
 
 from drivers.roles import Place
 from drivers.transport.serial_port import Port, SocketPort, one_line
+from drivers.transport.traced import TracedLine
 from station.errors import InstrumentError, InstrumentTimeout
 
 EXCHANGE_DEADLINE_S = 0.5
@@ -17,7 +18,7 @@ QUIET_LOOKS = 10
 LARGEST_ANSWER_BYTES = 1 << 20
 
 
-class ExchangePort:
+class ExchangePort(TracedLine):
     """What a line of exchanges does whatever its messages look like.
 
     `wire` is the address of its counting. After an exchange that failed the port is opened anew and
@@ -28,9 +29,7 @@ class ExchangePort:
     when_wrong = "check the cable, and that nobody else talks to the instrument"
 
     def __init__(self, place: Place, wire: str) -> None:
-        self._place = place
-        self._clock = place.clock
-        self._trace = place.trace
+        super().__init__(place)
         self._lock = place.clock.lock(f"{place.name} line")
         self._wire = place.clock.wire(wire)
         self._port: Port | None = None
@@ -73,12 +72,7 @@ class ExchangePort:
                 port.close()
             if not isinstance(error, OSError | ValueError):
                 raise
-            raise self._fault(
-                InstrumentError,
-                f"open {self._place.address}",
-                f"nobody answers there ({one_line(error)})",
-                "switch the instrument on, check its cable and the address in the bench file",
-            ) from error
+            raise self._nobody_answers(one_line(error)) from error
         self._port = port
         return port
 
@@ -144,22 +138,12 @@ class ExchangePort:
             raise self._silent(attempted, "no answer came", deadline_s)
         return answer
 
-    def _traced(self, direction: str, data: bytes) -> None:
-        if self._trace is not None:
-            self._trace(direction, data)
-
-    def _fault(
-        self, kind: type[InstrumentError], attempted: str, came_back: str, do_now: str
-    ) -> InstrumentError:
-        self._traced("!", f"{attempted}: {came_back}".encode())
-        return kind(self._place.name, attempted, came_back, do_now)
-
     def _silent(self, attempted: str, what: str, deadline_s: float) -> InstrumentError:
         said = f"{what} within {deadline_s:g} s"
-        return self._fault(InstrumentTimeout, attempted, said, self.when_silent)
+        return self._fault(attempted, said, self.when_silent, InstrumentTimeout)
 
     def _wrong(self, attempted: str, came_back: str) -> InstrumentError:
-        return self._fault(InstrumentError, attempted, came_back, self.when_wrong)
+        return self._fault(attempted, came_back, self.when_wrong)
 
     @contextmanager
     def _breaks(self, attempted: str) -> Iterator[None]:
@@ -169,7 +153,6 @@ class ExchangePort:
         except OSError as error:
             self._disconnect()
             raise self._fault(
-                InstrumentError,
                 attempted,
                 f"the line broke ({one_line(error)})",
                 "check the cable and the instrument's power, then start again",

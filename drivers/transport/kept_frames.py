@@ -8,6 +8,7 @@ from threading import Event, Lock, Thread
 from typing import Generic, TypeVar
 
 from drivers.roles import Place
+from drivers.transport.traced import TracedLine
 from station.errors import InstrumentError
 
 LOOK_S = 0.005
@@ -15,7 +16,7 @@ LOOK_S = 0.005
 F = TypeVar("F")
 
 
-class KeptFrames(Generic[F]):
+class KeptFrames(TracedLine, Generic[F]):
     """What a line of unasked frames does on whatever it goes; `kind_of` tells kinds apart.
 
     A line calls `_begin_to_read` when it is open; its `_read` runs in a thread until `_closing` is
@@ -26,9 +27,7 @@ class KeptFrames(Generic[F]):
     when_broken = "check the cable and the instrument's power, then start again"
 
     def __init__(self, place: Place, wire: str, kind_of: Callable[[F], int]) -> None:
-        self._place = place
-        self._clock = place.clock
-        self._trace = place.trace
+        super().__init__(place)
         self._wire = place.clock.wire(wire)
         self._kind_of = kind_of
         self._frames: deque[F] = deque()
@@ -93,13 +92,5 @@ class KeptFrames(Generic[F]):
         with self._frames_lock:
             self._frames.extend(frames)
 
-    def _traced(self, direction: str, data: bytes) -> None:
-        if self._trace is not None:
-            self._trace(direction, data)
-
     def _broken(self, why: str) -> InstrumentError:
         return self._fault(f"used {self.line}", f"the line broke ({why})", self.when_broken)
-
-    def _fault(self, attempted: str, came_back: str, do_now: str) -> InstrumentError:
-        self._traced("!", f"{attempted}: {came_back}".encode())
-        return InstrumentError(self._place.name, attempted, came_back, do_now)

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import suppress
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from drivers.roles import Place
 from drivers.transport.kept_frames import KeptFrames
@@ -54,11 +54,7 @@ class SerialStream(KeptFrames[StreamFrame]):
         try:
             self._port: Port = open_port(place.address, chosen)
         except (OSError, ValueError) as error:
-            raise self._fault(
-                f"open {place.address}",
-                f"nobody answers there ({one_line(error)})",
-                "switch the instrument on, check its cable and the address in the bench file",
-            ) from error
+            raise self._nobody_answers(one_line(error)) from error
         self._begin_to_read()
 
     def send(self, data: bytes) -> None:
@@ -97,3 +93,27 @@ class SerialStream(KeptFrames[StreamFrame]):
             if found.skipped:
                 self._traced("!", f"{found.skipped} bytes that belong to no frame".encode())
             self._wire.picked_up(len(data))
+
+
+class StreamAnswers:
+    """The answers of an instrument among the frames of its stream.
+
+    `kinds` has the kind of frame of each answer, `decoded` gives its content by names.
+    """
+
+    def __init__(
+        self,
+        stream: SerialStream,
+        kinds: Mapping[str, int],
+        decoded: Callable[[StreamFrame], Mapping[str, Any]],
+    ) -> None:
+        self._stream, self._kinds, self._decoded = stream, kinds, decoded
+
+    def take(self, answer: str) -> list[Mapping[str, Any]]:
+        """Return the answers of a kind that have come."""
+        return [self._decoded(one) for one in self._stream.take(self._kinds[answer])]
+
+    def wait_for(self, answer: str, deadline_s: float) -> list[Mapping[str, Any]]:
+        """Return the answers of a kind as soon as there are any, or none at run time."""
+        found = self._stream.wait_for(self._kinds[answer], deadline_s)
+        return [self._decoded(one) for one in found]

@@ -14,6 +14,7 @@ from pyvisa import constants
 
 from drivers.roles import Place
 from drivers.transport.answers import number_of, shortened
+from drivers.transport.traced import TracedLine
 from station.errors import InstrumentError, InstrumentTimeout
 
 EXCHANGE_DEADLINE_S = 0.5
@@ -57,16 +58,14 @@ def has_ended(resource: Any) -> bool:
         return True
 
 
-class VisaLine:
+class VisaLine(TracedLine):
     """One instrument's line; ends of lines are stripped from answers and added to requests.
 
     An answer is complete with the last character of `answer_end`.
     """
 
     def __init__(self, place: Place, *, request_end: str = "\n", answer_end: str = "\n") -> None:
-        self._place = place
-        self._clock = place.clock
-        self._trace = place.trace
+        super().__init__(place)
         self._request_end = request_end
         self._answer_end = answer_end.encode(ENCODING)
         self._lock = place.clock.lock(place.name)
@@ -112,12 +111,7 @@ class VisaLine:
                 write_termination=self._request_end,
             )
         except Exception as error:  # pyvisa-py raises bare Exception for a refused connection
-            raise self._fault(
-                InstrumentError,
-                f"open {self._place.address}",
-                f"nobody answers there ({error})",
-                "switch the instrument on, check its cable and the address in the bench file",
-            ) from error
+            raise self._nobody_answers(error) from error
         self._resource.chunk_size = LARGEST_ANSWER_BYTES
         if is_socket(self._place.address):
             # What came of an answer without its end is then given out, and can be shown.
@@ -176,7 +170,6 @@ class VisaLine:
             raise self._silent(message, what, deadline_s)
         if not answer.isascii():
             raise self._fault(
-                InstrumentError,
                 f"sent {shortened(message)!r}",
                 f"{shortened(text)!r} came back, which is no text",
                 "check the cable, and the baud rate where the line is serial",
@@ -189,35 +182,24 @@ class VisaLine:
         if timeout_ms != self._timeout_ms:  # it is nearly always the same, and setting it is slow
             self._resource.timeout = self._timeout_ms = timeout_ms
 
-    def _traced(self, direction: str, data: bytes) -> None:
-        if self._trace is not None:
-            self._trace(direction, data)
-
-    def _fault(
-        self, kind: type[InstrumentError], attempted: str, came_back: str, do_now: str
-    ) -> InstrumentError:
-        self._traced("!", f"{attempted}: {came_back}".encode())
-        return kind(self._place.name, attempted, came_back, do_now)
-
     def _silent(self, message: str, what: str, deadline_s: float) -> InstrumentError:
         if has_ended(self._resource):
             return self._fault(
-                InstrumentTimeout,
                 f"sent {shortened(message)!r}",
                 f"{what} and the other side closed the connection",
                 "check that nobody else uses the instrument, its network cable and its power",
+                InstrumentTimeout,
             )
         return self._fault(
-            InstrumentTimeout,
             f"sent {shortened(message)!r}",
             f"{what} within {deadline_s:g} s",
             "check that the instrument is on, in remote mode, and its cable is seated",
+            InstrumentTimeout,
         )
 
     def _broken(self, message: str, error: BaseException) -> InstrumentError:
         self._disconnect()
         return self._fault(
-            InstrumentError,
             f"sent {shortened(message)!r}",
             f"the line broke ({error})",
             "check the cable and the instrument's power, then start again",

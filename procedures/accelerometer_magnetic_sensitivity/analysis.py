@@ -5,11 +5,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from station.findings import Estimate, undetermined
+
 from .dataset import AccelerometerDataset
 from .findings import (
     AccelerometerAnalysis,
     AnalysisSettings,
-    Estimate,
     LeftOut,
     Nuisance,
     Path,
@@ -30,6 +31,7 @@ __all__ = ["AccelerometerAnalysis", "AnalysisSettings", "analyse"]
 
 BEYOND = "beyond {:g} sigma from the fit"
 SMALLEST_SINGULAR = 1e-7
+METHOD = "weighted"
 
 
 def analyse(
@@ -130,18 +132,20 @@ def _estimates(found: Identifiability, solution: Solution | None) -> tuple[Estim
     estimates = []
     for name in COEFFICIENTS:
         if solution is None or name not in values:
-            estimates.append(Estimate(name, UNITS[name], None, None, None, {}, {}))
+            estimates.append(undetermined(name, None, UNITS[name], METHOD))
             continue
         place = found.kept.index(name)
         estimates.append(
             Estimate(
-                name=name,
-                unit=UNITS[name],
-                value=values[name],
-                standard_uncertainty=float(np.sqrt(solution.covariance[place, place])),
-                degrees_of_freedom=float(solution.degrees_of_freedom),
-                terms=found.terms[name],
-                sensitivities=_sensitivities(name, values),
+                name,
+                None,
+                values[name],
+                UNITS[name],
+                float(np.sqrt(solution.covariance[place, place])),
+                float(solution.degrees_of_freedom),
+                METHOD,
+                _sensitivities(name, values),
+                {"terms": dict(found.terms[name])},
             )
         )
     return tuple(estimates)

@@ -4,24 +4,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from dataclasses import replace
+from typing import TYPE_CHECKING
 
 from procedures.accelerometer_magnetic_sensitivity.analysis import analyse
 from procedures.accelerometer_magnetic_sensitivity.check import GAUSSMETER, MULTIMETER
-from procedures.accelerometer_magnetic_sensitivity.dataset import AccelerometerDataset
-from procedures.accelerometer_magnetic_sensitivity.findings import (
-    AccelerometerAnalysis,
-    AnalysisSettings,
-)
+from procedures.accelerometer_magnetic_sensitivity.findings import AnalysisSettings
 from procedures.accelerometer_magnetic_sensitivity.from_import import dataset_of_import
 from procedures.accelerometer_magnetic_sensitivity.from_record import (
     dataset_of_run,
     overloaded_readings,
 )
 from procedures.accelerometer_magnetic_sensitivity.parameters import AccelerometerParameters
-from station.results import Estimate, Findings, Flag, Published
-from station.uncertainty import InputQuantity
+from station.findings import Findings, Flag, InputQuantity, findings_of
 
 if TYPE_CHECKING:
     from station.bench import Bench
@@ -30,21 +25,13 @@ if TYPE_CHECKING:
     from station.record.folder import RunFolder
 
 
-@dataclass(frozen=True)
-class Detail:
-    """What this procedure's report draws."""
-
-    analysis: AccelerometerAnalysis
-    dataset: AccelerometerDataset
-
-
 def findings_of_run(
     folder: RunFolder, parameters: AccelerometerParameters, bench: Bench
 ) -> Findings:
     """Return what a run's finished points say, type B inputs from the bench's calibrations."""
     dataset = dataset_of_run(folder, parameters, bench)
     analysis = analyse(dataset, settings(parameters))
-    findings = to_findings(analysis, dataset, type_b_inputs(parameters, bench))
+    findings = findings_of(analysis, dataset, type_b_inputs(parameters, bench))
     finished = folder.finished_units()
     known = [point.unit for point in parameters.points if point.unit in finished]
     count = overloaded_readings(folder, known)
@@ -54,27 +41,19 @@ def findings_of_run(
         f"{count} readings of the voltmeter were overloads; they are left out, and their points "
         "were measured again on a higher range."
     )
-    flags = [*findings.flags, Flag("overload", message, None, {"count": count})]
-    return Findings(findings.estimates, findings.published, flags, findings.inputs, findings.detail)
+    overload = Flag("overload", message, None, {"count": count})
+    return replace(findings, flags=[*findings.flags, overload])
 
 
 def findings_of_dataset(raw: RawDataset) -> Findings:
     """Return what an imported dataset says; it brings no calibration records, so type A only."""
     dataset = dataset_of_import(raw)
-    return to_findings(analyse(dataset, AnalysisSettings()), dataset, [])
+    return findings_of(analyse(dataset), dataset, [])
 
 
 def settings(parameters: AccelerometerParameters) -> AnalysisSettings:
     """Return the analysis settings of a plan."""
-    thresholds = parameters.thresholds
-    return AnalysisSettings(
-        not_significant=thresholds.not_significant,
-        gap=thresholds.gap,
-        field_differs=thresholds.field_differs_from_commanded,
-        model_too_stiff=thresholds.model_too_stiff,
-        outlier=thresholds.outlier,
-        window=parameters.window,
-    )
+    return AnalysisSettings(**dict(parameters.thresholds), window=parameters.window)
 
 
 def type_b_inputs(parameters: AccelerometerParameters, bench: Bench) -> list[InputQuantity]:
@@ -118,34 +97,3 @@ def _gain_and_offset(
         offset_unit,
         record.source,
     )
-
-
-def to_findings(
-    analysis: AccelerometerAnalysis, dataset: AccelerometerDataset, inputs: list[InputQuantity]
-) -> Findings:
-    """Return an analysis in the station's own terms."""
-    estimates = [
-        Estimate(
-            one.name,
-            None,
-            one.value,
-            one.unit,
-            one.standard_uncertainty,
-            one.degrees_of_freedom,
-            "weighted",
-            one.sensitivities,
-            {"terms": dict(one.terms)} if one.terms else {},
-        )
-        for one in analysis.estimates
-    ]
-    published = [
-        Published(one.name, None, one.value, one.unit, "finite-memory")
-        for one in analysis.published
-    ]
-    flags = [Flag(one.code, one.message, None, _details(one)) for one in analysis.flags]
-    return Findings(estimates, published, flags, inputs, Detail(analysis, dataset))
-
-
-def _details(flag: Any) -> dict[str, Any]:
-    """Return a flag's count and details as plain data."""
-    return {**({} if flag.count is None else {"count": int(flag.count)}), **flag.details}

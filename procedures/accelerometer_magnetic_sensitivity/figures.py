@@ -13,6 +13,7 @@ from procedures.accelerometer_magnetic_sensitivity.identifiability import (
     describe,
 )
 from procedures.accelerometer_magnetic_sensitivity.model import COEFFICIENTS
+from station.findings import Findings
 from station.report.drawing import STYLE
 from station.report.numbers import NOTHING, format_number, format_with_uncertainty
 from station.report.parts import Part, Plot, Table
@@ -22,10 +23,10 @@ MOST_ROWS = 40
 WORDS = {"min": "≥ {:g}", "max": "≤ {:g}", "max_abs": "± {:g}"}
 
 
-def draw_parts(
-    analysis: AccelerometerAnalysis, dataset: AccelerometerDataset, document: ResultDocument
-) -> tuple[Part, ...]:
+def draw_parts(findings: Findings, document: ResultDocument) -> tuple[Part, ...]:
     """Return the parts of the report: coefficients first, then what is behind them."""
+    analysis: AccelerometerAnalysis = findings.detail.analysis
+    dataset: AccelerometerDataset = findings.detail.dataset
     parts: list[Part] = [_coefficients(analysis, document)]
     with mpl.rc_context(STYLE):
         if bool(analysis.used.any()):

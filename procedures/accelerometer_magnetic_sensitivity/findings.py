@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+
+from station.findings import Estimate, Flag, Published
 
 from .identifiability import Identifiability
 
@@ -20,13 +21,13 @@ class AnalysisSettings:
     """Thresholds of the flags and choices of the estimator, each with its default.
 
     `not_significant` is in standard uncertainties of a magnetic coefficient, `outlier` in robust
-    standard deviations, `gap` in nominal intervals, `field_differs` relative. `window` is the
-    number of rows of the finite-memory solution, chosen where it is None.
+    standard deviations, `gap` in nominal intervals, `field_differs_from_commanded` relative.
+    `window` is the number of rows of the finite-memory solution, chosen where it is None.
     """
 
     not_significant: float = 2.0
     gap: float = 1.5
-    field_differs: float = 0.01
+    field_differs_from_commanded: float = 0.01
     model_too_stiff: float = 0.3
     outlier: float = 5.0
     max_drift_order: int = 8
@@ -41,24 +42,6 @@ class AnalysisSettings:
 
 
 @dataclass(frozen=True)
-class Estimate:
-    """One coefficient, or the combination `terms` that its column really measures.
-
-    Value and standard uncertainty (type A) are None where the data do not determine it; `terms` is
-    then empty. `sensitivities` are derivatives of the value by the inputs of type B: `field_gain`
-    and `voltage_gain` (relative errors), `field_offset_T`, `voltage_offset_V`.
-    """
-
-    name: str
-    unit: str
-    value: float | None
-    standard_uncertainty: float | None
-    degrees_of_freedom: float | None
-    terms: Mapping[str, float]
-    sensitivities: Mapping[str, float]
-
-
-@dataclass(frozen=True)
 class Nuisance:
     """A term that is fitted beside the coefficients, so that it does not pass for one of them."""
 
@@ -69,30 +52,11 @@ class Nuisance:
 
 
 @dataclass(frozen=True)
-class Published:
-    """What the source document's own estimator gives for one coefficient; None where it cannot."""
-
-    name: str
-    unit: str
-    value: float | None
-
-
-@dataclass(frozen=True)
 class LeftOut:
     """A row that the solution does not use, 0-based, and why."""
 
     row: int
     reason: str
-
-
-@dataclass(frozen=True)
-class Flag:
-    """Something that the reader of the results must know; `message` is one sentence."""
-
-    code: str
-    message: str
-    count: int | None = None
-    details: Mapping[str, object] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -114,6 +78,9 @@ class Path:
 class AccelerometerAnalysis:
     """The whole outcome.
 
+    An estimate is of one coefficient, or of the combination `terms` in its `extra` that its column
+    really measures; its sensitivities are derivatives by `field_gain` and `voltage_gain` (relative
+    errors), `field_offset_T`, `voltage_offset_V`.
     `covariance` (k, k) is that of the kept coefficients, type A; `residual_V` (rows,) is NaN for
     rows that cannot be judged; `used` marks the rows of the solution. `drift_V` (rows,) is the slow
     part that was taken off, None where there is none. `condition` is that of the scaled design.

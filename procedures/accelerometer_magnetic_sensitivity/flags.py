@@ -6,8 +6,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from station.findings import Estimate, Flag
+
 from .dataset import AccelerometerDataset
-from .findings import AnalysisSettings, Estimate, Flag, LeftOut, Nuisance
+from .findings import AnalysisSettings, LeftOut, Nuisance
 from .identifiability import Identifiability, describe, listed
 from .model import COEFFICIENTS
 from .nuisances import JUMP
@@ -28,8 +30,7 @@ def data_flags(
                 "overload",
                 f"The voltmeter was overloaded in {len(overloaded)} rows (the first is row "
                 f"{overloaded[0]}, counted from 0); they are left out.",
-                count=len(overloaded),
-                details={"rows": [int(row) for row in overloaded]},
+                details={"count": len(overloaded), "rows": [int(row) for row in overloaded]},
             )
         )
     rejected = [one for one in left_out if not dataset.overloaded[one.row]]
@@ -42,8 +43,7 @@ def data_flags(
                 "outliers-rejected",
                 f"{len(rejected)} of {len(dataset)} rows were left out ({'; '.join(reasons)}): "
                 f"rows {shown}{more}, counted from 0.",
-                count=len(rejected),
-                details={"rows": [one.row for one in rejected]},
+                details={"count": len(rejected), "rows": [one.row for one in rejected]},
             )
         )
     return flags + _gap(dataset, settings) + _field(dataset, left_out, settings)
@@ -63,8 +63,8 @@ def _gap(dataset: AccelerometerDataset, settings: AnalysisSettings) -> list[Flag
         f"The rows have {gaps} gap{'s' if gaps > 1 else ''}, the longest {longest_s:g} s for a "
         f"nominal interval of {nominal_s:g} s; the solution does not mind."
     )
-    details = {"missing_samples": missing, "longest_s": longest_s}
-    return [Flag("gap", gaps_said, count=gaps, details=details)]
+    details = {"count": gaps, "missing_samples": missing, "longest_s": longest_s}
+    return [Flag("gap", gaps_said, details=details)]
 
 
 def _field(
@@ -81,7 +81,7 @@ def _field(
     off = np.array([float(np.median(measured[commanded == one] - one)) for one in levels])
     worst = int(np.argmax(np.abs(off)))
     part = float(off[worst]) / largest_T
-    if abs(part) <= settings.field_differs:
+    if abs(part) <= settings.field_differs_from_commanded:
         return []
     field_said = (
         f"Where {levels[worst]:.5g} T was commanded, {levels[worst] + off[worst]:.5g} T was "

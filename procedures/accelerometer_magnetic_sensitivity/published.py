@@ -5,7 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from .findings import Path, Published
+from station.findings import Published
+
+from .findings import Path
 from .finite_memory import FiniteMemory, walk
 from .model import COEFFICIENTS, UNITS
 
@@ -50,4 +52,6 @@ def published_values(path: Path | None) -> tuple[Published, ...]:
     if path is not None and len(path.estimates):
         ends = zip(path.names, path.estimates[-1], strict=True)
         last = {name: float(value) for name, value in ends if np.isfinite(value)}
-    return tuple(Published(name, UNITS[name], last.get(name)) for name in COEFFICIENTS)
+    return tuple(
+        Published(name, None, last.get(name), UNITS[name], "finite-memory") for name in COEFFICIENTS
+    )

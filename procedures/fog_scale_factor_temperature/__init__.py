@@ -2,70 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Mapping
 
 from procedures.fog_scale_factor_temperature.check import check, instruments
 from procedures.fog_scale_factor_temperature.drive_file import inputs
 from procedures.fog_scale_factor_temperature.parameters import FogParameters
+from procedures.fog_scale_factor_temperature.set_points import forecast
 from procedures.fog_scale_factor_temperature.steps import STEPS, prompts
-from station.procedure import Procedure, ResultKind
-
-if TYPE_CHECKING:
-    from station.bench import Bench
-    from station.dataset_reading import RawDataset
-    from station.fields import StrictModel
-    from station.procedure import Prompt as Prompt
-    from station.record.folder import RunFolder
-    from station.report.parts import Part
-    from station.results import Findings, ResultDocument
+from station.procedure import Later, Procedure, ResultKind, usual_modules
 
 AXES = ("x", "y", "z")
-
-
-def evaluate_run(folder: RunFolder, parameters: FogParameters, bench: Bench) -> Findings:
-    """Return what a run's recorded data say."""
-    from procedures.fog_scale_factor_temperature.evaluate import findings_of_run
-
-    return findings_of_run(folder, parameters, bench)
-
-
-def evaluate_dataset(raw: RawDataset) -> Findings:
-    """Return what an imported dataset says."""
-    from procedures.fog_scale_factor_temperature.evaluate import findings_of_dataset
-
-    return findings_of_dataset(raw)
-
-
-def conditions() -> type[StrictModel]:
-    """Return the model of an imported dataset's conditions."""
-    from procedures.fog_scale_factor_temperature.from_import import Conditions
-
-    return Conditions
-
-
-def report(findings: Findings, document: ResultDocument) -> Sequence[Part]:
-    """Return the plots and tables of this procedure."""
-    from procedures.fog_scale_factor_temperature.figures import draw_parts
-
-    return draw_parts(findings.detail.analysis, findings.detail.dataset, document)
-
-
-def files(findings: Findings, document: ResultDocument) -> Mapping[str, str]:
-    """Return the compensation as a table and as source code, name to text."""
-    from procedures.fog_scale_factor_temperature.compensation import compensation_files
-
-    fits = findings.detail.analysis.fits
-    return compensation_files(
-        {axis: fit.curve for axis, fit in fits.items() if fit.curve is not None}
-    )
-
-
-def outlook(parameters: FogParameters) -> Sequence[str]:
-    """Return in lines what a plan determines and how well."""
-    from procedures.fog_scale_factor_temperature.outlook import outlook
-
-    return outlook(parameters)
 
 
 def measured_axes(parameters: FogParameters) -> Mapping[str, tuple[str, ...]]:
@@ -98,13 +44,11 @@ PROCEDURE = Procedure(
     instruments=instruments,
     prompts=prompts,
     check=check,
-    evaluate_run=evaluate_run,
-    evaluate_dataset=evaluate_dataset,
-    report=report,
+    **usual_modules(__name__),
     inputs=inputs,
-    files=files,
-    conditions=conditions,
-    outlook=outlook,
+    files=Later(f"{__name__}.compensation:files_of"),
+    forecast=forecast,
+    outlook=Later(f"{__name__}.outlook:outlook"),
     measured_axes=measured_axes,
     assumptions=(
         "The curve is that of the ramp's direction and rate. Hysteresis between heating and "

@@ -16,13 +16,10 @@ TABLE = "turntable"
 CHAMBER = "thermal_chamber"
 NAVIGATOR = "navigator"
 POWER = "dut_power"
-TEMPERATURE_RANGE = ("parameters", "temperature_range")
-RAMP_RATE = ("parameters", "ramp_rate")
-TURN_RATE = ("parameters", "turn_rate")
+TURN_ACCELERATION = ("parameters", "turn_acceleration")
 RESOLUTION = ("parameters", "heading_resolution")
 ASKED = ("parameters", "asked_uncertainty")
 DRIVE = ("parameters", "drive", "file")
-MINUTES_PER_HOUR = 60.0
 
 
 def instruments(parameters: FogParameters) -> tuple[str, ...]:
@@ -31,55 +28,37 @@ def instruments(parameters: FogParameters) -> tuple[str, ...]:
 
 
 def check(parameters: FogParameters, bench: Bench) -> Iterator[Problem]:
-    """Yield what the chamber cannot do, an uncertainty out of reach, a drive that is no drive."""
-    yield from table_problems(bench)
-    yield from chamber_problems(parameters, bench)
+    """Yield a table not told or too slow, an uncertainty out of reach, a drive that is no drive.
+
+    Rates, angles, temperatures and ramps beyond a limit are found from the forecast.
+    """
+    yield from table_problems(parameters, bench)
     yield from uncertainty_problems(parameters)
     yield from drive_problems(parameters)
 
 
-def table_problems(bench: Bench) -> Iterator[Problem]:
-    """Yield each axis of the table whose number the bench file does not say: it decides a sign."""
+def table_problems(parameters: FogParameters, bench: Bench) -> Iterator[Problem]:
+    """Yield each axis whose number the bench file does not say, and turns quicker than possible.
+
+    The number of an axis decides a sign.
+    """
     table = bench.instruments.get(TABLE)
-    for key in ("outer_axis", "middle_axis", "inner_axis") if table is not None else ():
-        if table is not None and not isinstance(table.settings.get(key), int):
+    if table is None:
+        return
+    for key in ("outer_axis", "middle_axis", "inner_axis"):
+        if not isinstance(table.settings.get(key), int):
             yield Problem(
                 ("procedure",),
                 f"the bench file does not say which axis of {TABLE} is the {key[:-5]} one; write "
                 f"instruments.{TABLE}.settings.{key}, such as 1",
             )
-
-
-def chamber_problems(parameters: FogParameters, bench: Bench) -> Iterator[Problem]:
-    """Yield each temperature and ramp that the bench does not allow for its chamber."""
-    chamber = bench.instruments.get(CHAMBER)
-    if chamber is None:
-        return
-    lowest = chamber.limits.get("temperature_low")
-    highest = chamber.limits.get("temperature_high")
-    low, high = parameters.temperature_range_degC
-    if lowest is not None and low < lowest:
+    counted, allowed = parameters.turn_acceleration_deg_per_s2, table.limits.get("acceleration")
+    if allowed is not None and counted > allowed:
         yield Problem(
-            TEMPERATURE_RANGE,
-            f"{low:g} degC is below the {lowest:g} degC that the bench allows for {CHAMBER}",
+            TURN_ACCELERATION,
+            f"the times of the turns count with {counted:g} deg/s^2, which is more than the "
+            f"{allowed:g} deg/s^2 that the bench allows for {TABLE}",
         )
-    if highest is not None and high > highest:
-        yield Problem(
-            TEMPERATURE_RANGE,
-            f"{high:g} degC is above the {highest:g} degC that the bench allows for {CHAMBER}",
-        )
-    fastest = chamber.limits.get("temperature_slew")
-    ramps: list[tuple[tuple[str, ...], float]] = [(RAMP_RATE, parameters.ramp_rate_degC_per_h)]
-    if parameters.verification is not None:
-        own = ("parameters", "verification", "ramp_rate")
-        ramps.append((own, parameters.verification.ramp_rate_degC_per_h))
-    for where, rate in ramps:
-        if fastest is not None and rate / MINUTES_PER_HOUR > fastest * (1.0 + 1e-9):
-            yield Problem(
-                where,
-                f"{rate:g} degC/h is faster than the {fastest * MINUTES_PER_HOUR:g} degC/h that "
-                f"the bench allows for {CHAMBER}",
-            )
 
 
 def uncertainty_problems(parameters: FogParameters) -> Iterator[Problem]:

@@ -8,11 +8,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from .curve import Curve
 from .dataset import AXES
+
+if TYPE_CHECKING:
+    from station.findings import Findings
+    from station.results import ResultDocument
 
 SAID = "rate / (1 + delta(T)): divide, never multiply. T is the gyro's own temperature in degC."
 
@@ -59,6 +64,14 @@ def table_csv(curves: Mapping[str, Curve], step_degC: float = 1.0) -> str:
         ]
         lines.append(",".join([f"{heat:g}", *cells]))
     return "\n".join(lines) + "\n"
+
+
+def files_of(findings: Findings, document: ResultDocument) -> dict[str, str]:
+    """Return the compensation that findings give, file name to text."""
+    fits = findings.detail.analysis.fits
+    return compensation_files(
+        {axis: fit.curve for axis, fit in fits.items() if fit.curve is not None}
+    )
 
 
 def compensation_files(curves: Mapping[str, Curve]) -> dict[str, str]:

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from procedures.fog_scale_factor_temperature.analysis import analyse
+from procedures.fog_scale_factor_temperature.band import Band
 from procedures.fog_scale_factor_temperature.curve import Curve
 from procedures.fog_scale_factor_temperature.dataset import FogDataset
 from procedures.fog_scale_factor_temperature.findings import (
@@ -24,8 +24,15 @@ from procedures.fog_scale_factor_temperature.from_import import (
 )
 from procedures.fog_scale_factor_temperature.parameters import PUBLISHED_SOAK_H, FogParameters
 from station.faults import FaultList
-from station.results import Estimate, Findings, Flag, Published
-from station.uncertainty import InputQuantity
+from station.findings import (
+    Detail,
+    Estimate,
+    Findings,
+    Flag,
+    InputQuantity,
+    Published,
+    undetermined,
+)
 
 if TYPE_CHECKING:
     from station.bench import Bench
@@ -34,14 +41,6 @@ if TYPE_CHECKING:
 
 BIAS = "gyro_bias"
 BAND_POINTS = 21
-
-
-@dataclass(frozen=True)
-class Detail:
-    """What this procedure's report draws."""
-
-    analysis: FogAnalysis
-    dataset: FogDataset
 
 
 def findings_of_run(folder: RunFolder, parameters: FogParameters, bench: Bench) -> Findings:
@@ -76,12 +75,7 @@ def findings_of_dataset(raw: RawDataset) -> Findings:
 
 def settings(parameters: FogParameters) -> AnalysisSettings:
     """Return the analysis settings of a plan."""
-    thresholds = parameters.thresholds
-    return AnalysisSettings(
-        outlier=thresholds.outlier,
-        gap=thresholds.gap,
-        model_too_stiff=thresholds.model_too_stiff,
-    )
+    return AnalysisSettings(**dict(parameters.thresholds))
 
 
 def outside_flag(said: str) -> Flag:
@@ -122,10 +116,7 @@ def to_findings(
                 BIAS, "gyro bias during the turn", dataset.gyro_bias_deg_per_h, "deg/h", source
             )
         )
-    flags = [
-        *(Flag(one.code, one.message, one.axis, dict(one.details)) for one in analysis.flags),
-        *flags,
-    ]
+    flags = [*analysis.flags, *flags]
     return Findings(estimates, published, flags, inputs, Detail(analysis, dataset))
 
 
@@ -139,13 +130,16 @@ def model_data(curve: Curve) -> dict[str, Any]:
     }
 
 
-def band_data(curve: Curve) -> dict[str, list[float]]:
-    """Return the curve and its type A standard uncertainty at temperatures over the domain."""
-    grid = curve.temperatures_degC(BAND_POINTS)
+def band_data(band: Band) -> dict[str, Any]:
+    """Return a curve at temperatures over its domain, how well each is known, and the whole."""
+    grid = band.curve.temperatures_degC(BAND_POINTS)
     return {
-        "temperature_degC": [float(one) for one in grid],
-        "value": [float(one) for one in curve.error_ppm(grid)],
-        "standard_uncertainty": [float(one) for one in curve.standard_uncertainty_ppm(grid)],
+        "temperature_degC": grid.tolist(),
+        "value": band.curve.error_ppm(grid).tolist(),
+        "standard_uncertainty": band.standard_ppm(grid).tolist(),
+        "expanded_uncertainty": band.expanded_ppm(grid).tolist(),
+        "whole_curve_uncertainty": band.whole_ppm(grid).tolist(),
+        "whole_curve_factor": band.whole_factor,
     }
 
 
@@ -158,7 +152,7 @@ def _estimate(
 ) -> Estimate:
     curve = fit.curve
     if curve is None:
-        return Estimate(name, fit.axis, None, "ppm", None, None, "weighted", {}, extra)
+        return undetermined(name, fit.axis, "ppm", "weighted", extra)
     at = np.array([temperature_degC])
     value = _value(curve, temperature_degC)
     sign = -1.0 if magnitude and value < 0.0 else 1.0
@@ -187,13 +181,12 @@ def _at_reference(fit: AxisFit, dataset: FogDataset) -> Estimate:
     }
     if curve is None:
         return _estimate("scale_factor_error", fit, asked, False, extra)
-    extra |= {"order": curve.order, "turn_noise": fit.noise_ppm, "band": band_data(curve)}
+    band = Band(curve, dataset.gyro_bias_deg_per_h or 0.0)
+    extra |= {"order": curve.order, "turn_noise": fit.noise_ppm, "band": band_data(band)}
     found = _estimate("scale_factor_error", fit, asked, False, extra)
     if curve.holds(asked):
         return found
-    return Estimate(
-        found.name, found.axis, None, found.unit, None, None, found.method, {}, found.extra
-    )
+    return undetermined(found.name, found.axis, found.unit, found.method, found.extra)
 
 
 def _largest(fit: AxisFit) -> Estimate:

@@ -6,8 +6,10 @@ import matplotlib as mpl
 import numpy as np
 
 from procedures.fog_scale_factor_temperature import plots
+from procedures.fog_scale_factor_temperature.band import Band
 from procedures.fog_scale_factor_temperature.dataset import FogDataset
 from procedures.fog_scale_factor_temperature.findings import FogAnalysis
+from station.findings import Findings
 from station.report.drawing import STYLE
 from station.report.numbers import NOTHING, format_number, format_with_uncertainty
 from station.report.parts import Part, Plot, Table
@@ -17,10 +19,10 @@ TABLE_STEP_DEGC = 5.0
 MOST_ROWS = 40
 
 
-def draw_parts(
-    analysis: FogAnalysis, dataset: FogDataset, document: ResultDocument
-) -> tuple[Part, ...]:
+def draw_parts(findings: Findings, document: ResultDocument) -> tuple[Part, ...]:
     """Return the parts of the report: curves first, then proof and compensation."""
+    analysis: FogAnalysis = findings.detail.analysis
+    dataset: FogDataset = findings.detail.dataset
     parts: list[Part] = [_curves(analysis)]
     fitted = [fit for fit in analysis.fits.values() if fit.curve is not None]
     with mpl.rc_context(STYLE):
@@ -39,9 +41,11 @@ def draw_parts(
                     "Scale-factor error over temperature",
                     "Above: each turn, the curve, and the published rule's. Turns scatter more "
                     "than their noise where the gyro's bias has not been taken off yet. Below: "
-                    "what the solution leaves of each turn, and ±U (95 %) of the curve as a band. "
+                    "what the solution leaves of each turn, and the curve's bands: the dark one "
+                    "is ±U, which holds the truth at any one temperature in 95 % of records; the "
+                    "wider one holds the true curve over the whole range at once in 95 %. "
                     "Triangles: turns that were left out, at the edge where they lie beyond it.",
-                    plots.curves(analysis),
+                    plots.curves(analysis, dataset.gyro_bias_deg_per_h or 0.0),
                 )
             )
         parts.append(_before_and_after(analysis, document))
@@ -66,7 +70,7 @@ def draw_parts(
                 )
             )
     if fitted:
-        parts.append(_compensation(analysis))
+        parts.append(_compensation(analysis, dataset.gyro_bias_deg_per_h or 0.0))
     if any(len(_rejected(analysis, axis)) for axis in analysis.fits):
         parts.append(_left_out(analysis))
     return tuple(parts)
@@ -169,9 +173,13 @@ def _limits(limit: object) -> list[float]:
     return list(limit.to_data().values())  # type: ignore[attr-defined]
 
 
-def _compensation(analysis: FogAnalysis) -> Table:
-    fits = {axis: fit for axis, fit in analysis.fits.items() if fit.curve is not None}
-    ends = np.array([fit.curve.domain_degC for fit in fits.values() if fit.curve is not None])
+def _compensation(analysis: FogAnalysis, gyro_bias_deg_per_h: float) -> Table:
+    bands = {
+        axis: Band(fit.curve, gyro_bias_deg_per_h)
+        for axis, fit in analysis.fits.items()
+        if fit.curve is not None
+    }
+    ends = np.array([band.curve.domain_degC for band in bands.values()])
     grid = np.arange(
         np.ceil(ends[:, 0].min() / TABLE_STEP_DEGC),
         np.floor(ends[:, 1].max() / TABLE_STEP_DEGC) + 1,
@@ -179,24 +187,24 @@ def _compensation(analysis: FogAnalysis) -> Table:
     rows = []
     for heat in grid * TABLE_STEP_DEGC:
         cells = [f"{heat:g}"]
-        for fit in fits.values():
-            assert fit.curve is not None
+        for band in bands.values():
             at = np.array([heat])
-            if not fit.curve.holds(float(heat)):
-                cells += [NOTHING, NOTHING]
+            if not band.curve.holds(float(heat)):
+                cells += [NOTHING] * 3
                 continue
-            value = float(fit.curve.error_ppm(at)[0])
-            u = float(fit.curve.standard_uncertainty_ppm(at)[0])
-            cells += list(format_with_uncertainty(value, u))
+            value, wide = float(band.curve.error_ppm(at)[0]), float(band.whole_ppm(at)[0])
+            cells += format_with_uncertainty(value, float(band.expanded_ppm(at)[0]))
+            cells.append(format_number(wide, 2))
         rows.append(cells)
     columns = ["gyro temperature, degC"]
-    for axis in fits:
-        columns += [f"δ {axis}, ppm", f"u {axis} (type A)"]
+    for axis in bands:
+        columns += [f"δ {axis}, ppm", f"U {axis}", f"whole {axis}"]
     return Table(
         "Compensation",
         "A true rate is the measured one over 1 + δ(T), with T the gyro's own temperature, held "
-        "at the ends of the range: divide, never multiply. Files beside the results "
-        "hold the same as a table and as source code.",
+        "at the ends of the range: divide, never multiply. U holds the truth at a temperature by "
+        "itself in 95 % of records; ± the column beside it holds it at all temperatures at once. "
+        "Files beside the results hold the curve as a table and as source code.",
         columns,
         rows,
     )

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+
+from station.findings import Flag
 
 from .curve import Curve
 from .dataset import Array, Index, Mask
@@ -25,24 +27,15 @@ class AnalysisSettings:
 
 
 @dataclass(frozen=True)
-class Flag:
-    """Something that the reader of the results must know; `message` is one sentence."""
-
-    code: str
-    message: str
-    axis: str | None = None
-    details: Mapping[str, object] = field(default_factory=dict)
-
-
-@dataclass(frozen=True)
 class AxisFit:
     """One axis: its rows of the turn table, those that the model uses, and the model.
 
     `rows` are row numbers of the table, the other arrays belong to them: `error_ppm` (n,) is the
     turn error over the commanded turn, NaN for a wait; `residual_ppm` (n,) what the model and the
     wandering bias leave of it. `curve` is None where the turns do not determine one. `noise_ppm` is
-    the standard deviation of a turn. `walk_deg_per_h_per_sqrt_h` and `bias_deg_per_h` are None
-    where turns of one sense cannot tell them.
+    the standard deviation of a turn, by the scatter of the sets that tell their bias.
+    `walk_deg_per_h_per_sqrt_h` and `bias_deg_per_h` are None where turns of one sense cannot tell
+    them.
     """
 
     axis: str

@@ -6,11 +6,13 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from station.findings import Flag
+
 from .axis_problem import stiffness
 from .axis_turns import AxisTurns
 from .curve import Curve
 from .dataset import FogDataset
-from .findings import AnalysisSettings, AxisFit, Driven, Flag, Verified
+from .findings import AnalysisSettings, AxisFit, Driven, Verified
 
 MOST_LISTED = 12
 PAIRED_HEAP, SINGLE_HEAP = 3, 4

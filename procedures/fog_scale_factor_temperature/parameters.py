@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 from pydantic import Field, ValidationInfo, field_validator
 
 from procedures.fog_scale_factor_temperature.schedule import Schedule
-from station.fields import Celsius, Degree, StrictModel, Unit
+from station.fields import Celsius, Degree, StrictModel, Unit, WarmUpWindow
 
 Axis = Literal["x", "y", "z"]
 Turns = Literal["as_published", "pairs", "+--+"]
@@ -24,21 +24,12 @@ SIGNS: dict[str, tuple[int, ...]] = {
 """The senses of the turns about one axis in one set."""
 
 
-class WarmUp(StrictModel):
+class WarmUp(WarmUpWindow):
     """When self-heating counts as over: |slope| + 2 u of the gyro's temperature over a window."""
 
     slope_limit_degC_per_h: Annotated[float, Unit("degC/h"), Field(gt=0)] = 2.0
     window_s: Annotated[float, Unit("s"), Field(gt=0)] = 600.0
     at_most_s: Annotated[float, Unit("s"), Field(gt=0)] = 14400.0
-
-    @field_validator("at_most_s")
-    @classmethod
-    def longer_than_window(cls, at_most_s: float, info: ValidationInfo) -> float:
-        """Refuse a time-out that ends before the window can be full."""
-        window_s = info.data.get("window_s")
-        if window_s is not None and at_most_s < window_s:
-            raise ValueError(f"the warm-up may not end before its window of {window_s:g} s is full")
-        return at_most_s
 
 
 class Verification(StrictModel):

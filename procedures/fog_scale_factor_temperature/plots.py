@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from scipy.special import stdtrit
 
+from procedures.fog_scale_factor_temperature.band import Band
 from procedures.fog_scale_factor_temperature.dataset import FogDataset
 from procedures.fog_scale_factor_temperature.findings import AxisFit, Driven, FogAnalysis, Verified
 from procedures.fog_scale_factor_temperature.turning import SECONDS_PER_HOUR
@@ -28,7 +28,6 @@ GRID = 201
 MOST_POINTS = 3000
 EDGE_SIGMA = 5.0
 ROOM = 1.15
-BAND_95 = 0.975
 
 
 def temperatures(dataset: FogDataset) -> Figure:
@@ -46,8 +45,8 @@ def temperatures(dataset: FogDataset) -> Figure:
     return figure
 
 
-def curves(analysis: FogAnalysis) -> Figure:
-    """Draw, axis by axis, turns, curve, published curve, and U around the curve, far enlarged."""
+def curves(analysis: FogAnalysis, gyro_bias_deg_per_h: float) -> Figure:
+    """Draw, axis by axis, turns, curve, published curve, and the curve's bands, far enlarged."""
     fits = [fit for fit in analysis.fits.values() if fit.curve is not None]
     figure = new_figure(4.6)
     grid = figure.subplots(
@@ -57,7 +56,7 @@ def curves(analysis: FogAnalysis) -> Figure:
     for column, fit in enumerate(fits):
         upper, lower = grid[0, column], grid[1, column]
         _curve(upper, fit, analysis)
-        _band(lower, fit)
+        _bands(lower, fit, gyro_bias_deg_per_h)
         lower.set_xlabel("gyro temperature, degC")
         label_above(upper, f"axis {fit.axis}")
     grid[0, 0].set_ylabel("scale-factor error, ppm")
@@ -85,13 +84,13 @@ def _curve(axes: Axes, fit: AxisFit, analysis: FogAnalysis) -> None:
         axes.plot(heat, values, "--", color=PURPLE, linewidth=1.2, label="published rule", zorder=4)
 
 
-def _band(axes: Axes, fit: AxisFit) -> None:
-    """Draw the residuals, U as a band around nothing, and rejected turns at the edge."""
+def _bands(axes: Axes, fit: AxisFit, gyro_bias_deg_per_h: float) -> None:
+    """Draw the residuals, both bands around nothing, and rejected turns at the edge."""
     assert fit.curve is not None
     heat = fit.curve.temperatures_degC(GRID)
-    factor = float(stdtrit(max(fit.curve.degrees_of_freedom, 1.0), BAND_95))
-    wide = factor * fit.curve.standard_uncertainty_ppm(heat)
-    axes.fill_between(heat, -wide, wide, color=SKY, alpha=0.45, linewidth=0.0, zorder=1)
+    band = Band(fit.curve, gyro_bias_deg_per_h)
+    for wide in (band.whole_ppm(heat), band.expanded_ppm(heat)):
+        axes.fill_between(heat, -wide, wide, color=SKY, alpha=0.4, linewidth=0.0, zorder=1)
     axes.plot(
         fit.temperature_degC[fit.kept],
         fit.residual_ppm[fit.kept],

@@ -11,6 +11,7 @@ from .axis_turns import AxisTurns
 from .curve import Curve
 from .findings import AnalysisSettings, AxisFit
 from .rejection import reject
+from .sets import noise_of_sets
 from .turning import SECONDS_PER_HOUR
 
 
@@ -43,11 +44,15 @@ def fit_axis(turns: AxisTurns, settings: AnalysisSettings, floor_ppm: float = 0.
     by_bias = np.zeros(solved.order + 1)
     if not problem.paired:
         by_bias = solve_by_qr(design[kept], turns.by_bias_ppm[kept]).coefficients
+    noise, free = fit.noise, float(fit.degrees_of_freedom)
+    if problem.paired:
+        left = problem.data - design[:, biases:] @ fit.coefficients[biases:]
+        noise, free = noise_of_sets(turns, kept, left, solved.order + 1) or (noise, free)
     curve = Curve(
         solved.domain_degC,
         fit.coefficients[biases:],
-        fit.noise**2 * fit.inverse_normal[biases:, biases:],
-        float(fit.degrees_of_freedom),
+        noise**2 * fit.inverse_normal[biases:, biases:],
+        free,
         by_bias,
     )
     return AxisFit(
@@ -59,7 +64,7 @@ def fit_axis(turns: AxisTurns, settings: AnalysisSettings, floor_ppm: float = 0.
         np.where(sensing, residual / safe, np.nan),
         curve,
         problem.paired,
-        fit.noise,
+        noise,
         solved.lag_one,
         len(np.unique(turns.set_number[kept])),
         _walk(turns, solved) if problem.paired else None,

@@ -8,11 +8,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from .axis_turns import SAME_COMMAND_DEG, AxisTurns
+from .axis_turns import AxisTurns
 from .curve import Curve
 from .dataset import Array
 from .findings import AxisFit, Verified
-from .turning import FULL_TURN_DEG, PPM
+from .sets import sets_that_tell_the_bias
+from .turning import PPM
 
 OUTSIDE_DEGC = 1.0
 
@@ -62,17 +63,10 @@ def _set_by_set(
     left, u, by_bias = (np.full(len(turns.rows), np.nan) for _ in range(3))
     noise = noise_ppm or 0.0
     data = turns.data_ppm - turns.turns * curve.error_ppm(turns.temperature_degC)
-    for number in turns.sets():
-        own = turns.usable & (turns.set_number == number)
-        scale = turns.turns[own]
-        if not bool((own & turns.sensing).any()):
-            continue
-        if float(np.ptp(scale)) * FULL_TURN_DEG > SAME_COMMAND_DEG:
-            design = np.column_stack((scale, turns.by_bias_ppm[own]))
-            inverse = np.linalg.inv(design.T @ design)
-            found = inverse @ (design.T @ data[own])
-            left[own], u[own], by_bias[own] = found[0], noise * np.sqrt(inverse[0, 0]), 0.0
-        else:
-            left[own] = data[own] / scale
-            u[own], by_bias[own] = noise / np.abs(scale), turns.by_bias_ppm[own] / scale
+    alone = turns.usable & turns.sensing
+    scale = turns.turns[alone]
+    left[alone] = data[alone] / scale
+    u[alone], by_bias[alone] = noise / np.abs(scale), turns.by_bias_ppm[alone] / scale
+    for one in sets_that_tell_the_bias(turns, turns.usable, data):
+        left[one.rows], u[one.rows], by_bias[one.rows] = one.error_ppm, noise * one.u, 0.0
     return left, u, by_bias

@@ -2,68 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
-
 from procedures.nine_axis_calibration.check import check, instruments
 from procedures.nine_axis_calibration.forecast import forecast
 from procedures.nine_axis_calibration.parameters import NineAxisParameters
 from procedures.nine_axis_calibration.placing import prompts
 from procedures.nine_axis_calibration.steps import STEPS, unit_durations_s
-from station.procedure import Procedure, ResultKind
-
-if TYPE_CHECKING:
-    from station.bench import Bench
-    from station.dataset_reading import RawDataset
-    from station.fields import StrictModel
-    from station.record.folder import RunFolder
-    from station.report.parts import Part
-    from station.results import Findings, ResultDocument
+from station.procedure import Later, Procedure, ResultKind, usual_modules
 
 AXES = ("X", "Y", "Z")
 PAIRS = ("XY", "XZ", "YX", "YZ", "ZX", "ZY")
-
-
-def evaluate_run(folder: RunFolder, parameters: NineAxisParameters, bench: Bench) -> Findings:
-    """Return what a run's recorded data say."""
-    from procedures.nine_axis_calibration.evaluate import findings_of_run
-
-    return findings_of_run(folder, parameters, bench)
-
-
-def evaluate_dataset(raw: RawDataset) -> Findings:
-    """Return what an imported dataset says."""
-    from procedures.nine_axis_calibration.evaluate import findings_of_dataset
-
-    return findings_of_dataset(raw)
-
-
-def conditions() -> type[StrictModel]:
-    """Return the model of an imported dataset's conditions."""
-    from procedures.nine_axis_calibration.from_import import Conditions
-
-    return Conditions
-
-
-def report(findings: Findings, document: ResultDocument) -> Sequence[Part]:
-    """Return the plots and tables of this procedure."""
-    from procedures.nine_axis_calibration.figures import draw_parts
-
-    return draw_parts(findings.detail.analysis, findings.detail.dataset)
-
-
-def files(findings: Findings, document: ResultDocument) -> Mapping[str, str]:
-    """Return the calibration file and its snippets, name to text."""
-    from procedures.nine_axis_calibration.calibration import calibration_files
-
-    return calibration_files(findings.detail.analysis, document)
-
-
-def outlook(parameters: NineAxisParameters) -> Sequence[str]:
-    """Return in lines how long a plan turns and how well it determines what."""
-    from procedures.nine_axis_calibration.outlook import outlook
-
-    return outlook(parameters)
 
 
 def units(parameters: NineAxisParameters) -> tuple[str, ...]:
@@ -88,15 +35,12 @@ PROCEDURE = Procedure(
     instruments=instruments,
     prompts=prompts,
     check=check,
-    evaluate_run=evaluate_run,
-    evaluate_dataset=evaluate_dataset,
-    report=report,
-    conditions=conditions,
+    **usual_modules(__name__),
     units=units,
     unit_durations_s=unit_durations_s,
     forecast=forecast,
-    outlook=outlook,
-    files=files,
+    outlook=Later(f"{__name__}.outlook:outlook"),
+    files=Later(f"{__name__}.calibration:files_of"),
     assumptions=(
         "The three positions do not determine the accelerometers or the magnetometer: each feels "
         "gravity or the field in too few directions. Their records are kept.",

@@ -23,6 +23,7 @@ from procedures.nine_axis_calibration.findings import (
 )
 
 if TYPE_CHECKING:
+    from station.findings import Findings
     from station.results import ResultDocument
 
 Array = NDArray[np.float64]
@@ -134,6 +135,11 @@ def calibration_data(
             for entry in (result.to_data() for result in document.results)
         ]
     return data
+
+
+def files_of(findings: Findings, document: ResultDocument) -> dict[str, str]:
+    """Return the calibration that findings give, file name to text."""
+    return calibration_files(findings.detail.analysis, document)
 
 
 def calibration_files(

@@ -7,9 +7,11 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from station.findings import Estimate, undetermined
+
 from .attitude import PAIRS, BiasSolution
 from .dataset import AXES
-from .findings import ASYMMETRY, BIAS, MISALIGNMENT, NONLINEARITY, SCALE_FACTOR, Estimate
+from .findings import ASYMMETRY, BIAS, MISALIGNMENT, NONLINEARITY, SCALE_FACTOR, UNITS
 from .scale import ScaleSolution, Value
 from .turning import AxisMeans
 
@@ -27,7 +29,7 @@ def bias_estimates(bias: BiasSolution | None, freedom: Array, wider: float) -> l
     found = []
     for axis, name in enumerate(AXES):
         if bias is None:
-            found.append(Estimate(BIAS, name, None, None, None, "weighted"))
+            found.append(undetermined(BIAS, name, UNITS[BIAS], "weighted"))
             continue
         degrees = float(freedom[axis]) if wider == 1.0 else float(bias.degrees_of_freedom)
         found.append(
@@ -35,6 +37,7 @@ def bias_estimates(bias: BiasSolution | None, freedom: Array, wider: float) -> l
                 BIAS,
                 name,
                 float(bias.bias[axis]),
+                UNITS[BIAS],
                 wider * float(bias.noise_u[axis]),
                 degrees,
                 "weighted",
@@ -61,12 +64,13 @@ def scale_estimates(
 
 def _scale(axis: int, one: ScaleSolution | None, means: AxisMeans) -> Estimate:
     if one is None:
-        return Estimate(SCALE_FACTOR, AXES[axis], None, None, None, "weighted")
+        return undetermined(SCALE_FACTOR, AXES[axis], UNITS[SCALE_FACTOR], "weighted")
     scale = one.scale_factor
     return Estimate(
         SCALE_FACTOR,
         AXES[axis],
         scale.value,
+        UNITS[SCALE_FACTOR],
         scale.standard_uncertainty,
         one.degrees_of_freedom,
         _method(one),
@@ -102,11 +106,12 @@ def _relative(
     extra: Mapping[str, object],
 ) -> Estimate:
     if value is None or one is None:
-        return Estimate(name, AXES[axis], None, None, None, method)
+        return undetermined(name, AXES[axis], UNITS[name], method)
     return Estimate(
         name,
         AXES[axis],
         PPM * value.value,
+        UNITS[name],
         PPM * value.standard_uncertainty,
         one.degrees_of_freedom,
         method,
@@ -134,13 +139,14 @@ def _misalignment(axes: Mapping[int, ScaleSolution | None], gyro: int, axis: int
     name = AXES[gyro] + AXES[axis]
     one, own = axes[axis], axes.get(gyro)
     if one is None or gyro not in one.cross:
-        return Estimate(MISALIGNMENT, name, None, None, None, "weighted")
+        return undetermined(MISALIGNMENT, name, UNITS[MISALIGNMENT], "weighted")
     scale = own.scale_factor.value if own is not None else 1.0
     value = one.cross[gyro]
     return Estimate(
         MISALIGNMENT,
         name,
         ARCSEC_PER_RAD * value.value / scale,
+        UNITS[MISALIGNMENT],
         ARCSEC_PER_RAD * value.standard_uncertainty / abs(scale),
         one.degrees_of_freedom,
         "weighted",

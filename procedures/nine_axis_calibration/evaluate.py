@@ -4,18 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from procedures.nine_axis_calibration.analysis import analyse
 from procedures.nine_axis_calibration.check import TURNTABLE
-from procedures.nine_axis_calibration.dataset import NineAxisDataset, Prior
-from procedures.nine_axis_calibration.findings import UNITS, AnalysisSettings, NineAxisAnalysis
+from procedures.nine_axis_calibration.dataset import Prior
+from procedures.nine_axis_calibration.findings import AnalysisSettings
 from procedures.nine_axis_calibration.from_import import dataset_of_import
 from procedures.nine_axis_calibration.parameters import NineAxisParameters
 from procedures.nine_axis_calibration.pose import PoseLimits
-from station.results import Estimate, Findings, Flag, Published
-from station.uncertainty import InputQuantity
+from station.findings import Findings, InputQuantity, findings_of
 
 if TYPE_CHECKING:
     from station.bench import Bench
@@ -26,39 +24,25 @@ ARCMIN_PER_RAD = 60.0 * 180.0 / math.pi
 PPM = 1e-6
 
 
-@dataclass(frozen=True)
-class Detail:
-    """What this procedure's report draws."""
-
-    analysis: NineAxisAnalysis
-    dataset: NineAxisDataset
-
-
 def findings_of_run(folder: RunFolder, parameters: NineAxisParameters, bench: Bench) -> Findings:
     """Return what a run's finished units say, type B inputs from plan and bench file."""
     from procedures.nine_axis_calibration.from_record import dataset_of_run
 
     dataset = dataset_of_run(folder, parameters, bench)
     inputs = [*prior_inputs(dataset.prior, "the plan"), *bench_inputs(parameters, bench)]
-    return to_findings(analyse(dataset, settings(parameters)), dataset, inputs)
+    return findings_of(analyse(dataset, settings(parameters)), dataset, inputs)
 
 
 def findings_of_dataset(raw: RawDataset) -> Findings:
     """Return what an imported dataset says; its type B inputs are the priors it names."""
     dataset = dataset_of_import(raw)
     inputs = list(prior_inputs(dataset.prior, "the dataset's conditions"))
-    return to_findings(analyse(dataset, AnalysisSettings()), dataset, inputs)
+    return findings_of(analyse(dataset), dataset, inputs)
 
 
 def settings(parameters: NineAxisParameters) -> AnalysisSettings:
     """Return the analysis settings of a plan."""
-    thresholds = parameters.thresholds
-    return AnalysisSettings(
-        not_significant=thresholds.not_significant,
-        gap=thresholds.gap,
-        outlier=thresholds.outlier,
-        pose=pose_limits(parameters),
-    )
+    return AnalysisSettings(**dict(parameters.thresholds), pose=pose_limits(parameters))
 
 
 def pose_limits(parameters: NineAxisParameters) -> PoseLimits:
@@ -90,34 +74,3 @@ def bench_inputs(parameters: NineAxisParameters, bench: Bench) -> Iterator[Input
         # Both ends of a part turn are read: root two of one reading.
         u = math.sqrt(2.0) * table.standard_uncertainty("angle", 360.0, "deg")
         yield InputQuantity("encoder_angle_deg", "angle of the table", u, "deg", table.source)
-
-
-def to_findings(
-    analysis: NineAxisAnalysis, dataset: NineAxisDataset, inputs: list[InputQuantity]
-) -> Findings:
-    """Return an analysis in the station's own terms."""
-    estimates = [
-        Estimate(
-            one.name,
-            one.axis,
-            one.value,
-            one.unit,
-            one.standard_uncertainty,
-            one.degrees_of_freedom,
-            one.method,
-            one.sensitivities,
-            one.extra,
-        )
-        for one in analysis.estimates
-    ]
-    published = [
-        Published(one.name, one.axis, one.value, UNITS[one.name], "mean")
-        for one in analysis.published
-    ]
-    flags = [Flag(one.code, one.message, one.axis, _details(one)) for one in analysis.flags]
-    return Findings(estimates, published, flags, inputs, Detail(analysis, dataset))
-
-
-def _details(flag: Any) -> dict[str, Any]:
-    """Return a flag's count and details as plain data."""
-    return {**({} if flag.count is None else {"count": int(flag.count)}), **flag.details}

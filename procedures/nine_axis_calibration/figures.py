@@ -9,16 +9,20 @@ from procedures.nine_axis_calibration import plots
 from procedures.nine_axis_calibration.calibration import Correction, correction_of
 from procedures.nine_axis_calibration.dataset import AXES, NineAxisDataset
 from procedures.nine_axis_calibration.findings import NineAxisAnalysis
+from station.findings import Findings
 from station.report.drawing import STYLE
 from station.report.numbers import NOTHING, format_with_uncertainty
 from station.report.parts import Part, Plot, Table
+from station.results import ResultDocument
 
 ARCMIN_PER_RAD = 60.0 * 180.0 / np.pi
 PPM = 1e6
 
 
-def draw_parts(analysis: NineAxisAnalysis, dataset: NineAxisDataset) -> tuple[Part, ...]:
+def draw_parts(findings: Findings, document: ResultDocument) -> tuple[Part, ...]:
     """Return the parts of the report: how it stood, how it turned, and what corrects it."""
+    analysis: NineAxisAnalysis = findings.detail.analysis
+    dataset: NineAxisDataset = findings.detail.dataset
     parts: list[Part] = []
     if analysis.static:
         parts.append(_poses(analysis))

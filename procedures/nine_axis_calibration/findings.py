@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from procedures.estimation.allan import AllanDeviation, NoiseCoefficients
+from station.findings import Estimate, Flag, Published
 
 from .attitude import BiasSolution
 from .means import Mask
@@ -44,49 +45,6 @@ class AnalysisSettings:
 
 
 @dataclass(frozen=True)
-class Estimate:
-    """One result of one axis; value and standard uncertainty None where it is not determined.
-
-    `standard_uncertainty` is that of the data's noise; `sensitivities` are the derivatives of the
-    value by the inputs of type B, the priors among them.
-    """
-
-    name: str
-    axis: str
-    value: float | None
-    standard_uncertainty: float | None
-    degrees_of_freedom: float | None
-    method: str
-    sensitivities: Mapping[str, float] = field(default_factory=dict)
-    extra: Mapping[str, object] = field(default_factory=dict)
-
-    @property
-    def unit(self) -> str:
-        """The unit of the value."""
-        return UNITS[self.name]
-
-
-@dataclass(frozen=True)
-class Published:
-    """What the source document's own rule gives for one axis; None where it cannot run."""
-
-    name: str
-    axis: str
-    value: float | None
-
-
-@dataclass(frozen=True)
-class Flag:
-    """Something that the reader of the results must know; `message` is one sentence."""
-
-    code: str
-    message: str
-    axis: str | None = None
-    count: int | None = None
-    details: Mapping[str, object] = field(default_factory=dict)
-
-
-@dataclass(frozen=True)
 class StaticSummary:
     """One static record: means in deg/h and g with their u, (3,) each, and how it was judged.
 
@@ -107,6 +65,7 @@ class StaticSummary:
 class NineAxisAnalysis:
     """The whole outcome.
 
+    Sensitivities of the estimates are derivatives by the inputs of type B, the priors among them.
     `axes` are the solutions of the turned axes by number, None where a turned axis could not be
     solved; `gain` (3, 3) is the output of gyro j per rate about axis i in [j, i] with its u, NaN
     where unknown. `noise` is what the static records of each gyro show.

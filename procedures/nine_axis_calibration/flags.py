@@ -7,6 +7,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from station.findings import Estimate, Flag, Published
+
 from .attitude import BiasSolution
 from .dataset import AXES, NineAxisDataset
 from .findings import (
@@ -15,9 +17,6 @@ from .findings import (
     MISALIGNMENT,
     NONLINEARITY,
     AnalysisSettings,
-    Estimate,
-    Flag,
-    Published,
     StaticSummary,
 )
 from .means import interval_of
@@ -51,10 +50,10 @@ def data_flags(
             f"{count} samples of gyro {AXES[axis]} at {listed_numbers(rates)} deg/s are saturated; "
             f"{what} are left out."
         )
-        flags.append(Flag("overload", overload_said, AXES[axis], count, {"rates": rates}))
+        flags.append(Flag("overload", overload_said, AXES[axis], {"count": count, "rates": rates}))
     if at_rest:
         at_rest_said = f"{at_rest} samples at rest are saturated; they are left out."
-        flags.append(Flag("overload", at_rest_said, None, at_rest))
+        flags.append(Flag("overload", at_rest_said, None, {"count": at_rest}))
     flags += _outliers(dataset, static, means)
     flags += _gaps(dataset, settings)
     for axis, one in means.items():
@@ -64,7 +63,8 @@ def data_flags(
                 f"{AXES[axis]} did not turn whole turns at {listed_numbers(rates)} deg/s; the part "
                 "of the earth's rotation that this leaves in the means is solved for and taken off."
             )
-            flags.append(Flag("part-turns", part_said, AXES[axis], len(rates), {"rates": rates}))
+            details = {"count": len(rates), "rates": rates}
+            flags.append(Flag("part-turns", part_said, AXES[axis], details))
         flags += _rates(axis, one)
     return flags
 
@@ -92,8 +92,8 @@ def _outliers(
                 f"{at_rest} samples of gyro {name} at rest and {turning} of it turning lie far "
                 "from the others and are left out."
             )
-            details = {"at_rest": at_rest, "turning": turning}
-            flags.append(Flag("outliers-rejected", outliers_said, name, at_rest + turning, details))
+            details = {"count": at_rest + turning, "at_rest": at_rest, "turning": turning}
+            flags.append(Flag("outliers-rejected", outliers_said, name, details))
     return flags
 
 
@@ -114,8 +114,8 @@ def _gaps(dataset: NineAxisDataset, settings: AnalysisSettings) -> list[Flag]:
         f"The records have {gaps} gap{'s' if gaps > 1 else ''}, the longest {longest_s:g} s, with "
         f"{missing} samples missing; the means do not mind."
     )
-    details = {"missing_samples": missing, "longest_s": longest_s}
-    return [Flag("gap", gap_said, None, gaps, details)]
+    details = {"count": gaps, "missing_samples": missing, "longest_s": longest_s}
+    return [Flag("gap", gap_said, None, details)]
 
 
 def _rates(axis: int, means: AxisMeans) -> list[Flag]:
@@ -127,7 +127,9 @@ def _rates(axis: int, means: AxisMeans) -> list[Flag]:
             f"{AXES[axis]} was turned at {len(rates)} rates; the method is published for five and "
             "more."
         )
-        flags.append(Flag("outside-published-range", few_rates_said, AXES[axis], len(rates)))
+        flags.append(
+            Flag("outside-published-range", few_rates_said, AXES[axis], {"count": len(rates)})
+        )
     off = means.rate / means.commanded - 1.0
     off = np.where(np.isfinite(off), off, 0.0)
     worst = int(np.argmax(np.abs(off)))
@@ -137,15 +139,7 @@ def _rates(axis: int, means: AxisMeans) -> list[Flag]:
             f"{means.rate[worst]:.5g} deg/s; the result uses the encoder."
         )
         details = {"relative_difference": float(off[worst])}
-        flags.append(
-            Flag(
-                "rate-differs-from-commanded",
-                rate_said,
-                AXES[axis],
-                None,
-                details,
-            )
-        )
+        flags.append(Flag("rate-differs-from-commanded", rate_said, AXES[axis], details))
     return flags
 
 
@@ -167,14 +161,14 @@ def result_flags(
             "beyond its prior; the biases are solved without that prior."
         )
         details = {"heading_arcmin": _arcmin(bias.heading_rad)}
-        flags.append(Flag("heading-differs-from-prior", heading_said, None, None, details))
+        flags.append(Flag("heading-differs-from-prior", heading_said, None, details))
     if wider > 1.0:
         disagree_said = (
             "The static means contradict each other beyond their uncertainties, which are "
             f"multiplied by {wider:.2g}: a bias changed between the positions, or the sensor stood "
             "less well than the priors say."
         )
-        flags.append(Flag("positions-disagree", disagree_said, None, None, {"factor": wider}))
+        flags.append(Flag("positions-disagree", disagree_said, None, {"factor": wider}))
     for axis, name in enumerate(AXES):
         if wander[axis] > 0.0:
             wander_said = (
@@ -182,7 +176,7 @@ def result_flags(
                 "its uncertainty. Longer records do not help."
             )
             details = {"wander_deg_per_h": float(wander[axis])}
-            flags.append(Flag("bias-wanders", wander_said, name, None, details))
+            flags.append(Flag("bias-wanders", wander_said, name, details))
     flags += _noise(estimates, axes, settings)
     for axis, one in axes.items():
         if one is not None and one.one_sense:
@@ -191,8 +185,8 @@ def result_flags(
                 f"{AXES[axis]} has usable records at {listed_numbers(rates)} deg/s in one sense "
                 "only; these rates are left out."
             )
-            which: dict[str, object] = {"rates": rates}
-            flags.append(Flag("one-sense-only", one_sense_said, AXES[axis], len(rates), which))
+            which = {"count": len(rates), "rates": rates}
+            flags.append(Flag("one-sense-only", one_sense_said, AXES[axis], which))
     return flags + _undetermined(estimates, published)
 
 
@@ -206,7 +200,7 @@ def _positions(static: Sequence[StaticSummary]) -> list[Flag]:
             wrong_said += f", as in position {one.pose.stands_as}"
         wrong_said += "; the record is left out of the best estimate."
         details = {"position": int(one.position)}
-        flags.append(Flag("wrong-position", wrong_said, None, None, details))
+        flags.append(Flag("wrong-position", wrong_said, None, details))
     there = {one.position for one in static}
     for position in PUBLISHED:
         if static and position not in there:
@@ -215,7 +209,7 @@ def _positions(static: Sequence[StaticSummary]) -> list[Flag]:
                 "east there is missing, the best estimate takes the other positions."
             )
             details = {"position": position}
-            flags.append(Flag("position-missing", missing_said, None, None, details))
+            flags.append(Flag("position-missing", missing_said, None, details))
     return flags
 
 
@@ -230,7 +224,7 @@ def _noise(
             continue
         u = one.standard_uncertainty or 0.0
         small = abs(one.value) < settings.not_significant * u
-        solution = axes[AXES.index(one.axis)]
+        solution = axes[AXES.index(one.axis or "")]
         agree = one.name == NONLINEARITY and solution is not None and solution.agree
         if small or agree:
             noise_said = (
@@ -238,42 +232,36 @@ def _noise(
                 "be told from noise."
             )
             details = {"name": one.name}
-            flags.append(Flag("not-significant", noise_said, one.axis, None, details))
+            flags.append(Flag("not-significant", noise_said, one.axis, details))
     return flags
 
 
 def _undetermined(estimates: Sequence[Estimate], published: Sequence[Published]) -> list[Flag]:
     flags = []
-    cross = [one.axis for one in estimates if one.name == MISALIGNMENT and one.value is None]
+    cross = [str(one.axis) for one in estimates if one.name == MISALIGNMENT and one.value is None]
     if cross:
         cross_said = (
             f"The misalignments {', '.join(cross)} are not determined: only the turned axis was "
             "recorded there."
         )
-        details = {"coefficients": [f"{MISALIGNMENT} {axis}" for axis in cross]}
-        flags.append(Flag("not-identifiable", cross_said, None, len(cross), details))
+        names = [f"{MISALIGNMENT} {axis}" for axis in cross]
+        flags.append(Flag("not-identifiable", cross_said, None, _counted(names)))
     other = [one for one in estimates if one.name != MISALIGNMENT and one.value is None]
     if other:
         names = [f"{one.name} {one.axis}" for one in other]
         undetermined_said = f"The data do not determine {', '.join(names)}."
         if any(one.name == BIAS for one in other):
             undetermined_said += " No static record was usable."
-        details = {"coefficients": names}
-        flags.append(Flag("not-identifiable", undetermined_said, None, len(names), details))
+        flags.append(Flag("not-identifiable", undetermined_said, None, _counted(names)))
     silent = [f"{one.name} {one.axis}" for one in published if one.value is None]
     if silent:
         silent_said = f"The published rule has no data for {', '.join(silent)}."
-        details = {"coefficients": silent}
-        flags.append(
-            Flag(
-                "published-rule-without-data",
-                silent_said,
-                None,
-                len(silent),
-                details,
-            )
-        )
+        flags.append(Flag("published-rule-without-data", silent_said, None, _counted(silent)))
     return flags
+
+
+def _counted(names: Sequence[str]) -> dict[str, object]:
+    return {"count": len(names), "coefficients": names}
 
 
 def listed_numbers(values: Sequence[float]) -> str:

@@ -6,8 +6,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from station.findings import Published
+
 from .dataset import AXES, NineAxisDataset, StaticRecord, TurnRecord
-from .findings import BIAS, SCALE_FACTOR, Published
+from .findings import BIAS, SCALE_FACTOR, UNITS
 from .positions import EAST_AXIS
 
 
@@ -17,9 +19,11 @@ def published_values(dataset: NineAxisDataset, turned: Sequence[int]) -> tuple[P
     b is the mean of the axis that faces east; K = (1/N) sum (w+ - w-)/(2 w) with the nominal rates
     w, over those that were turned in both senses. None where there is nothing to take a mean of.
     """
-    biases = [Published(BIAS, AXES[axis], _bias(dataset.static, axis)) for axis in range(len(AXES))]
-    scales = [Published(SCALE_FACTOR, AXES[axis], _scale(dataset.turns, axis)) for axis in turned]
-    return (*biases, *scales)
+    found = [
+        *((BIAS, axis, _bias(dataset.static, axis)) for axis in range(len(AXES))),
+        *((SCALE_FACTOR, axis, _scale(dataset.turns, axis)) for axis in turned),
+    ]
+    return tuple(Published(name, AXES[axis], one, UNITS[name], "mean") for name, axis, one in found)
 
 
 def _bias(records: Sequence[StaticRecord], axis: int) -> float | None:

@@ -2,59 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Mapping
 
 from procedures.rlg_magnetic_sensitivity.check import check
 from procedures.rlg_magnetic_sensitivity.forecast import forecast, outlook
 from procedures.rlg_magnetic_sensitivity.parameters import RlgParameters
 from procedures.rlg_magnetic_sensitivity.steps import STEPS, instruments, prompts, units
-from station.procedure import Procedure, ResultKind
-
-if TYPE_CHECKING:
-    from station.bench import Bench
-    from station.dataset_reading import RawDataset
-    from station.fields import StrictModel
-    from station.record.folder import RunFolder
-    from station.report.parts import Part
-    from station.results import Findings, ResultDocument
-
-
-def evaluate_run(folder: RunFolder, parameters: RlgParameters, bench: Bench) -> Findings:
-    """Return what a run's recorded data say."""
-    from procedures.rlg_magnetic_sensitivity.evaluate import findings_of_run
-
-    return findings_of_run(folder, parameters, bench)
-
-
-def evaluate_dataset(raw: RawDataset) -> Findings:
-    """Return what an imported dataset says."""
-    from procedures.rlg_magnetic_sensitivity.evaluate import findings_of_dataset
-
-    return findings_of_dataset(raw)
-
-
-def conditions() -> type[StrictModel]:
-    """Return the model of an imported dataset's conditions."""
-    from procedures.rlg_magnetic_sensitivity.from_import import Conditions
-
-    return Conditions
-
-
-def report(findings: Findings, document: ResultDocument) -> Sequence[Part]:
-    """Return the plots and tables of this procedure."""
-    from procedures.rlg_magnetic_sensitivity.figures import draw_parts
-
-    detail = findings.detail
-    if not detail.dataset.segments:
-        return ()
-    return draw_parts(
-        detail.analysis,
-        document=document,
-        dataset=detail.dataset,
-        coils=detail.coils,
-        tested=detail.tested,
-    )
+from station.procedure import Procedure, ResultKind, usual_modules
 
 
 def limited_results(parameters: RlgParameters) -> Mapping[str, tuple[str, ...]]:
@@ -74,10 +28,7 @@ PROCEDURE = Procedure(
     instruments=instruments,
     prompts=prompts,
     check=check,
-    evaluate_run=evaluate_run,
-    evaluate_dataset=evaluate_dataset,
-    report=report,
-    conditions=conditions,
+    **usual_modules(__name__),
     units=units,
     forecast=forecast,
     outlook=outlook,

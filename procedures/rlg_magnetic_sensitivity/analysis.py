@@ -10,15 +10,16 @@ from scipy.special import stdtrit
 
 from procedures.estimation.allan import AllanDeviation, allan_deviation, noise_coefficients
 from procedures.estimation.noise import grid_index
+from station.findings import Estimate, Flag, Published, undetermined
 
 from .dataset import AXES, RlgDataset, Segment
 from .field import FieldFit, fit_field
 from .findings import (
+    METHOD,
+    QUANTITY,
+    UNIT,
     AnalysisSettings,
-    Estimate,
-    Flag,
     LineDetail,
-    Published,
     RlgAnalysis,
     SegmentDetail,
 )
@@ -154,16 +155,19 @@ def _worth_fitting(segment: Segment, field: FieldFit, k: int) -> bool:
 
 def _estimate(axis: str, response: Response, determined: tuple[str, ...]) -> Estimate:
     if axis not in determined:
-        return Estimate(axis, None, None, None, {})
+        return undetermined(QUANTITY, axis, UNIT, METHOD)
     a = response.axes.index(axis)
     value = float(response.sensitivity[a])
     freedom = float(response.degrees_of_freedom[a])
     return Estimate(
-        axis=axis,
-        value=value,
-        standard_uncertainty=float(np.sqrt(response.covariance[a, a])),
-        degrees_of_freedom=freedom if np.isfinite(freedom) else None,
-        sensitivities={
+        QUANTITY,
+        axis,
+        value,
+        UNIT,
+        float(np.sqrt(response.covariance[a, a])),
+        freedom if np.isfinite(freedom) else None,
+        METHOD,
+        {
             "field_gain": -value,
             "field_time_offset_s": float(response.time_slope[a]),
             "gyro_scale": value,

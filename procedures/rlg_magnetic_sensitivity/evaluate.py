@@ -4,13 +4,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from procedures.rlg_magnetic_sensitivity import one_axis
 from procedures.rlg_magnetic_sensitivity.analysis import analyse
 from procedures.rlg_magnetic_sensitivity.dataset import AXES, RlgDataset
-from procedures.rlg_magnetic_sensitivity.findings import AnalysisSettings, RlgAnalysis
+from procedures.rlg_magnetic_sensitivity.findings import (
+    METHOD,
+    QUANTITY,
+    UNIT,
+    AnalysisSettings,
+    RlgAnalysis,
+)
 from procedures.rlg_magnetic_sensitivity.from_import import dataset_of_import
 from procedures.rlg_magnetic_sensitivity.from_record import (
     GAUSSMETER,
@@ -27,8 +33,8 @@ from procedures.rlg_magnetic_sensitivity.records import (
     sensitivity_records,
 )
 from procedures.rlg_magnetic_sensitivity.repeats import Tested, background, flags_of, repeated
-from station.results import Estimate, Findings, Flag, Published, finite
-from station.uncertainty import InputQuantity, combine
+from station.findings import Detail, Estimate, Findings, Flag, InputQuantity, finite, undetermined
+from station.uncertainty import combine
 
 if TYPE_CHECKING:
     from station.bench import Bench
@@ -37,11 +43,9 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Detail:
-    """What this procedure's report draws."""
+class RlgDetail(Detail):
+    """With it, how the coils' fields lie and what the plan's checks say."""
 
-    analysis: RlgAnalysis
-    dataset: RlgDataset
     coils: Mapping[str, CoilResponse]
     tested: Sequence[Tested]
 
@@ -57,25 +61,16 @@ def findings_of_run(folder: RunFolder, parameters: RlgParameters, bench: Bench) 
     analysis = analyse(dataset, settings(parameters.thresholds))
     tested = tested_results(folder, parameters, bench, analysis)
     findings = to_findings(analysis, dataset, inputs, tested)
-    absent = [
-        Estimate("magnetic_sensitivity", axis, None, "deg/h/mT", None, None, "least-squares")
-        for axis in missing
-    ]
+    absent = [undetermined(QUANTITY, axis, UNIT, METHOD) for axis in missing]
     flags = [
         Flag("not-identifiable", f"{axis} was not measured to its end: the run ended before.", axis)
         for axis in missing
     ]
-    return Findings(
-        [*findings.estimates, *absent],
-        findings.published,
-        [
-            *findings.flags,
-            *flags,
-            *overload_flags(folder, measured),
-            *target_flags(findings, parameters),
-        ],
-        inputs,
-        findings.detail,
+    flags += [*overload_flags(folder, measured), *target_flags(findings, parameters)]
+    return replace(
+        findings,
+        estimates=[*findings.estimates, *absent],
+        flags=[*findings.flags, *flags],
     )
 
 
@@ -153,20 +148,12 @@ def overload_flags(folder: RunFolder, records: Iterable[PlannedRecord]) -> list[
 def findings_of_dataset(raw: RawDataset) -> Findings:
     """Return what an imported dataset says; it brings no calibration records, so type A only."""
     dataset = dataset_of_import(raw)
-    return to_findings(analyse(dataset, AnalysisSettings()), dataset, [], [])
+    return to_findings(analyse(dataset), dataset, [], [])
 
 
 def settings(thresholds: Thresholds) -> AnalysisSettings:
     """Return the analysis settings of a plan's thresholds."""
-    return AnalysisSettings(
-        not_significant=thresholds.not_significant,
-        quadrature=thresholds.quadrature_significant,
-        non_integer_cycles=thresholds.non_integer_cycles,
-        gap=thresholds.gap,
-        field_differs=thresholds.field_differs_from_commanded,
-        model_too_stiff=thresholds.model_too_stiff,
-        checks_differ=thresholds.checks_differ,
-    )
+    return AnalysisSettings(**dict(thresholds))
 
 
 def type_b_inputs(
@@ -237,27 +224,19 @@ def to_findings(
     """Return an analysis in the station's own terms."""
     coils = coil_responses(analysis.lines, dataset.segments)
     estimates = [
-        Estimate(
-            one.name,
-            one.axis,
-            one.value,
-            one.unit,
-            one.standard_uncertainty,
-            one.degrees_of_freedom,
-            one.method,
-            {**one.sensitivities, **one_axis.slope_by_misalignment(one, analysis.estimates)},
-            extra_of(one.axis, coils, tested),
+        replace(
+            one,
+            sensitivities={
+                **one.sensitivities,
+                **one_axis.slope_by_misalignment(one, analysis.estimates),
+            },
+            extra=extra_of(one.axis or "", coils, tested),
         )
         for one in analysis.estimates
     ]
-    published = [
-        Published(one.name, one.axis, one.value, one.unit, one.method) for one in analysis.published
-    ]
-    flags = [
-        Flag(one.code, one.message, one.axis, details_of(one))
-        for one in (*analysis.flags, *flags_of(tested))
-    ]
-    return Findings(estimates, published, flags, inputs, Detail(analysis, dataset, coils, tested))
+    flags = [*analysis.flags, *flags_of(tested)]
+    detail = RlgDetail(analysis, dataset, coils, tested)
+    return Findings(estimates, analysis.published, flags, inputs, detail)
 
 
 def extra_of(
@@ -270,13 +249,3 @@ def extra_of(
         extra["coil_field"] = {a: finite(b) for a, b in zip(AXES, components, strict=True)}
     checks = [one.to_data() for one in tested if one.axis in (axis, None)]
     return extra | ({"checks": checks} if checks else {})
-
-
-def details_of(flag: Any) -> dict[str, Any]:
-    """Return a flag's count and details as plain data, finite numbers only."""
-    details = {} if flag.count is None else {"count": int(flag.count)}
-    for name, value in flag.details.items():
-        if isinstance(value, float) and not math.isfinite(value):
-            continue
-        details[name] = value
-    return details

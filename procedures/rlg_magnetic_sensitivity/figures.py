@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import matplotlib as mpl
 import numpy as np
-from scipy.special import stdtrit
 
 from procedures.rlg_magnetic_sensitivity import (
     allan_plot,
@@ -15,11 +14,11 @@ from procedures.rlg_magnetic_sensitivity import (
     spectrum_plot,
     tables,
 )
-from procedures.rlg_magnetic_sensitivity.dataset import RlgDataset, Segment
+from procedures.rlg_magnetic_sensitivity.dataset import Segment
+from procedures.rlg_magnetic_sensitivity.evaluate import RlgDetail
 from procedures.rlg_magnetic_sensitivity.findings import LineDetail, RlgAnalysis, SegmentDetail
-from procedures.rlg_magnetic_sensitivity.misalignment import CoilResponse
-from procedures.rlg_magnetic_sensitivity.repeats import Tested
 from procedures.rlg_magnetic_sensitivity.summary_plot import SummaryRow, summary
+from station.findings import Findings
 from station.report.drawing import STYLE
 from station.report.parts import Part, Plot
 from station.results import ResultDocument
@@ -33,48 +32,37 @@ ALLAN = (
 )
 
 
-def draw_parts(
-    analysis: RlgAnalysis,
-    *,
-    document: ResultDocument | None = None,
-    dataset: RlgDataset | None = None,
-    coils: Mapping[str, CoilResponse] | None = None,
-    tested: Sequence[Tested] = (),
-) -> tuple[Part, ...]:
-    """Return the parts of the report, from the most to the least condensed.
-
-    `document` gives combined uncertainties and limits to the summary; without it the bars hold
-    type A only. `dataset` gives the measured field and the commanded frequency to the plots of the
-    records; without it the fitted ones are drawn. `coils` and `tested` fill tables of their own.
-    """
+def draw_parts(findings: Findings, document: ResultDocument) -> tuple[Part, ...]:
+    """Return the parts of the report, from the most to the least condensed."""
+    detail: RlgDetail = findings.detail
+    analysis: RlgAnalysis = detail.analysis
+    if not analysis.segments:
+        return ()
     parts: list[Part] = []
     with mpl.rc_context(STYLE):
         parts.append(
             Plot(
                 "Sensitivity of each axis",
-                "Best estimates with their expanded uncertainty"
-                + (" (type A only)" if document is None else "")
-                + ", against the limits where the plan sets any. The published formula takes a "
-                "magnitude: it has no sign, and noise alone makes it larger than zero.",
+                "Best estimates with their expanded uncertainty, against the limits where the "
+                "plan sets any. The published formula takes a magnitude: it has no sign, and noise "
+                "alone makes it larger than zero.",
                 summary(_summary_rows(analysis, document)),
             )
         )
-        for number, detail in enumerate(analysis.segments):
+        records = zip(analysis.segments, detail.dataset.segments, strict=True)
+        for number, (record, segment) in enumerate(records):
             lines = [line for line in analysis.lines if line.segment == number]
-            if len(detail.time_s) > 2 and lines:
-                segment = dataset.segments[number] if dataset is not None else None
-                read = any(p.value is not None for p in analysis.published if p.axis in detail.axes)
-                parts += _record_plots(detail, lines, segment, read)
+            if len(record.time_s) > 2 and lines:
+                read = any(p.value is not None for p in analysis.published if p.axis in record.axes)
+                parts += _record_plots(record, lines, segment, read)
         parts += _overviews(analysis)
     if analysis.lines:
         parts.append(tables.lines(analysis.lines))
-    if coils:
-        parts.append(tables.coils(coils))
-    if tested:
-        parts.append(tables.tests(tested))
-    if analysis.segments:
-        parts.append(tables.records(analysis.segments))
-    return tuple(parts)
+    if detail.coils:
+        parts.append(tables.coils(detail.coils))
+    if detail.tested:
+        parts.append(tables.tests(detail.tested))
+    return (*parts, tables.records(analysis.segments))
 
 
 def _overviews(analysis: RlgAnalysis) -> list[Part]:
@@ -97,7 +85,7 @@ def _overviews(analysis: RlgAnalysis) -> list[Part]:
 
 
 def _record_plots(
-    detail: SegmentDetail, lines: Sequence[LineDetail], segment: Segment | None, published: bool
+    detail: SegmentDetail, lines: Sequence[LineDetail], segment: Segment, published: bool
 ) -> list[Part]:
     driven = tables.joined(detail.axes)
     several = len(lines) > 1
@@ -108,7 +96,7 @@ def _record_plots(
             "The published formula cannot run on this record; its spectrum is drawn about the mean "
             "without the missing samples."
         )
-    quantum = segment.quantum_deg_per_h if segment is not None else 0.0
+    quantum = segment.quantum_deg_per_h
     counted = " (counting whole pulses makes it negative)" if quantum > 0.0 else ""
     left_out = int((~detail.kept).sum())
     outside = (
@@ -149,17 +137,9 @@ def _record_plots(
     return parts
 
 
-def _summary_rows(analysis: RlgAnalysis, document: ResultDocument | None) -> list[SummaryRow]:
+def _summary_rows(analysis: RlgAnalysis, document: ResultDocument) -> list[SummaryRow]:
     published = {one.axis: one.value for one in analysis.published}
     rows = []
-    if document is None:
-        for one in analysis.estimates:
-            expanded = None
-            if one.standard_uncertainty is not None:
-                freedom = min(one.degrees_of_freedom or 1e6, 1e6)
-                expanded = float(stdtrit(freedom, 0.975)) * one.standard_uncertainty
-            rows.append(SummaryRow(one.axis, one.value, expanded, published.get(one.axis), None))
-        return rows
     for result in document.results:
         axis = result.estimate.axis or ""
         rows.append(

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from procedures.estimation.allan import AllanDeviation, NoiseCoefficients
+from station.findings import Estimate, Flag, Published
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -16,6 +16,7 @@ Mask = NDArray[np.bool_]
 
 QUANTITY = "magnetic_sensitivity"
 UNIT = "deg/h/mT"
+METHOD = "least-squares"
 
 
 @dataclass(frozen=True)
@@ -23,66 +24,22 @@ class AnalysisSettings:
     """Thresholds of the flags and choices of the estimator, each with its default.
 
     Ratios are multiples of the standard uncertainty unless the name says otherwise;
-    `non_integer_cycles` is in cycles, `gap` in nominal intervals, `field_differs` is relative.
+    `non_integer_cycles` is in cycles, `gap` in nominal intervals,
+    `field_differs_from_commanded` is relative.
     """
 
     not_significant: float = 2.0
-    quadrature: float = 3.0
+    quadrature_significant: float = 3.0
     checks_differ: float = 3.0
     non_integer_cycles: float = 0.001
     gap: float = 1.5
-    field_differs: float = 0.01
+    field_differs_from_commanded: float = 0.01
     model_too_stiff: float = 0.3
     outlier: float = 5.0
     max_drift_order: int = 4
     max_autoregression_order: int = 16
     fewest_cycles: float = 3.0
     highest_frequency: float = 0.45
-
-
-@dataclass(frozen=True)
-class Estimate:
-    """The best estimate of one axis; value and uncertainty (type A) are None if undetermined.
-
-    `sensitivities` are derivatives of the value by the inputs of type B: `field_gain` and
-    `gyro_scale` (relative errors), `field_time_offset_s` (s, of the field's time stamps).
-    `degrees_of_freedom` None means infinite. Full covariance is with the analysis.
-    """
-
-    axis: str
-    value: float | None
-    standard_uncertainty: float | None
-    degrees_of_freedom: float | None
-    sensitivities: Mapping[str, float]
-    name: str = QUANTITY
-    unit: str = UNIT
-    method: str = "least-squares"
-
-
-@dataclass(frozen=True)
-class Published:
-    """What the source document's own rule (S5 to S7) gives; never negative, None if it cannot run.
-
-    `reason` says why it could not.
-    """
-
-    axis: str
-    value: float | None
-    reason: str | None = None
-    name: str = QUANTITY
-    unit: str = UNIT
-    method: str = "dft-peak"
-
-
-@dataclass(frozen=True)
-class Flag:
-    """Something that the reader of the results must know; `message` is one sentence."""
-
-    code: str
-    axis: str | None
-    message: str
-    count: int | None = None
-    details: Mapping[str, object] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -153,7 +110,11 @@ class SegmentDetail:
 
 @dataclass(frozen=True)
 class RlgAnalysis:
-    """The whole outcome; `covariance` (k, k, type A) is that of the estimates `determined`."""
+    """The whole outcome; `covariance` (k, k, type A) is that of the estimates `determined`.
+
+    Sensitivities of the estimates are derivatives by `field_gain` and `gyro_scale` (relative
+    errors) and `field_time_offset_s` (s, of the field's time stamps).
+    """
 
     estimates: tuple[Estimate, ...]
     determined: tuple[str, ...]

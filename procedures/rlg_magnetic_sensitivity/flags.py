@@ -7,9 +7,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from procedures.estimation.noise import grid_index
+from station.findings import Estimate, Flag
 
 from .dataset import Segment
-from .findings import AnalysisSettings, Estimate, Flag, LineDetail, SegmentDetail
+from .findings import AnalysisSettings, LineDetail, SegmentDetail
 from .published import missing_rows
 
 
@@ -23,10 +24,10 @@ def record_flags(segment: Segment, detail: SegmentDetail, settings: AnalysisSett
         flags.append(
             Flag(
                 "outliers-rejected",
-                axis,
                 f"{rejected} of {len(detail.kept)} gyro samples of the record with {named} driven "
                 f"lie more than {settings.outlier:g} sigma from the fit and were left out.",
-                count=rejected,
+                axis,
+                {"count": rejected},
             )
         )
     flags += _gap(segment, axis, named, settings)
@@ -34,20 +35,20 @@ def record_flags(segment: Segment, detail: SegmentDetail, settings: AnalysisSett
         flags.append(
             Flag(
                 "model-too-stiff",
-                axis,
                 f"Neighbouring residuals of the record with {named} driven are correlated by "
                 f"{detail.lag_one_correlation:.2f}: the model does not follow the output.",
-                details={"lag_one_correlation": detail.lag_one_correlation},
+                axis,
+                {"lag_one_correlation": detail.lag_one_correlation},
             )
         )
     if detail.drift_evident:
         flags.append(
             Flag(
                 "drift-removed",
-                axis,
                 f"The output drifted while {named} was driven; a polynomial of order "
                 f"{detail.drift_order} was fitted with the lines and removed.",
-                details={"order": detail.drift_order},
+                axis,
+                {"order": detail.drift_order},
             )
         )
     return flags
@@ -69,8 +70,8 @@ def _gap(segment: Segment, axis: str | None, named: str, settings: AnalysisSetti
     if missing:
         message += ", the published formula needs an unbroken row and was not evaluated"
     message += "."
-    details = {"missing_samples": missing, "longest_s": largest_s}
-    return [Flag("gap", axis, message, count=gaps, details=details)]
+    details = {"count": gaps, "missing_samples": missing, "longest_s": largest_s}
+    return [Flag("gap", message, axis, details)]
 
 
 def drive_flags(
@@ -87,11 +88,11 @@ def drive_flags(
                 flags.append(
                     Flag(
                         "non-integer-cycles",
-                        axis,
                         f"The record holds {cycles:.4g} cycles of {drive.frequency_Hz:g} Hz on "
                         f"{axis}, not a whole number: the published formula reads low by up to "
                         "36 %, the fit does not.",
-                        details={"cycles": cycles},
+                        axis,
+                        {"cycles": cycles},
                     )
                 )
     for line in lines:
@@ -99,15 +100,15 @@ def drive_flags(
         if drive.amplitude_mT <= 0.0:
             continue
         off = line.field_amplitude_mT / drive.amplitude_mT - 1.0
-        if abs(off) > settings.field_differs:
+        if abs(off) > settings.field_differs_from_commanded:
             flags.append(
                 Flag(
                     "field-differs-from-commanded",
-                    line.axis,
                     f"The measured field on {line.axis} has an amplitude of "
                     f"{line.field_amplitude_mT:.5g} mT, {100.0 * off:+.2g} % from the commanded "
                     f"{drive.amplitude_mT:g} mT; the result uses the measured field.",
-                    details={"relative_difference": off},
+                    line.axis,
+                    {"relative_difference": off},
                 )
             )
     return flags
@@ -124,13 +125,13 @@ def result_flags(
     for estimate in estimates:
         value, u = estimate.value, estimate.standard_uncertainty
         if value is None or u is None:
-            reason = reasons.get(estimate.axis, "the record does not determine it")
+            reason = reasons.get(estimate.axis or "", "the record does not determine it")
             flags.append(
                 Flag(
                     "not-identifiable",
-                    estimate.axis,
                     f"The magnetic sensitivity of {estimate.axis} is undetermined: {reason}.",
-                    details={"coefficients": [estimate.axis]},
+                    estimate.axis,
+                    {"coefficients": [estimate.axis]},
                 )
             )
         elif abs(value) < settings.not_significant * u:
@@ -138,24 +139,24 @@ def result_flags(
             flags.append(
                 Flag(
                     "not-significant",
-                    estimate.axis,
                     f"The magnetic sensitivity of {estimate.axis} is not distinguished from zero: "
                     f"{value:.2g} with a standard uncertainty of {u:.2g} deg/h/mT; its magnitude "
                     f"is below {bound:.2g} deg/h/mT with 95 % confidence.",
-                    details={"upper_bound": bound},
+                    estimate.axis,
+                    {"upper_bound": bound},
                 )
             )
     for line in lines:
         q, u = line.quadrature, line.quadrature_uncertainty
-        if q is not None and u is not None and abs(q) > settings.quadrature * u > 0.0:
+        if q is not None and u is not None and abs(q) > settings.quadrature_significant * u > 0.0:
             flags.append(
                 Flag(
                     "quadrature-significant",
-                    line.axis,
                     f"The output at {line.frequency_Hz:.4g} Hz has a part of {q:.3g} deg/h/mT in "
                     f"quadrature to the field on {line.axis} ({abs(q) / u:.1f} u): a delay, eddy "
                     "currents or pickup.",
-                    details={"quadrature": q, "standard_uncertainty": u},
+                    line.axis,
+                    {"quadrature": q, "standard_uncertainty": u},
                 )
             )
     return flags

@@ -13,9 +13,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from procedures.rlg_magnetic_sensitivity.findings import Estimate
 from procedures.rlg_magnetic_sensitivity.parameters import COIL_OF_AXIS
-from station.uncertainty import InputQuantity
+from station.findings import Estimate, InputQuantity
 
 if TYPE_CHECKING:
     from station.calibration import Calibration

@@ -13,7 +13,7 @@ from procedures.rlg_magnetic_sensitivity.frequencies import (
     FREQUENCY_RANGE_HZ,
     LARGEST_CYCLES_PER_SAMPLE,
 )
-from station.fields import Hertz, StrictModel, Unit
+from station.fields import Hertz, StrictModel, Unit, WarmUpWindow
 
 Axis = Literal["IA", "NA", "LA"]
 COIL_OF_AXIS: dict[str, str] = {"IA": "x", "NA": "y", "LA": "z"}
@@ -23,21 +23,12 @@ AMPLITUDE_RANGE_MT = (0.1, 2.0)
 Check = Literal["linearity", "frequency", "background"]
 
 
-class WarmUp(StrictModel):
+class WarmUp(WarmUpWindow):
     """When the gyro counts as warm: |slope| + 2 u of its output below a limit over a window."""
 
     slope_limit_deg_per_h2: Annotated[float, Unit("deg/h^2"), Field(gt=0)]
     window_s: Annotated[float, Unit("s"), Field(gt=0)] = 600.0
     at_most_s: Annotated[float, Unit("s"), Field(gt=0)] = 5400.0
-
-    @field_validator("at_most_s")
-    @classmethod
-    def longer_than_window(cls, at_most_s: float, info: ValidationInfo) -> float:
-        """Refuse a time-out that ends before the window can be full."""
-        window_s = info.data.get("window_s")
-        if window_s is not None and at_most_s < window_s:
-            raise ValueError(f"the warm-up may not end before its window of {window_s:g} s is full")
-        return at_most_s
 
 
 class Stop(StrictModel):

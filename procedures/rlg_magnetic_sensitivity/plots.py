@@ -32,9 +32,7 @@ MEAN_PERIODS = 0.25
 EDGE_SIGMA = 6.5
 
 
-def time_series(
-    detail: SegmentDetail, lines: Sequence[LineDetail], segment: Segment | None
-) -> Figure:
+def time_series(detail: SegmentDetail, lines: Sequence[LineDetail], segment: Segment) -> Figure:
     """Draw samples, their mean and the driving field: the whole record, and a few periods of it."""
     figure = new_figure(5.4)
     grid = figure.add_gridspec(
@@ -75,7 +73,7 @@ def time_series(
     if len(detail.axes) > 1:
         _room_above(close[2], 0.3)
         legend_inside(close[2], ncols=3)
-    source = "fitted" if segment is None or not len(segment.field_time_s) else "measured"
+    source = "measured" if len(segment.field_time_s) else "fitted"
     for axes, text in zip(
         wide, ("samples, deg/h", "their mean, deg/h", f"{source} field, mT"), strict=True
     ):
@@ -90,12 +88,12 @@ def _field_panel(
     axes: Axes,
     detail: SegmentDetail,
     lines: Sequence[LineDetail],
-    segment: Segment | None,
+    segment: Segment,
     until_s: float,
 ) -> None:
     """Draw the measured field of the driven axes, the fitted one where none was given."""
     start_s = float(detail.time_s[0])
-    if segment is not None and len(segment.field_time_s):
+    if len(segment.field_time_s):
         field_s, field_mT = segment.field_time_s - start_s, segment.field_mT
     else:
         field_s = np.linspace(0.0, until_s, 4000)

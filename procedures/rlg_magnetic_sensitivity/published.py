@@ -7,9 +7,10 @@ from numpy.typing import NDArray
 
 from procedures.estimation.noise import grid_index
 from procedures.estimation.spectrum import amplitude_spectrum, peak_near
+from station.findings import Published
 
-from .dataset import Segment
-from .findings import Published
+from .dataset import Drive, Segment
+from .findings import QUANTITY, UNIT
 
 Array = NDArray[np.float64]
 
@@ -19,24 +20,19 @@ def published_value(segment: Segment, axis: str) -> Published:
 
     f and M are the commanded ones. The peak is the largest of the line nearest to f and its two
     neighbours. The rule needs N samples in an unbroken row: where rows are missing it cannot run as
-    written and nothing is filled in.
+    written, nothing is filled in and the value is None.
     """
-    drive = segment.drive[axis]
+    return Published(QUANTITY, axis, _value(segment, segment.drive[axis]), UNIT, "dft-peak")
+
+
+def _value(segment: Segment, drive: Drive) -> float | None:
     rate = segment.rate_deg_per_h
-    if len(rate) < 3:
-        return Published(axis, None, "there are fewer than three samples")
-    missing = missing_rows(segment)
-    if missing:
-        return Published(axis, None, f"{missing} of the samples are missing from the record")
-    if not bool(np.all(np.isfinite(rate))):
-        return Published(axis, None, "some samples are not numbers")
-    if drive.amplitude_mT <= 0.0:
-        return Published(axis, None, "the commanded amplitude is zero")
+    whole = len(rate) >= 3 and not missing_rows(segment) and bool(np.all(np.isfinite(rate)))
+    if not whole or drive.amplitude_mT <= 0.0:
+        return None
     frequency_Hz, amplitude = amplitude_spectrum(rate, segment.sample_interval_s)
     peak = peak_near(frequency_Hz, amplitude, drive.frequency_Hz)
-    if peak is None:
-        return Published(axis, None, "the driven frequency is not on the spectrum's axis")
-    return Published(axis, peak / drive.amplitude_mT)
+    return None if peak is None else peak / drive.amplitude_mT
 
 
 def missing_rows(segment: Segment) -> int:

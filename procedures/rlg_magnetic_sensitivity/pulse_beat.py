@@ -8,9 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from procedures.estimation.quantisation import Beat, find_beat
+from station.findings import Flag
 
 from .dataset import Segment
-from .findings import Flag, LineDetail, SegmentDetail
+from .findings import LineDetail, SegmentDetail
 from .frequencies import LARGEST_CYCLES_PER_SAMPLE, allowed_Hz
 
 ROUND_NUMBERS = (1.0, 1.25, 1.6, 2.0, 2.5, 4.0, 5.0, 8.0)
@@ -94,7 +95,7 @@ def beat_flags(
     if told is not None:
         yield Flag(
             "quantisation-beat",
-            detail.axes[0] if len(detail.axes) == 1 else None,
             f"In the record, {told.does}. Measure again with {told.helps}.",
-            details=told.details,
+            detail.axes[0] if len(detail.axes) == 1 else None,
+            told.details,
         )

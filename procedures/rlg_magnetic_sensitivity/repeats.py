@@ -8,8 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import erfc
 
+from station.findings import Flag
+
 from .dataset import Segment
-from .findings import AnalysisSettings, Flag, RlgAnalysis
+from .findings import AnalysisSettings, RlgAnalysis
 from .gyro import fit_gyro
 
 
@@ -62,7 +64,7 @@ def repeated(
             continue
         if one.value is None or one.standard_uncertainty is None:
             continue
-        drive = next(s.drive[one.axis] for s in segments if one.axis in s.drive)
+        drive = next(d for s in segments for axis, d in s.drive.items() if axis == one.axis)
         u = float(np.hypot(one.standard_uncertainty, first.standard_uncertainty))
         yield Tested(
             check,
@@ -115,27 +117,27 @@ def flags_of(tested: Sequence[Tested]) -> Iterator[Flag]:
         if one.check == "linearity":
             yield Flag(
                 "not-linear",
-                one.axis,
                 f"At {one.amplitude_mT:g} mT the magnetic sensitivity{whose} is another one by "
                 f"{off}: the response is not in proportion to the field, as that of a shield near "
                 "saturation; state the sensitivity with its field.",
-                details=details,
+                one.axis,
+                details,
             )
         elif one.check == "frequency":
             yield Flag(
                 "differs-with-frequency",
-                one.axis,
                 f"At {one.frequency_Hz:.4g} Hz the magnetic sensitivity{whose} is another one by "
                 f"{off}: a delay, eddy currents and pickup grow with the frequency; the lower one "
                 "is nearer to a steady field.",
-                details=details,
+                one.axis,
+                details,
             )
         else:
             yield Flag(
                 "background-line",
-                one.axis,
                 f"With the coils off the output has a line at {one.frequency_Hz:.4g} Hz that would "
                 f"pass for {one.value:.2g} deg/h/mT{whose}: something else acts at the field's "
                 "frequency; choose another frequency.",
-                details=details,
+                one.axis,
+                details,
             )

@@ -22,7 +22,7 @@ SPECTRUM_REACH = 5.0
 PHASE_BINS = 12
 
 
-def spectrum(detail: SegmentDetail, lines: Sequence[LineDetail], segment: Segment | None) -> Figure:
+def spectrum(detail: SegmentDetail, lines: Sequence[LineDetail], segment: Segment) -> Figure:
     """Draw the published amplitude spectrum (S6) and the average over the field's phase."""
     figure = new_figure(3.7)
     grid = figure.add_gridspec(1, 2, width_ratios=(2.1, 1), wspace=0.24)
@@ -47,7 +47,7 @@ def _spectrum_panel(
     frequency_Hz: Array,
     amplitude: Array,
     lines: Sequence[LineDetail],
-    segment: Segment | None,
+    segment: Segment,
 ) -> None:
     step_Hz = float(frequency_Hz[1])
     highest_Hz = min(float(frequency_Hz[-1]), SPECTRUM_REACH * max(x.frequency_Hz for x in lines))
@@ -58,9 +58,7 @@ def _spectrum_panel(
     several = len(lines) > 1
     for line in lines:
         colour = COLOUR[line.axis]
-        commanded_Hz = line.frequency_Hz
-        if segment is not None and line.axis in segment.drive:
-            commanded_Hz = segment.drive[line.axis].frequency_Hz
+        commanded_Hz = segment.drive[line.axis].frequency_Hz
         who = f" ({line.axis})" if several else ""
         commanded = "f, commanded" if several else f"f = {commanded_Hz:.6g} Hz, commanded"
         axes.axvline(

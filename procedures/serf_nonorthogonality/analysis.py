@@ -5,14 +5,16 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from station.findings import Published
+
 from .checks import checks_of
 from .dataset import SerfDataset
-from .findings import AnalysisSettings, Published, SerfAnalysis, ShotResult
+from .findings import AnalysisSettings, SerfAnalysis, ShotResult
 from .flags import result_flags
 from .frequencies import Frequencies, frequencies_and_angles
 from .precession import Precession, look_at_all
 from .published import PublishedAngles, published_angles
-from .results import estimates, residual_magnitude_nT, scale_axis
+from .results import ANGLE, LAW_OF_COSINES, estimates, residual_magnitude_nT, scale_axis
 from .shot_flags import data_flags
 from .shots import AXES, PAIRS
 
@@ -52,7 +54,9 @@ def analyse(dataset: SerfDataset, settings: AnalysisSettings | None = None) -> S
         joint=found.joint if found is not None else None,
         lean=found.lean if found is not None else None,
         estimates=results,
-        published=tuple(Published(pair, paper.angles_deg[pair]) for pair in PAIRS),
+        published=tuple(
+            Published(ANGLE, pair, paper.angles_deg[pair], "deg", LAW_OF_COSINES) for pair in PAIRS
+        ),
         flags=tuple(flags),
         checks=checks_of(dataset, shots, found, results, size_nT),
         chirp=found.chirp if found is not None else 0.0,

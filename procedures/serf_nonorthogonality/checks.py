@@ -6,9 +6,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from station.findings import Estimate
+
 from .angles import closed_form
 from .dataset import SerfDataset
-from .findings import Check, Estimate, ShotResult
+from .findings import Check, ShotResult
 from .frequencies import Frequencies
 from .results import ANGLE, SLOWING_DOWN
 from .shots import PAIRS

@@ -4,19 +4,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from procedures.serf_nonorthogonality.analysis import analyse
 from procedures.serf_nonorthogonality.cell import CHANNELS, DIGITIZER, PUMP
 from procedures.serf_nonorthogonality.dataset import SerfDataset
-from procedures.serf_nonorthogonality.findings import AnalysisSettings, SerfAnalysis
+from procedures.serf_nonorthogonality.findings import AnalysisSettings
 from procedures.serf_nonorthogonality.from_import import dataset_of_import
 from procedures.serf_nonorthogonality.from_record import dataset_of_run
 from procedures.serf_nonorthogonality.parameters import SerfParameters
 from procedures.serf_nonorthogonality.shots import AXES
-from station.results import Estimate, Findings, Flag, Published
-from station.uncertainty import InputQuantity
+from station.findings import Findings, InputQuantity, findings_of
 
 if TYPE_CHECKING:
     from station.bench import Bench
@@ -29,37 +27,22 @@ GAMMA_ROUNDING = 5e-6 / math.sqrt(3.0)
 ONE_SAMPLE = 1.0 / math.sqrt(12.0)
 
 
-@dataclass(frozen=True)
-class Detail:
-    """What this procedure's report draws."""
-
-    analysis: SerfAnalysis
-    dataset: SerfDataset
-
-
 def findings_of_run(folder: RunFolder, parameters: SerfParameters, bench: Bench) -> Findings:
     """Return what a run's finished shots say, type B inputs from the bench's calibrations."""
     dataset = dataset_of_run(folder, parameters, bench)
     inputs = [*common_inputs(dataset), *bench_inputs(dataset, parameters, bench)]
-    return to_findings(analyse(dataset, settings(parameters)), dataset, inputs)
+    return findings_of(analyse(dataset, settings(parameters)), dataset, inputs)
 
 
 def findings_of_dataset(raw: RawDataset) -> Findings:
     """Return what an imported dataset says; it brings no calibration records."""
     dataset = dataset_of_import(raw)
-    return to_findings(analyse(dataset), dataset, list(common_inputs(dataset)))
+    return findings_of(analyse(dataset), dataset, list(common_inputs(dataset)))
 
 
 def settings(parameters: SerfParameters) -> AnalysisSettings:
     """Return the analysis settings of a plan."""
-    thresholds = parameters.thresholds
-    return AnalysisSettings(
-        few_cycles=thresholds.few_cycles,
-        residual_field_nT=thresholds.residual_field_large_nT,
-        chirp=thresholds.chirp,
-        gap=thresholds.gap,
-        model_too_stiff=thresholds.model_too_stiff,
-    )
+    return AnalysisSettings(**dict(parameters.thresholds))
 
 
 def common_inputs(dataset: SerfDataset) -> Iterator[InputQuantity]:
@@ -124,28 +107,3 @@ def _delay(rate_Hz: float, bench: Bench) -> Iterator[InputQuantity]:
 def _record(bench: Bench, instrument: str) -> Calibration | None:
     found = bench.instruments.get(instrument)
     return found.calibration if found is not None else None
-
-
-def to_findings(
-    analysis: SerfAnalysis, dataset: SerfDataset, inputs: list[InputQuantity]
-) -> Findings:
-    """Return an analysis in the station's own terms."""
-    estimates = [
-        Estimate(
-            one.name,
-            one.axis,
-            one.value,
-            one.unit,
-            one.standard_uncertainty,
-            one.degrees_of_freedom,
-            one.method,
-            one.sensitivities,
-        )
-        for one in analysis.estimates
-    ]
-    published = [
-        Published("nonorthogonality_angle", one.axis, one.value, "deg", "law-of-cosines")
-        for one in analysis.published
-    ]
-    flags = [Flag(one.code, one.message, one.axis, one.details) for one in analysis.flags]
-    return Findings(estimates, published, flags, inputs, Detail(analysis, dataset))

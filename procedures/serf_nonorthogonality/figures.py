@@ -10,6 +10,7 @@ from procedures.serf_nonorthogonality.dataset import SerfDataset
 from procedures.serf_nonorthogonality.findings import SerfAnalysis
 from procedures.serf_nonorthogonality.results import ANGLE, FACTOR, RESIDUAL, SLOWING_DOWN
 from procedures.serf_nonorthogonality.shots import AXES, PAIRS
+from station.findings import Findings
 from station.report.drawing import STYLE
 from station.report.numbers import NOTHING, format_number, format_with_uncertainty
 from station.report.parts import Part, Plot, Table
@@ -18,10 +19,10 @@ from station.results import Result, ResultDocument
 ARCSEC_PER_DEG = 3600.0
 
 
-def draw_parts(
-    analysis: SerfAnalysis, dataset: SerfDataset, document: ResultDocument
-) -> tuple[Part, ...]:
+def draw_parts(findings: Findings, document: ResultDocument) -> tuple[Part, ...]:
     """Return the parts of the report: the angles first, then what is behind them."""
+    analysis: SerfAnalysis = findings.detail.analysis
+    dataset: SerfDataset = findings.detail.dataset
     parts: list[Part] = [_angles(analysis, document)]
     parts.append(_coils(analysis, dataset, document))
     if analysis.checks:

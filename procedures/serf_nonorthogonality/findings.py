@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+
+from station.findings import Estimate, Flag, Published
 
 from .angles import Solution
 from .joint import JointFit
@@ -20,56 +21,19 @@ Array = NDArray[np.float64]
 class AnalysisSettings:
     """Thresholds of the flags, each with its default.
 
-    `few_cycles` within the 1/e time; `residual_field_nT` magnitude; `chirp` relative change of the
-    frequency over the decay, which must also be `chirp_u` of its uncertainties; `gap` in nominal
-    intervals; `model_too_stiff` lag-1 correlation of a shot's residuals. Samples before `skip_s`,
-    while the coils' currents rise, are left out.
+    `few_cycles` within the 1/e time; `residual_field_large_nT` magnitude; `chirp` relative change
+    of the frequency over the decay, which must also be `chirp_u` of its uncertainties; `gap` in
+    nominal intervals; `model_too_stiff` lag-1 correlation of a shot's residuals. Samples before
+    `skip_s`, while the coils' currents rise, are left out.
     """
 
     few_cycles: float = 1.5
-    residual_field_nT: float = 1.5
+    residual_field_large_nT: float = 1.5
     chirp: float = 0.01
     chirp_u: float = 5.0
     gap: float = 1.5
     model_too_stiff: float = 0.3
     skip_s: float = 0.0
-
-
-@dataclass(frozen=True)
-class Estimate:
-    """One result; value and type A uncertainty are None where the shots do not determine it.
-
-    `sensitivities` are derivatives by the inputs of type B: `coil_x`, `coil_y`, `coil_z`,
-    `gyromagnetic_ratio`, `sample_clock` (relative errors), `residual_x_nT` and so on, `pump_deg`,
-    `probe_deg` (leans of the light), `trigger_delay_s`.
-    """
-
-    name: str
-    axis: str | None
-    unit: str
-    value: float | None
-    standard_uncertainty: float | None
-    degrees_of_freedom: float | None
-    method: str
-    sensitivities: Mapping[str, float] = field(default_factory=dict)
-
-
-@dataclass(frozen=True)
-class Published:
-    """An angle in deg by the published rule, None where it cannot run."""
-
-    axis: str
-    value: float | None
-
-
-@dataclass(frozen=True)
-class Flag:
-    """Something that the reader of the results must know; `message` is one sentence."""
-
-    code: str
-    message: str
-    axis: str | None = None
-    details: Mapping[str, object] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -112,9 +76,11 @@ class ShotResult:
 class SerfAnalysis:
     """The whole outcome.
 
-    `chirp` with `chirp_u` is by how much the frequency falls over the decay, relative; `joint` is
-    None where every shot was fitted alone, and so is `lean`, that of spins and probe. `rate_per_s`
-    and `beta_s` give the decay of a shot as rate + beta w².
+    Sensitivities of the estimates are derivatives by `coil_x`, `coil_y`, `coil_z`,
+    `gyromagnetic_ratio`, `sample_clock` (relative errors), `residual_x_nT` and so on, and
+    `trigger_delay_s`. `chirp` with `chirp_u` is by how much the frequency falls over the decay,
+    relative; `joint` is None where every shot was fitted alone, and so is `lean`, that of spins and
+    probe. `rate_per_s` and `beta_s` give the decay of a shot as rate + beta w².
     """
 
     shots: tuple[ShotResult, ...]

@@ -6,9 +6,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from station.findings import Estimate, Flag
+
 from .checks import outside_the_isotope, slowing_down_bounds
 from .dataset import SerfDataset
-from .findings import AnalysisSettings, Estimate, Flag
+from .findings import AnalysisSettings
 from .frequencies import Frequencies
 from .published import PublishedAngles
 from .results import ANGLE, FACTOR, RESIDUAL, SLOWING_DOWN, scale_axis
@@ -34,12 +36,12 @@ def result_flags(
     if found is None:
         return flags
     flags += _scale(dataset, found, results)
-    if residual_nT is not None and residual_nT > settings.residual_field_nT:
+    if residual_nT is not None and residual_nT > settings.residual_field_large_nT:
         flags.append(
             Flag(
                 "residual-field-large",
                 f"The residual field is {residual_nT:.2f} nT, more than "
-                f"{settings.residual_field_nT:g} nT: null it again, or depolarise the nuclei "
+                f"{settings.residual_field_large_nT:g} nT: null it again, or depolarise the nuclei "
                 "(step 1), whose field moves during the shots.",
                 None,
                 {"field_nT": residual_nT},

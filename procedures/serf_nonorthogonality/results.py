@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from station.findings import Estimate, undetermined
+
 from .angles import NAMES, Solution
 from .dataset import SerfDataset
-from .findings import Estimate
 from .frequencies import Frequencies
 from .shots import AXES, PAIRS
 
@@ -16,7 +17,7 @@ Array = NDArray[np.float64]
 RAD_PER_DEG = np.pi / 180.0
 ANGLE, RESIDUAL = "nonorthogonality_angle", "residual_field"
 FACTOR, SLOWING_DOWN = "coil_factor", "slowing_down_factor"
-WEIGHTED, JOINT = "weighted", "joint-chirp"
+WEIGHTED, JOINT, LAW_OF_COSINES = "weighted", "joint-chirp", "law-of-cosines"
 
 
 def scale_axis(dataset: SerfDataset, solution: Solution) -> str | None:
@@ -59,7 +60,7 @@ def _nothing(method: str) -> tuple[Estimate, ...]:
         *((FACTOR, axis, "1") for axis in AXES),
         (SLOWING_DOWN, None, "1"),
     ]
-    return tuple(Estimate(name, axis, unit, None, None, None, method) for name, axis, unit in names)
+    return tuple(undetermined(*one, method) for one in names)
 
 
 def _sensitivities(
@@ -88,7 +89,7 @@ def _angle(
 ) -> Estimate:
     place = NAMES.index(pair)
     if not solution.determined[place]:
-        return Estimate(ANGLE, pair, "deg", None, None, None, method)
+        return undetermined(ANGLE, pair, "deg", method)
     cosine = float(solution.cosine[place - 3])
     slope = np.zeros(len(NAMES))
     slope[place] = -1.0 / float(np.sqrt(1.0 - cosine * cosine)) / RAD_PER_DEG
@@ -96,8 +97,8 @@ def _angle(
     return Estimate(
         ANGLE,
         pair,
-        "deg",
         float(np.degrees(np.arccos(cosine))),
+        "deg",
         _u(slope, solution),
         freedom,
         method,
@@ -116,13 +117,13 @@ def _residual(
 ) -> Estimate:
     place, scale_place = NAMES.index(f"r{one}"), AXES.index(axis)
     if not solution.determined[place]:
-        return Estimate(RESIDUAL, one, "nT", None, None, None, method)
+        return undetermined(RESIDUAL, one, "nT", method)
     scale = float(solution.scale[scale_place])
     value = float(solution.residual[place - 6]) / scale
     slope = np.zeros(len(NAMES))
     slope[place], slope[scale_place] = 1.0 / scale, -value / scale
     sensitivities = _sensitivities(slope, solution, found, axis, dataset.constants_known)
-    return Estimate(RESIDUAL, one, "nT", value, _u(slope, solution), freedom, method, sensitivities)
+    return Estimate(RESIDUAL, one, value, "nT", _u(slope, solution), freedom, method, sensitivities)
 
 
 def _factor(
@@ -135,16 +136,16 @@ def _factor(
     some_angle: bool,
 ) -> Estimate:
     if dataset.constants_known:
-        return Estimate(FACTOR, one, "1", 1.0, 0.0, None, method, {f"coil_{one}": 1.0})
+        return Estimate(FACTOR, one, 1.0, "1", 0.0, None, method, {f"coil_{one}": 1.0})
     if not solution.determined[AXES.index(one)] or not some_angle:
-        return Estimate(FACTOR, one, "1", None, None, None, method)
+        return undetermined(FACTOR, one, "1", method)
     if one == axis:
-        return Estimate(FACTOR, one, "1", 1.0, 0.0, None, method)
+        return Estimate(FACTOR, one, 1.0, "1", 0.0, None, method)
     scale = float(solution.scale[AXES.index(axis)])
     value = float(solution.scale[AXES.index(one)]) / scale
     slope = np.zeros(len(NAMES))
     slope[AXES.index(one)], slope[AXES.index(axis)] = 1.0 / scale, -value / scale
-    return Estimate(FACTOR, one, "1", value, _u(slope, solution), freedom, method)
+    return Estimate(FACTOR, one, value, "1", _u(slope, solution), freedom, method)
 
 
 def _slowing_down(
@@ -158,7 +159,7 @@ def _slowing_down(
     sensitivities = _sensitivities(slope, solution, found, axis, dataset.constants_known)
     sensitivities |= {"gyromagnetic_ratio": value, "sample_clock": value}
     return Estimate(
-        SLOWING_DOWN, None, "1", value, _u(slope, solution), freedom, method, sensitivities
+        SLOWING_DOWN, None, value, "1", _u(slope, solution), freedom, method, sensitivities
     )
 
 

@@ -6,8 +6,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from station.findings import Flag
+
 from .dataset import SerfDataset
-from .findings import AnalysisSettings, Flag, ShotResult
+from .findings import AnalysisSettings, ShotResult
 from .precession import Precession
 
 LARGE_BASELINE = 1.5

@@ -5,10 +5,11 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from station import registry
+from station.findings import Findings
 from station.report.context import ReportContext
 from station.report.html import render_html
 from station.report.run_report import flat_rows, version_rows
-from station.results import Findings, ResultDocument
+from station.results import ResultDocument
 from station.versions import versions
 
 if TYPE_CHECKING:

@@ -12,6 +12,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from station.decision import Decision, Limit
+from station.findings import Published
 from station.report.context import ReportContext
 from station.report.numbers import (
     NOTHING,
@@ -25,7 +26,7 @@ from station.report.numbers import (
     is_numeric_column,
 )
 from station.report.parts import Part, Plot, Table
-from station.results import Published, Result, ResultDocument
+from station.results import Result, ResultDocument
 
 RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 BADGES = {

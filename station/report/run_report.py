@@ -8,6 +8,7 @@ from typing import Any
 from station import registry
 from station.bench import Bench
 from station.fields import to_yaml_data
+from station.findings import Findings
 from station.record.folder import RunFolder
 from station.recorded import left_unverified, read_plan_and_bench
 from station.report.context import (
@@ -19,7 +20,7 @@ from station.report.context import (
     StepRow,
 )
 from station.report.html import render_html
-from station.results import Findings, ResultDocument
+from station.results import ResultDocument
 from station.safety.interlocks.reading import CHAIN
 
 

@@ -195,7 +195,10 @@ def heating(points: Sequence[SetPoint], bench: Bench) -> Iterator[Extreme]:
 
 
 def given(point: SetPoint) -> dict[str, Any]:
-    """Return a set-point as plain data, without its step and what does not concern it."""
+    """Return a set-point as plain data, without its step, its key and what does not concern it."""
+    told = asdict(point)
     return {
-        name: value for name, value in asdict(point).items() if value is not None and name != "step"
+        name: value
+        for name, value in told.items()
+        if value is not None and name not in ("step", "decided_by")
     }

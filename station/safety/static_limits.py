@@ -76,7 +76,7 @@ def beyond_limits(forecast: Forecast, bench: Bench) -> Iterator[Problem]:
             worst, point = (min if check.lowest else max)(sized, key=lambda pair: pair[0])
             if worst < allowed if check.lowest else worst > allowed:
                 what = point.text if point.field_mT is None else f"{point.field_mT:g} mT"
-                yield Problem(where, check.says(what, worst, name, allowed))
+                yield Problem(point.decided_by or where, check.says(what, worst, name, allowed))
 
 
 def coil_resistance_ohm(bench: Bench, instrument: str) -> float | None:

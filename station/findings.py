@@ -1,0 +1,144 @@
+"""What an analysis says: estimates, published values, flags, in words that every procedure shares.
+
+Analyses return these as they are, so nothing but the standard library may be imported here.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Protocol
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A quantity that the data gave, with its type A uncertainty and what else it depends on.
+
+    Value and standard uncertainty are None where the data do not determine it, the degrees of
+    freedom None where they are infinitely many. `sensitivities` maps the name of an input quantity
+    to d value / d input; `extra` goes into the result as it is (terms of a combination, a model's
+    coefficients).
+    """
+
+    name: str
+    axis: str | None
+    value: float | None
+    unit: str
+    standard_uncertainty: float | None
+    degrees_of_freedom: float | None
+    method: str
+    sensitivities: Mapping[str, float] = field(default_factory=dict)
+    extra: Mapping[str, Any] = field(default_factory=dict)
+
+
+def undetermined(
+    name: str, axis: str | None, unit: str, method: str, extra: Mapping[str, Any] | None = None
+) -> Estimate:
+    """Return the estimate of a quantity that the data do not determine."""
+    return Estimate(name, axis, None, unit, None, None, method, {}, extra or {})
+
+
+@dataclass(frozen=True)
+class Published:
+    """What the source document's own formula gives on the same data, None where it cannot run."""
+
+    name: str
+    axis: str | None
+    value: float | None
+    unit: str
+    method: str
+
+    def to_data(self) -> dict[str, Any]:
+        """Return the entry of `as_published`."""
+        return {
+            "name": self.name,
+            "axis": self.axis,
+            "value": finite(self.value),
+            "unit": self.unit,
+            "method": self.method,
+        }
+
+
+@dataclass(frozen=True)
+class Flag:
+    """Something the reader must know, in one sentence, with a code that programs rely on.
+
+    `details` go into the result as they are: how often it happened is `count`.
+    """
+
+    code: str
+    message: str
+    axis: str | None = None
+    details: Mapping[str, Any] = field(default_factory=dict)
+
+    def to_data(self) -> dict[str, Any]:
+        """Return the entry of `flags`; a detail that is no finite number is left out."""
+        data: dict[str, Any] = {"code": self.code, "axis": self.axis, "message": self.message}
+        told = {
+            name: value
+            for name, value in self.details.items()
+            if not isinstance(value, float) or math.isfinite(value)
+        }
+        return {**data, **told}
+
+
+@dataclass(frozen=True)
+class InputQuantity:
+    """A type B input: its standard uncertainty in its own unit, and where that comes from."""
+
+    name: str
+    description: str
+    standard_uncertainty: float
+    unit: str
+    source: str
+    degrees_of_freedom: float = math.inf
+
+
+@dataclass(frozen=True)
+class Findings:
+    """All that an analysis says, and the type B inputs; `detail` is for the procedure's report."""
+
+    estimates: Sequence[Estimate]
+    published: Sequence[Published]
+    flags: Sequence[Flag]
+    inputs: Sequence[InputQuantity]
+    detail: Any
+
+
+@dataclass(frozen=True)
+class Detail:
+    """What a procedure's report draws: the data, and what its analysis says of them."""
+
+    analysis: Any
+    dataset: Any
+
+
+class Analysis(Protocol):
+    """The outcome of an analysis as far as every procedure's is alike."""
+
+    @property
+    def estimates(self) -> Sequence[Estimate]:
+        """The best estimates, in the order of the result document."""
+        ...
+
+    @property
+    def published(self) -> Sequence[Published]:
+        """What the source document's own formula gives."""
+        ...
+
+    @property
+    def flags(self) -> Sequence[Flag]:
+        """What the reader must know."""
+        ...
+
+
+def findings_of(analysis: Analysis, dataset: Any, inputs: Sequence[InputQuantity]) -> Findings:
+    """Return an analysis of a dataset with its type B inputs, ready to be concluded."""
+    detail = Detail(analysis, dataset)
+    return Findings(analysis.estimates, analysis.published, analysis.flags, inputs, detail)
+
+
+def finite(value: float | None) -> float | None:
+    """Return the value, or None where it is no finite number."""
+    return float(value) if value is not None and math.isfinite(value) else None

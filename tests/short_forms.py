@@ -1,0 +1,72 @@
+"""The shipped plans in the short form that campaigns of many runs walk through."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+SHORT_FORMS: Mapping[str, tuple[str, ...]] = {
+    "rlg-magnetic-sensitivity": (
+        "parameters.frequency=0.2 Hz",
+        "parameters.duration=50 s",
+        "parameters.axes=[IA, NA]",
+        "parameters.settle=5 s",
+        "parameters.warm_up.slope_limit=40 deg/h^2",
+        "parameters.warm_up.window=30 s",
+        "parameters.warm_up.at_most=5 min",
+    ),
+    "rlg-magnetic-sensitivity-simultaneous": (
+        "parameters.duration=100 s",
+        "parameters.stop.uncertainty=0.008 deg/h/mT",
+        "parameters.stop.at_most=150 s",
+        "parameters.checks=[background]",
+        "parameters.settle=5 s",
+        "parameters.warm_up.slope_limit=40 deg/h^2",
+        "parameters.warm_up.window=30 s",
+        "parameters.warm_up.at_most=5 min",
+    ),
+    "accelerometer-magnetic-sensitivity": (
+        "parameters.planes=[io]",
+        "parameters.field_step=50 mT",
+        "parameters.angle_step=60 deg",
+        "parameters.order=as_published",
+        "parameters.repeats=1",
+        "parameters.readings=2",
+        "parameters.nplc=1",
+        "parameters.warm_up=30 s",
+    ),
+    "serf-nonorthogonality": (
+        "parameters.record=60 ms",
+        "parameters.depolarise.duration=2 s",
+        "parameters.nulling.rounds=1",
+    ),
+    "fog-scale-factor-temperature": (
+        "parameters.outside_published_range=true",
+        "parameters.temperature_range=[22 degC, 24 degC]",
+        "parameters.reference_temperature=23.5 degC",
+        "parameters.soak=1 min",
+        "parameters.ramp_rate=120 degC/h",
+        "parameters.set_interval=1 min",
+        "parameters.axes=[x]",
+        "parameters.turn_rate=90 deg/s",
+        "parameters.turn_acceleration=50 deg/s^2",
+        "parameters.settle=3 s",
+        "parameters.reorientation=20 s",
+        "parameters.random_rotation=10 s",
+        "parameters.chamber_at_most=14 min",
+        "parameters.initial_order=1",
+        "parameters.asked_uncertainty=null",
+        "parameters.verification.ramp_rate=120 degC/h",
+        "parameters.warm_up.slope_limit=200 degC/h",
+        "parameters.warm_up.window=1 min",
+    ),
+    "nine-axis-calibration": (
+        "parameters.warm_up=5 min",
+        "parameters.static_time=60 s",
+        "parameters.static_settle=2 s",
+        "parameters.settle=1 s",
+        "parameters.sample_rate=10 Hz",
+        "parameters.rates=[20 deg/s, 40 deg/s, 60 deg/s, 80 deg/s, 100 deg/s]",
+    ),
+}
+"""What makes a plan short, by its name; without an entry it runs as it is shipped. A variant of a
+procedure's plan joins the campaign by an entry."""

@@ -1,0 +1,166 @@
+"""One simulated instrument in a small world of a test's own, and who talks to it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from threading import RLock
+from typing import Any, TypeVar
+
+import numpy as np
+import yaml
+from sim_bench import Line
+
+from sim_instruments.faults.instrument import InstrumentFaults, Schedule
+from sim_instruments.faults.reading import read_fault
+from sim_instruments.instrument import Setting
+from sim_instruments.truth import Truth
+from station.clock import Clock, VirtualClock
+from station.errors import InstrumentError
+from station.lookup import BENCHES, find
+from station.readings import Readings
+from station.runner.opening import Place
+
+
+class EmptyRoom:
+    """A world of another procedure, in which there is nothing of what the instrument needs."""
+
+    def __init__(self) -> None:
+        self.lock = RLock()
+
+
+class Stand:
+    """A served instrument and whoever talks to it."""
+
+    def __init__(
+        self,
+        clock: Clock,
+        name: str,
+        maker: Callable[[Setting], Any],
+        truth: Mapping[str, Any],
+        room: Any,
+        *entries: Mapping[str, Any],
+        serial: str = "0",
+    ) -> None:
+        self.clock, self.name, self.room = clock, name, room
+        self.readings = Readings(clock)
+        self.heard: list[tuple[str, bytes]] = []
+        rng = np.random.default_rng(1)
+        faults = InstrumentFaults(Schedule(clock, room.lock))
+        setting = Setting(name, serial, Truth(truth, "simulator"), room, clock, rng, 0, faults)
+        self.simulator = maker(setting)
+        self.instruments = {name: self.simulator.describe()}
+        for entry in entries:
+            given = {"instrument": name, **entry}
+            protocol = str(self.instruments[name]["protocol"])
+            fault = read_fault(
+                given, Truth(given, "fault"), protocol, [entry["fault"]], clock.now(), rng
+            )
+            faults.add(fault[0], at_message=fault[1])
+
+    def place(self, limits: Mapping[str, float] | None = None, **settings: Any) -> Place:
+        return Place(
+            self.name,
+            self.instruments[self.name]["address"],
+            self.clock,
+            settings,
+            limits or {},
+            trace=lambda direction, data: self.heard.append((direction, data)),
+            publisher=self.readings.publisher(self.name),
+        )
+
+    def line(self) -> Line:
+        return Line(self, self.name, self.clock)  # type: ignore[arg-type]
+
+    def at_its_front_panel(self, message: str) -> str | None:
+        """Do what somebody else does there; on virtual time the line has room for one client."""
+        said: str | None = self.simulator.execute(message)
+        return said
+
+    def sent(self) -> list[bytes]:
+        """Return what went to the instrument."""
+        return [data for direction, data in self.heard if direction == ">"]
+
+    def newest(self, quantity: str) -> Any:
+        reading = self.readings.newest(self.name, quantity)
+        return None if reading is None else reading.value
+
+
+S = TypeVar("S", bound=Stand)
+
+
+@contextmanager
+def serving(make: Callable[[Clock], S], clock: Clock | None = None) -> Iterator[S]:
+    """Serve what is made while this thread takes part in time."""
+    clock = clock or VirtualClock()
+    with clock.participant("test"):
+        stand = make(clock)
+        try:
+            yield stand
+        finally:
+            stand.simulator.close()
+            clock.stop()
+
+
+@contextmanager
+def standing(
+    name: str,
+    maker: Callable[[Setting], Any],
+    truth: Mapping[str, Any],
+    room: Any,
+    *faults: Mapping[str, Any],
+    serial: str = "0",
+    clock: Clock | None = None,
+) -> Iterator[Stand]:
+    """Serve an instrument while this thread takes part in time."""
+    with serving(
+        lambda clock: Stand(clock, name, maker, truth, room, *faults, serial=serial), clock
+    ) as stand:
+        yield stand
+
+
+@contextmanager
+def opened(
+    name: str,
+    maker: Callable[[Setting], Any],
+    driver: Callable[[Place], Any],
+    truth: Mapping[str, Any],
+    room: Any,
+    *faults: Mapping[str, Any],
+) -> Iterator[tuple[Stand, Any]]:
+    """Serve an instrument and open its driver."""
+    with standing(name, maker, truth, room, *faults) as stand:
+        instrument = driver(stand.place())
+        try:
+            yield stand, instrument
+        finally:
+            instrument.close()
+
+
+def recorded(stand: Stand, driver: Any, seconds: float) -> Any:
+    """Return the outputs of a while as a block, drained once."""
+    stand.clock.sleep(seconds)
+    return driver.drain()
+
+
+def said_of_a_line_that_is_gone(driver: Any) -> str:
+    """Return what a driver of a stream says of it; its reader learns of it a moment later."""
+    said = ""
+    for _ in range(50):
+        if "broke" in said:
+            break
+        try:
+            driver.drain()
+            driver.status()
+        except InstrumentError as error:
+            said = str(error)
+    return said
+
+
+def bench_alone(name: str, shipped: str = "sim", entry: Any = None) -> dict[str, Any]:
+    """Return a shipped bench as data, with one instrument, its own unless given, and no other."""
+    bench: dict[str, Any] = yaml.safe_load(find(BENCHES, shipped).read_text(encoding="utf-8"))
+    bench["instruments"] = {name: entry or bench["instruments"][name]}
+    bench["safe_state"] = []
+    bench.pop("interlocks", None)
+    return bench
