@@ -27,7 +27,8 @@ import yaml
 
 sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))
 
-from campaign_helpers import only_run, station_command
+from campaign_helpers import only_run
+from command_line import station_command
 from fault_truths import fog_curve_off
 from resume_helpers import raw_hashes
 

@@ -29,7 +29,8 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))
 
-from campaign_helpers import only_run, short_plan, station_command
+from campaign_helpers import only_run, short_plan
+from command_line import station_command
 from guardian_helpers import GuardedRun, World, start_run, until, world
 
 NOTICED_WITHIN_S = {signal.SIGKILL: 2.0, signal.SIGSTOP: 7.0}

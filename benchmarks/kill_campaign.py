@@ -28,13 +28,8 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))
 
-from campaign_helpers import (
-    compare_with_reference,
-    finished_units,
-    opens,
-    station,
-    station_command,
-)
+from campaign_helpers import compare_with_reference, finished_units, opens, station
+from command_line import station_command
 from guardian_helpers import until, world
 from kill_helpers import (
     Kill,

@@ -35,7 +35,7 @@ from serf_shots import FOUR, Cell, bound_of_frequency
 from procedures.serf_nonorthogonality.analysis import analyse
 from procedures.serf_nonorthogonality.angles import solve
 from procedures.serf_nonorthogonality.dataset import SerfDataset
-from procedures.serf_nonorthogonality.evaluate import common_inputs, to_findings
+from procedures.serf_nonorthogonality.evaluate import common_inputs
 from procedures.serf_nonorthogonality.published import published_angles
 from procedures.serf_nonorthogonality.tone import fit_tone
 from station.uncertainty import combine
@@ -121,18 +121,13 @@ def measure(case: Case, runs: int) -> dict[str, object]:
     for seed in range(runs):
         dataset = cell.dataset(1000 * CASES.index(case) + seed, clean)
         analysis = analyse(dataset)
-        findings = to_findings(analysis, dataset, list(common_inputs(dataset)))
+        estimates = analysis.estimates[:3]
         joint += analysis.joint is not None
         if analysis.solution is not None:
             chi_square += analysis.solution.chi_square / runs
             freedom = analysis.solution.degrees_of_freedom
-        for k, (one, whole) in enumerate(
-            zip(
-                findings.estimates[:3],
-                combine(findings.estimates[:3], findings.inputs),
-                strict=True,
-            )
-        ):
+        combined = combine(estimates, list(common_inputs(dataset)))
+        for k, (one, whole) in enumerate(zip(estimates, combined, strict=True)):
             if one.value is None or one.standard_uncertainty is None or whole is None:
                 raise RuntimeError(f"{case.name}: seed {seed} leaves {one.axis} undetermined")
             errors[seed, k] = (one.value - truth[k]) * ARCSEC_PER_DEG

@@ -22,7 +22,7 @@ from drivers.roles import Identity, Place, SensorStatus
 from drivers.transport.acknowledged import Commands
 from drivers.transport.can_messages import CanMessages, Parts
 from drivers.transport.retry import Repeatable
-from station.errors import InputError, InstrumentError
+from station.errors import InputError
 
 ANSWERS: Mapping[str, str] = {
     "acknowledgement": "IMU_ACK",
@@ -88,14 +88,7 @@ class CanImu(NineAxisSource):
         if said := self.rates_said(rate_Hz):
             raise InputError(f"{self.place.name}: {said}; change the plan's sample_rate")
         self.stop()
-        told = self._commands.command("start", rate=rate_Hz)
-        if not math.isclose(float(told["rate"]), rate_Hz, abs_tol=RATE_STEP_HZ / 2):
-            raise InstrumentError(
-                self.place.name,
-                f"started it at {rate_Hz:g} Hz",
-                f"it says that it outputs {told['rate']:g} Hz",
-                "see that nobody else uses the sensor, then start again",
-            )
+        self._commands.start_at(rate_Hz, RATE_STEP_HZ, rate=rate_Hz)
         self._begin(rate_Hz)
         self._messages.outputs()
 

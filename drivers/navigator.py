@@ -26,7 +26,7 @@ from drivers.roles import Block, Identity, NavigatorStatus, Place
 from drivers.stream_watch import StreamWatch
 from drivers.transport.acknowledged import Commands
 from drivers.transport.retry import Repeatable
-from station.errors import InputError, InstrumentError
+from station.errors import InputError
 
 WHEN_SILENT = "check the supply of the navigator's interface, its cable and the bit rate"
 SLOWEST_HZ, FASTEST_HZ = 1.0, 10.0
@@ -72,14 +72,7 @@ class InertialNavigator:
                 f"of {RATE_STEP_HZ:g} Hz, not {rate_Hz:g} Hz; change the plan's navigator rate"
             )
         self.stop()
-        told = self._commands.command("start", rate_Hz=rate_Hz)
-        if not math.isclose(float(told["rate"]), rate_Hz, abs_tol=RATE_STEP_HZ / 2):
-            raise InstrumentError(
-                self.place.name,
-                f"started it at {rate_Hz:g} Hz",
-                f"it says that it outputs {told['rate']:g} Hz",
-                "see that nobody else uses the navigator, then start again",
-            )
+        self._commands.start_at(rate_Hz, RATE_STEP_HZ, rate_Hz=rate_Hz)
         self._watch.begin(1 / rate_Hz)
         self.columns = {**COLUMNS, "counter": f"{COLUMNS['counter']}, every {1 / rate_Hz:.9g} s"}
         self._line.outputs()

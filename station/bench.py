@@ -17,7 +17,8 @@ from station.safety.interlocks.model import InterlockEntry
 from station.safety.interlocks.reading import interlock_faults
 from station.units import UnitError, parse_as
 from station.validation import check_model
-from station.yaml.reading import Document, read_yaml
+from station.yaml.document import Document, FromDocument, Where
+from station.yaml.reading import read_yaml
 
 INSTANCES = (
     "coil_supply.x",
@@ -53,7 +54,6 @@ NEEDED_LIMITS = {
 NEEDED_SETTINGS = {"coil_supply": {"coil_constant": "mT/A"}}
 
 Words = Annotated[str, Field(min_length=1)]
-Where = tuple[str | int, ...]
 
 
 def role_of(instance: str) -> str:
@@ -140,7 +140,7 @@ class BenchFile(StrictModel):
 
 
 @dataclass(frozen=True)
-class Bench:
+class Bench(FromDocument):
     """A bench whose file has no fault."""
 
     file: BenchFile
@@ -167,16 +167,6 @@ class Bench:
         return self.file.instruments
 
     @property
-    def path(self) -> Path:
-        """The file."""
-        return self.document.path
-
-    @property
-    def text(self) -> str:
-        """The file as it was given."""
-        return self.document.text
-
-    @property
     def data(self) -> Mapping[str, Any]:
         """The file's data as given, quantities as text."""
         return self.document.data
@@ -186,10 +176,6 @@ class Bench:
         return [
             (step.instrument or step.role or "", step.within_s) for step in self.file.safe_state
         ]
-
-    def fault(self, where: Where, what: str, hint: str | None = None) -> Fault:
-        """Return a fault at a place of this file."""
-        return self.document.fault(where, what, hint)
 
     def to_yaml_data(self) -> dict[str, Any]:
         """Return the bench with every default written out, as data for YAML."""

@@ -16,7 +16,7 @@ from pydantic import Field
 from station.faults import Fault, FaultList, listed, nearest
 from station.fields import StrictModel
 from station.validation import check_model
-from station.yaml.reading import Document, read_yaml
+from station.yaml.reading import Document, read_text, read_yaml
 
 DATASET_FILE = "dataset.yaml"
 MOST_FAULTS = 20
@@ -169,18 +169,7 @@ def check_ascending(path: Path, table: Table, column: str, *, strictly: bool = T
 
 def _lines(path: Path) -> list[tuple[int, str]]:
     """Return the lines that hold something, with their numbers."""
-    try:
-        raw = path.read_bytes()
-    except OSError as error:
-        what = f"the file cannot be read: {error.strerror or error}"
-        raise FaultList([Fault(str(path), 1, 1, "file", what)]) from None
-    try:
-        content = raw.decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        line = raw[: error.start].count(b"\n") + 1
-        what = f"byte 0x{raw[error.start]:02x} is not UTF-8; save the file as UTF-8"
-        raise FaultList([Fault(str(path), line, 1, "file", what)]) from None
-    numbered = enumerate(content.splitlines(), start=1)
+    numbered = enumerate(read_text(path).splitlines(), start=1)
     return [(number, line) for number, line in numbered if line.strip()]
 
 

@@ -5,11 +5,10 @@ from __future__ import annotations
 import copy
 import socket
 import struct
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from threading import Thread
-from types import TracebackType
-from typing import Any
+from typing import Any, Self
 
 import cantools
 import numpy as np
@@ -151,15 +150,32 @@ def served(clock: Clock, bench: dict[str, Any] | None = None) -> Iterator[Simula
             clock.stop()
 
 
-class Line:
-    """A raw TCP client of one instrument that speaks in lines."""
+class Client:
+    """A raw TCP client of one instrument, which is told of in `entry`."""
 
-    def __init__(self, simulation: SimulatedBench, name: str, clock: Clock) -> None:
-        entry = simulation.instruments[name]
+    def __init__(self, entry: Mapping[str, Any], clock: Clock) -> None:
         self._socket = socket.create_connection((entry["host"], entry["port"]))
         self._clock = clock
         self._wire = clock.wire(f"{entry['host']}:{entry['port']}")
         self._wire.open()
+
+    def close(self) -> None:
+        """Leave."""
+        self._wire.close()
+        self._socket.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+
+class Line(Client):
+    """A raw TCP client of one instrument that speaks in lines."""
+
+    def __init__(self, simulation: SimulatedBench, name: str, clock: Clock) -> None:
+        super().__init__(simulation.instruments[name], clock)
 
     def write(self, text: str) -> None:
         """Send one message that has no reply, and give the instrument a millisecond for it."""
@@ -188,32 +204,13 @@ class Line:
         self._wire.sent(len(data))
         self._socket.sendall(data)
 
-    def close(self) -> None:
-        """Leave."""
-        self._wire.close()
-        self._socket.close()
 
-    def __enter__(self) -> Line:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()
-
-
-class Frames:
+class Frames(Client):
     """A raw socketcand client; its reader thread keeps every frame as (id, time, data)."""
 
     def __init__(self, simulation: SimulatedBench, clock: Clock) -> None:
         entry = simulation.instruments["gyro_acquisition"]
-        self._socket = socket.create_connection((entry["host"], entry["port"]))
-        self._clock = clock
-        self._wire = clock.wire(f"{entry['host']}:{entry['port']}")
-        self._wire.open()
+        super().__init__(entry, clock)
         assert self._socket.recv(256) == b"< hi >"
         for command in (f"< open {entry['channel']} >", "< rawmode >"):
             self._socket.sendall(command.encode("ascii"))
@@ -263,17 +260,6 @@ class Frames:
         self._socket.shutdown(socket.SHUT_RDWR)
         self._socket.close()
         self._thread.join(5)
-
-    def __enter__(self) -> Frames:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()
 
 
 def decoder(bench: SimulatedBench) -> Any:

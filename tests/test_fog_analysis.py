@@ -52,6 +52,10 @@ def test_turns_of_one_sense_take_the_bias_for_scale_factor_and_say_by_how_much()
     one_deg_per_h = 47.0 / 3600.0 / 360.0 * 1e6
     assert off_ppm(curve) == pytest.approx(one_deg_per_h, abs=0.01)
     assert curve.error_by_bias_ppm(np.array([20.0])) == pytest.approx(one_deg_per_h, abs=1e-6)
+    # A bias moves the whole curve alike: to hold all of it is no more than to hold one point.
+    band, heat = Band(curve, 1.0), np.array([-30.0, 20.0])
+    assert band.whole_factor == pytest.approx(1.96, abs=0.01)
+    assert band.expanded_ppm(heat) == pytest.approx(1.96 * one_deg_per_h, rel=0.01)
 
 
 def test_turns_of_the_negative_sense_alone_have_the_scale_factor_with_its_sign() -> None:

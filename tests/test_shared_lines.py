@@ -7,9 +7,10 @@ from typing import Any
 
 import pytest
 import yaml
+from fault_truths import fog_curve_ppm
 from interlock_helpers import CHAIN, bench_from, bench_with, watched
 from plan_runs import shipped_bench
-from test_run_fog import short_run, true_ppm
+from test_run_fog import short_run
 
 from drivers.interlock_chain_shared import SharedInterlockChain
 from station.clock import RealClock
@@ -42,7 +43,7 @@ def test_second_models_recover_the_true_scale_factor(tmp_path: Path) -> None:
         one for one in outcome.document.results if one.estimate.name == "scale_factor_error"
     )
     assert found.combined is not None
-    error_ppm = found.estimate.value - true_ppm(truth, "z", 25.0)
+    error_ppm = found.estimate.value - fog_curve_ppm(truth, "z", 25.0)
     assert abs(error_ppm) < found.combined.expanded_uncertainty
     opened = RunFolder(outcome.folder).events_of("identified")
     used = {"thermal_chamber", "turntable", "navigator", "dut_power", CHAIN}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Protocol
 
@@ -69,6 +70,17 @@ class Commands:
         if not found:
             raise self._silent(answer, attempted)
         return found[-1]
+
+    def start_at(self, rate_Hz: float, step_Hz: float, **values: float) -> None:
+        """Send a start; raises InstrumentError where what it says it outputs is another rate."""
+        told = self.command("start", **values)
+        if not math.isclose(float(told["rate"]), rate_Hz, abs_tol=step_Hz / 2):
+            raise InstrumentError(
+                self._place.name,
+                f"started it at {rate_Hz:g} Hz",
+                f"it says that it outputs {told['rate']:g} Hz",
+                self._refusals["already_running"],
+            )
 
     def identity(self, model: str) -> Identity:
         """Ask an instrument of our own who it is."""

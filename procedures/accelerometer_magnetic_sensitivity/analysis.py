@@ -76,9 +76,9 @@ def analyse(
     flags = data_flags(dataset, left_out, settings)
     counted = int(used.sum() if solution is not None else usable.sum())
     flags += result_flags(found, estimates, drift, lag_one, counted, settings, as_planned)
-    if solution is not None and solution.jump_row is not None:
-        row = int(np.flatnonzero(usable)[solution.jump_row])
-        flags += jump_flags(row, _nuisances(solution, found.rank))
+    if solution is not None and solution.jump is not None:
+        off = [int(row) for row in np.flatnonzero(usable)[solution.jump.rows]]
+        flags += jump_flags(dataset, off, solution.jump)
     count = found.rank if solution is not None else 0
     return AccelerometerAnalysis(
         identifiability=found,

@@ -16,16 +16,21 @@ from .nuisances import FEWEST_LEFT, INDEPENDENT_PART
 
 Array = NDArray[np.float64]
 
+ENOUGH_ANGLES = 12
+"""Of so many, two surely have something of their own."""
+
 
 @dataclass(frozen=True)
 class Expectation:
     """What a plan determines; `standard_uncertainty` of each kept coefficient in its own unit.
 
-    It is None where the plan leaves fewer than three points beside its columns.
+    It is None where the plan leaves fewer than three points beside its columns. `angle_shows` is
+    whether an encoder that is off at one angle shows in the residuals, and at which angle it is.
     """
 
     identifiability: Identifiability
     standard_uncertainty: Mapping[str, float | None]
+    angle_shows: bool
 
 
 def expected_uncertainty(
@@ -47,7 +52,19 @@ def expected_uncertainty(
     taken = independent_of(columns, other, INDEPENDENT_PART)
     design = np.column_stack((columns, other[:, list(taken)]))
     if len(theta_deg) - design.shape[1] < FEWEST_LEFT:
-        return Expectation(found, dict.fromkeys(found.kept))
+        return Expectation(found, dict.fromkeys(found.kept), angle_shows=False)
     inverse = solve_by_qr(design, np.zeros(len(theta_deg))).inverse_normal
     size = noise_V * np.sqrt(np.diag(inverse))
-    return Expectation(found, {name: float(size[j]) for j, name in enumerate(found.kept)})
+    uncertainty = {name: float(size[j]) for j, name in enumerate(found.kept)}
+    return Expectation(found, uncertainty, _angle_shows(design, plane, theta_deg, change[:, 0]))
+
+
+def _angle_shows(design: Array, plane: Names, theta_deg: Array, slope: Array) -> bool:
+    """Whether two angles, each turned by itself, leave residuals of their own.
+
+    Where only one does, all leave the same residual and none can be told from the others.
+    """
+    places = sorted(set(zip(plane, theta_deg, strict=True)))[:ENOUGH_ANGLES]
+    turned = [slope * ((plane == name) & (theta_deg == angle)) for name, angle in places]
+    own = independent_of(design, np.column_stack(turned), INDEPENDENT_PART)
+    return len(own) > 1 or not bool(np.any(slope))

@@ -9,10 +9,11 @@ import numpy as np
 from station.findings import Estimate, Flag
 
 from .dataset import AccelerometerDataset
-from .findings import AnalysisSettings, LeftOut, Nuisance
+from .findings import AnalysisSettings, LeftOut
 from .identifiability import Identifiability, describe, listed
+from .jump import Jump
 from .model import COEFFICIENTS
-from .nuisances import JUMP
+from .nuisances import ARCSEC_PER_RAD
 
 MAGNETIC = ("Km", "Kmm", "Kim", "Kom", "Kpm")
 MOST_LISTED = 12
@@ -92,18 +93,20 @@ def _field(
     return [Flag("field-differs-from-commanded", field_said, details=details)]
 
 
-def jump_flags(row: int, nuisances: Sequence[Nuisance]) -> list[Flag]:
-    """Return the flag of an encoder that changed its zero at a row."""
+def jump_flags(dataset: AccelerometerDataset, rows: Sequence[int], jump: Jump) -> list[Flag]:
+    """Return the flag of an encoder that is off in these rows of the dataset."""
+    more_arcsec = -jump.angle_rad * ARCSEC_PER_RAD
+    where, than = f"From row {rows[0]} on, counted from 0,", "before at the same angle"
+    if not jump.lasts:
+        where = f"In plane {dataset.plane[rows[0]]} at {dataset.theta_deg[rows[0]]:.5g} deg"
+        than = "it should beside the other angles"
     return [
         Flag(
             "encoder-jump",
-            f"From row {row} on, counted from 0, the encoder reads {-one.value:.4g} arcsec more "
-            "than before at the same angle; the solution corrects it. Look at the stage: it loses "
-            "counts, or the accelerometer moved on it.",
-            details={"row": row, "jump_arcsec": -one.value},
+            f"{where} the encoder reads {more_arcsec:.4g} arcsec more than {than}; the solution "
+            "corrects it. Look at the stage: it loses counts, or the accelerometer moved on it.",
+            details={"row": rows[0], "rows": len(rows), "jump_arcsec": more_arcsec},
         )
-        for one in nuisances
-        if one.name == JUMP
     ]
 
 

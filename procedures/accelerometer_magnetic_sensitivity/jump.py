@@ -1,99 +1,202 @@
-"""An encoder that lost counts on the way: where the angle of all later rows is off, and by what."""
+"""An encoder that is off, from a row on or at one angle: in which rows, and by what angle."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from procedures.estimation.orthogonal import (
-    least_absolute,
-    orthogonal_part,
-    project,
-    solve_by_qr,
-    thin_qr,
-)
+from procedures.estimation.linear import combine, cross_products
+from procedures.estimation.orthogonal import orthogonal_part, project, solve_by_qr, thin_qr
+
+from .model import Names
 
 Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
 
-FEWEST_ROWS = 6
-WILDEST = 30.0
+FEWEST_ROWS = 2
+"""One row that is off is left out as a wild one."""
 LARGEST_DEG, STEP_DEG = 12.0, 1.0
 """How far a jump is looked for, and how finely at first."""
-FINER = 0.4
-FINEST_DEG = 0.01
-"""Its square is 0.02 µV at 1 V/g: from there on the solution finds the angle by itself."""
-TURNS = 4
+FINER_DEG = (0.1, 0.005)
+"""The square of the last is 0.004 µV at 1 V/g: from there on the solution finds the angle."""
+MOST_POLISHED = 4
+SAME_ANGLE_DEG = 0.05
+TOLD_PART = 1e-6
+"""A jump whose column has less of its own cannot be told from the coefficients."""
+RIDGE = 1e-12
+"""Of each column's squares: a decomposition of none left fails otherwise."""
 
 
-def jump_place(design: Array, slope: Array, residual: Array) -> tuple[int, float] | None:
-    """Return the row from which a change of angle explains the residuals best, None without any.
+@dataclass(frozen=True)
+class Jump:
+    """The rows (rows,) in which the encoder is off, and what is to be added to its angle there."""
+
+    rows: Mask
+    angle_rad: float
+
+    @property
+    def first_row(self) -> int:
+        """The first of its rows."""
+        return int(np.argmax(self.rows))
+
+    @property
+    def lasts(self) -> bool:
+        """Whether the encoder is off in all rows from the first on."""
+        return bool(self.rows[self.first_row :].all())
+
+
+@dataclass(frozen=True)
+class Suspects:
+    """Rows that may be off together: from each row on, and at each angle of each plane.
+
+    `order` (rows,) sorts the rows by angle, each of which begins at one of `begins` in that order.
+    """
+
+    order: NDArray[np.int64]
+    begins: NDArray[np.int64]
+
+    @classmethod
+    def of(cls, plane: Names, theta_rad: Array) -> Suspects:
+        """Number the angles at which rows stand."""
+        turn_deg = np.mod(np.degrees(theta_rad) + 1.0, 360.0)
+        order = np.lexsort((turn_deg, plane))
+        other = np.diff(turn_deg[order], prepend=turn_deg[order[:1]]) > SAME_ANGLE_DEG
+        other[1:] |= plane[order][1:] != plane[order][:-1]
+        other[0] = True
+        return cls(order, np.flatnonzero(other))
+
+    def sums(self, values: Array) -> Array:
+        """Return the sums of values (rows, ...) over the rows of each suspect."""
+        later = np.cumsum(values[::-1], axis=0)[::-1]
+        return np.concatenate((later, np.add.reduceat(values[self.order], self.begins, axis=0)))
+
+    def rows(self, suspect: int) -> Mask:
+        """Return the rows (rows,) of a suspect."""
+        count = len(self.order)
+        if suspect < count:
+            return np.asarray(np.arange(count) >= suspect)
+        found = np.zeros(count, dtype=bool)
+        found[np.split(self.order, self.begins[1:])[suspect - count]] = True
+        return found
+
+    def kinds(self, inside: Mask) -> tuple[Mask, Mask]:
+        """Return which suspects begin at a row and which are an angle, where rows are `inside`."""
+        sizes = self.sums(inside.astype(np.float64))
+        enough = (sizes >= FEWEST_ROWS) & (sizes <= sizes[0] - FEWEST_ROWS)
+        begins = np.arange(len(sizes)) < len(self.order)
+        return np.asarray(enough & begins), np.asarray(enough & ~begins)
+
+
+def small_jumps(
+    suspects: Suspects, design: Array, slope: Array, residual: Array
+) -> tuple[Array, Array]:
+    """Return by how much the squares fall with each suspect off by a small angle, and the angles.
 
     `design` (rows, k) are the columns of the solution, `slope` (rows,) the derivative of the output
-    by the angle, `residual` (rows,) what the solution left. Every row is tried at once: the sums
-    from a row to the end give the fall of the squares that a column `slope` from there would make.
-    That fall comes with the row. Whether there is a jump at all, only a solution with it can tell.
+    by the angle, `residual` (rows,) what the solution left.
     """
-    if len(residual) < 2 * FEWEST_ROWS or not bool(np.any(slope)):
-        return None
-    spread = float(np.median(np.abs(residual)))
     q = thin_qr(design)[0]
-    left = orthogonal_part(q, np.clip(residual, -WILDEST * spread, WILDEST * spread))
-    shared = _from_each_row(q * slope[:, None])
-    along = _from_each_row((slope * left)[:, None])[:, 0] - shared @ project(q, left)
-    own = _from_each_row((slope**2)[:, None])[:, 0] - np.einsum("ij,ij->i", shared, shared)
-    gain = np.where(own > 1e-6 * own.max(), along**2 / np.maximum(own, 1e-300), 0.0)
-    gain[:FEWEST_ROWS] = 0.0
-    gain[-FEWEST_ROWS:] = 0.0
-    place = int(np.argmax(gain))
-    return (place, float(gain[place])) if gain[place] > 0.0 else None
+    left = orthogonal_part(q, residual)
+    shared = suspects.sums(q * slope[:, None])
+    along = suspects.sums(slope * left) - shared @ project(q, left)
+    whole = suspects.sums(slope**2)
+    own = whole - np.einsum("ij,ij->i", shared, shared)
+    known = np.logical_or(*suspects.kinds(np.ones(len(slope), dtype=bool)))
+    told = known & (own > TOLD_PART * whole)
+    angle_rad = np.where(told, along, 0.0) / np.where(told, own, 1.0)
+    return angle_rad * along, angle_rad
 
 
-def jump_begin(columns_at: Callable[[Array], Array], data: Array, place: int) -> tuple[int, float]:
-    """Return row and angle (rad) of a jump, near enough for the solution to begin there.
+def find_jumps(
+    suspects: Suspects,
+    columns_at: Callable[[Array], Array],
+    slope: Array,
+    data: Array,
+    inside: Mask,
+) -> list[Jump]:
+    """Return the jump from a row on and the one at an angle that leave the smallest squares.
 
     `columns_at` gives the columns (rows, k) for what is added to the encoder's angle in each row,
-    (rows,) in rad. A jump of a degree bends every column, and least squares would follow the rows
-    on the wrong side: so angle and row are looked for by turns, each by the sum of the magnitudes
-    that the best fit leaves.
+    (rows,) in rad. A small jump is found by the derivative; one of a degree bends every column, so
+    all suspects are tried at angles near enough to each other for a parabola between them. The best
+    of both are then tried by themselves. Only rows `inside` count.
     """
-    rows = np.arange(len(data))
-    angle_rad = 0.0
-    for _ in range(TURNS):
-        later = (rows >= place).astype(np.float64)
+    still = columns_at(np.zeros(len(data))) * inside[:, None]
+    counted = data * inside
+    residual = counted - combine(still, solve_by_qr(still, counted).coefficients)
+    gain, small_rad = small_jumps(suspects, still, slope * inside, residual)
+    tried = np.radians(np.arange(-LARGEST_DEG, LARGEST_DEG + 0.5 * STEP_DEG, STEP_DEG))
+    lowest, large_rad = _parabolas(tried, _table(suspects, columns_at, data, inside, tried))
+    found = []
+    for kind in suspects.kinds(inside):
+        polished = []
+        for order, angle_rad in ((-gain, small_rad), (lowest, large_rad)):
+            best = np.argsort(np.where(kind, order, np.inf))
+            for suspect in best[: min(MOST_POLISHED, int(kind.sum()))]:
+                rows = suspects.rows(int(suspect))
 
-        def cost(angle_rad: float, later: Array = later) -> float:
-            return float(np.sum(np.abs(least_absolute(columns_at(angle_rad * later), data))))
+                def squares(added_rad: float, rows: Mask = rows) -> float:
+                    columns = columns_at(np.where(rows, added_rad, 0.0))[inside]
+                    return solve_by_qr(columns, data[inside]).sum_of_squares
 
-        angle_rad = _smallest(cost)
-        columns = columns_at(angle_rad * later)
-        fitted = data - least_absolute(columns, data)
-        coefficients = solve_by_qr(columns, fitted).coefficients
-        before = np.abs(data - columns_at(0.0 * later) @ coefficients)
-        after = np.abs(data - columns_at(angle_rad + 0.0 * later) @ coefficients)
-        whole = np.concatenate(([0.0], np.cumsum(before - after)))[:-1]
-        inside = slice(FEWEST_ROWS, len(rows) - FEWEST_ROWS)
-        found = FEWEST_ROWS + int(np.argmin(whole[inside]))
-        if found == place:
-            break
-        place = found
-    return place, angle_rad
-
-
-def _smallest(cost: Callable[[float], float]) -> float:
-    """Return the angle (rad) of the smallest cost, from a coarse to a fine search."""
-    step_rad = np.radians(STEP_DEG)
-    count = round(LARGEST_DEG / STEP_DEG)
-    tried = step_rad * np.arange(-count, count + 1)
-    while True:
-        best = float(tried[int(np.argmin([cost(float(one)) for one in tried]))])
-        if step_rad <= np.radians(FINEST_DEG):
-            return best
-        step_rad *= FINER
-        tried = best + step_rad * np.arange(-2, 3)
+                polished.append((*_polish(squares, float(angle_rad[suspect])), int(suspect)))
+        if polished:
+            _, best_rad, suspect = min(polished)
+            found.append(Jump(suspects.rows(suspect), best_rad))
+    return found
 
 
-def _from_each_row(columns: Array) -> Array:
-    """Return the sums of columns (n, k) from each row to the last."""
-    return np.asarray(np.cumsum(columns[::-1], axis=0)[::-1])
+def _table(
+    suspects: Suspects,
+    columns_at: Callable[[Array], Array],
+    data: Array,
+    inside: Mask,
+    tried_rad: Array,
+) -> Array:
+    """Return the squares (angles, suspects) that are left with each suspect off by each angle."""
+    nowhere = np.zeros(len(data))
+    still = columns_at(nowhere)
+    fitted = solve_by_qr(still[inside], data[inside]).coefficients
+    scale = np.sqrt(np.einsum("ij,ij->j", still, still))
+    size = float(np.linalg.norm((data - combine(still, fitted))[inside])) or 1.0
+
+    def scaled(added_rad: Array) -> Array:
+        columns = columns_at(added_rad)
+        left = (data - combine(columns, fitted)) / size
+        return np.column_stack((columns / scale, left)) * inside[:, None]
+
+    first = scaled(nowhere)
+    places = np.arange(first.shape[1])
+    found = []
+    for angle_rad in tried_rad:
+        second = scaled(nowhere + angle_rad)
+        change = second[:, :, None] * second[:, None, :] - first[:, :, None] * first[:, None, :]
+        products = cross_products(first) + suspects.sums(change)
+        products[:, places, places] += RIDGE
+        found.append(np.linalg.cholesky(products)[:, -1, -1] ** 2)
+    return np.asarray(found)
+
+
+def _parabolas(angles_rad: Array, table: Array) -> tuple[Array, Array]:
+    """Return the lowest of the parabolas through a table (angles, suspects), and at which angle."""
+    middle = np.clip(np.argmin(table, axis=0), 1, len(angles_rad) - 2)
+    every = np.arange(table.shape[1])
+    before, here, after = (table[middle + step, every] for step in (-1, 0, 1))
+    with np.errstate(invalid="ignore"):
+        bend = np.maximum(before - 2.0 * here + after, 1e-300)
+        way = np.clip(0.5 * (before - after) / bend, -1.0, 1.0)
+        lowest = here + way * 0.5 * (after - before) + 0.5 * way**2 * bend
+    step_rad = float(angles_rad[1] - angles_rad[0])
+    return np.nan_to_num(lowest, nan=np.inf), angles_rad[middle] + way * step_rad
+
+
+def _polish(squares: Callable[[float], float], angle_rad: float) -> tuple[float, float]:
+    """Return the smallest squares near an angle, and the angle."""
+    for step_deg in FINER_DEG:
+        near = angle_rad + np.radians(step_deg) * np.array([-1.0, 0.0, 1.0])
+        lowest, at = _parabolas(near, np.array([[squares(float(one))] for one in near]))
+        angle_rad = float(at[0])
+    return float(lowest[0]), angle_rad

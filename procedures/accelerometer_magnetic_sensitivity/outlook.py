@@ -59,4 +59,9 @@ def outlook(parameters: AccelerometerParameters) -> tuple[str, ...]:
         u = expected.standard_uncertainty[name]
         text = "undetermined: too few points" if u is None else f"u = {format_number(u, 2)}"
         lines.append(f"{combination_text(terms)}: {text} {UNITS[name] if u is not None else ''}")
+    if not expected.angle_shows:
+        lines.append(
+            "With so few angles an encoder that is off at one of them looks like a coefficient, or "
+            "cannot be told from another angle: take more angles or a second plane."
+        )
     return tuple(line.rstrip() for line in lines)

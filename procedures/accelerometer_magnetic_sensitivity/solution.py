@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,15 +12,19 @@ from scipy.special import ndtr, stdtrit
 from procedures.estimation.linear import combine
 from procedures.estimation.orthogonal import (
     OrthogonalFit,
+    choose_by_information,
     keep_inliers,
     solve_by_qr,
 )
 
 from .findings import AnalysisSettings
-from .jump import jump_begin, jump_place
+from .jump import Jump, Suspects, find_jumps, small_jumps
 from .nuisances import (
     ARCSEC_PER_RAD,
+    FEWEST_LEFT,
     JUMP,
+    KO,
+    KP,
     OFFSET,
     chosen,
     separable,
@@ -37,9 +41,14 @@ FEWEST_OF_A_GROUP = 20
 ENOUGH_LEFT = 12
 MANY_STRAYS = 0.1
 """So many wild rows are no accident."""
-PERHAPS, SURELY = 4.0, 6.0
-"""Beyond so many standard deviations of the noise a jump is tried, and believed."""
-QUIETER = 0.7
+PERHAPS = 4.0
+"""Beyond so many standard deviations of the noise a jump is looked for."""
+TILTED = 2e-3
+"""Of Ki: so much of a misalignment that its square, 2 µV at 1 V/g, tells it from a jump between two
+planes."""
+PLACE = 3
+"""As many columns as the rows in which the encoder is off count for beside their angle: among so
+many places one always explains something."""
 ANGLES = (OFFSET, JUMP)
 
 
@@ -47,8 +56,8 @@ ANGLES = (OFFSET, JUMP)
 class Solution:
     """Coefficients of the kept columns first, then nuisance terms, `names` in that order.
 
-    Offset and jump of the encoder are in arcsec; `jump_row` is the row from which it is off.
-    `kept` (rows,) are the rows that count; `covariance` holds the scale of the noise.
+    Offset and jump of the encoder are in arcsec; `jump` says in which rows it is off. `kept`
+    (rows,) are the rows that count; `covariance` holds the scale of the noise.
     """
 
     names: tuple[str, ...]
@@ -60,12 +69,18 @@ class Solution:
     noise_V: float
     condition: float
     not_separable: tuple[str, ...]
-    jump_row: int | None
+    jump: Jump | None
 
     @property
     def sum_of_squares(self) -> float:
         """The weighted squares that the solution left, in V²."""
         return self.degrees_of_freedom * self.noise_V**2
+
+    @property
+    def price(self) -> int:
+        """For how many columns it counts: each row left out is one that it explains."""
+        place = 0 if self.jump is None else PLACE + (JUMP not in self.names)
+        return len(self.names) + place + int(np.sum(~self.kept))
 
     @property
     def lag_one_correlation(self) -> float:
@@ -83,60 +98,88 @@ def solve_rows(rows: Rows, kept_names: tuple[str, ...], settings: AnalysisSettin
     criterion asks for them; a jump of the encoder where the model follows the rows badly without
     it and well with it.
     """
-    first = _solve(rows, kept_names, settings, None)
+    first = _solve(rows, kept_names, settings)
     found = first.solution
-    strays = float(np.mean(~found.kept))
-    place = jump_place(first.design, first.slope, found.residual_V)
-    if place is None or OFFSET not in found.names:
+    suspects = Suspects.of(rows.plane, rows.theta_rad)
+    if OFFSET not in found.names or not _suspicious(first, rows.output_V, suspects, settings):
         return found
-    if strays < MANY_STRAYS and found.lag_one_correlation < settings.model_too_stiff:
-        # So that a few wild rows make no jump, each counts for no more than one at the threshold.
-        most_V = settings.outlier * found.noise_V
-        tamed = jump_place(first.design, first.slope, np.clip(found.residual_V, -most_V, most_V))
-        if tamed is None:
-            return found
-        left = max(found.sum_of_squares - tamed[1], 0.0) / max(found.degrees_of_freedom - 1, 1)
-        if tamed[1] < PERHAPS**2 * left:
-            return found
-    model = TurnedModel(rows, kept_names, None)
-    row, angle_rad = jump_begin(
-        lambda added: model.with_misalignment(model.columns(added)), rows.output_V, place[0]
-    )
-    second = _solve(rows, kept_names, settings, row, {JUMP: angle_rad}).solution
-    fall = found.sum_of_squares - second.sum_of_squares
-    quieter = second.noise_V < QUIETER * found.noise_V
-    quieter |= fall > SURELY**2 * second.noise_V**2 and second.kept.sum() >= found.kept.sum()
-    fewer = float(np.mean(~second.kept)) < strays - 0.5 * MANY_STRAYS
-    worse = second.noise_V > found.noise_V / QUIETER
-    worse |= second.lag_one_correlation > settings.too_stiff_beyond(len(rows.time_s))
-    evident = JUMP in second.names and (quieter or fewer) and not worse
-    return second if evident else found
+    model = TurnedModel(rows, kept_names)
+    whole = np.ones(len(rows.time_s), dtype=bool)
+    solutions, tried = [found], set()
+    for slow in (first.slow[:, :0], first.slow) if first.slow.shape[1] else (first.slow,):
+
+        def columns_at(added_rad: Array, slow: Array = slow) -> Array:
+            return np.column_stack((model.with_misalignment(added_rad), slow))
+
+        for inside in (whole, found.kept):
+            for jump in find_jumps(suspects, columns_at, first.slope, rows.output_V, inside):
+                if jump.rows.tobytes() not in tried:
+                    tried.add(jump.rows.tobytes())
+                    solutions.append(_solve(rows, kept_names, settings, jump).solution)
+    squares = [one.sum_of_squares for one in solutions]
+    return solutions[choose_by_information(squares, [one.price for one in solutions], len(whole))]
+
+
+def _suspicious(
+    solved: _Solved, data: Array, suspects: Suspects, settings: AnalysisSettings
+) -> bool:
+    """Return whether a jump might explain what a solution without one left, or its drift."""
+    found = solved.solution
+    if found.degrees_of_freedom <= PLACE + FEWEST_LEFT:
+        return False
+    values = dict(zip(found.names, found.coefficients, strict=True))
+    tilted = max(abs(values.get(name, 0.0)) for name in (KO, KP)) > TILTED * abs(values["Ki"])
+    stiff = found.lag_one_correlation > settings.too_stiff_beyond(len(data))
+    if tilted or stiff or float(np.mean(~found.kept)) >= MANY_STRAYS:
+        return True
+    # So that a few wild rows make no jump, each counts for no more than one at the threshold, and
+    # for nothing where its angle is looked at by itself.
+    most_V = settings.outlier * found.noise_V
+    tamed = np.clip(found.residual_V, -most_V, most_V)
+    gains = []
+    for kind, residual in zip(
+        suspects.kinds(found.kept), (tamed, found.kept * found.residual_V), strict=True
+    ):
+        every = small_jumps(suspects, solved.design, solved.slope, residual)[0]
+        gains.append(float(np.max(every, where=kind, initial=0.0)))
+    left = max(found.sum_of_squares - max(gains), 0.0) / (found.degrees_of_freedom - 1)
+    if max(gains) >= PERHAPS**2 * left:
+        return True
+    if not any(name.startswith("drift") for name in found.names):
+        return False
+    fixed = solved.design[:, : solved.design.shape[1] - solved.slow.shape[1]]
+    fit = solve_by_qr(fixed[found.kept], data[found.kept])
+    residual = np.where(found.kept, data - combine(fixed, fit.coefficients), 0.0)
+    gain = float(small_jumps(suspects, fixed, solved.slope, residual)[0].max())
+    squares = (found.sum_of_squares, max(fit.sum_of_squares - gain, 0.0))
+    prices = (found.price, found.price - solved.slow.shape[1] + 1)
+    return choose_by_information(squares, prices, len(data)) == 1
 
 
 @dataclass(frozen=True)
 class _Solved:
-    """A solution, its design (rows, k) and the output's derivative by the angle."""
+    """A solution, its design (rows, k) and the output's derivative by the angle.
+
+    `slow` are the last columns of the design: temperature and drift.
+    """
 
     solution: Solution
     design: Array
     slope: Array
+    slow: Array
 
 
 def _solve(
     rows: Rows,
     kept_names: tuple[str, ...],
     settings: AnalysisSettings,
-    jump_row: int | None,
-    angles: Mapping[str, float] | None = None,
+    jump: Jump | None = None,
 ) -> _Solved:
-    """Solve with the encoder's offset changed from `jump_row` on, or unchanged where it is None.
-
-    `angles` are offset and jump to begin with, in rad.
-    """
-    model = TurnedModel(rows, kept_names, jump_row)
-    begin = model.correction_rad(angles or {})
-    columns, data = model.columns(begin), rows.output_V
-    start = model.with_misalignment(columns)
+    """Solve with the encoder off in the rows of a jump, which begins at the jump's angle."""
+    model = TurnedModel(rows, kept_names, None if jump is None else jump.rows)
+    angles = {} if jump is None else {JUMP: jump.angle_rad}
+    begin, data = model.correction_rad(angles), rows.output_V
+    start = model.with_misalignment(begin)
     inside = keep_inliers(start, data, far(start, settings.outlier))
     model.guess(solve_by_qr(start[inside], data[inside]).coefficients)
     begin = model.without_large_offset(begin, inside)
@@ -154,9 +197,10 @@ def _solve(
     usable = separable(fixed, usable, inside)
     weight = group_weights(rows, np.column_stack((fixed, usable.columns)), inside)
     terms = usable.only(chosen(fixed, data, usable, inside, weight))
-    angles = {name: (angles or {}).get(name, 0.0) for name in ANGLES if name in fixed_names}
-    if OFFSET in angles:
-        angles[OFFSET] = float(begin[0])
+    # A jump that is misalignment to the first order cannot be solved for: its angle stays.
+    turned = [name for name in ANGLES if name in fixed_names]
+    if OFFSET in turned:
+        angles[OFFSET] = float((begin - model.correction_rad(angles))[0])
     kept = inside
     for n in range(ROUNDS):
         _, fixed = model.fixed(model.correction_rad(angles))
@@ -165,15 +209,18 @@ def _solve(
         kept = keep_inliers(design, data, threshold, weight) if n < 3 else kept
         fit = solve_by_qr(design[kept], data[kept], weight[kept])
         model.guess(fit.coefficients)
-        steps = {name: float(fit.coefficients[fixed_names.index(name)]) for name in angles}
-        angles = {name: angles[name] + steps[name] for name in angles}
-        if all(abs(step) < SETTLED_RAD for step in steps.values()) and (n or not angles):
+        steps = {name: float(fit.coefficients[fixed_names.index(name)]) for name in turned}
+        angles |= {name: angles[name] + steps[name] for name in turned}
+        if all(abs(step) < SETTLED_RAD for step in steps.values()) and (n or not turned):
             break
     lost = tuple(name for name in slow.names if name not in usable.names)
     names = (*fixed_names, *terms.names)
     warmth = model.unfitted_warmth(usable, terms.names, kept) * weight[kept, None] ** 2
-    solution = _solution(model, design, data, fit, kept, names, angles, lost, warmth)
-    return _Solved(solution, design, model.slope)
+    solved_rad = {name: angles[name] for name in turned}
+    if jump is not None:
+        jump = replace(jump, angle_rad=angles[JUMP])
+    solution = _solution(model, design, data, fit, kept, names, solved_rad, lost, warmth, jump)
+    return _Solved(solution, design, model.slope, terms.columns)
 
 
 def far(design: Array, sigmas: float) -> float:
@@ -220,6 +267,7 @@ def _solution(
     angles: Mapping[str, float],
     lost: tuple[str, ...],
     warmth: Array,
+    jump: Jump | None,
 ) -> Solution:
     freedom = int(kept.sum()) - design.shape[1]
     variance = fit.sum_of_squares / freedom if freedom > 0 else float("nan")
@@ -239,5 +287,5 @@ def _solution(
         noise_V=float(np.sqrt(variance)),
         condition=fit.condition,
         not_separable=(*model.not_separable, *lost),
-        jump_row=model.jump_row,
+        jump=jump,
     )

@@ -30,33 +30,35 @@ LARGE_RAD = 3e-4
 class TurnedModel:
     """The columns of the model at an encoder offset, and which alignment terms go with them."""
 
-    def __init__(self, rows: Rows, kept_names: tuple[str, ...], jump_row: int | None) -> None:
+    def __init__(self, rows: Rows, kept_names: tuple[str, ...], off: Mask | None = None) -> None:
+        """Take the rows, and in which of them the encoder is `off`."""
         self.rows = rows
-        self.jump_row = jump_row
         self.slope = np.zeros(len(rows.time_s))
-        later = np.arange(len(rows.time_s)) >= (len(rows.time_s) if jump_row is None else jump_row)
-        self._later = later.astype(np.float64)
+        self._off = self.slope.copy() if off is None else off.astype(np.float64)
         self.names = kept_names
         self._places = [COEFFICIENTS.index(name) for name in kept_names]
         self._guess = np.zeros(len(COEFFICIENTS))
         self._alignment: tuple[str, ...] | None = None
+        self._misalignment: list[int] | None = None
         self.not_separable: tuple[str, ...] = ()
 
     def correction_rad(self, angles: Mapping[str, float]) -> Array:
         """Return what is added to the encoder's angle in each row."""
-        jump_rad = angles.get(JUMP, 0.0) * self._later
+        jump_rad = angles.get(JUMP, 0.0) * self._off
         return np.asarray(angles.get(OFFSET, 0.0) + jump_rad)
 
-    def columns(self, offset_rad: Array) -> Array:
+    def columns(self, offset_rad: Array | float) -> Array:
         """Return the kept columns (rows, k)."""
         columns = model_columns(self.rows.accelerations(offset_rad), self.rows.field_T)
         return np.asarray(columns[:, self._places])
 
-    def with_misalignment(self, columns: Array) -> Array:
-        """Return columns with Ao and Ap beside them as far as those are independent."""
-        other = self.rows.accelerations()[:, 1:]
-        taken = independent_of(columns, other, INDEPENDENT_PART)
-        return np.column_stack((columns, other[:, list(taken)]))
+    def with_misalignment(self, offset_rad: Array | float) -> Array:
+        """Return the kept columns with Ao and Ap beside them as far as those are independent."""
+        if self._misalignment is None:
+            still, other = self.columns(0.0), self.rows.accelerations()[:, 1:]
+            self._misalignment = list(independent_of(still, other, INDEPENDENT_PART))
+        other = self.rows.accelerations(offset_rad)[:, 1:]
+        return np.column_stack((self.columns(offset_rad), other[:, self._misalignment]))
 
     def without_large_offset(self, begin_rad: Array, inside: Mask) -> Array:
         """Return the correction of the encoder's angle with a large offset already in it.
@@ -91,14 +93,18 @@ class TurnedModel:
         columns = model_columns(acceleration_g, rows.field_T)[:, self._places]
         slope = model_columns_by_angle(acceleration_g, change, rows.field_T)
         # Without input acceleration the encoder's zero turns only what is too small to tell it.
-        slope = combine(slope, self._guess) * ("Ki" in self.names)
+        telling = float("Ki" in self.names)
+        slope = combine(slope, self._guess) * telling
         self.slope = slope
         misaligned = acceleration_g[:, 1:]
-        other = np.column_stack((slope, misaligned, slope * self._later))
+        other = np.column_stack((slope, misaligned, slope * self._off))
         known = (OFFSET, KO, KP, JUMP)
         if self._alignment is None:
             decide = np.ones(len(columns), dtype=bool) if inside is None else inside
-            taken = independent_of(columns[decide], other[decide], INDEPENDENT_PART)
+            # By the large part of the derivative: a poor first guess would make columns of small
+            # coefficients, and an offset that misalignment cancels, look like something to find.
+            large = np.column_stack((change[:, 0] * telling, other[:, 1:]))
+            taken = independent_of(columns[decide], large[decide], INDEPENDENT_PART)
             self._alignment = tuple(known[j] for j in taken)
             self.not_separable = tuple(
                 name for j, name in enumerate(known) if j not in taken and np.any(other[:, j])

@@ -10,13 +10,19 @@ import typer
 from station.cli.options import (
     DEFAULT_BENCH,
     MOUNTED,
+    Answers,
+    BenchFile,
     BenchName,
     ExportFormat,
     Json,
     Kind,
+    NonInteractive,
     Overrides,
     ReportFormat,
+    RunFolder,
     SchemaKind,
+    Served,
+    Traced,
 )
 
 # rich would draw the same help in twice the time.
@@ -58,23 +64,15 @@ def validate(
 def run(
     plan: Annotated[str, typer.Argument(help="Test plan: a path, or a name in config/plans.")],
     bench: BenchName = DEFAULT_BENCH,
-    non_interactive: Annotated[
-        bool, typer.Option("--non-interactive", help="Ask nobody; CI=true implies it.")
-    ] = False,
-    answers: Annotated[
-        Path | None, typer.Option(help="YAML file of prompt ids and answers.")
-    ] = None,
-    served: Annotated[
-        Path | None, typer.Option(help="File with the first line of a running `station sim`.")
-    ] = None,
+    non_interactive: NonInteractive = False,
+    answers: Answers = None,
+    served: Served = None,
     output: Annotated[Path, typer.Option(help="Parent of the run folder.")] = Path("runs"),
     set_: Overrides = None,
     dry_run: Annotated[
         bool, typer.Option("--dry-run", help="Print durations and set-points; open nothing.")
     ] = False,
-    trace: Annotated[
-        bool, typer.Option("--trace", help="Write every byte on the wires into the run folder.")
-    ] = False,
+    trace: Traced = False,
     json: Json = False,
 ) -> None:
     """Run a test plan; leaves a folder of data and report."""
@@ -105,22 +103,14 @@ def run(
 
 @app.command()
 def resume(
-    folder: Annotated[Path, typer.Argument(metavar="RUN", help="Run folder.")],
+    folder: RunFolder,
     bench: Annotated[
         str | None, typer.Option("--bench", help="Bench file, where addresses have changed.")
     ] = None,
-    served: Annotated[
-        Path | None, typer.Option(help="File with the first line of a running `station sim`.")
-    ] = None,
-    answers: Annotated[
-        Path | None, typer.Option(help="YAML file of prompt ids and answers.")
-    ] = None,
-    non_interactive: Annotated[
-        bool, typer.Option("--non-interactive", help="Ask nobody; CI=true implies it.")
-    ] = False,
-    trace: Annotated[
-        bool, typer.Option("--trace", help="Write every byte on the wires into the run folder.")
-    ] = False,
+    served: Served = None,
+    answers: Answers = None,
+    non_interactive: NonInteractive = False,
+    trace: Traced = False,
     json: Json = False,
 ) -> None:
     """Go on with an interrupted or a paused run."""
@@ -161,7 +151,7 @@ app.command("analyze", hidden=True)(analyse)
 
 @app.command()
 def report(
-    folder: Annotated[Path, typer.Argument(metavar="RUN", help="Run folder.")],
+    folder: RunFolder,
     format: Annotated[ReportFormat, typer.Option("--format")] = ReportFormat.HTML,
 ) -> None:
     """Make the report of a run again, into its exports folder."""
@@ -172,7 +162,7 @@ def report(
 
 @app.command()
 def export(
-    folder: Annotated[Path, typer.Argument(metavar="RUN", help="Run folder.")],
+    folder: RunFolder,
     format: Annotated[ExportFormat, typer.Option("--format")],
 ) -> None:
     """Write the raw data of a run for other tools."""
@@ -196,7 +186,7 @@ def status(
 
 @app.command()
 def pause(
-    run: Annotated[Path, typer.Argument(metavar="RUN", help="Run folder.")],
+    run: RunFolder,
     json: Json = False,
 ) -> None:
     """Pause a run before its next unit of work."""
@@ -207,7 +197,7 @@ def pause(
 
 @app.command()
 def abort(
-    run: Annotated[Path, typer.Argument(metavar="RUN", help="Run folder.")],
+    run: RunFolder,
     timeout: Annotated[
         float, typer.Option(help="Wait so many seconds until the bench is safe.")
     ] = 120.0,
@@ -221,7 +211,7 @@ def abort(
 
 @app.command()
 def acknowledge(
-    bench: Annotated[str, typer.Argument(help="Bench file: a path, or a name.")],
+    bench: BenchFile,
     json: Json = False,
 ) -> None:
     """Allow a bench again after an interlock tripped."""
@@ -232,7 +222,7 @@ def acknowledge(
 
 @app.command()
 def identify(
-    bench: Annotated[str, typer.Argument(help="Bench file: a path, or a name.")] = DEFAULT_BENCH,
+    bench: BenchFile = DEFAULT_BENCH,
     json: Json = False,
 ) -> None:
     """Ask every instrument of a bench who it is."""
@@ -247,9 +237,7 @@ def scan(
         list[str] | None,
         typer.Option("--host", help="Host to try on the known instrument ports; repeatable."),
     ] = None,
-    served: Annotated[
-        Path | None, typer.Option(help="File with the first line of a running `station sim`.")
-    ] = None,
+    served: Served = None,
     visa_library: Annotated[str, typer.Option(help="`@py`, or the vendor's library.")] = "@py",
     json: Json = False,
 ) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from enum import StrEnum
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -21,6 +22,18 @@ Overrides = Annotated[
         help="Change a value of the plan, as in `--set 'parameters.frequency=0.2 Hz'`; repeatable.",
     ),
 ]
+NonInteractive = Annotated[
+    bool, typer.Option("--non-interactive", help="Ask nobody; CI=true implies it.")
+]
+Answers = Annotated[Path | None, typer.Option(help="YAML file of prompt ids and answers.")]
+Served = Annotated[
+    Path | None, typer.Option(help="File with the first line of a running `station sim`.")
+]
+Traced = Annotated[
+    bool, typer.Option("--trace", help="Write every byte on the wires into the run folder.")
+]
+RunFolder = Annotated[Path, typer.Argument(metavar="RUN", help="Run folder.")]
+BenchFile = Annotated[str, typer.Argument(help="Bench file: a path, or a name.")]
 DEFAULT_BENCH = "sim"
 MOUNTED = "rlg-magnetic-sensitivity"
 """The procedure whose device a simulated bench mounts where nobody says otherwise."""

@@ -10,12 +10,12 @@ from typing import Annotated, Any, Literal, Protocol
 from pydantic import BaseModel, Field, field_validator
 
 from station.decision import Rule
-from station.faults import Fault, FaultList, not_there
+from station.faults import FaultList, not_there
 from station.fields import StrictModel, to_yaml_data
 from station.plan.composition import compose
 from station.plan.limits import LimitedResult, LimitsByAxis, read_limits
 from station.validation import check_model
-from station.yaml.document import Document
+from station.yaml.document import Document, FromDocument
 from station.yaml.reading import read_yaml
 
 Words = Annotated[str, Field(min_length=1)]
@@ -82,7 +82,7 @@ class KnownProcedures(Protocol):
 
 
 @dataclass(frozen=True)
-class Plan:
+class Plan(FromDocument):
     """A plan that has no fault; `parameters` is the procedure's own model.
 
     `document` is the plan put together, `bases` the files it extends, `overrides` each `--set`.
@@ -120,23 +120,9 @@ class Plan:
         """The rule by which results are held against their limits."""
         return self.header.decision_rule
 
-    @property
-    def path(self) -> Path:
-        """The file."""
-        return self.document.path
-
-    @property
-    def text(self) -> str:
-        """The file as it was given."""
-        return self.document.text
-
     def limits_by_axis(self) -> LimitsByAxis:
         """Return the limits by result name and axis, each in its result's unit."""
         return dict(self.limits)
-
-    def fault(self, where: tuple[str | int, ...], what: str, hint: str | None = None) -> Fault:
-        """Return a fault at a place of this plan, such as `("parameters", "amplitude")`."""
-        return self.document.fault(where, what, hint)
 
     def to_yaml_data(self) -> dict[str, Any]:
         """Return the plan with every default written out, as data for YAML; it stands alone."""

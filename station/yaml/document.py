@@ -125,6 +125,26 @@ class Document:
             self.key_positions.pop((key,), None)
 
 
+class FromDocument:
+    """What a document without a fault holds."""
+
+    document: Document
+
+    @property
+    def path(self) -> Path:
+        """The file."""
+        return self.document.path
+
+    @property
+    def text(self) -> str:
+        """The file as it was given."""
+        return self.document.text
+
+    def fault(self, where: Where, what: str, hint: str | None = None) -> Fault:
+        """Return a fault at a place of the file, such as `("parameters", "amplitude")`."""
+        return self.document.fault(where, what, hint)
+
+
 def leaves(value: Any, where: Where = ()) -> Iterator[tuple[Where, Any]]:
     """Yield each scalar and each empty mapping or list of data with its path."""
     if isinstance(value, dict) and value:

@@ -139,25 +139,29 @@ def _mark(node: Node) -> Mark:
     return Mark(node.start_mark.line + 1, node.start_mark.column + 1)
 
 
-def read_yaml(path: Path) -> Document:
-    """Read a YAML file whose top level is a mapping; UTF-8, with or without byte order mark.
-
-    Raises FaultList with everything that is wrong with the file as YAML.
-    """
+def read_text(path: Path) -> str:
+    """Return the text of a file in UTF-8, with or without byte order mark; raises FaultList."""
     try:
         raw = path.read_bytes()
     except OSError as error:
         what = f"the file cannot be read: {error.strerror or error}"
         raise FaultList([Fault(str(path), 1, 1, "file", what)]) from None
     try:
-        text = raw.decode("utf-8-sig")
+        return raw.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         before = raw[: error.start]
         column = len(before[before.rfind(b"\n") + 1 :].decode("utf-8", "replace")) + 1
         what = f"byte 0x{raw[error.start]:02x} is not UTF-8; save the file as UTF-8"
         line = before.count(b"\n") + 1
         raise FaultList([Fault(str(path), line, column, "file", what)]) from None
-    return read_yaml_text(text, path)
+
+
+def read_yaml(path: Path) -> Document:
+    """Read a YAML file whose top level is a mapping; UTF-8, with or without byte order mark.
+
+    Raises FaultList with everything that is wrong with the file as YAML.
+    """
+    return read_yaml_text(read_text(path), path)
 
 
 def read_yaml_text(text: str, path: Path) -> Document:

@@ -10,9 +10,10 @@ what remains unknown as true.
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import ClassVar, Protocol
 
 from station.readings import Reading
 
@@ -136,50 +137,48 @@ class State:
 
 
 @dataclass(frozen=True)
-class AnyOf:
+class Several(ABC):
+    """Conditions that are judged in order; the first that is true, or false, decides for all."""
+
+    parts: Sequence[Condition]
+    decides: ClassVar[bool]
+
+    @property
+    def watched(self) -> frozenset[Watched]:
+        """What its parts watch."""
+        return frozenset().union(*(part.watched for part in self.parts))
+
+    def judge(self, eyes: Eyes) -> Judgement:
+        """Judge the parts; one that decides, else one that is unknown, else what all agree on."""
+        judged = []
+        for part in self.parts:
+            one = part.judge(eyes)
+            if one.true is self.decides:
+                return one
+            judged.append(one)
+        unknown = [one for one in judged if one.true is None]
+        return unknown[0] if unknown else self._agreed(judged)
+
+    @abstractmethod
+    def _agreed(self, judged: Sequence[Judgement]) -> Judgement:
+        """Return what follows where no part decides and none is unknown."""
+
+
+class AnyOf(Several):
     """True when one of its parts is."""
 
-    parts: Sequence[Condition]
+    decides = True
 
-    @property
-    def watched(self) -> frozenset[Watched]:
-        """What its parts watch."""
-        return frozenset().union(*(part.watched for part in self.parts))
-
-    def judge(self, eyes: Eyes) -> Judgement:
-        """Judge the parts in order; the first true one decides."""
-        judged = []
-        for part in self.parts:
-            one = part.judge(eyes)
-            if one.true:
-                return one
-            judged.append(one)
-        unknown = [one for one in judged if one.true is None]
-        return unknown[0] if unknown else Judgement(False, _joined(judged, "and"))
+    def _agreed(self, judged: Sequence[Judgement]) -> Judgement:
+        return Judgement(False, _joined(judged, "and"))
 
 
-@dataclass(frozen=True)
-class AllOf:
+class AllOf(Several):
     """True when all of its parts are."""
 
-    parts: Sequence[Condition]
+    decides = False
 
-    @property
-    def watched(self) -> frozenset[Watched]:
-        """What its parts watch."""
-        return frozenset().union(*(part.watched for part in self.parts))
-
-    def judge(self, eyes: Eyes) -> Judgement:
-        """Judge the parts in order; the first false one decides."""
-        judged = []
-        for part in self.parts:
-            one = part.judge(eyes)
-            if one.true is False:
-                return one
-            judged.append(one)
-        unknown = [one for one in judged if one.true is None]
-        if unknown:
-            return unknown[0]
+    def _agreed(self, judged: Sequence[Judgement]) -> Judgement:
         return Judgement(True, _joined(judged, "and"), judged[-1].value, judged[-1].limit)
 
 
