@@ -64,6 +64,16 @@ def station(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
     )
 
 
+def finished_run(parent: Path, axes: list[str]) -> Path:
+    """Run the short plan with some axes to its end, and return the run folder."""
+    plan = short_plan(parent / "plan", axes=axes)
+    done = station("run", plan, "--non-interactive", "--output", parent / "runs")
+    assert done.returncode == 0, done.stderr
+    folder = only_run(parent / "runs")
+    assert folder is not None
+    return folder
+
+
 def file_hashes(folder: Path, *more: str) -> dict[str, str]:
     """Return the SHA-256 of the raw files, the log, and more files of a run folder."""
     names = [*sorted((folder / "raw").iterdir()), folder / "events.jsonl"]

@@ -23,6 +23,14 @@ def state_folder_of_the_tests(tmp_path_factory: pytest.TempPathFactory) -> Itera
         yield folder
 
 
+@pytest.fixture(scope="session")
+def one_axis_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A finished run of one axis, for tests that look at it or change a copy of it."""
+    from campaign_helpers import finished_run
+
+    return finished_run(tmp_path_factory.mktemp("one-axis"), ["IA"])
+
+
 @pytest.fixture
 def clock() -> Any:
     """A virtual clock."""

@@ -13,13 +13,13 @@ from typing import Any, Self
 import cantools
 import numpy as np
 
-from sim_instruments.bench import SimulatedBench
+from sim_instruments.bench import Maker, SimulatedBench
 from sim_instruments.can_pulse_board import CanPulseBoard
 from sim_instruments.kepco_bop import KepcoBop
 from sim_instruments.lakeshore_f71 import LakeshoreF71
 from station.clock import Clock
 
-SIMULATORS = {
+SIMULATORS: dict[str, Maker] = {
     "kepco-bop-36-12": KepcoBop,
     "lakeshore-f71": LakeshoreF71,
     "can-pulse-board": CanPulseBoard,
@@ -137,12 +137,15 @@ def bench_with(**simulation: Any) -> dict[str, Any]:
 
 
 @contextmanager
-def served(clock: Clock, bench: dict[str, Any] | None = None) -> Iterator[SimulatedBench]:
+def served(
+    clock: Clock,
+    bench: Mapping[str, Any] = BENCH,
+    procedure: str = "rlg-magnetic-sensitivity",
+    simulators: Mapping[str, Maker] | None = SIMULATORS,
+) -> Iterator[SimulatedBench]:
     """Serve a bench while this thread takes part in time."""
     with clock.participant("test"):
-        simulation = SimulatedBench(
-            BENCH if bench is None else bench, clock, "rlg-magnetic-sensitivity", SIMULATORS
-        )
+        simulation = SimulatedBench(bench, clock, procedure, simulators)
         try:
             yield simulation
         finally:

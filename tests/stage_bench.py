@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any
 
-from sim_bench import BENCH, Line
+from sim_bench import BENCH, Line, served
 
 from drivers.newport_esp301 import NewportEsp301 as Driver
 from sim_instruments.bench import SimulatedBench
@@ -97,18 +97,9 @@ def stage_bench(
 ) -> Iterator[Bench]:
     """Serve a bench with a stage while this thread takes part in time."""
     clock = VirtualClock()
-    with clock.participant("test"):
-        simulation = SimulatedBench(
-            bench_of(truth, *faults),
-            clock,
-            "rlg-magnetic-sensitivity",
-            {"newport-esp301": Simulator},
-        )
-        try:
-            yield Bench(clock, simulation)
-        finally:
-            simulation.close()
-            clock.stop()
+    simulators = {"newport-esp301": Simulator}
+    with served(clock, bench_of(truth, *faults), simulators=simulators) as simulation:
+        yield Bench(clock, simulation)
 
 
 class RawStage(Line):

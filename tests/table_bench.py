@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any
 
-from sim_bench import BENCH, Line
+from sim_bench import BENCH, Line, served
 
 from drivers.acutrol3000 import Acutrol3000 as Driver
 from sim_instruments.acutrol3000 import Acutrol3000 as Simulator
@@ -113,15 +113,8 @@ def table_bench(
     bench["instruments"] = {TABLE: entry}
     bench["simulation"]["faults"] = [{"instrument": TABLE, **fault} for fault in faults]
     clock = VirtualClock()
-    with clock.participant("test"):
-        simulation = SimulatedBench(
-            bench, clock, "rlg-magnetic-sensitivity", {"acutrol-3000": maker}
-        )
-        try:
-            yield Bench(clock, simulation, str(entry["simulator"]["framing"]))
-        finally:
-            simulation.close()
-            clock.stop()
+    with served(clock, bench, simulators={"acutrol-3000": maker}) as simulation:
+        yield Bench(clock, simulation, str(entry["simulator"]["framing"]))
 
 
 class RawTable(Line):

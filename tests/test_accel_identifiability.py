@@ -178,6 +178,22 @@ def test_the_efficient_design_needs_far_fewer_readings_for_the_same_km() -> None
     assert 2.0 * (one / other) ** 2 == pytest.approx(73, rel=0.05)
 
 
+@pytest.mark.parametrize(
+    ("planes", "angles", "shows"),
+    [
+        (("io",), 6, False),
+        (("io",), 7, False),
+        (("io",), 8, True),
+        (("io", "ip"), 7, True),
+        (("level",), 4, True),
+    ],
+)
+def test_a_plan_is_known_to_hide_an_encoder_that_is_off_at_one_angle(
+    planes: tuple[str, ...], angles: int, shows: bool
+) -> None:
+    assert expected_uncertainty(*points(planes, angles), 3e-6).angle_shows is shows
+
+
 def test_derivatives_by_the_angle_are_derivatives() -> None:
     plane, angle_deg, field_T = points(("io", "ip", "op", "level"), 7, SIX_FIELDS_T)
     theta, step = np.radians(angle_deg), 1e-6

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import pytest
 from interlock_helpers import CHAIN, SHIPPED, bench_with
-from sim_bench import Line
+from sim_bench import Line, served
 from test_drivers import Wire, line_to
 
 from drivers.interlock_chain_line import InterlockChainLine
@@ -20,13 +20,8 @@ from station.runner.opening import Place
 
 @pytest.fixture
 def bench(clock: VirtualClock) -> Iterator[SimulatedBench]:
-    with clock.participant("test"):
-        simulation = SimulatedBench(SHIPPED, clock, "rlg-magnetic-sensitivity")
-        try:
-            yield simulation
-        finally:
-            simulation.close()
-            clock.stop()
+    with served(clock, SHIPPED, simulators=None) as simulation:
+        yield simulation
 
 
 def test_it_answers_who_it_is_and_how_the_chain_is(

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from campaign_helpers import only_run, short_plan, station
+from campaign_helpers import finished_run, station
 
 from station.decision import Limit, Rule
 from station.findings import Estimate, Findings, Flag, Published
@@ -23,13 +23,7 @@ from station.results import ResultDocument, conclude
 
 @pytest.fixture(scope="module")
 def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    parent = tmp_path_factory.mktemp("reports")
-    plan = short_plan(parent / "plan", axes=["IA", "LA"])
-    done = station("run", plan, "--non-interactive", "--output", parent / "runs")
-    assert done.returncode == 0, done.stderr
-    folder = only_run(parent / "runs")
-    assert folder is not None
-    return folder
+    return finished_run(tmp_path_factory.mktemp("reports"), ["IA", "LA"])
 
 
 def estimate(axis: str, value: float | None, u: float = 0.01) -> Estimate:

@@ -12,9 +12,8 @@ import pytest
 import yaml
 from scipy.constants import mu_0
 from scipy.integrate import solve_ivp
-from sim_bench import SIMULATORS, Frames, Line
+from sim_bench import Frames, Line, served
 
-from sim_instruments.bench import SimulatedBench
 from sim_instruments.truth import SimulationError, Truth
 from sim_instruments.world.accelerometer import COEFFICIENTS
 from sim_instruments.world.accelerometer_bench import AccelerometerBench
@@ -292,33 +291,24 @@ def test_an_act_nobody_knows_is_an_error_that_names_the_known_ones() -> None:
     assert bench.act("mount-level", 0.0).endswith(".")
 
 
-def served_bench(clock: VirtualClock) -> SimulatedBench:
-    return SimulatedBench(BENCH, clock, PROCEDURE, SIMULATORS)
-
-
 def test_supply_gaussmeter_and_pulse_board_work_in_this_world() -> None:
     clock = VirtualClock()
-    with clock.participant("test"):
-        bench = served_bench(clock)
-        try:
-            bench.make_ready()
-            with Line(bench, "coil_supply.dc", clock) as supply:
-                supply.ask("FUNC:MODE CURR;:VOLT 30;:OUTP ON;:CURR 10;*OPC?")
-                with Line(bench, "gaussmeter", clock) as gaussmeter:
-                    gaussmeter.ask("SENS:MODE DC;:SENS:AVER:COUN 50;*OPC?")
-                    clock.sleep(3.0)
-                    field_T = [float(x) for x in gaussmeter.ask("FETC:DC? ALL").split(",")]
-                report = bench.simulation_report()
-            assert field_T[1] == pytest.approx(0.05, rel=0.01)
-            assert report["dut_powered"] and report["gyro_powered"]
-            assert report["coils"]["dc"]["current_A"] == pytest.approx(10.0, abs=0.01)
-            assert list(report["coils"]) == ["x", "y", "z", "dc"]
-            with Frames(bench, clock) as board:
-                assert board.command(1, 1, 100.0) == 0
-                clock.sleep(1.05)
-                frames = board.of(0x121)
-            assert len(frames) == 10
-            assert [frame[2:] for frame in frames] == [b"\0\0\0\0\x00\x80"] * 10
-        finally:
-            bench.close()
-            clock.stop()
+    with served(clock, BENCH, PROCEDURE) as bench:
+        bench.make_ready()
+        with Line(bench, "coil_supply.dc", clock) as supply:
+            supply.ask("FUNC:MODE CURR;:VOLT 30;:OUTP ON;:CURR 10;*OPC?")
+            with Line(bench, "gaussmeter", clock) as gaussmeter:
+                gaussmeter.ask("SENS:MODE DC;:SENS:AVER:COUN 50;*OPC?")
+                clock.sleep(3.0)
+                field_T = [float(x) for x in gaussmeter.ask("FETC:DC? ALL").split(",")]
+            report = bench.simulation_report()
+        assert field_T[1] == pytest.approx(0.05, rel=0.01)
+        assert report["dut_powered"] and report["gyro_powered"]
+        assert report["coils"]["dc"]["current_A"] == pytest.approx(10.0, abs=0.01)
+        assert list(report["coils"]) == ["x", "y", "z", "dc"]
+        with Frames(bench, clock) as board:
+            assert board.command(1, 1, 100.0) == 0
+            clock.sleep(1.05)
+            frames = board.of(0x121)
+        assert len(frames) == 10
+        assert [frame[2:] for frame in frames] == [b"\0\0\0\0\x00\x80"] * 10

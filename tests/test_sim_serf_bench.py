@@ -8,9 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 from cell_stand import BENCH, SHOTS, R, Stand, across, turned
-from sim_bench import SIMULATORS, Frames, Line
+from sim_bench import Frames, Line, served
 
-from sim_instruments.bench import SimulatedBench
 from sim_instruments.truth import SimulationError, Truth
 from sim_instruments.world.serf_bench import SerfBench
 from sim_instruments.world.voltages import VoltageHistory
@@ -265,22 +264,17 @@ def test_a_coil_that_is_not_there_or_driven_twice_is_an_error() -> None:
 
 def test_the_instruments_of_the_other_benches_serve_in_this_world() -> None:
     clock = VirtualClock()
-    with clock.participant("test"):
-        bench = SimulatedBench(BENCH, clock, PROCEDURE, SIMULATORS)
-        try:
-            bench.make_ready()
-            with Line(bench, "coil_supply.x", clock) as supply:
-                supply.ask("FUNC:MODE CURR;:VOLT 10;:OUTP ON;:CURR 2;*OPC?")
-            with Line(bench, "gaussmeter", clock) as gaussmeter:
-                gaussmeter.ask("SENS:MODE DC;:SENS:AVER:COUN 50;*OPC?")
-                clock.sleep(3.0)
-                field_T = [float(x) for x in gaussmeter.ask("FETC:DC? ALL").split(",")]
-            report = bench.simulation_report()
-            assert abs(field_T[1]) < 1e-4
-            assert report["dut_powered"]
-            assert report["coils"]["x"]["current_A"] == pytest.approx(2.0, abs=0.01)
-            with Frames(bench, clock) as board:
-                assert board.command(1, 1, 100.0) == 0
-        finally:
-            bench.close()
-            clock.stop()
+    with served(clock, BENCH, PROCEDURE) as bench:
+        bench.make_ready()
+        with Line(bench, "coil_supply.x", clock) as supply:
+            supply.ask("FUNC:MODE CURR;:VOLT 10;:OUTP ON;:CURR 2;*OPC?")
+        with Line(bench, "gaussmeter", clock) as gaussmeter:
+            gaussmeter.ask("SENS:MODE DC;:SENS:AVER:COUN 50;*OPC?")
+            clock.sleep(3.0)
+            field_T = [float(x) for x in gaussmeter.ask("FETC:DC? ALL").split(",")]
+        report = bench.simulation_report()
+        assert abs(field_T[1]) < 1e-4
+        assert report["dut_powered"]
+        assert report["coils"]["x"]["current_A"] == pytest.approx(2.0, abs=0.01)
+        with Frames(bench, clock) as board:
+            assert board.command(1, 1, 100.0) == 0

@@ -28,15 +28,9 @@ SPEED = 5.0
 GIVES_UP_AFTER_S = 60.0
 
 
-@pytest.fixture(scope="module")
-def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    parent = tmp_path_factory.mktemp("finished")
-    plan = short_plan(parent / "plan", axes=["IA"])
-    done = station("run", plan, "--non-interactive", "--output", parent / "runs")
-    assert done.returncode == 0, done.stderr
-    folder = only_run(parent / "runs")
-    assert folder is not None
-    return folder
+@pytest.fixture
+def finished(one_axis_run: Path) -> Path:
+    return one_axis_run
 
 
 @pytest.fixture

@@ -71,7 +71,7 @@ class Commands:
             raise self._silent(answer, attempted)
         return found[-1]
 
-    def start_at(self, rate_Hz: float, step_Hz: float, **values: float) -> None:
+    def start_at(self, rate_Hz: float, step_Hz: float, /, **values: float) -> None:
         """Send a start; raises InstrumentError where what it says it outputs is another rate."""
         told = self.command("start", **values)
         if not math.isclose(float(told["rate"]), rate_Hz, abs_tol=step_Hz / 2):

@@ -22,7 +22,8 @@ from .nuisances import FEWEST_LEFT, unit_of
 from .published import finite_memory_path, published_values
 from .rows import Rows
 from .screening import screen
-from .solution import Solution, solve_rows
+from .solution import solve_rows
+from .solved import Solution
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -71,7 +72,7 @@ def analyse(
         )
     estimates = _estimates(found, solution)
     path = _path(dataset, usable, found, settings)
-    drift = _drift_order(solution)
+    drift = solution.drift_order if solution is not None else 0
     lag_one = solution.lag_one_correlation if solution is not None else None
     flags = data_flags(dataset, left_out, settings)
     counted = int(used.sum() if solution is not None else usable.sum())
@@ -194,8 +195,3 @@ def _nuisances(solution: Solution | None, rank: int) -> tuple[Nuisance, ...]:
         for j, name in enumerate(solution.names)
         if j >= rank
     )
-
-
-def _drift_order(solution: Solution | None) -> int:
-    names = solution.names if solution is not None else ()
-    return max((int(n.removeprefix("drift ")) for n in names if n.startswith("drift ")), default=0)

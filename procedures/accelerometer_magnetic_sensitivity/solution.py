@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,19 +18,18 @@ from procedures.estimation.orthogonal import (
 )
 
 from .findings import AnalysisSettings
-from .jump import Jump, Suspects, find_jumps, small_jumps
+from .jump import Jump, Suspects, find_jumps
 from .nuisances import (
     ARCSEC_PER_RAD,
-    FEWEST_LEFT,
     JUMP,
-    KO,
-    KP,
     OFFSET,
     chosen,
     separable,
     slow_terms,
 )
 from .rows import Rows
+from .solved import Solution, Solved
+from .suspicion import may_be_off
 from .turned_model import ROUNDS, TurnedModel
 
 Array = NDArray[np.float64]
@@ -39,55 +38,7 @@ Mask = NDArray[np.bool_]
 SETTLED_RAD = 1e-10
 FEWEST_OF_A_GROUP = 20
 ENOUGH_LEFT = 12
-MANY_STRAYS = 0.1
-"""So many wild rows are no accident."""
-PERHAPS = 4.0
-"""Beyond so many standard deviations of the noise a jump is looked for."""
-TILTED = 2e-3
-"""Of Ki: so much of a misalignment that its square, 2 µV at 1 V/g, tells it from a jump between two
-planes."""
-PLACE = 3
-"""As many columns as the rows in which the encoder is off count for beside their angle: among so
-many places one always explains something."""
 ANGLES = (OFFSET, JUMP)
-
-
-@dataclass(frozen=True)
-class Solution:
-    """Coefficients of the kept columns first, then nuisance terms, `names` in that order.
-
-    Offset and jump of the encoder are in arcsec; `jump` says in which rows it is off. `kept`
-    (rows,) are the rows that count; `covariance` holds the scale of the noise.
-    """
-
-    names: tuple[str, ...]
-    coefficients: Array
-    covariance: Array
-    kept: Mask
-    residual_V: Array
-    degrees_of_freedom: int
-    noise_V: float
-    condition: float
-    not_separable: tuple[str, ...]
-    jump: Jump | None
-
-    @property
-    def sum_of_squares(self) -> float:
-        """The weighted squares that the solution left, in V²."""
-        return self.degrees_of_freedom * self.noise_V**2
-
-    @property
-    def price(self) -> int:
-        """For how many columns it counts: each row left out is one that it explains."""
-        place = 0 if self.jump is None else PLACE + (JUMP not in self.names)
-        return len(self.names) + place + int(np.sum(~self.kept))
-
-    @property
-    def lag_one_correlation(self) -> float:
-        """The correlation of neighbouring residuals of the rows that count."""
-        left = self.residual_V[self.kept]
-        square = float(left @ left)
-        return float(left[1:] @ left[:-1]) / square if square > 0.0 else 0.0
 
 
 def solve_rows(rows: Rows, kept_names: tuple[str, ...], settings: AnalysisSettings) -> Solution:
@@ -101,7 +52,7 @@ def solve_rows(rows: Rows, kept_names: tuple[str, ...], settings: AnalysisSettin
     first = _solve(rows, kept_names, settings)
     found = first.solution
     suspects = Suspects.of(rows.plane, rows.theta_rad)
-    if OFFSET not in found.names or not _suspicious(first, rows.output_V, suspects, settings):
+    if OFFSET not in found.names or not may_be_off(first, rows.output_V, suspects, settings):
         return found
     model = TurnedModel(rows, kept_names)
     whole = np.ones(len(rows.time_s), dtype=bool)
@@ -120,61 +71,12 @@ def solve_rows(rows: Rows, kept_names: tuple[str, ...], settings: AnalysisSettin
     return solutions[choose_by_information(squares, [one.price for one in solutions], len(whole))]
 
 
-def _suspicious(
-    solved: _Solved, data: Array, suspects: Suspects, settings: AnalysisSettings
-) -> bool:
-    """Return whether a jump might explain what a solution without one left, or its drift."""
-    found = solved.solution
-    if found.degrees_of_freedom <= PLACE + FEWEST_LEFT:
-        return False
-    values = dict(zip(found.names, found.coefficients, strict=True))
-    tilted = max(abs(values.get(name, 0.0)) for name in (KO, KP)) > TILTED * abs(values["Ki"])
-    stiff = found.lag_one_correlation > settings.too_stiff_beyond(len(data))
-    if tilted or stiff or float(np.mean(~found.kept)) >= MANY_STRAYS:
-        return True
-    # So that a few wild rows make no jump, each counts for no more than one at the threshold, and
-    # for nothing where its angle is looked at by itself.
-    most_V = settings.outlier * found.noise_V
-    tamed = np.clip(found.residual_V, -most_V, most_V)
-    gains = []
-    for kind, residual in zip(
-        suspects.kinds(found.kept), (tamed, found.kept * found.residual_V), strict=True
-    ):
-        every = small_jumps(suspects, solved.design, solved.slope, residual)[0]
-        gains.append(float(np.max(every, where=kind, initial=0.0)))
-    left = max(found.sum_of_squares - max(gains), 0.0) / (found.degrees_of_freedom - 1)
-    if max(gains) >= PERHAPS**2 * left:
-        return True
-    if not any(name.startswith("drift") for name in found.names):
-        return False
-    fixed = solved.design[:, : solved.design.shape[1] - solved.slow.shape[1]]
-    fit = solve_by_qr(fixed[found.kept], data[found.kept])
-    residual = np.where(found.kept, data - combine(fixed, fit.coefficients), 0.0)
-    gain = float(small_jumps(suspects, fixed, solved.slope, residual)[0].max())
-    squares = (found.sum_of_squares, max(fit.sum_of_squares - gain, 0.0))
-    prices = (found.price, found.price - solved.slow.shape[1] + 1)
-    return choose_by_information(squares, prices, len(data)) == 1
-
-
-@dataclass(frozen=True)
-class _Solved:
-    """A solution, its design (rows, k) and the output's derivative by the angle.
-
-    `slow` are the last columns of the design: temperature and drift.
-    """
-
-    solution: Solution
-    design: Array
-    slope: Array
-    slow: Array
-
-
 def _solve(
     rows: Rows,
     kept_names: tuple[str, ...],
     settings: AnalysisSettings,
     jump: Jump | None = None,
-) -> _Solved:
+) -> Solved:
     """Solve with the encoder off in the rows of a jump, which begins at the jump's angle."""
     model = TurnedModel(rows, kept_names, None if jump is None else jump.rows)
     angles = {} if jump is None else {JUMP: jump.angle_rad}
@@ -220,7 +122,7 @@ def _solve(
     if jump is not None:
         jump = replace(jump, angle_rad=angles[JUMP])
     solution = _solution(model, design, data, fit, kept, names, solved_rad, lost, warmth, jump)
-    return _Solved(solution, design, model.slope, terms.columns)
+    return Solved(solution, design, model.slope, terms.columns)
 
 
 def far(design: Array, sigmas: float) -> float:

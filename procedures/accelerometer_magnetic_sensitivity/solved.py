@@ -1,0 +1,75 @@
+"""A solution of all rows, and what it is compared by."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .jump import Jump
+from .nuisances import JUMP
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+PLACE = 3
+"""As many columns as the rows in which the encoder is off count for beside their angle: among so
+many places one always explains something."""
+
+
+@dataclass(frozen=True)
+class Solution:
+    """Coefficients of the kept columns first, then nuisance terms, `names` in that order.
+
+    Offset and jump of the encoder are in arcsec; `jump` says in which rows it is off. `kept`
+    (rows,) are the rows that count; `covariance` holds the scale of the noise.
+    """
+
+    names: tuple[str, ...]
+    coefficients: Array
+    covariance: Array
+    kept: Mask
+    residual_V: Array
+    degrees_of_freedom: int
+    noise_V: float
+    condition: float
+    not_separable: tuple[str, ...]
+    jump: Jump | None
+
+    @property
+    def sum_of_squares(self) -> float:
+        """The weighted squares that the solution left, in V²."""
+        return self.degrees_of_freedom * self.noise_V**2
+
+    @property
+    def drift_order(self) -> int:
+        """The order of the polynomial in time, 0 where there is none."""
+        orders = [name.removeprefix("drift ") for name in self.names if name.startswith("drift ")]
+        return max(map(int, orders), default=0)
+
+    @property
+    def price(self) -> int:
+        """For how many columns it counts: each row left out is one that it explains."""
+        place = 0 if self.jump is None else PLACE + (JUMP not in self.names)
+        return len(self.names) + place + int(np.sum(~self.kept))
+
+    @property
+    def lag_one_correlation(self) -> float:
+        """The correlation of neighbouring residuals of the rows that count."""
+        left = self.residual_V[self.kept]
+        square = float(left @ left)
+        return float(left[1:] @ left[:-1]) / square if square > 0.0 else 0.0
+
+
+@dataclass(frozen=True)
+class Solved:
+    """A solution, its design (rows, k) and the output's derivative by the angle.
+
+    `slow` are the last columns of the design: temperature and drift.
+    """
+
+    solution: Solution
+    design: Array
+    slope: Array
+    slow: Array
