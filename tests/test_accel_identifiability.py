@@ -182,8 +182,8 @@ def test_the_efficient_design_needs_far_fewer_readings_for_the_same_km() -> None
     ("planes", "angles", "shows"),
     [
         (("io",), 6, False),
-        (("io",), 7, False),
-        (("io",), 8, True),
+        (("io",), 8, False),
+        (("io",), 9, True),
         (("io", "ip"), 7, True),
         (("level",), 4, True),
     ],

@@ -17,7 +17,7 @@ from .nuisances import FEWEST_LEFT, INDEPENDENT_PART
 Array = NDArray[np.float64]
 
 ENOUGH_ANGLES = 12
-"""Of so many, two surely have something of their own."""
+"""Of so many, three surely have something of their own."""
 
 
 @dataclass(frozen=True)
@@ -60,11 +60,12 @@ def expected_uncertainty(
 
 
 def _angle_shows(design: Array, plane: Names, theta_deg: Array, slope: Array) -> bool:
-    """Whether two angles, each turned by itself, leave residuals of their own.
+    """Whether three angles, each turned by itself, leave residuals of their own.
 
-    Where only one does, all leave the same residual and none can be told from the others.
+    Where only one does, all leave the same residual and none can be told from the others; where two
+    do, a drift in the published order leaves one.
     """
     places = sorted(set(zip(plane, theta_deg, strict=True)))[:ENOUGH_ANGLES]
     turned = [slope * ((plane == name) & (theta_deg == angle)) for name, angle in places]
     own = independent_of(design, np.column_stack(turned), INDEPENDENT_PART)
-    return len(own) > 1 or not bool(np.any(slope))
+    return len(own) > 2 or not bool(np.any(slope))

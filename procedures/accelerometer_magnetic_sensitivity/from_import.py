@@ -49,7 +49,7 @@ def dataset_of_import(raw: RawDataset) -> AccelerometerDataset:
         time_s=time_s,
         plane=plane,
         theta_deg=table["theta_deg"],
-        theta_commanded_deg=_commanded(plane, table["theta_deg"]),
+        theta_commanded_deg=plan_angles(plane, table["theta_deg"]),
         field_T=table["field_T"],
         field_commanded_T=table["field_commanded_T"],
         output_V=table["output_V"],
@@ -59,7 +59,7 @@ def dataset_of_import(raw: RawDataset) -> AccelerometerDataset:
     )
 
 
-def _commanded(plane: NDArray[Any], theta_deg: NDArray[np.float64]) -> NDArray[np.float64]:
+def plan_angles(plane: NDArray[Any], theta_deg: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the plan's angles, each plane's own; where the axis is vertical they mean nothing."""
     found = theta_deg.copy()
     for name in np.unique(plane):
