@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import socket
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from threading import Lock, get_ident
@@ -138,7 +139,7 @@ class FrameStreamServer(TcpServer):
                 client.sendall(data)
 
 
-class FrameInstrument(ServedInstrument):
+class FrameInstrument(ServedInstrument, ABC):
     """An instrument on a serial line of its own; `_received` carries out a client's frame."""
 
     protocol: ClassVar[str] = "frames"
@@ -153,5 +154,6 @@ class FrameInstrument(ServedInstrument):
         self._server = FrameStreamServer(setting, split, self._received)
         self._server.begin()
 
+    @abstractmethod
     def _received(self, payload: bytes) -> None:
-        raise NotImplementedError
+        """Carry out a request that came in a whole frame."""

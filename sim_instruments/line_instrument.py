@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from contextlib import AbstractContextManager
 from typing import ClassVar
 
@@ -9,7 +10,7 @@ from sim_instruments.instrument import ServedInstrument, Setting
 from sim_instruments.tcp import LineServer
 
 
-class LineInstrument(ServedInstrument):
+class LineInstrument(ServedInstrument, ABC):
     """An instrument on a TCP port of its own; `_line` answers."""
 
     protocol: ClassVar[str] = "scpi"
@@ -31,6 +32,6 @@ class LineInstrument(ServedInstrument):
         )
         self._server.begin()
 
+    @abstractmethod
     def _line(self, line: bytes) -> bytes:
         """Return the answer to a line, with its end; nothing where the instrument says nothing."""
-        raise NotImplementedError

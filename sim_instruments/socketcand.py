@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import socket
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable
 from contextlib import suppress
 from importlib.resources import files
@@ -138,7 +139,7 @@ def frame_text(identifier: int, time_s: float, data_hex: str) -> str:
     return f"< frame {name} {time_s:.6f} {data_hex} >"
 
 
-class CanInstrument(ServedInstrument):
+class CanInstrument(ServedInstrument, ABC):
     """A device on a CAN bus of its own; `_received` carries out a client's frame.
 
     `dbc` names its message file.
@@ -162,8 +163,9 @@ class CanInstrument(ServedInstrument):
         told["address"] += f"/{channel}"
         return {**told, "channel": channel, "dbc": str(files("config") / "dbc" / f"{self.dbc}.dbc")}
 
+    @abstractmethod
     def _received(self, identifier: int, data: bytes) -> None:
-        raise NotImplementedError
+        """Carry out a frame that came from a client."""
 
     def _joined(self) -> None:
         """Do what is due before a client gets its first frame."""

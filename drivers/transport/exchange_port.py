@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 
@@ -18,7 +19,7 @@ QUIET_LOOKS = 10
 LARGEST_ANSWER_BYTES = 1 << 20
 
 
-class ExchangePort(TracedLine):
+class ExchangePort(TracedLine, ABC):
     """What a line of exchanges does whatever its messages look like.
 
     `wire` is the address of its counting. After an exchange that failed the port is opened anew and
@@ -42,9 +43,9 @@ class ExchangePort(TracedLine):
             self._traced("-", b"closed")
         self._disconnect()
 
+    @abstractmethod
     def _port_opened(self) -> Port:
         """Open the port; raises OSError or ValueError."""
-        raise NotImplementedError
 
     def _greet(self, port: Port) -> None:
         """Send what a line that is opened anew needs before it is read until quiet."""

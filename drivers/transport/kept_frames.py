@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Callable, Iterable
 from threading import Event, Lock, Thread
@@ -16,7 +17,7 @@ LOOK_S = 0.005
 F = TypeVar("F")
 
 
-class KeptFrames(TracedLine, Generic[F]):
+class KeptFrames(TracedLine, ABC, Generic[F]):
     """What a line of unasked frames does on whatever it goes; `kind_of` tells kinds apart.
 
     A line calls `_begin_to_read` when it is open; its `_read` runs in a thread until `_closing` is
@@ -84,9 +85,9 @@ class KeptFrames(TracedLine, Generic[F]):
         self._wire.close()
         self._reader.join(within_s)
 
+    @abstractmethod
     def _read(self) -> None:
         """Read until `_closing` is set."""
-        raise NotImplementedError
 
     def _keep(self, frames: Iterable[F]) -> None:
         with self._frames_lock:
