@@ -40,6 +40,7 @@ class Keysight34465A(LineInstrument, ScpiDevice):
     """
 
     model = "Keysight 34465A"
+    at_once = False
 
     lasting_faults: ClassVar = (Frozen.kind, Overload.kind)
 

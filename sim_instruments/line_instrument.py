@@ -7,15 +7,19 @@ from contextlib import AbstractContextManager
 from typing import ClassVar
 
 from sim_instruments.instrument import ServedInstrument, Setting
-from sim_instruments.tcp import LineServer
+from sim_instruments.requests import LineServer
 
 
 class LineInstrument(ServedInstrument, ABC):
-    """An instrument on a TCP port of its own; `_line` answers."""
+    """An instrument on a TCP port of its own; `_line` answers.
+
+    `at_once` is False where `_line` waits for time to pass.
+    """
 
     protocol: ClassVar[str] = "scpi"
     resource: ClassVar[str] = "TCPIP::{host}::{port}::SOCKET"
     line_end: ClassVar[bytes] = b"\n"
+    at_once: ClassVar[bool] = True
 
     def begin_to_serve(
         self, setting: Setting, lock: AbstractContextManager[object] | None = None
@@ -29,6 +33,7 @@ class LineInstrument(ServedInstrument, ABC):
             self._line,
             setting.faults,
             end=self.line_end,
+            at_once=self.at_once,
         )
         self._server.begin()
 

@@ -8,7 +8,6 @@ drivers use.
 from __future__ import annotations
 
 import struct
-from abc import abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
@@ -16,7 +15,7 @@ from sim_instruments.faults.instrument import InstrumentFaults
 from sim_instruments.faults.taps import LineTap
 from sim_instruments.faults.wire import Reply
 from sim_instruments.instrument import Setting
-from sim_instruments.tcp import LineServer
+from sim_instruments.requests import RequestServer
 
 READ_HOLDING, READ_INPUT, WRITE_ONE, WRITE_MANY = 3, 4, 6, 16
 ILLEGAL_FUNCTION, ILLEGAL_ADDRESS, ILLEGAL_VALUE, DEVICE_FAILURE = 1, 2, 3, 4
@@ -135,7 +134,7 @@ class ModbusTap(LineTap):
         return Reply(answer) if answer else None
 
 
-class ModbusServer(LineServer):
+class ModbusServer(RequestServer):
     """Answer for one device, whose requests stand `request_at` bytes into their frames."""
 
     def __init__(self, setting: Setting, registers: Registers, request_at: int) -> None:
@@ -144,15 +143,11 @@ class ModbusServer(LineServer):
             setting.port,
             setting.clock,
             setting.world.lock,
-            self._frame,
+            ModbusTap(setting.faults, request_at),
             setting.faults,
+            at_once=True,
         )
         self._registers = registers
-        self._tap = ModbusTap(setting.faults, request_at)
-
-    @abstractmethod
-    def _frame(self, frame: bytes) -> bytes:
-        """Return the answer to a whole frame, or nothing."""
 
 
 def unpacked(form: str, data: bytes) -> tuple[int, ...]:

@@ -7,8 +7,8 @@ without an answer; what is meant for all (unit 0) is carried out without one.
 
 from __future__ import annotations
 
-import socket
 import struct
+from collections.abc import Iterator
 
 from sim_instruments.instrument import Setting
 from sim_instruments.modbus import (
@@ -19,6 +19,7 @@ from sim_instruments.modbus import (
     ModbusServer,
     Registers,
 )
+from sim_instruments.requests import Conversation
 
 POLYNOMIAL = 0xA001
 SILENCE_S = 0.02
@@ -35,30 +36,25 @@ class ModbusRtuServer(ModbusServer):
         super().__init__(setting, registers, 1)
         self._unit = unit
 
-    def serve(self, client: socket.socket) -> None:
-        """Read frames until the client leaves."""
-        pending, free_s, heard_s = b"", 0.0, 0.0
-        while data := client.recv(65536):
-            with self._wire.serving(len(data)):
-                if client in self._dropped:
-                    self._wire.answered(1)
-                    continue
-                now_s = self._clock.now()
-                if now_s > heard_s + SILENCE_S:
-                    pending = b""
-                pending, heard_s = pending + data, now_s
-                while (size := frame_size(pending)) and len(pending) >= size:
-                    frame, pending = pending[:size], pending[size:]
-                    if crc16(frame) == 0:
-                        free_s = self._answer(client, frame, free_s)
-                    else:
-                        pending = b""
+    def requests(self, talk: Conversation, data: bytes) -> Iterator[bytes]:
+        """Take whole frames off what has come; what a silence cut short is forgotten."""
+        now_s = self._clock.now()
+        if now_s > talk.heard_s + SILENCE_S:
+            talk.pending = b""
+        talk.pending, talk.heard_s = talk.pending + data, now_s
+        while (size := frame_size(talk.pending)) and len(talk.pending) >= size:
+            frame, talk.pending = talk.pending[:size], talk.pending[size:]
+            if crc16(frame) == 0:
+                yield frame
+            else:
+                talk.pending = b""
 
-    def _frame(self, frame: bytes) -> bytes:
-        if frame[0] not in (self._unit, EVERYBODY):
+    def execute(self, request: bytes) -> bytes:
+        """Return the answer to a frame, or nothing."""
+        if request[0] not in (self._unit, EVERYBODY):
             return b""
-        answer = bytes([self._unit]) + self._registers.answer(frame[1:-2])
-        return b"" if frame[0] == EVERYBODY else answer + struct.pack("<H", crc16(answer))
+        answer = bytes([self._unit]) + self._registers.answer(request[1:-2])
+        return b"" if request[0] == EVERYBODY else answer + struct.pack("<H", crc16(answer))
 
 
 def frame_size(pending: bytes) -> int:

@@ -7,12 +7,12 @@ arrive in pieces. An answer goes out in one, because clients read the header by 
 
 from __future__ import annotations
 
-import socket
 import struct
 from collections.abc import Iterator
 
 from sim_instruments.instrument import Setting
 from sim_instruments.modbus import ModbusServer, Registers
+from sim_instruments.requests import Conversation
 
 HEADER = struct.Struct(">HHHB")
 LENGTHS = range(2, 255)
@@ -27,41 +27,24 @@ class ModbusTcpServer(ModbusServer):
         super().__init__(setting, registers, HEADER.size)
         self._units = (unit, *EVERY_UNIT)
 
-    def serve(self, client: socket.socket) -> None:
-        """Read frames until the client leaves, or sends what is none."""
-        pending, free_s = bytearray(), 0.0
-        while data := client.recv(65536):
-            with self._wire.serving(len(data)):
-                if client in self._dropped:
-                    self._wire.answered(1)
-                    continue
-                pending += data
-                for frame in frames(pending):
-                    if frame is None:
-                        # Where the next frame would begin, nobody knows.
-                        self.drop(client)
-                        self._wire.answered(1)
-                        break
-                    free_s = self._answer(client, frame, free_s)
+    def requests(self, talk: Conversation, data: bytes) -> Iterator[bytes | None]:
+        """Take whole frames off what has come; None, and no more, where a header is none."""
+        talk.pending += data
+        while len(talk.pending) >= HEADER.size:
+            _, protocol, length, _ = HEADER.unpack_from(talk.pending)
+            if protocol != 0 or length not in LENGTHS:
+                yield None
+                return
+            end = HEADER.size - 1 + length
+            if len(talk.pending) < end:
+                return
+            frame, talk.pending = talk.pending[:end], talk.pending[end:]
+            yield frame
 
-    def _frame(self, frame: bytes) -> bytes:
-        transaction, protocol, _, unit = HEADER.unpack_from(frame)
+    def execute(self, request: bytes) -> bytes:
+        """Return the answer to a frame, or nothing."""
+        transaction, protocol, _, unit = HEADER.unpack_from(request)
         if unit not in self._units:
             return b""
-        answer = self._registers.answer(frame[HEADER.size :])
+        answer = self._registers.answer(request[HEADER.size :])
         return HEADER.pack(transaction, protocol, len(answer) + 1, unit) + answer
-
-
-def frames(pending: bytearray) -> Iterator[bytes | None]:
-    """Take whole frames off what has come; None, and no more, where a header is none."""
-    while len(pending) >= HEADER.size:
-        _, protocol, length, _ = HEADER.unpack_from(pending)
-        if protocol != 0 or length not in LENGTHS:
-            yield None
-            return
-        end = HEADER.size - 1 + length
-        if len(pending) < end:
-            return
-        frame = bytes(pending[:end])
-        del pending[:end]
-        yield frame

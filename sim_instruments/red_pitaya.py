@@ -46,6 +46,7 @@ class RedPitaya(LineInstrument, ScpiDevice):
     """
 
     model = "Red Pitaya STEMlab 125-14"
+    at_once = False
 
     lasting_faults: ClassVar = (Overload.kind, NoTrigger.kind)
 

@@ -1,4 +1,4 @@
-"""Sockets on the loopback interface: accepting clients, and instruments that speak in lines."""
+"""Sockets on the loopback interface: accepting clients, and letting them go."""
 
 from __future__ import annotations
 
@@ -7,17 +7,15 @@ import select
 import socket
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from contextlib import AbstractContextManager, suppress
+from contextlib import suppress
 from itertools import count
 from threading import Lock, Thread
 
 from sim_instruments.faults.instrument import InstrumentFaults
 from sim_instruments.faults.lasting import LastingFault, PortGone
-from sim_instruments.faults.taps import LineTap
 from station.clock import Clock, ClockError, ClockStopped
 
 HOST = "127.0.0.1"
-LONGEST_LINE = 65536
 
 
 class TcpServer(ABC):
@@ -153,69 +151,6 @@ class TcpServer(ABC):
                 self._clients.discard(client)
                 self._dropped.discard(client)
             client.close()
-
-
-class LineServer(TcpServer):
-    """Pass each line, which ends with `end`, to an instrument and send back what it replies."""
-
-    def __init__(
-        self,
-        name: str,
-        port: int,
-        clock: Clock,
-        lock: AbstractContextManager[object],
-        execute: Callable[[bytes], bytes],
-        faults: InstrumentFaults | None = None,
-        *,
-        end: bytes = b"\n",
-    ) -> None:
-        super().__init__(name, port, clock, faults)
-        self._end = end
-        self._wire = clock.wire(self.address)
-        self._lock = lock
-        self._execute = execute
-        self._tap = LineTap(faults)
-
-    def serve(self, client: socket.socket) -> None:
-        """Read lines until the client leaves."""
-        pending, free_s = b"", 0.0
-        while data := client.recv(65536):
-            with self._wire.serving(len(data)):
-                if client in self._dropped:
-                    self._wire.answered(1)
-                    continue
-                *lines, pending = (pending + data).split(self._end)
-                if len(pending) > LONGEST_LINE:
-                    pending = pending[:LONGEST_LINE]
-                for line in lines:
-                    free_s = self._answer(client, line, free_s)
-
-    def _answer(self, client: socket.socket, line: bytes, free_s: float) -> float:
-        """Answer one line, not before `free_s`; return when the reply has gone out."""
-        now_s = self._clock.now()
-        with self._lock:
-            reply, drops = self._tap.exchange(line, self._execute, now_s)
-        if drops:
-            self.drop(client)
-        if client in self._dropped:
-            # What comes back is the end of the connection, and the client may see it now.
-            self._wire.answered(1)
-        elif reply is not None:
-            data = reply.body + reply.end
-            free_s = max(free_s, now_s + reply.delay_s)
-            if free_s <= now_s:
-                client.sendall(data)
-                self._wire.answered(len(data))
-            else:
-                self.later(free_s - now_s, lambda: self._send_late(client, data))
-        return free_s
-
-    def _send_late(self, client: socket.socket, data: bytes) -> None:
-        # Who has hung up gets nothing, and a new connection must not be told of it.
-        if not is_closed(client):
-            with suppress(OSError):
-                client.sendall(data)
-                self._wire.answered(len(data))
 
 
 def is_closed(client: socket.socket) -> bool:

@@ -6,6 +6,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 from contextlib import AbstractContextManager
 from threading import Thread
+from typing import Protocol
 
 
 class ClockError(Exception):
@@ -49,6 +50,16 @@ class ParticipantThread:
         return self._thread.is_alive()
 
 
+class Attendant(Protocol):
+    """A server's side of one connection that is read by whoever writes on it."""
+
+    def look(self) -> bool:
+        """Read and answer what has come, or comes in a moment; return whether it may go on so."""
+
+    def dismissed(self) -> None:
+        """Be told that nobody reads the connection any more; the server does so again itself."""
+
+
 class Wire(ABC):
     """Count what is in flight between one client and one server, in units both sides can count.
 
@@ -85,6 +96,14 @@ class Wire(ABC):
     @abstractmethod
     def serving(self, units: int) -> AbstractContextManager[None]:
         """Take `units` off the wire as the server, and be the running participant until exit."""
+
+    @abstractmethod
+    def attend(self, attendant: Attendant) -> bool:
+        """Have requests read and answered in the thread that sends them, and return True.
+
+        Said inside `serving`, by a server that answers at once. False where a clock does not, or
+        where the request came from elsewhere: the server then goes on to read by itself.
+        """
 
     @abstractmethod
     def answered(self, units: int) -> None:

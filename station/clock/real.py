@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from threading import Event, Lock, current_thread, main_thread
 
-from station.clock.base import Clock, ClockStopped, ParticipantThread, Wire
+from station.clock.base import Attendant, Clock, ClockStopped, ParticipantThread, Wire
 
 INTERRUPT_SLICE_S = 0.05
 REAL_PATIENCE_S = 0.5
@@ -40,6 +40,10 @@ class RealWire(Wire):
     def serving(self, units: int) -> AbstractContextManager[None]:
         """Run the body as it is."""
         return nullcontext()
+
+    def attend(self, attendant: Attendant) -> bool:
+        """Leave each server to its own threads."""
+        return False
 
     def answered(self, units: int) -> None:
         """Count nothing."""

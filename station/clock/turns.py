@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections import deque
+from collections.abc import Callable
 from itertools import count
 from threading import Lock, get_ident, main_thread
 
@@ -16,10 +18,13 @@ class Participant:
     """One thread's place in the order of turns.
 
     `order` decides between participants whose time has come: those that serve a request, in the
-    order the requests were sent, then the named ones by name.
+    order the requests were sent, then the named ones by name. `to_serve` are the requests it has
+    sent that its own thread serves when it gives up its turn. Who serves so is `at_once`: it may
+    not wait, for it has no thread of its own to wait in.
     """
 
     __slots__ = (
+        "at_once",
         "doing",
         "event_came",
         "name",
@@ -28,6 +33,7 @@ class Participant:
         "stoppable",
         "stopped",
         "thread",
+        "to_serve",
         "turn",
         "wake_at",
     )
@@ -40,10 +46,17 @@ class Participant:
         self.event_came = False
         self.sleeping = False
         self.stopped = False
+        self.at_once = False
+        self.to_serve: deque[Callable[[], None]] = deque()
         self.doing = "starting"
         self.thread: int | None = None
         self.turn = Lock()
         self.turn.acquire()
+
+    def serve(self) -> None:
+        """Serve what this participant has sent to those that answer in its thread."""
+        while self.to_serve:
+            self.to_serve.popleft()()
 
 
 class Turns:
@@ -69,6 +82,8 @@ class Turns:
         self, participant: Participant, wake_at: float, doing: str, *, event_came: bool = False
     ) -> None:
         """Let `participant` wait until `wake_at` or until its event comes."""
+        if participant.at_once and not event_came:
+            raise ClockError(f"{participant.name} answers at once, it cannot be {doing}")
         participant.wake_at = wake_at
         participant.event_came = event_came
         participant.doing = doing
@@ -99,6 +114,7 @@ class Turns:
     def take(self, participant: Participant) -> None:
         """Block in real time until `participant` has the turn (mutex not held)."""
         participant.thread = get_ident()
+        participant.serve()
         while not participant.turn.acquire(timeout=POLL_S):
             self.raise_failure()
         if participant.stopped:

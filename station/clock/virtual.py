@@ -148,6 +148,16 @@ class VirtualClock(Clock):
         self._mine.participant = None
         with self._turns.mutex:
             self._turns.leave(participant)
+        participant.serve()
+
+    @contextmanager
+    def set_aside(self) -> Iterator[None]:
+        """Let this thread, whose participant waits, be another one until exit."""
+        participant, self._mine.participant = getattr(self._mine, "participant", None), None
+        try:
+            yield
+        finally:
+            self._mine.participant = participant
 
     def _must_be_outside(self) -> None:
         if getattr(self._mine, "participant", None) is not None:

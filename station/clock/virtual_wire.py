@@ -9,7 +9,7 @@ from contextlib import AbstractContextManager
 from types import TracebackType
 from typing import TYPE_CHECKING
 
-from station.clock.base import Wire
+from station.clock.base import Attendant, Wire
 from station.clock.turns import Participant, Turns
 
 if TYPE_CHECKING:
@@ -30,6 +30,7 @@ class VirtualWire(Wire):
         self._answered = 0
         self._sequences: deque[int] = deque()
         self._waiter: Participant | None = None
+        self._attendant: Attendant | None = None
 
     def open(self) -> None:
         """Say that a client in this process listens on the wire."""
@@ -43,7 +44,10 @@ class VirtualWire(Wire):
             self._turns.in_flight -= self._unread() + self._in_stream
             self._to_server = self._in_stream = self._answered = 0
             self._sequences.clear()
+            attendant, self._attendant = self._attendant, None
             self._turns.pass_on()
+        if attendant is not None:
+            attendant.dismissed()
 
     def sent(self, units: int) -> None:
         """Count `units` from the client to the server, before they are written."""
@@ -52,6 +56,8 @@ class VirtualWire(Wire):
                 self._to_server += units
                 self._turns.in_flight += 0 if self._busy else units
                 self._sequences.append(self._turns.next_sequence())
+                if self._attendant is not None:
+                    self._clock.current(f"send to {self._address}").to_serve.append(self._serve)
 
     def wait(self, deadline_s: float) -> bool:
         """Give up the turn until an answer lies ready (True) or `deadline_s` is reached (False)."""
@@ -83,12 +89,29 @@ class VirtualWire(Wire):
         """Take `units` off the wire on the server's side and be the running participant."""
         return Serving(self, units)
 
+    def attend(self, attendant: Attendant) -> bool:
+        """Have requests served in the thread that sends them, if this one was sent over here."""
+        with self._turns.mutex:
+            free = self._open and self._attendant is None and not self._to_server
+            if free:
+                self._attendant = attendant
+            return free
+
+    def _serve(self) -> None:
+        """Let the attendant serve what was sent, in the thread that has sent it."""
+        with self._clock.set_aside():
+            while self._to_server and (attendant := self._attendant) is not None:
+                if not attendant.look():
+                    self._attendant = None
+                    attendant.dismissed()
+
     def begin_to_serve(self, units: int) -> Participant:
         """Take `units` off the wire; return the participant that deals with them."""
         turns = self._turns
         with turns.mutex:
             sequence = self._sequences.popleft() if self._sequences else turns.next_sequence()
             server = Participant(self._address, (0, sequence, ""), stoppable=True)
+            server.at_once = self._attendant is not None
             # What else lies on the wire can only be read when this request is done, so it must
             # not keep the turn from being passed on until then.
             turns.in_flight -= self._unread()
