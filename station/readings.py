@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from typing import NamedTuple
 
 from station.clock import Clock
 
@@ -12,8 +12,7 @@ Publisher = Callable[[str, Value, str], None]
 """Takes a quantity, its value (a number, or a word for a state) and the unit of a number."""
 
 
-@dataclass(frozen=True)
-class Reading:
+class Reading(NamedTuple):
     """What an instrument said of a quantity, and the run time in s at which it said so."""
 
     value: Value

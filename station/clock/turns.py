@@ -6,10 +6,13 @@ import math
 from collections import deque
 from collections.abc import Callable
 from itertools import count
+from operator import attrgetter
 from threading import Lock, get_ident, main_thread
 
 from station.clock.base import ClockError, ClockStopped
 
+CALLED = -math.inf
+"""The time to wake of whoever waits for the turn alone."""
 POLL_S = 0.05
 """Real time between two looks of a waiting thread for an interruption or a failure."""
 
@@ -26,7 +29,6 @@ class Participant:
     __slots__ = (
         "at_once",
         "doing",
-        "event_came",
         "name",
         "order",
         "sleeping",
@@ -43,7 +45,6 @@ class Participant:
         self.order = order
         self.stoppable = stoppable
         self.wake_at = math.inf
-        self.event_came = False
         self.sleeping = False
         self.stopped = False
         self.at_once = False
@@ -53,10 +54,17 @@ class Participant:
         self.turn = Lock()
         self.turn.acquire()
 
+    def called(self) -> None:
+        """Let its event come: it is among the next to run."""
+        self.wake_at = CALLED
+
     def serve(self) -> None:
         """Serve what this participant has sent to those that answer in its thread."""
         while self.to_serve:
             self.to_serve.popleft()()
+
+
+BY_TIME = attrgetter("wake_at", "order")
 
 
 class Turns:
@@ -78,14 +86,11 @@ class Turns:
         """Return the next number of an order that is the same in every run."""
         return next(self._sequence)
 
-    def park(
-        self, participant: Participant, wake_at: float, doing: str, *, event_came: bool = False
-    ) -> None:
-        """Let `participant` wait until `wake_at` or until its event comes."""
-        if participant.at_once and not event_came:
+    def park(self, participant: Participant, wake_at: float, doing: str) -> None:
+        """Let `participant` wait until `wake_at` or until it is called."""
+        if participant.at_once and wake_at != CALLED:
             raise ClockError(f"{participant.name} answers at once, it cannot be {doing}")
         participant.wake_at = wake_at
-        participant.event_came = event_came
         participant.doing = doing
         self.waiting.append(participant)
         if self.running is participant:
@@ -93,23 +98,28 @@ class Turns:
         self.pass_on()
 
     def pass_on(self) -> None:
-        """Give the turn to whose time has come, or let time jump to the earliest sleeper."""
+        """Give the turn to who was called, or let time jump to the earliest sleeper."""
         if self.running is not None or self.in_flight or not self.waiting:
             return
-        ready = [participant for participant in self.waiting if participant.event_came]
-        if ready:
-            chosen = min(ready, key=lambda participant: participant.order)
-        else:
-            chosen = min(
-                self.waiting, key=lambda participant: (participant.wake_at, participant.order)
-            )
-            if chosen.wake_at == math.inf:
-                return
-            self.now = max(self.now, chosen.wake_at)
+        chosen = min(self.waiting, key=BY_TIME)
+        if chosen.wake_at == math.inf:
+            return
+        if chosen.wake_at > self.now:
+            self.now = chosen.wake_at
         self.waiting.remove(chosen)
         self.running = chosen
         self.passed += 1
         chosen.turn.release()
+
+    def run_at_once(self, participant: Participant) -> bool:
+        """Give the turn to `participant` where nobody else could have it, else return False."""
+        if self.running is not None or self.in_flight:
+            return False
+        if any(one.wake_at == CALLED for one in self.waiting):
+            return False
+        self.running = participant
+        self.passed += 1
+        return True
 
     def take(self, participant: Participant) -> None:
         """Block in real time until `participant` has the turn (mutex not held)."""
@@ -137,7 +147,7 @@ class Turns:
         """Let the main participant, where it sleeps, be the next to run."""
         for participant in self.waiting:
             if participant.sleeping and not participant.stoppable:
-                participant.event_came = True
+                participant.called()
         self.pass_on()
 
     def leave(self, participant: Participant) -> None:

@@ -7,7 +7,7 @@ from contextlib import AbstractContextManager, contextmanager
 from threading import current_thread, local, main_thread
 
 from station.clock.base import Clock, ClockError, ClockStopped, ParticipantThread, Wire
-from station.clock.turns import Participant, Turns
+from station.clock.turns import CALLED, Participant, Turns
 from station.clock.virtual_wire import TurnLock, VirtualWire
 from station.clock.watchdog import Watchdog
 
@@ -53,7 +53,7 @@ class VirtualClock(Clock):
         """Start a thread that takes part in time, known to the clock before this returns."""
         participant = Participant(name, (1, 0, name), stoppable=True)
         with self._turns.mutex:
-            self._turns.park(participant, self.now(), "about to start", event_came=True)
+            self._turns.park(participant, CALLED, "about to start")
 
         def takes_part() -> None:
             with self.joined(participant, parked=True):
@@ -65,7 +65,7 @@ class VirtualClock(Clock):
 
     def lock(self, name: str) -> AbstractContextManager[object]:
         """Return a lock whose waiting gives up the turn."""
-        return TurnLock(self._turns, lambda: self.current(f"take the lock {name}"), name)
+        return TurnLock(self, self._turns, name)
 
     def wire(self, address: str) -> Wire:
         """Return the wire of a server's address; both of its ends get the same one."""
@@ -125,7 +125,7 @@ class VirtualClock(Clock):
         if not parked:
             self._must_be_outside()
             with self._turns.mutex:
-                self._turns.park(participant, self.now(), "about to start", event_came=True)
+                self._turns.park(participant, CALLED, "about to start")
         self.join(participant)
         try:
             yield
@@ -150,14 +150,11 @@ class VirtualClock(Clock):
             self._turns.leave(participant)
         participant.serve()
 
-    @contextmanager
-    def set_aside(self) -> Iterator[None]:
-        """Let this thread, whose participant waits, be another one until exit."""
-        participant, self._mine.participant = getattr(self._mine, "participant", None), None
-        try:
-            yield
-        finally:
-            self._mine.participant = participant
+    def swap(self, participant: Participant | None) -> Participant | None:
+        """Make this thread `participant`, without a turn; return who it was."""
+        before: Participant | None = getattr(self._mine, "participant", None)
+        self._mine.participant = participant
+        return before
 
     def _must_be_outside(self) -> None:
         if getattr(self._mine, "participant", None) is not None:

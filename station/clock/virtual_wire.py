@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Callable
 from contextlib import AbstractContextManager
+from threading import get_ident
 from types import TracebackType
 from typing import TYPE_CHECKING
 
 from station.clock.base import Attendant, Wire
-from station.clock.turns import Participant, Turns
+from station.clock.turns import CALLED, Participant, Turns
 
 if TYPE_CHECKING:
     from station.clock.virtual import VirtualClock
@@ -23,6 +23,8 @@ class VirtualWire(Wire):
         self._clock = clock
         self._turns = turns
         self._address = address
+        self._sends, self._waits = f"send to {address}", f"wait for {address}"
+        self._waiting = f"waiting for an answer of {address}"
         self._open = False
         self._busy = False
         self._to_server = 0
@@ -57,16 +59,16 @@ class VirtualWire(Wire):
                 self._turns.in_flight += 0 if self._busy else units
                 self._sequences.append(self._turns.next_sequence())
                 if self._attendant is not None:
-                    self._clock.current(f"send to {self._address}").to_serve.append(self._serve)
+                    self._clock.current(self._sends).to_serve.append(self._serve)
 
     def wait(self, deadline_s: float) -> bool:
         """Give up the turn until an answer lies ready (True) or `deadline_s` is reached (False)."""
-        participant = self._clock.current(f"wait for {self._address}")
+        participant = self._clock.current(self._waits)
         with self._turns.mutex:
             if self._answered:
                 return True
             self._waiter = participant
-            self._turns.park(participant, deadline_s, f"waiting for an answer of {self._address}")
+            self._turns.park(participant, deadline_s, self._waiting)
         self._turns.take(participant)
         with self._turns.mutex:
             self._waiter = None
@@ -99,19 +101,20 @@ class VirtualWire(Wire):
 
     def _serve(self) -> None:
         """Let the attendant serve what was sent, in the thread that has sent it."""
-        with self._clock.set_aside():
+        sender = self._clock.swap(None)
+        try:
             while self._to_server and (attendant := self._attendant) is not None:
                 if not attendant.look():
                     self._attendant = None
                     attendant.dismissed()
+        finally:
+            self._clock.swap(sender)
 
     def begin_to_serve(self, units: int) -> Participant:
         """Take `units` off the wire; return the participant that deals with them."""
         turns = self._turns
         with turns.mutex:
             sequence = self._sequences.popleft() if self._sequences else turns.next_sequence()
-            server = Participant(self._address, (0, sequence, ""), stoppable=True)
-            server.at_once = self._attendant is not None
             # What else lies on the wire can only be read when this request is done, so it must
             # not keep the turn from being passed on until then.
             turns.in_flight -= self._unread()
@@ -119,7 +122,13 @@ class VirtualWire(Wire):
             self._to_server -= min(units, self._to_server)
             if not self._to_server:
                 self._sequences.clear()
-            turns.park(server, turns.now, "about to serve a request", event_came=True)
+            server = Participant(self._address, (0, sequence, ""), stoppable=True)
+            server.at_once = self._attendant is not None
+            if server.at_once and turns.run_at_once(server):
+                server.thread = get_ident()
+                self._clock.swap(server)
+                return server
+            turns.park(server, CALLED, "about to serve a request")
         self._clock.join(server)
         return server
 
@@ -140,7 +149,7 @@ class VirtualWire(Wire):
             if self._open and units:
                 self._answered += units
                 if self._waiter is not None:
-                    self._waiter.event_came = True
+                    self._waiter.called()
 
     def streamed(self, units: int) -> None:
         """Count `units` of a stream, before they are written to the client."""
@@ -173,15 +182,16 @@ class Serving:
 class TurnLock:
     """A lock that gives up the turn while it waits; its waiters follow one another by name."""
 
-    def __init__(self, turns: Turns, current: Callable[[], Participant], name: str) -> None:
+    def __init__(self, clock: VirtualClock, turns: Turns, name: str) -> None:
+        self._clock = clock
         self._turns = turns
-        self._current = current
         self._name = name
+        self._attempt = f"take the lock {name}"
         self._owner: Participant | None = None
         self._queue: list[Participant] = []
 
     def __enter__(self) -> None:
-        participant = self._current()
+        participant = self._clock.current(self._attempt)
         with self._turns.mutex:
             if self._owner is None:
                 self._owner = participant
@@ -206,11 +216,14 @@ class TurnLock:
         trace: TracebackType | None,
     ) -> None:
         with self._turns.mutex:
-            self._hand_on()
+            if self._queue:
+                self._hand_on()
+            else:
+                self._owner = None
 
     def _hand_on(self) -> None:
         self._owner = min(self._queue, key=lambda one: one.order) if self._queue else None
         if self._owner is not None:
             self._queue.remove(self._owner)
-            self._owner.event_came = True
+            self._owner.called()
             self._turns.pass_on()

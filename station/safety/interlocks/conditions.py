@@ -13,7 +13,8 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import ClassVar, Protocol
+from functools import cached_property
+from typing import ClassVar, NamedTuple, Protocol
 
 from station.readings import Reading
 
@@ -29,8 +30,7 @@ class Eyes(Protocol):
         ...
 
 
-@dataclass(frozen=True)
-class Seen:
+class Seen(NamedTuple):
     """A reading; or none, with the reason why, and whether the instrument may say nothing now."""
 
     reading: Reading | None
@@ -38,8 +38,7 @@ class Seen:
     excused: bool = False
 
 
-@dataclass(frozen=True)
-class Judgement:
+class Judgement(NamedTuple):
     """Whether a condition is true, None where that cannot be told; and in words what was seen."""
 
     true: bool | None
@@ -80,7 +79,7 @@ class Level:
         """The one quantity."""
         return frozenset({(self.instrument, self.quantity)})
 
-    @property
+    @cached_property
     def limit(self) -> str:
         """The limit in words: `above 8.2 A`."""
         if self.low == -math.inf:
