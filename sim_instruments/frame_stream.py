@@ -137,6 +137,7 @@ class FrameStreamServer(TcpServer):
             self._wire.streamed(len(data))
             with suppress(OSError):
                 client.sendall(data)
+            self._wire.written()
 
 
 class FrameInstrument(ServedInstrument, ABC):

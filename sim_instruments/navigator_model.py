@@ -146,7 +146,7 @@ class NavigatorModel:
         number = self._run
         # The first run has the device's own name, for the order among equal times.
         name = self._name if number == 1 else f"{self._name} {number}"
-        self._clock.start(name, lambda: self._output(number))
+        self._clock.repeat(name, self._due_s(), lambda: self._output(number))
         return OK
 
     def _align(self, latitude_deg: float) -> int:
@@ -187,15 +187,18 @@ class NavigatorModel:
     def _time_s(self, counter: int) -> float:
         return self._begin_s + counter * self._interval_s
 
-    def _output(self, number: int) -> None:
-        while True:
-            self._clock.sleep_until(self._time_s(self.counter + 1) + self._latency_s)
-            with self._lock:
-                if self._closed or number != self._run or not self._powered() or not self.rate:
-                    return
-                found = self._next()
-            if found is not None:
-                self._send(found)
+    def _due_s(self) -> float:
+        return self._time_s(self.counter + 1) + self._latency_s
+
+    def _output(self, number: int) -> float | None:
+        """Send the next output of a run; return when the one after it is due, None at its end."""
+        with self._lock:
+            if self._closed or number != self._run or not self._powered() or not self.rate:
+                return None
+            found = self._next()
+        if found is not None:
+            self._send(found)
+        return self._due_s()
 
     def _next(self) -> Output | None:
         """Return the next output; None for one that a fault keeps back."""

@@ -128,7 +128,8 @@ class NineAxisModel:
         number = self._run
         # The first run has the device's own name, for the order among equal times.
         name = self._name if number == 1 else f"{self._name} {number}"
-        self._clock.start(name, lambda: self._output(number))
+        self._batch = max(1, int(np.ceil(SHORTEST_BATCH_S / self._interval_s - 1e-3)))
+        self._clock.repeat(name, self._due_s(), lambda: self._output(number))
 
     def stop(self) -> None:
         """End the output."""
@@ -142,15 +143,17 @@ class NineAxisModel:
     def _time_s(self, counter: int) -> float:
         return self._begin_s + counter * self._interval_s
 
-    def _output(self, number: int) -> None:
-        batch = max(1, int(np.ceil(SHORTEST_BATCH_S / self._interval_s - 1e-3)))
-        while True:
-            self._clock.sleep_until(self._time_s(self.counter + batch) + self._latency_s)
-            with self._lock:
-                if self._closed or number != self._run or not self.powered or not self.rate_Hz:
-                    return
-                frames = self._next(batch)
-            self._send(frames)
+    def _due_s(self) -> float:
+        return self._time_s(self.counter + self._batch) + self._latency_s
+
+    def _output(self, number: int) -> float | None:
+        """Send the next batch of a run; return when the one after it is due, None at its end."""
+        with self._lock:
+            if self._closed or number != self._run or not self.powered or not self.rate_Hz:
+                return None
+            frames = self._next(self._batch)
+        self._send(frames)
+        return self._due_s()
 
     def _next(self, batch: int) -> Sequence[Any]:
         """Return the frames of the next outputs, without those that a fault keeps back."""
@@ -174,7 +177,8 @@ class NineAxisModel:
         return frames
 
     def _as_faults_say(self, rows: Means) -> Means:
-        if self._faults.now(Frozen.kind) is not None and self._last is not None:
+        if self._faults.now(Frozen.kind) is not None:
+            self._last = self._last or rows.rows(slice(1))
             rows = self._last.rows(np.zeros(len(rows.temperature_degC), dtype=np.int64))
         gyro, valid = rows.gyro_deg_per_s.copy(), rows.valid.copy()
         if self._faults.now(Overload.kind) is not None:

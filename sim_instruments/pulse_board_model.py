@@ -7,6 +7,7 @@ interval, 3 bad channels, 4 already running, 5 bad length.
 from __future__ import annotations
 
 from collections.abc import Callable
+from itertools import count
 
 import numpy as np
 import numpy.typing as npt
@@ -77,19 +78,19 @@ class PulseBoardModel:
 
     def begin_to_report(self, period_s: float, report: Callable[[], None]) -> None:
         """Report every so often by the board's clock, until it is closed, the lock held."""
-        begin_s = self._clock.now()
+        begin_s, periods = self._clock.now(), count(1)
 
-        def keep_reporting() -> None:
-            period = 0
-            while not self._closed:
-                period += 1
-                self._clock.sleep_until(begin_s + period * period_s * self._stretch)
-                if self._closed:
-                    return
-                with self._world.lock:
-                    report()
+        def due_s() -> float:
+            return begin_s + next(periods) * period_s * self._stretch
 
-        self._clock.start(f"{self._name} status", keep_reporting)
+        def report_again() -> float | None:
+            if self._closed:
+                return None
+            with self._world.lock:
+                report()
+            return due_s()
+
+        self._clock.repeat(f"{self._name} status", due_s(), report_again)
 
     def carry_out(self, command: int, mask: int, interval: int) -> int:
         """Do what a command asks for and return what it comes to."""
@@ -130,26 +131,28 @@ class PulseBoardModel:
         self._sampler.begin(self._clock.now(), interval * 1e-4 * self._stretch)
         # The first acquisition has the device's own name, for the order among equal times.
         name = self._name if number == 1 else f"{self._name} {number}"
-        self._clock.start(name, lambda: self._acquire(number))
+        batch = max(1, int(np.ceil(self._shortest_batch_s / self._sampler.interval_s - 1e-3)))
+        self._clock.repeat(name, self._look_s(batch), lambda: self._acquire(number, batch))
         return OK
 
-    def _acquire(self, number: int) -> None:
-        """Send the samples of one acquisition in batches."""
-        batch = max(1, int(np.ceil(self._shortest_batch_s / self._sampler.interval_s - 1e-3)))
-        while True:
-            due_s = self.time_s(self.samples + batch) + self._latency_s
-            while due_s - self._clock.now() > 1.0:
-                # Long intervals are slept through in pieces, to notice an end.
-                self._clock.sleep(1.0)
-                if self._over(number):
-                    return
-            self._clock.sleep_until(due_s)
-            with self._world.lock:
-                if self._over(number):
-                    return
-                self._faults.catch_up()
-                send = self._send(*self._batch(batch))
-            send()
+    def _due_s(self, batch: int) -> float:
+        return self.time_s(self.samples + batch) + self._latency_s
+
+    def _look_s(self, batch: int) -> float:
+        """Return when the next batch is due; before it is, when to notice an end."""
+        return min(self._due_s(batch), self._clock.now() + 1.0)
+
+    def _acquire(self, number: int, batch: int) -> float | None:
+        """Send a batch of one acquisition if it is due; return when to do so again."""
+        with self._world.lock:
+            if self._over(number):
+                return None
+            if self._due_s(batch) > self._clock.now():
+                return self._look_s(batch)
+            self._faults.catch_up()
+            send = self._send(*self._batch(batch))
+        send()
+        return self._look_s(batch)
 
     def _over(self, number: int) -> bool:
         return self._closed or not self.running or number != self._acquisition

@@ -12,7 +12,7 @@ from threading import Event
 from sim_instruments.faults.instrument import InstrumentFaults
 from sim_instruments.faults.taps import LineTap
 from sim_instruments.tcp import TcpServer, is_closed
-from station.clock import Clock, ClockError, ClockStopped
+from station.clock import Clock, ClockStopped
 
 LONGEST_LINE = LARGEST_READ_BYTES = 65536
 LOOK_S = 0.005
@@ -38,7 +38,7 @@ class Conversation:
             if data:
                 self._server.received(self, data)
             return bool(data)
-        except (OSError, ValueError, ClockStopped, ClockError):
+        except (OSError, ClockStopped):
             return False
 
     def dismissed(self) -> None:

@@ -70,6 +70,7 @@ class SocketcandServer(TcpServer):
             for client in clients:
                 with suppress(OSError):
                     client.sendall(data)
+            self._wire.written()
 
     def serve(self, client: socket.socket) -> None:
         """Greet, open the bus, then carry frames until the client leaves."""

@@ -83,13 +83,8 @@ class TcpServer(ABC):
 
     def later(self, delay_s: float, act: Callable[[], None]) -> None:
         """Do something after a while, as a participant of its own."""
-
-        def sleep_and_act() -> None:
-            self._clock.sleep_until(due_s)
-            act()
-
         due_s = self._clock.now() + delay_s
-        self._clock.start(f"{self._name} later {next(self._later):06d}", sleep_and_act)
+        self._clock.repeat(f"{self._name} later {next(self._later):06d}", due_s, act)
 
     def _port_changed(self, time_s: float, fault: LastingFault | None) -> None:
         assert self._faults is not None

@@ -7,7 +7,9 @@ import threading
 
 import pytest
 
-from station.clock import ClockError, ClockStopped, RealClock, VirtualClock
+from sim_instruments.requests import LineServer
+from sim_instruments.tcp import HOST
+from station.clock import Clock, ClockError, ClockStopped, RealClock, VirtualClock
 
 
 def test_time_jumps_to_the_earliest_sleeper_in_a_fixed_order() -> None:
@@ -224,3 +226,81 @@ def test_a_faster_clock_runs_faster_than_the_real_one() -> None:
     real, fast = RealClock(), RealClock(speed=50.0)
     real.sleep(0.1)
     assert fast.now() > 10 * real.now()
+
+
+def test_who_answers_at_once_does_so_in_the_thread_that_asks() -> None:
+    clock, threads = VirtualClock(), []
+
+    def answer(line: bytes) -> bytes:
+        threads.append(threading.get_ident())
+        return line + b"\n"
+
+    server = LineServer("device", 0, clock, clock.lock("world"), answer, at_once=True)
+    server.begin()
+    wire = clock.wire(server.address)
+    with clock.participant("run"), socket.create_connection((HOST, server.port)) as client:
+        wire.open()
+        for _ in range(3):
+            assert ask(client, wire, clock, b"?\n", 0.5) == b"?\n"
+        assert clock.now() == 0.0
+        wire.close()
+    server.close()
+    clock.stop()
+    # The first request finds out that it comes from this process.
+    assert threads[0] != threading.get_ident()
+    assert threads[1:] == [threading.get_ident()] * 2
+
+
+def test_who_answers_at_once_may_not_wait() -> None:
+    clock = VirtualClock()
+
+    def answer(line: bytes) -> bytes:
+        clock.sleep(len(told))
+        return line + b"\n"
+
+    told: list[str] = []
+    server = LineServer("device", 0, clock, clock.lock("world"), answer, at_once=True)
+    server.begin()
+    wire = clock.wire(server.address)
+    with clock.participant("run"), socket.create_connection((HOST, server.port)) as client:
+        wire.open()
+        assert ask(client, wire, clock, b"?\n", 0.5) == b"?\n"
+        told.append("one second")
+        with pytest.raises(ClockError, match=r"answers at once, it cannot be sleeping"):
+            ask(client, wire, clock, b"?\n", 0.5)
+        wire.close()
+    server.close()
+    clock.stop()
+
+
+@pytest.mark.parametrize("clock", [VirtualClock(), RealClock(speed=50.0)], ids=["virtual", "real"])
+def test_what_repeats_comes_at_its_times_until_it_ends(clock: Clock) -> None:
+    seen: list[float] = []
+
+    def step() -> float | None:
+        seen.append(clock.now())
+        return seen[0] + len(seen) if len(seen) < 4 else None
+
+    began_s = clock.now()
+    with clock.participant("run"):
+        clock.repeat("device", began_s + 0.5, step)
+        clock.sleep_until(began_s + 8.0)
+    clock.stop()
+    due = [began_s + 0.5, *(seen[0] + one for one in (1, 2, 3))]
+    assert len(seen) == 4
+    assert all(one >= at for one, at in zip(seen, due, strict=True))
+    if isinstance(clock, VirtualClock):
+        assert seen == due
+
+
+def test_a_step_that_fails_is_told_and_does_not_let_time_run_on() -> None:
+    clock = VirtualClock()
+
+    def step() -> float | None:
+        raise ValueError("no such register")
+
+    with clock.participant("run"):
+        clock.repeat("device", 1.0, step)
+        with pytest.raises(ClockError, match=r"device has failed: .*no such register"):
+            clock.sleep(5.0)
+    clock.stop()

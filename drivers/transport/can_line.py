@@ -14,10 +14,9 @@ from urllib.parse import urlsplit
 import can
 
 from drivers.roles import Place
-from drivers.transport.kept_frames import KeptFrames
+from drivers.transport.kept_frames import READ_SLICE_S, KeptFrames
 
 CONNECT_DEADLINE_S = 2.0
-READ_SLICE_S = 0.2
 GREETING = b"< hi >"
 OPENED = b"< ok >"
 CLOSED = "the other side closed the connection"
@@ -95,26 +94,25 @@ class CanLine(KeptFrames[Frame]):
         with suppress(OSError, can.CanError):
             self._bus.shutdown()
 
-    def _read(self) -> None:
-        while not self._closing.is_set():
-            try:
-                message = self._bus.recv(READ_SLICE_S)
-            except (OSError, ValueError, can.CanError) as error:
-                self._dead = first_line(error)
-                return
-            if message is None:
-                if not self._closing.is_set() and is_closed(self._bus):
-                    self._dead = CLOSED
-                    return
-                continue
-            data = bytes(message.data)
-            if message.is_error_frame:
-                self._traced("!", f"error frame {message.arbitration_id:X}".encode())
-                continue
-            self._traced_frame("<", message.arbitration_id, data)
-            if message.arbitration_id in self._names:
-                self._keep([Frame(message.arbitration_id, data, self._clock.now())])
-            self._wire.picked_up(1)
+    def _read(self, within_s: float) -> bool:
+        try:
+            message = self._bus.recv(within_s)
+        except (OSError, ValueError, can.CanError) as error:
+            self._dead = first_line(error)
+            return False
+        if message is None:
+            if not self._closing.is_set() and is_closed(self._bus):
+                self._dead = CLOSED
+            return False
+        data = bytes(message.data)
+        if message.is_error_frame:
+            self._traced("!", f"error frame {message.arbitration_id:X}".encode())
+            return True
+        self._traced_frame("<", message.arbitration_id, data)
+        if message.arbitration_id in self._names:
+            self._keep([Frame(message.arbitration_id, data, self._clock.now())])
+        self._wire.picked_up(1)
+        return True
 
     def _traced_frame(self, direction: str, identifier: int, data: bytes) -> None:
         if self._trace is not None:

@@ -1,4 +1,4 @@
-"""Frames that a reader thread stamps: they wait here until somebody takes them."""
+"""Frames that are stamped when they come: they wait here until somebody takes them."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from drivers.transport.traced import TracedLine
 from station.errors import InstrumentError
 
 LOOK_S = 0.005
+READ_SLICE_S = 0.2
 
 F = TypeVar("F")
 
@@ -20,8 +21,9 @@ F = TypeVar("F")
 class KeptFrames(TracedLine, ABC, Generic[F]):
     """What a line of unasked frames does on whatever it goes; `kind_of` tells kinds apart.
 
-    A line calls `_begin_to_read` when it is open; its `_read` runs in a thread until `_closing` is
-    set, puts what has come to `_keep`, and leaves in `_dead` why it ended before.
+    A line calls `_begin_to_read` when it is open; its `_read` puts what comes to `_keep`, and
+    leaves in `_dead` why nothing can come any more. A thread reads, or on virtual time whoever has
+    written.
     """
 
     line = "the line"
@@ -35,7 +37,7 @@ class KeptFrames(TracedLine, ABC, Generic[F]):
         self._frames_lock = Lock()
         self._closing = Event()
         self._dead: str | None = None
-        self._reader = Thread(target=self._read, name=f"{place.name} reader", daemon=True)
+        self._reader = Thread(target=self._keep_reading, name=f"{place.name} reader", daemon=True)
 
     def take(self, *kinds: int) -> list[F]:
         """Return the received frames of these kinds, in order, and keep the others.
@@ -48,8 +50,8 @@ class KeptFrames(TracedLine, ABC, Generic[F]):
                 kept = [frame for frame in self._frames if self._kind_of(frame) not in kinds]
                 self._frames.clear()
                 self._frames.extend(kept)
-        if not taken and self._dead is not None:
-            raise self._broken(self._dead)
+        if not taken:
+            self._must_live()
         return taken
 
     def newest(self, kind: int) -> F | None:
@@ -60,8 +62,8 @@ class KeptFrames(TracedLine, ABC, Generic[F]):
         with self._frames_lock:
             newest_first = reversed(self._frames)
             found = next((one for one in newest_first if self._kind_of(one) == kind), None)
-        if found is None and self._dead is not None:
-            raise self._broken(self._dead)
+        if found is None:
+            self._must_live()
         return found
 
     def wait_for(self, kind: int, deadline_s: float) -> list[F]:
@@ -76,18 +78,31 @@ class KeptFrames(TracedLine, ABC, Generic[F]):
     def _begin_to_read(self) -> None:
         self._wire.open()
         self._traced("-", b"opened")
-        self._reader.start()
+        if not self._wire.listen(lambda: self._read(LOOK_S)):
+            self._reader.start()
 
     def _end_reading(self, within_s: float) -> None:
         if not self._closing.is_set():
             self._traced("-", b"closed")
         self._closing.set()
         self._wire.close()
-        self._reader.join(within_s)
+        if self._reader.is_alive():
+            self._reader.join(within_s)
 
     @abstractmethod
-    def _read(self) -> None:
-        """Read until `_closing` is set."""
+    def _read(self, within_s: float) -> bool:
+        """Keep what has come, or comes within a real time; return whether there was anything."""
+
+    def _keep_reading(self) -> None:
+        while not self._closing.is_set() and self._dead is None:
+            self._read(READ_SLICE_S)
+
+    def _must_live(self) -> None:
+        """Raise InstrumentError when the line is gone."""
+        if self._dead is None and not self._reader.is_alive():
+            self._read(0.0)  # nobody else would see that it was hung up
+        if self._dead is not None:
+            raise self._broken(self._dead)
 
     def _keep(self, frames: Iterable[F]) -> None:
         with self._frames_lock:

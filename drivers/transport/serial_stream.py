@@ -7,7 +7,7 @@ from contextlib import suppress
 from typing import Any, NamedTuple
 
 from drivers.roles import Place
-from drivers.transport.kept_frames import KeptFrames
+from drivers.transport.kept_frames import READ_SLICE_S, KeptFrames
 from drivers.transport.serial_port import (
     Framing,
     Port,
@@ -16,8 +16,6 @@ from drivers.transport.serial_port import (
     open_port,
     wire_address,
 )
-
-READ_SLICE_S = 0.2
 
 
 class Split(NamedTuple):
@@ -50,6 +48,7 @@ class SerialStream(KeptFrames[StreamFrame]):
     def __init__(self, place: Place, framing: Framing, split: Splitter) -> None:
         super().__init__(place, wire_address(place.address), lambda frame: frame.kind)
         self._split = split
+        self._pending = b""
         chosen = framing_of(place, framing)
         try:
             self._port: Port = open_port(place.address, chosen)
@@ -72,27 +71,26 @@ class SerialStream(KeptFrames[StreamFrame]):
         with suppress(OSError):
             self._port.close()
 
-    def _read(self) -> None:
-        pending = b""
-        while not self._closing.is_set():
-            try:
-                data = self._port.read(READ_SLICE_S)
-            except (OSError, ValueError, TypeError) as error:  # pyserial on a port that vanished
-                if not self._closing.is_set():
-                    self._dead = one_line(error) or type(error).__name__
-                # Nothing that is still on its way can come any more.
-                self._wire.close()
-                return
-            if not data:
-                continue
-            self._traced("<", data)
-            found = self._split(pending + data)
-            pending = found.rest
-            arrival_s = self._clock.now()
-            self._keep(StreamFrame(kind, payload, arrival_s) for kind, payload in found.frames)
-            if found.skipped:
-                self._traced("!", f"{found.skipped} bytes that belong to no frame".encode())
-            self._wire.picked_up(len(data))
+    def _read(self, within_s: float) -> bool:
+        try:
+            data = self._port.read(within_s)
+        except (OSError, ValueError, TypeError) as error:  # pyserial on a port that vanished
+            if not self._closing.is_set():
+                self._dead = one_line(error) or type(error).__name__
+            # Nothing that is still on its way can come any more.
+            self._wire.close()
+            return False
+        if not data:
+            return False
+        self._traced("<", data)
+        found = self._split(self._pending + data)
+        self._pending = found.rest
+        arrival_s = self._clock.now()
+        self._keep(StreamFrame(kind, payload, arrival_s) for kind, payload in found.frames)
+        if found.skipped:
+            self._traced("!", f"{found.skipped} bytes that belong to no frame".encode())
+        self._wire.picked_up(len(data))
+        return True
 
 
 class StreamAnswers:

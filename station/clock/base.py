@@ -90,8 +90,16 @@ class Wire(ABC):
         """Say that the client has taken its answer and listens no more."""
 
     @abstractmethod
+    def listen(self, read: Callable[[], bool]) -> bool:
+        """Have a stream read in the thread that has written to it, and return True.
+
+        `read` takes what has come, or comes in a moment, and returns whether there was anything.
+        False where a clock does not do so: the client then reads in a thread of its own.
+        """
+
+    @abstractmethod
     def picked_up(self, units: int) -> None:
-        """Say that the client's reader thread has taken `units` of a stream."""
+        """Say that the client has taken `units` of a stream."""
 
     @abstractmethod
     def serving(self, units: int) -> AbstractContextManager[None]:
@@ -112,6 +120,10 @@ class Wire(ABC):
     @abstractmethod
     def streamed(self, units: int) -> None:
         """Say, before writing them, that the server writes `units` of a stream."""
+
+    @abstractmethod
+    def written(self) -> None:
+        """Say, after writing them, that they can be read."""
 
 
 class Clock(ABC):
@@ -136,6 +148,20 @@ class Clock(ABC):
     @abstractmethod
     def start(self, name: str, body: Callable[[], None]) -> ParticipantThread:
         """Start a thread that takes part in time, known to the clock before this returns."""
+
+    def repeat(self, name: str, first_s: float, step: Callable[[], float | None]) -> None:
+        """Have `step` done at run time `first_s`, and then whenever it says, until it says None.
+
+        It takes part in time as `name`, and must not wait in itself.
+        """
+
+        def body() -> None:
+            due_s: float | None = first_s
+            while due_s is not None:
+                self.sleep_until(due_s)
+                due_s = step()
+
+        self.start(name, body)
 
     @abstractmethod
     def lock(self, name: str) -> AbstractContextManager[object]:

@@ -34,6 +34,10 @@ class RealWire(Wire):
     def received(self) -> None:
         """Count nothing."""
 
+    def listen(self, read: Callable[[], bool]) -> bool:
+        """Leave each client to its own thread."""
+        return False
+
     def picked_up(self, units: int) -> None:
         """Count nothing."""
 
@@ -49,6 +53,9 @@ class RealWire(Wire):
         """Count nothing."""
 
     def streamed(self, units: int) -> None:
+        """Count nothing."""
+
+    def written(self) -> None:
         """Count nothing."""
 
 

@@ -7,7 +7,7 @@ from collections import deque
 from collections.abc import Callable
 from itertools import count
 from operator import attrgetter
-from threading import Lock, get_ident, main_thread
+from threading import Lock, Thread, get_ident, main_thread
 
 from station.clock.base import ClockError, ClockStopped
 
@@ -23,15 +23,18 @@ class Participant:
     `order` decides between participants whose time has come: those that serve a request, in the
     order the requests were sent, then the named ones by name. `to_serve` are the requests it has
     sent that its own thread serves when it gives up its turn. Who serves so is `at_once`: it may
-    not wait, for it has no thread of its own to wait in.
+    not wait, for it has no thread of its own to wait in. So it is with one that has a `step`, which
+    returns when it has its next turn, or None; it is the `duty` of who passes the turn on to it.
     """
 
     __slots__ = (
         "at_once",
         "doing",
+        "duty",
         "name",
         "order",
         "sleeping",
+        "step",
         "stoppable",
         "stopped",
         "thread",
@@ -48,6 +51,8 @@ class Participant:
         self.sleeping = False
         self.stopped = False
         self.at_once = False
+        self.step: Callable[[], float | None] | None = None
+        self.duty: Participant | None = None
         self.to_serve: deque[Callable[[], None]] = deque()
         self.doing = "starting"
         self.thread: int | None = None
@@ -95,10 +100,14 @@ class Turns:
         self.waiting.append(participant)
         if self.running is participant:
             self.running = None
-        self.pass_on()
+        self.pass_on(participant if participant.step is None else None)
 
-    def pass_on(self) -> None:
-        """Give the turn to who was called, or let time jump to the earliest sleeper."""
+    def pass_on(self, giver: Participant | None = None) -> None:
+        """Give the turn to who was called, or let time jump to the earliest sleeper.
+
+        `giver` is who is going to take its next turn now, and can do the step of one without a
+        thread before.
+        """
         if self.running is not None or self.in_flight or not self.waiting:
             return
         chosen = min(self.waiting, key=BY_TIME)
@@ -109,7 +118,12 @@ class Turns:
         self.waiting.remove(chosen)
         self.running = chosen
         self.passed += 1
-        chosen.turn.release()
+        if chosen.step is None:
+            chosen.turn.release()
+        elif giver is not None:
+            giver.duty = chosen
+        else:
+            Thread(target=self._do_alone, args=(chosen,), name=chosen.name, daemon=True).start()
 
     def run_at_once(self, participant: Participant) -> bool:
         """Give the turn to `participant` where nobody else could have it, else return False."""
@@ -125,11 +139,39 @@ class Turns:
         """Block in real time until `participant` has the turn (mutex not held)."""
         participant.thread = get_ident()
         participant.serve()
+        while participant.duty is not None:
+            self._do_duty(participant)
         while not participant.turn.acquire(timeout=POLL_S):
             self.raise_failure()
         if participant.stopped:
             raise ClockStopped
         self.raise_failure()
+
+    def _do_duty(self, giver: Participant) -> None:
+        """Do the step that the turn was passed on to, and pass it on again (mutex not held)."""
+        stepper, giver.duty = giver.duty, None
+        assert stepper is not None and stepper.step is not None
+        stepper.thread = get_ident()
+        next_s: float | None = None
+        try:
+            next_s = stepper.step()
+        except ClockStopped:
+            pass
+        except Exception as error:
+            self.fail(f"{stepper.name} has failed: {error!r}")
+        finally:
+            with self.mutex:
+                if next_s is not None and not self.stopping:
+                    stepper.wake_at = max(next_s, self.now)
+                    self.waiting.append(stepper)
+                self.running = None
+                self.pass_on(giver)
+
+    def _do_alone(self, stepper: Participant) -> None:
+        helper = Participant(stepper.name, stepper.order, stoppable=True)
+        helper.duty = stepper
+        while helper.duty is not None:
+            self._do_duty(helper)
 
     def raise_failure(self) -> None:
         """Raise what made time stand still, if anything did (mutex not held)."""

@@ -63,6 +63,24 @@ class VirtualClock(Clock):
         thread.begin()
         return thread
 
+    def repeat(self, name: str, first_s: float, step: Callable[[], float | None]) -> None:
+        """Have `step` done in the thread of whoever passes its turn on to it."""
+
+        def as_participant() -> float | None:
+            before = self.swap(participant)
+            participant.at_once = True
+            try:
+                return step()
+            finally:
+                participant.at_once = False
+                self.swap(before)
+
+        participant = Participant(name, (1, 0, name), stoppable=True)
+        participant.step, participant.sleeping = as_participant, True
+        with self._turns.mutex:
+            if not self._turns.stopping:
+                self._turns.park(participant, max(first_s, self._turns.now), "sleeping")
+
     def lock(self, name: str) -> AbstractContextManager[object]:
         """Return a lock whose waiting gives up the turn."""
         return TurnLock(self, self._turns, name)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from collections.abc import Callable
 from contextlib import AbstractContextManager
 from threading import get_ident
 from types import TracebackType
@@ -14,6 +15,10 @@ from station.clock.turns import CALLED, Participant, Turns
 
 if TYPE_CHECKING:
     from station.clock.virtual import VirtualClock
+
+
+MOST_LOOKS = 20
+"""So often a reader that finds nothing looks again for what was written."""
 
 
 class VirtualWire(Wire):
@@ -33,6 +38,7 @@ class VirtualWire(Wire):
         self._sequences: deque[int] = deque()
         self._waiter: Participant | None = None
         self._attendant: Attendant | None = None
+        self._listeners: list[Callable[[], bool]] = []
 
     def open(self) -> None:
         """Say that a client in this process listens on the wire."""
@@ -47,6 +53,7 @@ class VirtualWire(Wire):
             self._to_server = self._in_stream = self._answered = 0
             self._sequences.clear()
             attendant, self._attendant = self._attendant, None
+            self._listeners = []
             self._turns.pass_on()
         if attendant is not None:
             attendant.dismissed()
@@ -79,6 +86,11 @@ class VirtualWire(Wire):
         with self._turns.mutex:
             self._answered = 0
 
+    def listen(self, read: Callable[[], bool]) -> bool:
+        """Have a stream read in the thread that has written to it."""
+        self._listeners = [*self._listeners, read]
+        return True
+
     def picked_up(self, units: int) -> None:
         """Take `units` of a stream off the wire."""
         with self._turns.mutex:
@@ -107,6 +119,8 @@ class VirtualWire(Wire):
                 if not attendant.look():
                     self._attendant = None
                     attendant.dismissed()
+        except Exception as error:  # whoever asks must not wait for an answer that never comes
+            self._turns.fail(f"{self._address} has failed: {error!r}")
         finally:
             self._clock.swap(sender)
 
@@ -157,6 +171,12 @@ class VirtualWire(Wire):
             if self._open:
                 self._in_stream += units
                 self._turns.in_flight += units
+
+    def written(self) -> None:
+        """Have the stream read until all that was counted is picked up, or nothing more comes."""
+        looks = 0
+        while self._in_stream and self._listeners and looks < MOST_LOOKS:
+            looks = 0 if any(read() for read in self._listeners) else looks + 1
 
 
 class Serving:
