@@ -27,7 +27,7 @@ VERSIONS = (1, 0, 1, PROTOCOL_VERSION)
 """Firmware major and minor, hardware, protocol."""
 TEMPERATURE_STEPS, LARGEST_TEMPERATURE = 100.0, 32767  # per degC
 LONGEST_TOLD = 0xFFFF  # of an alignment, in units of 0.1 s
-FIRST_AHEAD, MOST_AHEAD = 16, 256
+FIRST_AHEAD, MOST_AHEAD = 64, 256
 LONGEST_AHEAD_S = 60.0
 LASTING_FAULTS = (Frozen.kind, Silent.kind, AlignmentFails.kind, GyroFails.kind)
 

@@ -27,6 +27,7 @@ class Conversation:
         self.client = client
         self.pending = b""
         self.heard_s = self.free_s = 0.0
+        self.attended = False
         self.unread = Event()
 
     def look(self) -> bool:
@@ -43,6 +44,7 @@ class Conversation:
 
     def dismissed(self) -> None:
         """Have the server's own thread read again."""
+        self.attended = False
         self.unread.set()
 
 
@@ -87,6 +89,7 @@ class RequestServer(TcpServer):
         while data := client.recv(LARGEST_READ_BYTES):
             if self.received(talk, data):
                 talk.unread.wait()
+                talk.unread.clear()
 
     def close(self) -> None:
         """Close the port and all connections."""
@@ -107,7 +110,8 @@ class RequestServer(TcpServer):
                     self._wire.answered(1)
                     return False
                 self._answer(talk, request)
-            return self._at_once and self._wire.attend(talk)
+            talk.attended = talk.attended or (self._at_once and self._wire.attend(talk))
+            return talk.attended
 
     def _answer(self, talk: Conversation, request: bytes) -> None:
         """Answer one request, not before the one before it has been."""

@@ -58,7 +58,7 @@ class ErrorCourse:
 
     def forget_after(self, time_s: float) -> None:
         """Compute again what comes after a time."""
-        kept = np.searchsorted(self._nodes.all[:, 0], time_s, side="right")
+        kept = np.searchsorted(self._nodes.first, time_s, side="right")
         self._nodes.cut(max(int(kept), 1))
 
     def at(self, time_s: Array) -> Array:

@@ -15,6 +15,8 @@ from collections.abc import Callable
 import numpy as np
 import numpy.typing as npt
 
+from sim_instruments.world.rows import Rows
+
 Array = npt.NDArray[np.float64]
 
 LONG_AGO_S = -1e6
@@ -39,7 +41,9 @@ class RotationHistory:
         self._acceleration = [0.0]
         self._commanded_s = LONG_AGO_S
         self._braking = math.inf
-        self._arrays: tuple[Array, Array, Array, Array] | None = None
+        # The same again, for many times at once.
+        self._rows = Rows(4)
+        self._rows.add(LONG_AGO_S, angle_deg, 0.0, 0.0)
 
     def angle_deg(self, time_s: Array) -> Array:
         """Return the angle at each time, same shape, in deg."""
@@ -67,7 +71,7 @@ class RotationHistory:
 
     def breakpoints(self, first_s: float, last_s: float) -> Array:
         """Return the times between two others at which the acceleration changes."""
-        starts = self._lists()[0]
+        starts = self._rows.first
         first, last = starts.searchsorted(first_s, side="right"), starts.searchsorted(last_s)
         return starts[first:last]
 
@@ -159,7 +163,7 @@ class RotationHistory:
         keep = max(bisect_left(self._start_s, now_s), 1)
         for one in (self._start_s, self._angle, self._rate, self._acceleration):
             del one[keep:]
-        self._arrays = None
+        self._rows.cut(keep)
         return now_s, angle, rate
 
     def _ramp(
@@ -176,19 +180,8 @@ class RotationHistory:
         self._angle.append(angle)
         self._rate.append(rate)
         self._acceleration.append(acceleration)
-        self._arrays = None
-
-    def _lists(self) -> tuple[Array, Array, Array, Array]:
-        if self._arrays is None:
-            self._arrays = (
-                np.array(self._start_s),
-                np.array(self._angle),
-                np.array(self._rate),
-                np.array(self._acceleration),
-            )
-        return self._arrays
+        self._rows.add(start_s, angle, rate, acceleration)
 
     def _at(self, time_s: Array) -> tuple[Array, Array, Array, Array]:
-        starts, angle, rate, acceleration = self._lists()
-        k = np.maximum(starts.searchsorted(time_s, side="right") - 1, 0)
-        return time_s - starts[k], angle[k], rate[k], acceleration[k]
+        row = self._rows.all[self._rows.at(time_s)]
+        return time_s - row[..., 0], row[..., 1], row[..., 2], row[..., 3]

@@ -55,7 +55,7 @@ class ThermalLag:
 
     def forget_after(self, time_s: float) -> None:
         """Compute again what the air's course makes of the bodies after a time."""
-        kept = int(np.searchsorted(self._pieces.all[:, 0], time_s, side="left"))
+        kept = int(np.searchsorted(self._pieces.first, time_s, side="left"))
         self._pieces.cut(max(kept, 1))
 
     def temperature_and_rate(self, time_s: Array) -> tuple[Array, Array]:

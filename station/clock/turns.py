@@ -129,8 +129,9 @@ class Turns:
         """Give the turn to `participant` where nobody else could have it, else return False."""
         if self.running is not None or self.in_flight:
             return False
-        if any(one.wake_at == CALLED for one in self.waiting):
-            return False
+        for one in self.waiting:
+            if one.wake_at == CALLED:
+                return False
         self.running = participant
         self.passed += 1
         return True
@@ -194,10 +195,10 @@ class Turns:
 
     def leave(self, participant: Participant) -> None:
         """Let `participant` go for good."""
-        if participant in self.waiting:
-            self.waiting.remove(participant)
         if self.running is participant:
             self.running = None
+        elif participant in self.waiting:
+            self.waiting.remove(participant)
         self.pass_on()
 
     def stop(self) -> None:

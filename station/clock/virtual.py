@@ -163,9 +163,13 @@ class VirtualClock(Clock):
 
     def leave(self, participant: Participant) -> None:
         """Leave the order of turns for good."""
-        self._mine.participant = None
         with self._turns.mutex:
             self._turns.leave(participant)
+        self.left(participant)
+
+    def left(self, participant: Participant) -> None:
+        """Be nobody from now on, and serve what was still sent."""
+        self._mine.participant = None
         participant.serve()
 
     def swap(self, participant: Participant | None) -> Participant | None:

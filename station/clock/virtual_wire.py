@@ -38,6 +38,8 @@ class VirtualWire(Wire):
         self._sequences: deque[int] = deque()
         self._waiter: Participant | None = None
         self._attendant: Attendant | None = None
+        self._server = Participant(address, (0, 0, ""), stoppable=True)
+        self._server.at_once = True
         self._listeners: list[Callable[[], bool]] = []
 
     def open(self) -> None:
@@ -136,12 +138,12 @@ class VirtualWire(Wire):
             self._to_server -= min(units, self._to_server)
             if not self._to_server:
                 self._sequences.clear()
+            if self._attendant is not None and turns.run_at_once(self._server):
+                self._server.thread = get_ident()
+                self._clock.swap(self._server)
+                return self._server
             server = Participant(self._address, (0, sequence, ""), stoppable=True)
             server.at_once = self._attendant is not None
-            if server.at_once and turns.run_at_once(server):
-                server.thread = get_ident()
-                self._clock.swap(server)
-                return server
             turns.park(server, CALLED, "about to serve a request")
         self._clock.join(server)
         return server
@@ -151,7 +153,8 @@ class VirtualWire(Wire):
         with self._turns.mutex:
             self._busy = False
             self._turns.in_flight += self._unread()
-        self._clock.leave(server)
+            self._turns.leave(server)
+        self._clock.left(server)
 
     def _unread(self) -> int:
         """Return what the server could read now; nothing while it is busy with a request."""
