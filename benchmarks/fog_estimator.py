@@ -41,6 +41,8 @@ BIAS_DEG_PER_H = (0.0, 0.35, -0.25, 0.2)
 ARCSEC = 1.0 / 3600.0
 SETS, SET_S, RAMP_S, TURN_S, PAUSE_S = 54, 600.0, 18000.0, 47.0, 2.0
 WALL_S = 42.0 * 60.0
+AWAY_S = 3.5 * 3600.0
+"""From a kill to the next turn: back to where the gyros were."""
 BIAS_ORDER = 3
 DENSE = 201
 
@@ -60,6 +62,7 @@ class Case:
     random_walk: float = 0.002
     ripple_ppm: float = 0.0
     bump_ppm: float = 0.0
+    kills: int = 0
 
     @property
     def noise_deg(self) -> float:
@@ -88,6 +91,7 @@ CASES = (
         missing=0.05,
         **DRIFTING,  # type: ignore[arg-type]
     ),
+    Case("pairs, drifting bias, ten taken apart by kills", kills=10, **DRIFTING),  # type: ignore[arg-type]
     Case("pairs, heading to 0.01 deg", bias=0.02, resolution=0.01),
     Case("pairs, 0.02 deg/sqrt(h), bias 1 deg/h", bias=1.0, walk=0.1, random_walk=0.02),
     Case("pairs, 8 ppm ripple of 25 degC", bias=0.02, ripple_ppm=8.0),
@@ -104,14 +108,22 @@ def delta_ppm(case: Case, heat_degC: Array) -> Array:
 
 
 def schedule(case: Case) -> tuple[NDArray[np.int64], Array, Array, Array]:
-    """Return set, start in s, commanded angle in deg and true gyro temperature of each turn."""
+    """Return set, start in s, commanded angle in deg and true gyro temperature of each turn.
+
+    A kill comes after the first turn of a set, and the set is made again.
+    """
     number = np.repeat(np.arange(SETS), len(case.turns))
-    start = RAMP_S + SET_S * number + 75.0
-    start = start + np.tile(np.arange(len(case.turns)) * (TURN_S + PAUSE_S), SETS)
+    place = np.tile(np.arange(len(case.turns)), SETS)
+    killed = np.linspace(0, SETS, case.kills + 2).astype(int)[1:-1]
+    twice = np.flatnonzero(np.isin(number, killed) & (place == 0))
+    rows = np.sort(np.concatenate((np.arange(len(number)), twice)))
+    kills = np.cumsum(np.diff(rows, prepend=-1) == 0)
+    number, place = number[rows], place[rows]
+    start = RAMP_S + SET_S * number + 75.0 + place * (TURN_S + PAUSE_S)
     since = start + 0.5 * TURN_S - RAMP_S
     lag = WALL_S * (1.0 - np.exp(-since / WALL_S))
     heat = -40.0 + 12.0 / 3600.0 * (since - lag) + 5.0 * (1.0 - np.exp(-(since + 1800.0) / WALL_S))
-    return number, start, np.tile(np.array(case.turns, float), SETS), heat
+    return number, start + AWAY_S * kills, np.array(case.turns, float)[place], heat
 
 
 def record(case: Case, seed: int) -> tuple[FogDataset, Array, NDArray[np.bool_], float]:

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
-from fog_records import CURVES, quartic, record
+from fog_records import CURVES, TURN_S, quartic, record
 from numpy.polynomial.chebyshev import poly2cheb
 
 from procedures.fog_scale_factor_temperature.analysis import analyse
@@ -24,7 +24,7 @@ from procedures.fog_scale_factor_temperature.compensation import (
     python_source,
 )
 from procedures.fog_scale_factor_temperature.curve import Curve
-from procedures.fog_scale_factor_temperature.dataset import FogDataset
+from procedures.fog_scale_factor_temperature.dataset import FogDataset, TurnTable
 from procedures.fog_scale_factor_temperature.driving import evaluate_drive, heading_deg
 from procedures.fog_scale_factor_temperature.from_import import read_drive
 from procedures.fog_scale_factor_temperature.simulated_drive import (
@@ -153,6 +153,21 @@ def test_hysteresis_that_a_ramp_hides_comes_out_on_the_way_back() -> None:
     down = record(9, first_degC=58.0, last_degC=-37.0, curves=cold)
     one = analyse(replace(dataset, verification=down.turns)).verified["x"]
     assert np.mean(one.after_ppm) == pytest.approx(12.0, abs=0.5)
+
+
+@pytest.mark.parametrize("made_again", [True, False])
+def test_turns_that_a_gap_took_apart_are_no_pair(made_again: bool) -> None:
+    calibrated, down = record(0), record(9, first_degC=58.0, last_degC=-37.0).turns
+    first = int(np.flatnonzero(down.set_number == 20)[0])
+    rows = np.sort(np.concatenate((np.arange(len(down)), np.repeat(first, made_again))))
+    table = TurnTable(**{name: values[rows] for name, values in vars(down).items()})
+    later = np.arange(len(rows)) > first
+    for times in (table.before_s, table.after_s):
+        times[later] += 10800.0
+    table.attitude_after_deg[later, 0] += 1.0 * TURN_S / 3600.0  # 1 deg/h, or 36 ppm
+    one = analyse(replace(calibrated, verification=table)).verified["x"]
+    assert len(one.after_ppm) == len(down) - 2 * (not made_again)
+    assert np.abs(one.after_ppm).max() < 4.0
 
 
 def test_verification_beyond_the_calibrated_range_is_said() -> None:

@@ -24,7 +24,7 @@ WORK = "the bench"
 LOOK_S = 8.0
 """Run time between two looks; less where time runs by itself, so that a kill loses little. A run
 that ends early takes first what has come since the last one."""
-MOVING_LOOK_S = 0.5
+MOVING_LOOK_S = 1.0
 TURNING_LOOK_S = 2.0
 CHAMBER_EVERY_S = 30.0
 SILENT_AFTER_S = 10.0

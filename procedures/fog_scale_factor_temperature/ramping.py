@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import count
 from typing import TYPE_CHECKING
 
 from procedures.fog_scale_factor_temperature.bench_work import (
@@ -82,6 +84,7 @@ def make_ramp(run: Run, ramp: Ramp) -> None:
     work = work_of(run)
     done = [unit for unit in run.past.finished if unit.split(" ")[0] == ramp.name]
     first = max((int(unit.split(" ")[1]) for unit in done), default=0)
+    first += not any(turns_left(run, ramp.name, first))
     work.chamber.ramp_to(ramp.chamber_degC, ramp.rate_degC_per_h / 60.0)
     if ramp.name == PROOF:
         between = fitted_degC(run)
@@ -159,18 +162,30 @@ def said_of(work: BenchWork) -> str:
     return f"gyros {work.gyro_degC().mean():.1f} degC"
 
 
+def turns_left(run: Run, name: str, number: int) -> Iterator[tuple[str, list[tuple[str, int]]]]:
+    """Yield the axes whose turns of a set are not made, each with their units and senses.
+
+    Turns that an interruption took apart have not the same bias: all are made again, as new units.
+    """
+    signs = run.parameters.signs
+    for axis in run.parameters.axes:
+        for again in count():
+            numbers = range(again * len(signs), (again + 1) * len(signs))
+            units = [f"{name} {number} {axis} {k}" for k in numbers]
+            made = sum(run.is_finished(unit) for unit in units)
+            if not made:
+                yield axis, list(zip(units, signs, strict=True))
+            if made in (0, len(units)):
+                break
+
+
 def one_set(run: Run, name: str, number: int) -> None:
     """Turn about each axis in turn; each turn is a unit of work."""
     parameters: FogParameters = run.parameters
     work = work_of(run)
-    for axis in parameters.axes:
-        units = [(f"{name} {number} {axis} {k}", sign) for k, sign in enumerate(parameters.signs)]
-        if all(run.is_finished(unit) for unit, _ in units):
-            continue
+    for axis, units in turns_left(run, name, number):
         work.put_up(axis, name)
         for unit, sign in units:
-            if run.is_finished(unit):
-                continue
             run.record.event("unit-started", durable=False, unit=unit)
             said = f"set {number}, {axis}, {said_of(work)}"
             before_s, rests_s, after_s, turned_deg = work.turn_around(unit, sign, said)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .axis_turns import AxisTurns
+from .axis_turns import AxisTurns, is_paired
 from .curve import Curve
 from .dataset import Array
 from .findings import AxisFit, Verified
@@ -21,14 +21,20 @@ OUTSIDE_DEGC = 1.0
 def verify_axis(turns: AxisTurns, fit: AxisFit) -> Verified | None:
     """Return the errors of an axis' verification turns; None without turns or without a model.
 
-    In a set with turns of both senses, or with a wait, the bias is taken off. Outside the
-    calibrated range the model is held at its ends, as the compensation does.
+    In a set with turns of both senses, or with a wait, the bias is taken off; among such sets a
+    turn that stands alone, with its bias, proves nothing and is left out. Outside the calibrated
+    range the model is held at its ends, as the compensation does.
     """
-    sensing = turns.usable & turns.sensing
-    if fit.curve is None or not bool(sensing.any()):
-        return None
     curve = fit.curve
-    left, own_u, own_bias = (one[sensing] for one in _set_by_set(turns, curve, fit.noise_ppm))
+    if curve is None:
+        return None
+    told = _set_by_set(turns, curve, fit.noise_ppm)
+    sensing = turns.usable & turns.sensing
+    if is_paired(turns):
+        sensing &= told[-1] == 0.0
+    if not bool(sensing.any()):
+        return None
+    left, own_u, own_bias = (one[sensing] for one in told)
     heat = turns.temperature_degC[sensing]
     before = left + curve.error_ppm(heat)
     after = compensated_ppm(curve, heat, before)
