@@ -8,9 +8,11 @@ undisturbed. On scaled time `station sim` serves the bench in another process, t
 makes it safe, and the simulated world is asked whether it is; `lost_real_s` is how old the youngest
 recorded sample of a laser gyro was at the kill, less one sample interval and the board's batch of
 0.1 s of bench time. What the operating system had is there: a kill of the process, not of the
-machine. Every remainder is gone on with by `station resume`; it must end with the undisturbed run's
-verdict, its results within three combined uncertainties, and every raw file of before as it was.
-The last lines are counts.
+machine. Every remainder is gone on with by `station resume`; it must end with results within three
+combined uncertainties of the undisturbed run's and two and a half expanded ones of the truth, and
+every raw file of before as it was. The verdict must be the undisturbed run's. On scaled time alone
+a result may be undecided instead, where its U is larger: `largest_u_over_undisturbed`, for instants
+are as many times less sure as time is faster. The last lines are counts.
 """
 
 from __future__ import annotations
@@ -39,7 +41,7 @@ from kill_helpers import (
     unfinished_unit,
     written_bytes,
 )
-from resume_helpers import GOOD, resume_and_judge
+from resume_helpers import GOOD, SERVED, largest_u_ratio, results_of, resume_and_judge
 from short_forms import SHORT_FORMS
 
 Plan = tuple[str, ...]
@@ -97,6 +99,9 @@ def go_on(line: dict[str, Any], kill: Kill, reference: Path, *options: str | Pat
     if kill.folder is not None:
         line["then"], wrong = resume_and_judge(kill.folder, reference, *options)
         line["faults"] += wrong
+        if line["then"] in ("resumed", "evaluated"):
+            line["verdict"] = results_of(kill.folder)["verdict"]
+            line["largest_u_over_undisturbed"] = round(largest_u_ratio(kill.folder, reference), 1)
 
 
 def on_scaled_time(
@@ -109,7 +114,7 @@ def on_scaled_time(
     procedure = json.loads((reference / "results.json").read_text(encoding="utf-8"))["procedure"]
     with world(folder, speed, bench_name, procedure) as bench:
         command = station_command(
-            "run", *plan, "--served", bench.head, "--non-interactive", "--output", parent
+            "run", *plan, SERVED, bench.head, "--non-interactive", "--output", parent
         )
         rng = np.random.default_rng(1000 + seed)
         kill = kill_at_random_moment(
@@ -119,7 +124,7 @@ def on_scaled_time(
         until(lambda: not guardian_at_work(kill))
         line["safe"] = bench.at_rest()
         lost_s = lost_real_s(kill, bench.epoch_unix, speed)
-        go_on(line, kill, reference, "--served", bench.head)
+        go_on(line, kill, reference, SERVED, bench.head)
         line["safe_after"] = bench.at_rest()
     line["faults"] += [f"not {one}" for one in ("safe", "safe_after") if not line[one]]
     if lost_s is not None:
@@ -152,6 +157,7 @@ def counts(clock: str, lines: list[dict[str, Any]]) -> dict[str, Any]:
         "while_it_ran": sum(line["was_running"] for line in lines),
         "folders": sum(line["has_folder"] for line in lines),
         "then": dict(Counter(line["then"] for line in lines if "then" in line)),
+        "verdicts": dict(Counter(line["verdict"] for line in lines if "verdict" in line)),
         "phases": dict(Counter(line["phase"] for line in lines)),
         "units_finished": sum(len(line["finished"]) for line in lines),
         "killed_within_a_unit": sum(line["under_way"] is not None for line in lines),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import lru_cache
 from typing import Any
 
@@ -12,6 +12,8 @@ from fault_cases import BENCH, read_bench_at, short
 from station.lookup import BENCHES, find
 
 AT_A_MEAN_TEMPERATURE = ("K0", "Ki")
+EXPANDED_UNCERTAINTIES = 2.5
+"""Five standard uncertainties; more where a short record leaves few degrees of freedom."""
 
 
 def number(text: str) -> float:
@@ -124,3 +126,15 @@ TRUTHS: Mapping[str, Callable[[Mapping[str, Any], Mapping[str, Any]], float | No
     "nine-axis-calibration": nine_axis_truth,
 }
 """What a result of a procedure should be; None where the world has no one number for it."""
+
+
+def off_the_truth(bench: Mapping[str, Any], document: Mapping[str, Any]) -> Iterator[str]:
+    """Yield each result of a document that lies too far from what the bench's world knows."""
+    true_of = TRUTHS.get(str(document["procedure"]), lambda bench, result: None)
+    for result in document["results"]:
+        true = true_of(bench, result) if result["value"] is not None else None
+        if true is None:
+            continue
+        off = abs(result["value"] - true) / result["expanded_uncertainty"]
+        if off > EXPANDED_UNCERTAINTIES:
+            yield f"{result['name']} {result['axis']} is {off:.1f} U off the truth"

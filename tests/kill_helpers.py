@@ -71,9 +71,11 @@ def kill_at_random_moment(
     process = subprocess.Popen(
         command, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
     )
-    began = time.monotonic()
+    wrote, written = time.monotonic(), 0
     while not reached() and process.poll() is None:
-        assert time.monotonic() - began < GIVES_UP_AFTER_S, "the run writes nothing more"
+        if (now := written_bytes(parent)) != written:
+            wrote, written = time.monotonic(), now
+        assert time.monotonic() - wrote < GIVES_UP_AFTER_S, "the run writes nothing more"
         time.sleep(LOOKS_EVERY_S)
     time.sleep(delay_s)
     was_running = process.poll() is None

@@ -55,6 +55,14 @@ def test_the_coefficients_of_a_made_record_come_back() -> None:
     assert found.rate_random_walk_deg_per_h_sqrt_h < 3 * walk
 
 
+def test_flicker_is_seen_where_it_is_and_seldom_in_white_noise() -> None:
+    slow = np.repeat(0.3 * np.random.default_rng(7).standard_normal(12), 300)
+    records = [white(seed, 3600) for seed in range(40)]
+    for wander, least, most in ((0.0, 0, 6), (slow, 30, 40)):
+        found = [noise_coefficients(allan_deviation(one + wander, INTERVAL_s)) for one in records]
+        assert least <= sum(one is not None and one.bias_instability_seen for one in found) <= most
+
+
 def test_too_short_a_record_has_none() -> None:
     assert len(allan_deviation(np.zeros(4), INTERVAL_s).tau_s) == 0
     assert noise_coefficients(allan_deviation(np.zeros(4), INTERVAL_s)) is None

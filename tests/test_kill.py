@@ -5,9 +5,11 @@ The long form, 100 kills on virtual and 20 on scaled time, is `benchmarks/kill_c
 
 from __future__ import annotations
 
+import json
 import shutil
 import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -22,7 +24,7 @@ from campaign_helpers import (
 from command_line import station_command
 from guardian_helpers import until, world
 from kill_helpers import guardian_at_work, kill_at_random_moment, written_bytes
-from resume_helpers import resume_and_judge
+from resume_helpers import results_of, resume_and_judge, wrong_results
 
 from station.record.folder import RunFolder
 from station.record.raw import read_raw
@@ -81,6 +83,32 @@ def test_a_kill_on_scaled_time_leaves_a_safe_world_and_a_run_that_goes_on(
         how, wrong = resume_and_judge(kill.folder, reference, "--served", bench.head)
         assert not wrong, how
         assert bench.at_rest()
+
+
+@pytest.mark.parametrize(
+    ("scaled", "changes", "said"),
+    [
+        (True, {"verdict": "inconclusive", "U": 20.0}, None),
+        (False, {"verdict": "inconclusive", "U": 20.0}, "IA: the verdict is inconclusive with U"),
+        (True, {"verdict": "inconclusive"}, "IA: the verdict is inconclusive with U"),
+        (True, {"verdict": "fail", "U": 20.0}, "IA: the verdict is fail with U"),
+        (True, {"off": 5.0}, "IA is 0."),
+        (True, {"off": 20.0, "verdict": "inconclusive", "U": 3.0}, "U off the truth"),
+    ],
+)
+def test_a_resumed_run_may_be_less_sure_where_time_is_faster_and_never_wrong(
+    scaled: bool, changes: dict[str, Any], said: str | None, reference: Path, tmp_path: Path
+) -> None:
+    shutil.copy(reference / "bench.yaml", tmp_path)
+    document = results_of(reference)
+    one = document["results"][0]
+    one["value"] += changes.get("off", 0.0) * one["standard_uncertainty"]
+    for name in ("standard_uncertainty", "expanded_uncertainty"):
+        one[name] *= changes.get("U", 1.0)
+    one["verdict"] = document["verdict"] = changes.get("verdict", "pass")
+    (tmp_path / "results.json").write_text(json.dumps(document), encoding="utf-8")
+    wrong = list(wrong_results(tmp_path, reference, scaled=scaled))
+    assert any(said in one for one in wrong) if said else not wrong, wrong
 
 
 def test_what_a_kill_left_says_how_far_the_run_came(reference: Path, tmp_path: Path) -> None:

@@ -237,6 +237,18 @@ def test_wild_and_missing_samples_leave_the_truth() -> None:
     assert max(off_in_u(analysis).values()) < 4.0
 
 
+def test_samples_that_only_repeat_one_before_are_left_out() -> None:
+    dataset = record(Setting(3, static_s=300))
+    first, *others = dataset.static
+    rate, force = first.rate_deg_per_h.copy(), first.acceleration_g.copy()
+    rate[100:], force[100:] = rate[100] + 2.0, force[100]
+    frozen = replace(first, rate_deg_per_h=rate, acceleration_g=force)
+    analysis = analyse(replace(dataset, static=(frozen, *others)), allan=False)
+    (flag,) = [flag for flag in analysis.flags if flag.code == "frozen"]
+    assert flag.details == {"count": 199, "at_rest": 199, "turning": 0}
+    assert max(off_in_u(analysis).values()) < 4.0
+
+
 def saturated(dataset: NineAxisDataset, at: float, known: float | None) -> NineAxisDataset:
     clipped = tuple(
         replace(one, rate_deg_per_s=np.clip(one.rate_deg_per_s, -at, at)) for one in dataset.turns

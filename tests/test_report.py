@@ -278,6 +278,7 @@ def test_a_record_without_a_field_is_still_drawn() -> None:
         (12345.6, 321.0, ("12350", "320")),
         (1.5, 0.0, ("1.50000", "0")),
         (3.2e-9, 1.1e-10, ("3.20e-9", "0.11e-9")),
+        (9.998e-7, 9.998e-7, ("1.0e-6", "1.0e-6")),
         (None, None, ("undetermined", "–")),
         (math.nan, 1.0, ("undetermined", "–")),
         (1.23456, None, ("1.235", "–")),

@@ -165,6 +165,15 @@ def test_a_silent_sensor_ends_a_run_that_then_goes_on_with_saturated_rates_left_
     assert max(off_in_u(outcome, gyros, RATES[:-1]).values()) < COMBINED
 
 
+def test_a_sensor_that_repeats_one_output_ends_the_run(tmp_path: Path) -> None:
+    outcome, _ = short_run(tmp_path, 6, {"instrument": "imu", "fault": "frozen", "at": "60 s"})
+    assert outcome.exit_code == 3
+    assert outcome.error is not None
+    assert outcome.error.startswith("imu: record position 1: ")
+    assert "outputs in a row hold the same six rates and specific forces" in outcome.error
+    assert "position 1" not in RunFolder(outcome.folder).finished_units()
+
+
 def test_a_wrong_pose_is_measured_again_and_refused_and_a_wrong_axis_up_ends_the_run(
     tmp_path: Path,
 ) -> None:

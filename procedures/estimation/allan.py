@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,6 +16,8 @@ FLICKER = 2.0 * np.log(2.0) / np.pi
 """Allan variance of flicker noise over the square of the bias instability B; its root is 0.664."""
 SECONDS_PER_HOUR = 3600.0
 FEWEST_CLUSTERS = 3
+SEEN = 2.0
+"""Standard uncertainties beyond which flicker is seen: in white noise so once in 25 records."""
 
 
 @dataclass(frozen=True)
@@ -34,19 +37,26 @@ class AllanDeviation:
         """The standard uncertainty of each deviation, shape (m,)."""
         return np.asarray(self.deviation / np.sqrt(2.0 * self.degrees_of_freedom))
 
+    def beyond(self, shortest_s: float) -> AllanDeviation:
+        """Return the part with averaging times of `shortest_s` and more."""
+        long = self.tau_s >= shortest_s
+        return AllanDeviation(self.tau_s[long], self.deviation[long], self.degrees_of_freedom[long])
+
 
 @dataclass(frozen=True)
 class NoiseCoefficients:
     """What an Allan deviation in deg/h is made of (IEEE Std 952, annex C): N, B, K and Q.
 
     sigma^2(tau) = 3 Q^2/tau^2 + N^2/tau + (2 ln 2/pi) B^2 + K^2 tau/3. A coefficient is zero where
-    the record shows nothing of it.
+    the record shows nothing of it. `bias_instability_seen` says whether B is more than what white
+    noise alone lets appear in a record.
     """
 
     angle_random_walk_deg_per_sqrt_h: float
     bias_instability_deg_per_h: float
     rate_random_walk_deg_per_h_sqrt_h: float
     quantisation_arcsec: float
+    bias_instability_seen: bool
 
     def deviation_deg_per_h(self, tau_s: Array) -> Array:
         """Return the Allan deviation that the coefficients give at averaging times (m,)."""
@@ -97,6 +107,16 @@ def allan_deviation(
     return AllanDeviation(table[:, 0], table[:, 1], table[:, 2])
 
 
+def pooled_deviation(records: Sequence[AllanDeviation]) -> AllanDeviation:
+    """Return the Allan deviation of several records (one at least) with the same averaging times.
+
+    Variances are weighted by their degrees of freedom, which add up.
+    """
+    freedom = np.sum([one.degrees_of_freedom for one in records], axis=0)
+    total = np.sum([one.degrees_of_freedom * one.deviation**2 for one in records], axis=0)
+    return AllanDeviation(records[0].tau_s, np.sqrt(total / freedom), freedom)
+
+
 def _freedom_in_white_noise(samples: int, m: int) -> float:
     points = samples + 1
     spread = 3.0 * (points - 1) / (2.0 * m) - 2.0 * (points - 2) / points
@@ -119,4 +139,10 @@ def noise_coefficients(allan: AllanDeviation) -> NoiseCoefficients | None:
     scale = np.linalg.norm(columns * weight[:, None], axis=0)
     found, _ = nnls(columns * weight[:, None] / scale, variance * weight)
     squares = found / scale
-    return NoiseCoefficients(*(float(np.sqrt(one)) for one in squares))
+    parts = columns[:, squares > 0.0] / (columns @ squares)[:, None]
+    spread = np.zeros(len(squares))
+    worth = parts * allan.degrees_of_freedom[:, None] / 2.0
+    spread[squares > 0.0] = np.sqrt(np.diag(np.linalg.pinv(parts.T @ worth)))
+    seen = bool(squares[1] > SEEN * spread[1])
+    white, flicker, walk, rounded = (float(np.sqrt(one)) for one in squares)
+    return NoiseCoefficients(white, flicker, walk, rounded, seen)

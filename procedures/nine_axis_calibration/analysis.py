@@ -13,6 +13,7 @@ from procedures.estimation.allan import (
     NoiseCoefficients,
     allan_deviation,
     noise_coefficients,
+    pooled_deviation,
 )
 from procedures.estimation.noise import grid_index
 
@@ -20,13 +21,13 @@ from .attitude import PAIRS, BiasSolution, GyroGain, StaticMeans, solve_biases
 from .dataset import NineAxisDataset, Prior, StaticRecord
 from .estimates import bias_estimates, scale_estimates
 from .findings import AnalysisSettings, NineAxisAnalysis, StaticSummary
-from .flags import data_flags, result_flags
+from .flags import data_flags, frozen_flags, result_flags
 from .means import interval_of, means_of
 from .pose import check_together
 from .positions import earth_rate
 from .published import published_values
 from .scale import ScaleSolution, solve_axis
-from .screening import without_saturated
+from .screening import without_frozen, without_saturated
 from .turning import axis_means
 
 Array = NDArray[np.float64]
@@ -34,6 +35,8 @@ Array = NDArray[np.float64]
 __all__ = ["AnalysisSettings", "NineAxisAnalysis", "analyse"]
 
 CONTRADICT = 0.999
+UNFILTERED_S = 0.5
+"""At shorter averaging times a sensor's own filter hides some of its white noise."""
 
 
 def analyse(
@@ -48,6 +51,7 @@ def analyse(
     """
     settings = settings or AnalysisSettings()
     clean, saturated, at_rest = without_saturated(dataset)
+    clean, *frozen = without_frozen(clean)
     horizontal = float(np.linalg.norm(earth_rate(dataset.latitude_deg)[:2]))
     turned = sorted({one.axis for one in dataset.turns})
     means = {
@@ -67,6 +71,7 @@ def analyse(
         *scale_estimates(axes, means),
     )
     flags = (
+        *frozen_flags(*frozen),
         *data_flags(dataset, static, means, saturated, at_rest, settings),
         *result_flags(estimates, static, bias, wander, wider, axes, published, settings),
     )
@@ -155,12 +160,16 @@ def _allan(
 def _noise(
     static: Sequence[StaticSummary], dataset: NineAxisDataset
 ) -> tuple[NoiseCoefficients | None, ...]:
-    """Return each gyro's noise coefficients from its longest static record."""
+    """Return each gyro's noise coefficients from its longest static records together."""
     if not static:
         return (None, None, None)
-    lengths = [len(one.time_s) for one in dataset.static]
-    longest = static[int(np.argmax(lengths))]
-    return tuple(noise_coefficients(one) for one in longest.allan)
+    longest = static[int(np.argmax([len(one.time_s) for one in dataset.static]))]
+    found = []
+    for axis, first in enumerate(longest.allan):
+        own = [one.allan[axis] for one in static]
+        alike = [one for one in own if np.array_equal(one.tau_s, first.tau_s)]
+        found.append(noise_coefficients(pooled_deviation(alike).beyond(UNFILTERED_S)))
+    return tuple(found)
 
 
 def _biases(

@@ -11,7 +11,7 @@ from procedures.nine_axis_calibration.dataset import AXES, NineAxisDataset
 from procedures.nine_axis_calibration.findings import NineAxisAnalysis
 from station.findings import Findings
 from station.report.drawing import STYLE
-from station.report.numbers import NOTHING, format_with_uncertainty
+from station.report.numbers import NOTHING, format_number, format_with_uncertainty
 from station.report.parts import Part, Plot, Table
 from station.results import ResultDocument
 
@@ -41,7 +41,8 @@ def draw_parts(findings: Findings, document: ResultDocument) -> tuple[Part, ...]
                     "Static records and Allan deviation",
                     "Each gyro at rest, one position after the other. Where the Allan deviation "
                     "no longer falls, a longer record does not make the bias better. N: angle "
-                    "random walk; B: bias instability, both of the longest record.",
+                    "random walk; B: bias instability where it is more than noise, both of all "
+                    "the longest records.",
                     plots.static_records(analysis, dataset),
                 )
             )
@@ -89,7 +90,8 @@ def _poses(analysis: NineAxisAnalysis) -> Table:
     if analysis.bias is not None:
         value = analysis.bias.heading_rad * ARCMIN_PER_RAD
         u = analysis.bias.heading_u * ARCMIN_PER_RAD
-        said += f" Heading common to all: {value:.1f} arcmin, u = {u:.1f} arcmin."
+        heading = f"{value:.1f}".replace("-", "−")
+        said += f" Heading common to all: {heading} arcmin, u = {u:.1f} arcmin."
     columns = ["position", "pose", *(f"{axis}, deg/h" for axis in AXES)]
     return Table("Positions", said, [*columns, "heading, arcmin", "tilt, arcmin"], rows)
 
@@ -117,15 +119,15 @@ def _gain(analysis: NineAxisAnalysis) -> Table:
 def _correction(correction: Correction) -> Table:
     rows = []
     for axis, name in enumerate(AXES):
-        row = [name, f"{correction.bias_deg_per_s[axis]:.6e}"]
+        row = [name, format_number(float(correction.bias_deg_per_s[axis]), 7)]
         row.append(f"{PPM * correction.asymmetry[axis]:.2f}")
         row += [f"{value:.9f}" for value in correction.inverse[axis]]
         rows.append(row)
     return Table(
         "Correction",
         "True rate = inverse gain × (output − bias) / (1 + asymmetry/2 × its sign). Misalignments "
-        "that were not measured and asymmetries that are noise count as zero. The calibration "
-        "file holds the same, with functions for C, MATLAB and Python.",
+        "that were not measured and asymmetries that are noise count as zero. calibration.json "
+        "beside this report holds the same, calibrate_gyros.c, .m and .py do it.",
         ["", "bias, deg/s", "asymmetry, ppm", *(f"inverse gain {axis}" for axis in AXES)],
         rows,
     )

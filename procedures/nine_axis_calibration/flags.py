@@ -47,12 +47,12 @@ def data_flags(
         rates = sorted({one.commanded_deg_per_s for one in own}, key=lambda one: (abs(one), -one))
         what = "the records" if any(one.whole for one in own) else "they"
         overload_said = (
-            f"{count} samples of gyro {AXES[axis]} at {listed_numbers(rates)} deg/s are saturated; "
+            f"Saturated: {samples(count)} of gyro {AXES[axis]} at {listed_numbers(rates)} deg/s; "
             f"{what} are left out."
         )
         flags.append(Flag("overload", overload_said, AXES[axis], {"count": count, "rates": rates}))
     if at_rest:
-        at_rest_said = f"{at_rest} samples at rest are saturated; they are left out."
+        at_rest_said = f"Saturated: {samples(at_rest)} at rest; they are left out."
         flags.append(Flag("overload", at_rest_said, None, {"count": at_rest}))
     flags += _outliers(dataset, static, means)
     flags += _gaps(dataset, settings)
@@ -67,6 +67,18 @@ def data_flags(
             flags.append(Flag("part-turns", part_said, AXES[axis], details))
         flags += _rates(axis, one)
     return flags
+
+
+def frozen_flags(at_rest: int, turning: int) -> list[Flag]:
+    """Return the flag on samples that only repeat one before."""
+    if not at_rest + turning:
+        return []
+    said = (
+        f"Left out, for they repeat the one before on all axes: {samples(at_rest)} at rest and "
+        f"{turning} turning; the sensor or its recorder stood still."
+    )
+    details = {"count": at_rest + turning, "at_rest": at_rest, "turning": turning}
+    return [Flag("frozen", said, None, details)]
 
 
 def _outliers(
@@ -89,8 +101,8 @@ def _outliers(
             )
         if at_rest + turning:
             outliers_said = (
-                f"{at_rest} samples of gyro {name} at rest and {turning} of it turning lie far "
-                "from the others and are left out."
+                f"Left out, for they lie far from the others: {samples(at_rest)} of gyro {name} at "
+                f"rest and {turning} of it turning."
             )
             details = {"count": at_rest + turning, "at_rest": at_rest, "turning": turning}
             flags.append(Flag("outliers-rejected", outliers_said, name, details))
@@ -182,8 +194,8 @@ def result_flags(
         if one is not None and one.one_sense:
             rates = list(one.one_sense)
             one_sense_said = (
-                f"{AXES[axis]} has usable records at {listed_numbers(rates)} deg/s in one sense "
-                "only; these rates are left out."
+                f"{AXES[axis]} has no usable record at {listed_numbers(rates)} deg/s in one sense "
+                "or in both; these rates are left out."
             )
             which = {"count": len(rates), "rates": rates}
             flags.append(Flag("one-sense-only", one_sense_said, AXES[axis], which))
@@ -262,6 +274,11 @@ def _undetermined(estimates: Sequence[Estimate], published: Sequence[Published])
 
 def _counted(names: Sequence[str]) -> dict[str, object]:
     return {"count": len(names), "coefficients": names}
+
+
+def samples(count: int) -> str:
+    """Return a number of samples in words: 1 sample, 2 samples."""
+    return f"{count} sample{'' if count == 1 else 's'}"
 
 
 def listed_numbers(values: Sequence[float]) -> str:

@@ -27,7 +27,7 @@ from procedures.nine_axis_calibration.sensing import (
     GYROS,
     SECONDS_PER_HOUR,
 )
-from procedures.nine_axis_calibration.tracking import track
+from procedures.nine_axis_calibration.tracking import SHORT_S, track
 from station.errors import RecordError
 
 if TYPE_CHECKING:
@@ -39,7 +39,7 @@ POSITION, TURN = "position", "rate_deg_per_s"
 """What a finished unit tells of itself: its position, or the rate of its turns."""
 LATE_S = 0.3
 """Outputs of a record may reach the computer so long after its end."""
-USUAL, SHORT_S = 1.5, 1e-4
+USUAL = 1.5
 
 
 def dataset_of_run(
@@ -97,14 +97,15 @@ def turn_record(
     folder: RunFolder, unit: str, details: Mapping[str, Any], interval_s: float
 ) -> TurnRecord:
     """Return the whole turns of one rate: as many outputs as they take at the measured rate."""
-    read_s, angle_deg = readings(folder, unit, details)
-    path = track(read_s, angle_deg)
+    path = track(*readings(folder, unit, details))
     rows, time_s = outputs(folder, unit, details, interval_s)
     whole_s = details["turns"] * FULL_TURN_DEG / abs(path.rate_deg_per_s)
-    from_s = float(read_s[0])
+    from_s, until_s = path.known(details["from_s"], details["until_s"])
     inside = (time_s >= from_s + interval_s) & (time_s < from_s + whole_s + 1.5 * interval_s)
     count = round(whole_s / interval_s)
-    place = np.flatnonzero(inside & (time_s <= details["until_s"]))
+    place = np.flatnonzero(inside & (time_s <= until_s))
+    if not len(place):
+        raise RecordError(f"{unit}: the sensor said nothing while the table's angle was read")
     place = place[time_s[place] < time_s[place[0]] + (count - 0.5) * interval_s]
     return TurnRecord(
         axis=AXES.index(details["axis"]),
@@ -116,9 +117,12 @@ def turn_record(
     )
 
 
-def readings(folder: RunFolder, unit: str, details: Mapping[str, Any]) -> tuple[Array, Array]:
-    """Return when the table's angle was read during a record, and what it was, positive as rates.
+def readings(
+    folder: RunFolder, unit: str, details: Mapping[str, Any]
+) -> tuple[Array, Array, Array]:
+    """Return when a record's angles of the table were read, what they were, how long each took.
 
+    Angles are positive as rates are.
     A reading is taken for one of the middle between question and answer. One that took longer than
     usual, as when others had the line, is left out: nobody knows when it was made.
     """
@@ -131,7 +135,7 @@ def readings(folder: RunFolder, unit: str, details: Mapping[str, Any]) -> tuple[
     if int(inside.sum()) < 2:
         raise RecordError(f"{unit}: the table's angle was not read while it turned")
     middle_s = 0.5 * (asked_s + answered_s)
-    return middle_s[inside], UP_SENSE * table["angle_deg"][inside]
+    return middle_s[inside], UP_SENSE * table["angle_deg"][inside], took_s[inside]
 
 
 def outputs(

@@ -115,7 +115,7 @@ def _allan_axes(axes: Axes, analysis: NineAxisAnalysis, axis: int) -> None:
     if noise is None:
         return
     text = f"N = {noise.angle_random_walk_deg_per_sqrt_h:.3g} deg/√h"
-    if noise.bias_instability_deg_per_h > 0.0:
+    if noise.bias_instability_seen:
         text += f", B = {noise.bias_instability_deg_per_h:.2g} deg/h"
     axes.text(0.97, 0.92, text, transform=axes.transAxes, ha="right", va="top", fontsize=8.0)
 

@@ -1,4 +1,4 @@
-"""Saturated samples: found, and kept out of every mean."""
+"""Samples that measured nothing, saturated or frozen: found, and kept out of every mean."""
 
 from __future__ import annotations
 
@@ -17,6 +17,10 @@ MOST_OF_A_RECORD = 0.01
 STUCK = 0.3
 FEWEST_STUCK = 5
 TOO_LITTLE = 0.999
+FEWEST_FROZEN = 10
+"""So many samples in a row are never the same by chance, all axes together."""
+USUALLY_NEW = 0.9
+"""Of coarse data, of which fewer are new beside the longest repeat, none counts as frozen."""
 
 
 @dataclass(frozen=True)
@@ -106,3 +110,44 @@ def _stands_still(own: Array, gain: float, usual: float) -> bool:
     top = values[np.argmax(np.abs(values))]
     share = float(np.mean(values == top))
     return share > STUCK and share * len(values) >= FEWEST_STUCK
+
+
+def without_frozen(dataset: NineAxisDataset) -> tuple[NineAxisDataset, int, int]:
+    """Return the dataset without samples that repeat one before, and their numbers.
+
+    At rest and turning. The first of those that are alike counts.
+    """
+    static, turns = [], []
+    at_rest = turning = 0
+    for still in dataset.static:
+        frozen = frozen_samples(np.column_stack((still.rate_deg_per_h, still.acceleration_g)))
+        at_rest += int(frozen.sum())
+        rates, forces = (
+            np.where(frozen[:, None], np.nan, one)
+            for one in (still.rate_deg_per_h, still.acceleration_g)
+        )
+        static.append(replace(still, rate_deg_per_h=rates, acceleration_g=forces))
+    for record in dataset.turns:
+        frozen = frozen_samples(record.rate_deg_per_s)
+        turning += int(frozen.sum())
+        rates = np.where(frozen[:, None], np.nan, record.rate_deg_per_s)
+        turns.append(replace(record, rate_deg_per_s=rates))
+    if at_rest + turning:
+        dataset = replace(dataset, static=tuple(static), turns=tuple(turns))
+    return dataset, at_rest, turning
+
+
+def frozen_samples(values: Array) -> NDArray[np.bool_]:
+    """Return which samples (n, columns) repeat the one before, in a row of ten alike or more."""
+    frozen = np.zeros(len(values), dtype=bool)
+    there = values[:, np.isfinite(values).any(axis=0)]
+    if not there.size:
+        return frozen
+    new = np.append(True, np.any(there[1:] != there[:-1], axis=1))
+    starts = np.flatnonzero(new)
+    lengths = np.diff(np.append(starts, len(values)))
+    for start, length in zip(starts, lengths, strict=True):
+        if length >= FEWEST_FROZEN:
+            frozen[start + 1 : start + length] = True
+    others = new[~frozen]
+    return frozen if float(others.mean()) > USUALLY_NEW else np.zeros_like(frozen)

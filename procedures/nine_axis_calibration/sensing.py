@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
@@ -20,6 +21,8 @@ Array = NDArray[np.float64]
 LOOK_S = 2.0
 """Run time between two looks; less where time runs by itself, so that a kill loses little."""
 SILENT_AFTER_S = 5.0
+FROZEN_AFTER_S, FEWEST_FROZEN = 2.0, 10
+"""Noise never gives three gyros and three accelerometers the same values for so long, all six."""
 SECONDS_PER_HOUR = 3600.0
 MOSTLY = 0.5
 GYRO_BITS = {"gyro X": 0, "gyro Y": 1, "gyro Z": 2}
@@ -41,9 +44,13 @@ class Sensing:
         self._sensor.start(parameters.sample_rate_Hz)
         self._heard_s = run.clock.now()
         self._rows: list[NDArray[Any]] = []
+        self._newest = np.empty((0, len(GYROS) + len(ACCELEROMETERS)))
+        self._frozen_after = max(
+            math.ceil(FROZEN_AFTER_S * parameters.sample_rate_Hz), FEWEST_FROZEN
+        )
 
     def follow(self, until_s: float, said: str) -> None:
-        """Record until a run time; raises InstrumentError for a sensor that is silent."""
+        """Record until a run time; raises InstrumentError for a sensor that is silent or frozen."""
         clock = self._run.clock
         while clock.now() < until_s:
             clock.sleep_until(min(clock.now() + clock.holding_s(LOOK_S), until_s))
@@ -61,8 +68,24 @@ class Sensing:
             run.record.block(sensor.source, self._unit, sensor.columns, rows)
             self._rows.append(rows)
             self._heard_s = now_s
+            self._need_changes(rows)
         elif now_s - self._heard_s > SILENT_AFTER_S:
             raise self._silent(f"for {SILENT_AFTER_S:g} s")
+
+    def _need_changes(self, rows: NDArray[Any]) -> None:
+        """Raise InstrumentError where new outputs, after those before, repeat one set of values."""
+        values = np.column_stack([rows[name] for name in (*GYROS, *ACCELEROMETERS)])
+        values = np.concatenate((self._newest, values))
+        same = longest_repeat(values)
+        if same >= self._frozen_after:
+            raise InstrumentError(
+                IMU,
+                f"record {self._unit}",
+                f"{same} outputs in a row hold the same six rates and specific forces, though "
+                "their counter goes on",
+                "switch it off and on; where it does so again have it looked at",
+            )
+        self._newest = values[-self._frozen_after :]
 
     def means(self, from_s: float) -> tuple[Array, Array]:
         """Return the gyros' means in deg/h and the accelerometers' in g, (3,) each, since a time.
@@ -111,3 +134,10 @@ class Sensing:
         """End the output and record the rest of it."""
         self._sensor.stop()
         self.look()
+
+
+def longest_repeat(values: Array) -> int:
+    """Return how many successive rows (n, columns) hold the same values at most; 0 for none."""
+    changes = np.flatnonzero(np.any(values[1:] != values[:-1], axis=1)) + 1
+    edges = np.concatenate(([0], changes, [len(values)]))
+    return int(np.diff(edges).max())

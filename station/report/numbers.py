@@ -29,7 +29,7 @@ def format_with_uncertainty(value: float | None, uncertainty: float | None) -> t
     if uncertainty <= 0:
         return format_number(value, 6), "0"
     place = _last_place(uncertainty, 2)
-    largest = max(_exponent(value) if value else place, _exponent(uncertainty))
+    largest = max(_exponent(value) if value else place, place + 1)
     if largest in PLAIN_EXPONENTS and place >= LAST_PLAIN_PLACE:
         return _rounded(value, place), _rounded(uncertainty, place)
     shift = Decimal(10) ** -largest
