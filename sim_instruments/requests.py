@@ -15,6 +15,8 @@ from sim_instruments.tcp import TcpServer, is_closed
 from station.clock import Clock, ClockStopped
 
 LONGEST_LINE = LARGEST_READ_BYTES = 65536
+AT_ONCE = getattr(socket, "MSG_DONTWAIT", 0)
+"""Windows has no such option; there the read waits for what is on its way."""
 LOOK_S = 0.005
 """Real time in which bytes that were written on a loopback come out at its other end."""
 
@@ -33,12 +35,13 @@ class Conversation:
     def look(self) -> bool:
         """Read and answer what has come, in the thread of who sent it; False at the end."""
         try:
-            if not select.select([self.client], [], [], LOOK_S)[0]:
-                return True
-            data = self.client.recv(LARGEST_READ_BYTES)
+            data = self.client.recv(LARGEST_READ_BYTES, AT_ONCE)
             if data:
                 self._server.received(self, data)
             return bool(data)
+        except BlockingIOError:
+            select.select([self.client], [], [], LOOK_S)
+            return True
         except (OSError, ClockStopped):
             return False
 

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Callable
+from contextlib import suppress
 
 from drivers.roles import Place
 from drivers.transport.serial_port import Port, SocketPort, one_line
@@ -53,8 +53,10 @@ class ExchangePort(TracedLine, ABC):
     def _ready(self) -> Port:
         """Return the port, opened again after a fault; what came unasked is read and forgotten."""
         port = self._port if self._port is not None else self._open()
-        with self._breaks("looked for what had come unasked"):
+        try:
             self._forget(port)
+        except OSError as error:
+            raise self._broken("looked for what had come unasked", error) from error
         return port
 
     def _open(self) -> Port:
@@ -106,10 +108,12 @@ class ExchangePort(TracedLine, ABC):
                 port.close()
 
     def _send(self, port: Port, attempted: str, data: bytes) -> None:
-        with self._breaks(attempted):
+        try:
             self._wire.sent(len(data))
             self._traced(">", data)
             port.write(data)
+        except OSError as error:
+            raise self._broken(attempted, error) from error
 
     def _receive(
         self, port: Port, attempted: str, deadline_s: float, is_whole: Callable[[bytes], bool]
@@ -119,19 +123,22 @@ class ExchangePort(TracedLine, ABC):
         Raises InstrumentTimeout where nothing comes.
         """
         if not self._wire.wait(self._clock.now() + deadline_s):
-            with self._breaks(attempted):
+            try:
                 self._forget(port)
+            except OSError as error:
+                raise self._broken(attempted, error) from error
             raise self._silent(attempted, "no answer came", deadline_s)
         until_s = self._clock.now() + self._clock.patience_s(deadline_s)
         left_s, answer = deadline_s, b""
         try:
-            with self._breaks(attempted):
-                while left_s > 0:
-                    came = port.read(self._clock.real_timeout_s(left_s))
-                    answer += came
-                    if not came or is_whole(answer) or len(answer) > LARGEST_ANSWER_BYTES:
-                        break
-                    left_s = until_s - self._clock.now()
+            while left_s > 0:
+                came = port.read(self._clock.real_timeout_s(left_s))
+                answer += came
+                if not came or is_whole(answer) or len(answer) > LARGEST_ANSWER_BYTES:
+                    break
+                left_s = until_s - self._clock.now()
+        except OSError as error:
+            raise self._broken(attempted, error) from error
         finally:
             if answer:
                 self._traced("<", answer)
@@ -146,15 +153,11 @@ class ExchangePort(TracedLine, ABC):
     def _wrong(self, attempted: str, came_back: str) -> InstrumentError:
         return self._fault(attempted, came_back, self.when_wrong)
 
-    @contextmanager
-    def _breaks(self, attempted: str) -> Iterator[None]:
-        """Tell an OSError inside as a line that broke, which is then closed."""
-        try:
-            yield
-        except OSError as error:
-            self._disconnect()
-            raise self._fault(
-                attempted,
-                f"the line broke ({one_line(error)})",
-                "check the cable and the instrument's power, then start again",
-            ) from error
+    def _broken(self, attempted: str, error: OSError) -> InstrumentError:
+        """Close the line, which broke, and return the error that tells it."""
+        self._disconnect()
+        return self._fault(
+            attempted,
+            f"the line broke ({one_line(error)})",
+            "check the cable and the instrument's power, then start again",
+        )
