@@ -7,7 +7,6 @@ per ampere is taken once, at the points of interest; it is linear in the current
 
 from __future__ import annotations
 
-import magpylib
 import numpy as np
 import numpy.typing as npt
 from scipy.spatial.transform import Rotation
@@ -44,6 +43,8 @@ class HelmholtzPair:
 
     def field_mT_per_A(self, point_m: Array) -> Array:
         """Return the field of one ampere at a point of the coil frame, shape (3,), in mT."""
+        import magpylib  # where it is used: only some worlds have coils, and it takes its time
+
         z = np.array([0.0, 0.0, 1.0])
         turn, _ = Rotation.align_vectors([self.normal], [z])
         field = np.zeros(3)
