@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from multiprocessing import AuthenticationError
 from multiprocessing.connection import Client
 from pathlib import Path
-from threading import Event, Thread
+from threading import Event, Thread, Timer
 from threading import enumerate as enumerate_threads
 from typing import Any, TextIO
 
@@ -225,6 +225,20 @@ def test_a_run_that_nobody_runs_says_how_to_go_on(virtual: Desk) -> None:
     with pytest.raises(NotRunning, match=rf"not running .*`station resume {folder}` goes on"):
         ask(folder, "pause")
     assert not go_on(folder)
+
+
+def test_a_run_that_just_begins_is_waited_for(virtual: Desk, tmp_path: Path) -> None:
+    begins = tmp_path / "begins"
+    begins.mkdir()
+    events = (virtual.folder / "events.jsonl").read_bytes()
+    (begins / "events.jsonl").touch()
+    (begins / "run.lock").touch()
+    asked = Event()
+    writes = Timer(0.2, lambda: (asked.set(), (begins / "events.jsonl").write_bytes(events)))
+    writes.start()
+    with pytest.raises(NotRunning):
+        ask(begins, "pause")
+    assert asked.is_set()
 
 
 def test_somebody_who_connects_and_says_nothing_keeps_nobody_from_being_heard(

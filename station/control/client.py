@@ -86,7 +86,9 @@ def connected(folder: Path) -> tuple[Connection, bytes]:
         raise InputError(f"{folder} is no run folder: it holds no {EVENTS}")
     until_s = boot_seconds() + LISTENS_WITHIN_S
     while True:
-        if not is_held(folder / LOCK):
+        # A folder is there a moment before the run that has it locks it and writes its first event.
+        begins = not (folder / EVENTS).stat().st_size and boot_seconds() < until_s
+        if not begins and not is_held(folder / LOCK):
             raise NotRunning(not_running(folder))
         for place in places(folder):
             key = place.key()
