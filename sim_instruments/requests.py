@@ -74,7 +74,7 @@ class RequestServer(TcpServer):
         self._lock = lock
         self._tap = tap
         self._at_once = at_once
-        self._unread: set[Event] = set()
+        self._talks: set[Conversation] = set()
 
     @abstractmethod
     def requests(self, talk: Conversation, data: bytes) -> Iterator[bytes | None]:
@@ -88,17 +88,22 @@ class RequestServer(TcpServer):
         """Read requests until the client leaves."""
         talk = Conversation(self, client)
         with self._guard:
-            self._unread.add(talk.unread)
-        while data := client.recv(LARGEST_READ_BYTES):
-            if self.received(talk, data):
-                talk.unread.wait()
-                talk.unread.clear()
+            self._talks.add(talk)
+        try:
+            while data := client.recv(LARGEST_READ_BYTES):
+                if self.received(talk, data):
+                    talk.unread.wait()
+                    talk.unread.clear()
+        finally:
+            with self._guard:
+                self._talks.discard(talk)
 
     def close(self) -> None:
         """Close the port and all connections."""
         super().close()
-        for unread in self._unread:
-            unread.set()
+        with self._guard:
+            for talk in self._talks:
+                talk.unread.set()
 
     def received(self, talk: Conversation, data: bytes) -> bool:
         """Answer what came; return whether from now on whoever sends also has it answered."""
