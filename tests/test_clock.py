@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import socket
 import threading
+from contextlib import ExitStack
 
 import pytest
 
@@ -249,6 +250,36 @@ def test_who_answers_at_once_does_so_in_the_thread_that_asks() -> None:
     # The first request finds out that it comes from this process.
     assert threads[0] != threading.get_ident()
     assert threads[1:] == [threading.get_ident()] * 2
+
+
+def test_a_message_to_one_that_answers_at_once_does_not_hold_up_another() -> None:
+    clock, said = VirtualClock(), []
+
+    def answer(line: bytes) -> bytes:
+        said.append((line, clock.now()))
+        return line + b"\n" if line.endswith(b"?") else b""
+
+    servers = [
+        LineServer(name, 0, clock, clock.lock("world"), answer, at_once=True) for name in "ab"
+    ]
+    with clock.participant("run"), ExitStack() as lines:
+        wires, clients = [], []
+        for server in servers:
+            server.begin()
+            wires.append(clock.wire(server.address))
+            clients.append(lines.enter_context(socket.create_connection((HOST, server.port))))
+            wires[-1].open()
+            assert ask(clients[-1], wires[-1], clock, b"?\n", 0.5) == b"?\n"
+        clock.start("other", lambda: clock.sleep(1.0))
+        wires[0].sent(4)
+        clients[0].sendall(b"off\n")
+        assert ask(clients[1], wires[1], clock, b"on?\n", 0.5) == b"on?\n"
+        for wire in wires:
+            wire.close()
+    for server in servers:
+        server.close()
+    clock.stop()
+    assert said[2:] == [(b"off", 0.0), (b"on?", 0.0)]
 
 
 def test_who_answers_at_once_may_not_wait() -> None:

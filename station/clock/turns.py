@@ -11,6 +11,8 @@ from threading import Lock, Thread, get_ident, main_thread
 
 from station.clock.base import ClockError, ClockStopped
 
+SERVES, NAMED = 0, 1
+"""The first part of a participant's order."""
 CALLED = -math.inf
 """The time to wake of whoever waits for the turn alone."""
 POLL_S = 0.05
@@ -59,6 +61,11 @@ class Participant:
         self.turn = Lock()
         self.turn.acquire()
 
+    @property
+    def serves(self) -> bool:
+        """Whether it serves a request and may go on."""
+        return self.wake_at == CALLED and self.order[0] == SERVES
+
     def called(self) -> None:
         """Let its event come: it is among the next to run."""
         self.wake_at = CALLED
@@ -73,7 +80,11 @@ BY_TIME = attrgetter("wake_at", "order")
 
 
 class Turns:
-    """The scheduler of the virtual clock; every method but `take` needs `mutex` held."""
+    """The scheduler of the virtual clock; every method but `take` needs `mutex` held.
+
+    What is `held` of all that is in flight lies with who answers at once, in the thread that has
+    sent it: it keeps time from passing, but no request from being served.
+    """
 
     def __init__(self, began_s: float = 0.0) -> None:
         self.mutex = Lock()
@@ -81,6 +92,7 @@ class Turns:
         self.running: Participant | None = None
         self.waiting: list[Participant] = []
         self.in_flight = 0
+        self.held = 0
         self.passed = 0
         self.stopping = False
         self.failure: str | None = None
@@ -108,10 +120,10 @@ class Turns:
         `giver` is who is going to take its next turn now, and can do the step of one without a
         thread before.
         """
-        if self.running is not None or self.in_flight or not self.waiting:
+        if self.running is not None or self.in_flight > self.held or not self.waiting:
             return
         chosen = min(self.waiting, key=BY_TIME)
-        if chosen.wake_at == math.inf:
+        if chosen.wake_at == math.inf or (self.held and not chosen.serves):
             return
         if chosen.wake_at > self.now:
             self.now = chosen.wake_at
@@ -127,7 +139,7 @@ class Turns:
 
     def run_at_once(self, participant: Participant) -> bool:
         """Give the turn to `participant` where nobody else could have it, else return False."""
-        if self.running is not None or self.in_flight:
+        if self.running is not None or self.in_flight > self.held:
             return False
         for one in self.waiting:
             if one.wake_at == CALLED:

@@ -7,7 +7,7 @@ from contextlib import AbstractContextManager, contextmanager
 from threading import current_thread, local, main_thread
 
 from station.clock.base import Clock, ClockError, ClockStopped, ParticipantThread, Wire
-from station.clock.turns import CALLED, Participant, Turns
+from station.clock.turns import CALLED, NAMED, Participant, Turns
 from station.clock.virtual_wire import TurnLock, VirtualWire
 from station.clock.watchdog import Watchdog
 
@@ -46,12 +46,12 @@ class VirtualClock(Clock):
     @contextmanager
     def participant(self, name: str) -> Iterator[None]:
         """Make this thread take part in time until exit."""
-        with self.joined(Participant(name, (1, 0, name), stoppable=False)):
+        with self.joined(Participant(name, (NAMED, 0, name), stoppable=False)):
             yield
 
     def start(self, name: str, body: Callable[[], None]) -> ParticipantThread:
         """Start a thread that takes part in time, known to the clock before this returns."""
-        participant = Participant(name, (1, 0, name), stoppable=True)
+        participant = Participant(name, (NAMED, 0, name), stoppable=True)
         with self._turns.mutex:
             self._turns.park(participant, CALLED, "about to start")
 
@@ -75,7 +75,7 @@ class VirtualClock(Clock):
                 participant.at_once = False
                 self.swap(before)
 
-        participant = Participant(name, (1, 0, name), stoppable=True)
+        participant = Participant(name, (NAMED, 0, name), stoppable=True)
         participant.step, participant.sleeping = as_participant, True
         with self._turns.mutex:
             if not self._turns.stopping:

@@ -11,7 +11,7 @@ from types import TracebackType
 from typing import TYPE_CHECKING
 
 from station.clock.base import Attendant, Wire
-from station.clock.turns import CALLED, Participant, Turns
+from station.clock.turns import CALLED, SERVES, Participant, Turns
 
 if TYPE_CHECKING:
     from station.clock.virtual import VirtualClock
@@ -38,7 +38,7 @@ class VirtualWire(Wire):
         self._sequences: deque[int] = deque()
         self._waiter: Participant | None = None
         self._attendant: Attendant | None = None
-        self._server = Participant(address, (0, 0, ""), stoppable=True)
+        self._server = Participant(address, (SERVES, 0, ""), stoppable=True)
         self._server.at_once = True
         self._listeners: list[Callable[[], bool]] = []
 
@@ -51,7 +51,8 @@ class VirtualWire(Wire):
         """Forget what was in flight: the client is gone."""
         with self._turns.mutex:
             self._open = False
-            self._turns.in_flight -= self._unread() + self._in_stream
+            self._count(-self._unread())
+            self._turns.in_flight -= self._in_stream
             self._to_server = self._in_stream = self._answered = 0
             self._sequences.clear()
             attendant, self._attendant = self._attendant, None
@@ -65,7 +66,7 @@ class VirtualWire(Wire):
         with self._turns.mutex:
             if self._open:
                 self._to_server += units
-                self._turns.in_flight += 0 if self._busy else units
+                self._count(0 if self._busy else units)
                 self._sequences.append(self._turns.next_sequence())
                 if self._attendant is not None:
                     self._clock.current(self._sends).to_serve.append(self._serve)
@@ -119,7 +120,10 @@ class VirtualWire(Wire):
         try:
             while self._to_server and (attendant := self._attendant) is not None:
                 if not attendant.look():
-                    self._attendant = None
+                    with self._turns.mutex:
+                        self._count(-self._unread())
+                        self._attendant = None
+                        self._count(self._unread())
                     attendant.dismissed()
         except Exception as error:  # whoever asks must not wait for an answer that never comes
             self._turns.fail(f"{self._address} has failed: {error!r}")
@@ -133,7 +137,7 @@ class VirtualWire(Wire):
             sequence = self._sequences.popleft() if self._sequences else turns.next_sequence()
             # What else lies on the wire can only be read when this request is done, so it must
             # not keep the turn from being passed on until then.
-            turns.in_flight -= self._unread()
+            self._count(-self._unread())
             self._busy = True
             self._to_server -= min(units, self._to_server)
             if not self._to_server:
@@ -142,7 +146,7 @@ class VirtualWire(Wire):
                 self._server.thread = get_ident()
                 self._clock.swap(self._server)
                 return self._server
-            server = Participant(self._address, (0, sequence, ""), stoppable=True)
+            server = Participant(self._address, (SERVES, sequence, ""), stoppable=True)
             server.at_once = self._attendant is not None
             turns.park(server, CALLED, "about to serve a request")
         self._clock.join(server)
@@ -152,9 +156,15 @@ class VirtualWire(Wire):
         """Let what came meanwhile count again, and let others run."""
         with self._turns.mutex:
             self._busy = False
-            self._turns.in_flight += self._unread()
+            self._count(self._unread())
             self._turns.leave(server)
         self._clock.left(server)
+
+    def _count(self, units: int) -> None:
+        """Count units to the server, by whoever they are going to be read."""
+        self._turns.in_flight += units
+        if self._attendant is not None:
+            self._turns.held += units
 
     def _unread(self) -> int:
         """Return what the server could read now; nothing while it is busy with a request."""
