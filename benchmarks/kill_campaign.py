@@ -19,6 +19,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 import shutil
 import sys
 import tempfile
@@ -60,6 +61,8 @@ def main() -> None:
     lines = []
     with tempfile.TemporaryDirectory() as place:
         folder = Path(place)
+        # What trips here is acknowledged with the folder, and is no matter of the user's own bench.
+        os.environ["XDG_STATE_HOME"] = str(folder / "state")
         changes = [part for one in SHORT_FORMS.get(arguments.plan, ()) for part in ("--set", one)]
         plan = (arguments.plan, "--bench", arguments.bench, *changes)
         first = arguments.first_seed
