@@ -65,11 +65,11 @@ class VirtualWire(Wire):
         """Count `units` from the client to the server, before they are written."""
         with self._turns.mutex:
             if self._open:
+                if self._attendant is not None:
+                    self._clock.current(self._sends).to_serve.append(self._serve)
                 self._to_server += units
                 self._count(0 if self._busy else units)
                 self._sequences.append(self._turns.next_sequence())
-                if self._attendant is not None:
-                    self._clock.current(self._sends).to_serve.append(self._serve)
 
     def wait(self, deadline_s: float) -> bool:
         """Give up the turn until an answer lies ready (True) or `deadline_s` is reached (False)."""
@@ -249,10 +249,7 @@ class TurnLock:
         trace: TracebackType | None,
     ) -> None:
         with self._turns.mutex:
-            if self._queue:
-                self._hand_on()
-            else:
-                self._owner = None
+            self._hand_on()
 
     def _hand_on(self) -> None:
         self._owner = min(self._queue, key=lambda one: one.order) if self._queue else None
