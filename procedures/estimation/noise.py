@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import next_fast_len, rfft
 from scipy.special import fdtri
+
+from .columns import Columns, Rows
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -99,6 +102,18 @@ def whiten(columns: Array, index: Index, model: Autoregression) -> Array:
         result[k:] -= weights[k:, k - 1, None] * columns[:-k]
     result /= np.sqrt(model.variances[order])[:, None]
     return result
+
+
+def whitened(columns: Columns, index: Index, model: Autoregression) -> Columns:
+    """Return columns whitened as `whiten` does it, a block of rows at a time."""
+
+    def make(rows: Rows) -> Array:
+        first, last, _ = cast(slice, rows).indices(columns.rows)
+        before = max(first - model.order, 0)
+        wide = slice(before, last)
+        return whiten(columns.at(wide), index[wide], model)[first - before :]
+
+    return Columns(columns.rows, make)
 
 
 @dataclass(frozen=True)

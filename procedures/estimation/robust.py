@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from .linear import combine, least_squares
+from .columns import Columns
+from .linear import least_squares
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -24,7 +25,7 @@ def robust_sigma(residuals: Array, floor: float = 0.0) -> float:
 
 
 def reject_outliers(
-    design: Array,
+    design: Array | Columns,
     data: Array,
     threshold: float,
     floor: float = 0.0,
@@ -38,13 +39,14 @@ def reject_outliers(
     needs. Quantised data have a slack of one quantum: rounding moves an honest sample that far, and
     the median deviation does not see it.
     """
+    whole = Columns.of(design) if isinstance(design, np.ndarray) else design
     kept = np.ones(len(data), dtype=bool)
-    columns = design.shape[1]
+    columns = whole.width
     for _ in range(rounds):
         samples = int(kept.sum())
         everything = samples == len(data)
-        fit = least_squares(design, data) if everything else least_squares(design[kept], data[kept])
-        residuals = fit.residuals if everything else data - combine(design, fit.coefficients)
+        fit = least_squares(whole if everything else whole.where(kept), data[kept])
+        residuals = fit.residuals if everything else data - whole.times(fit.coefficients)
         # The fit has taken some of the scatter away: give it back before judging.
         widen = np.sqrt(samples / max(samples - columns, 1))
         inner = fit.residuals * widen

@@ -8,8 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from procedures.estimation.columns import Columns, Rows
 from procedures.estimation.drift import drift_order, legendre_columns
-from procedures.estimation.linear import combine, least_squares
+from procedures.estimation.linear import least_squares
 from procedures.estimation.noise import (
     LocalNoise,
     fit_autoregression,
@@ -17,7 +18,7 @@ from procedures.estimation.noise import (
     lag_one_correlation,
     noise_near_line,
     periodogram,
-    whiten,
+    whitened,
 )
 from procedures.estimation.robust import reject_outliers
 from procedures.estimation.sine import averaging_factor, line_columns, phasors
@@ -111,20 +112,24 @@ def fit_gyro(
         return None
     start_s, stop_s = float(time_all[0]), float(time_all[-1])
     moved = time_all - 0.5 * (start_s + stop_s)
-    design = np.hstack(
-        (line_columns(moved, lines), legendre_columns(time_all, top, start_s, stop_s))
-    )
+
+    def model_rows(rows: Rows) -> Array:
+        drift = legendre_columns(time_all[rows], top, start_s, stop_s)
+        return np.hstack((line_columns(moved[rows], lines), drift))
+
+    design = Columns(len(time_all), model_rows)
     mean = float(np.median(segment.rate_deg_per_h[finite]))
     data = segment.rate_deg_per_h[finite] - mean
     quantum = segment.quantum_deg_per_h
     kept = reject_outliers(design, data, settings.outlier, 0.6 * quantum, quantum)
-    used, data_kept, index = design[kept], data[kept], index_all[kept] - index_all[kept][0]
+    used, data_kept, index = design.where(kept), data[kept], index_all[kept] - index_all[kept][0]
 
     first = least_squares(used, data_kept)
     top_order = min(settings.max_autoregression_order, len(data_kept) // 20)
     colour = fit_autoregression(first.residuals, index, top_order)
-    white = whiten(np.column_stack((used, data_kept)), index, colour)
-    full = least_squares(white[:, :-1], white[:, -1])
+    white = whitened(used, index, colour)
+    white_data = whitened(Columns.of(data_kept[:, None]), index, colour).times(np.ones(1))
+    full = least_squares(white, white_data)
     line_count = 2 * len(lines)
     sums = full.sum_of_squares + np.append(np.cumsum(full.gains[line_count + 1 :][::-1])[::-1], 0.0)
     samples = len(data_kept)
@@ -133,11 +138,11 @@ def fit_gyro(
     order = max(drift_order(sums, samples, 1.0), min(1, top))
     evident = drift_order(sums, samples, 2.0) >= 1
     unknowns = line_count + order + 1
-    fit = least_squares(white[:, :unknowns], white[:, -1])
+    fit = least_squares(white.first(unknowns), white_data)
     freedom = max(samples - unknowns, 1)
     sigma2 = fit.sum_of_squares / freedom
 
-    model = combine(design[:, :unknowns], fit.coefficients)
+    model = design.first(unknowns).times(fit.coefficients)
     residuals = data - model
     result_lines = _line_slots(frequencies, extra)
     phasor = np.zeros(2 * len(frequencies), dtype=np.complex128)
@@ -168,7 +173,7 @@ def fit_gyro(
     everything = np.full(len(segment.time_s), np.nan)
     everything[finite] = model + mean
     alone = np.full(len(segment.time_s), np.nan)
-    alone[finite] = combine(design[:, :line_count], fit.coefficients[:line_count])
+    alone[finite] = design.first(line_count).times(fit.coefficients[:line_count])
     leftover = np.full(len(segment.time_s), np.nan)
     leftover[finite] = residuals
     mask = np.zeros(len(segment.time_s), dtype=bool)
