@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+MOST_KEPT = 2**19
+"""Rows of a long record that the alignment holds in memory; fewer are all held."""
 
 
 @dataclass(frozen=True)
@@ -17,14 +23,12 @@ class Alignment:
     rate: float
     offset_u_s: float
 
-    def run_time_s(self, counter: NDArray[np.float64]) -> NDArray[np.float64]:
+    def run_time_s(self, counter: Array) -> Array:
         """Return the run time in s of each counter value, shape (rows,)."""
         return self.offset_s + self.rate * counter
 
 
-def align(
-    counter: NDArray[np.float64], arrival_s: NDArray[np.float64], nominal_rate: float
-) -> Alignment:
+def align(counter: Array, arrival_s: Array, nominal_rate: float) -> Alignment:
     """Fit the line below all arrivals that comes closest to them.
 
     A row can only arrive late, so the true line lies below every arrival and touches the
@@ -35,7 +39,30 @@ def align(
     The offset's uncertainty is that of the earliest of n arrivals whose lateness spreads evenly
     over its observed range: range / n for the number of separate arrivals, at two touching points.
     """
-    centre = float(counter.mean())
+    return align_pieces([(counter, arrival_s)], nominal_rate)
+
+
+def align_pieces(pieces: Iterable[tuple[Array, Array]], nominal_rate: float) -> Alignment:
+    """Align as `align` does, from the rows of a record in pieces, each in its turn.
+
+    The hull is that of all rows: what is forgotten of a long record cannot touch the line. Of how
+    late the rows are, every so-manieth row of a long record tells as well as all.
+    """
+    touching: list[Array] = []
+    seen: list[Array] = []
+    rows, total, arrivals = 0, 0.0, 0
+    for counter, arrival_s in pieces:
+        piece = np.column_stack((counter, arrival_s))
+        rows, total = rows + len(piece), total + float(counter.sum())
+        arrivals += len(np.unique(arrival_s))
+        touching.append(piece)
+        seen.append(piece)
+        if sum(map(len, touching)) > MOST_KEPT:
+            touching = [possible_vertices(np.concatenate(touching), nominal_rate)]
+        if sum(map(len, seen)) > MOST_KEPT:
+            seen = [one[:: 2 if len(one) > 1 else 1] for one in seen]
+    centre = total / rows
+    counter, arrival_s = np.concatenate(touching).T
     x, y = counter - centre, arrival_s - nominal_rate * (counter - centre)
     # Of rows that arrived together only the last can touch the line.
     last = np.flatnonzero(np.append(np.diff(arrival_s) > 0.0, True))
@@ -47,20 +74,37 @@ def align(
         left, right = hull[after - 1], hull[after]
         tilt = float((y[right] - y[left]) / (x[right] - x[left]))
         height = float(y[left] - tilt * x[left])
+    counter, arrival_s = np.concatenate(seen).T
+    x, y = counter - centre, arrival_s - nominal_rate * (counter - centre)
     lateness = y - height - tilt * x
     rate = nominal_rate + tilt
-    arrivals = len(np.unique(arrival_s))
     spread = float(np.quantile(lateness, 0.95))
     return Alignment(height - rate * centre, rate, 2 * spread / arrivals)
 
 
-def unwrapped(sequence: NDArray[Any]) -> NDArray[np.float64]:
+def possible_vertices(points: Array, nominal_rate: float) -> Array:
+    """Return the points (m, 2) of (n, 2), ascending, that a vertex of their lower hull may be.
+
+    A point on or above the line between its neighbours is none.
+    """
+    while len(points) > 2:
+        x = points[:, 0] - points[0, 0]
+        y = points[:, 1] - points[0, 1] - nominal_rate * x
+        turn = (x[1:-1] - x[:-2]) * (y[2:] - y[:-2]) - (y[1:-1] - y[:-2]) * (x[2:] - x[:-2])
+        below = np.concatenate(([True], turn > 0.0, [True]))
+        if bool(below.all()):
+            break
+        points = points[below]
+    return points
+
+
+def unwrapped(sequence: NDArray[Any]) -> Array:
     """Return a 16-bit running number continued beyond its wraps, shape (rows,)."""
     steps = np.mod(np.diff(sequence.astype(np.int64)), 65536)
     return np.concatenate([[0], np.cumsum(steps)]).astype(np.float64)
 
 
-def lower_hull(x: NDArray[np.float64], y: NDArray[np.float64]) -> list[int]:
+def lower_hull(x: Array, y: Array) -> list[int]:
     """Return the indices of the lower convex hull of points ascending in x (monotone chain)."""
     hull: list[int] = []
     for index in range(len(x)):

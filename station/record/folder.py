@@ -5,9 +5,9 @@ from __future__ import annotations
 import json
 import re
 import sys
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Hashable, Iterator, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from station.clock import Clock, utc_now
 from station.errors import RecordError
@@ -27,6 +27,10 @@ RESULTS = "results.json"
 REPORT = "report.html"
 EXPORTS = "exports"
 RESUMED = "resumed"
+PIECE_ROWS = 2**19
+"""Rows that are read at once; what is longer is read in pieces."""
+
+Found = TypeVar("Found")
 
 
 class RunRecord:
@@ -143,6 +147,7 @@ class RunFolder:
         self.events: tuple[Event, ...] = tuple(read_events(path / EVENTS))
         self._rows: dict[tuple[str, str], NDArray[Any]] = {}
         self._indices: dict[Path, RawIndex] = {}
+        self._found: dict[Hashable, Any] = {}
 
     def finished_units(self) -> dict[str, dict[str, Any]]:
         """Return the details of each finished unit of work, in the order they were finished."""
@@ -173,30 +178,60 @@ class RunFolder:
         """
         import numpy as np
 
-        if (source, unit) not in self._rows:
-            blocks: list[NDArray[Any]] = []
-            for segment in self._segments_of(unit):
-                blocks = self._blocks(source, unit, segment)
-                if blocks:
-                    break
-            if not blocks:
-                raise RecordError(f"{self.path}: no raw data of {source} for {unit}")
-            self._rows[source, unit] = np.concatenate(blocks)
+        pieces = list(self.pieces(source, unit))
+        if len(pieces) > 1:
+            self._rows[source, unit] = np.concatenate(pieces)
         return self._rows[source, unit]
+
+    def pieces(self, source: str, unit: str) -> Iterator[NDArray[Any]]:
+        """Yield a unit's raw rows of one source in their order, some `PIECE_ROWS` at a time.
+
+        What is one piece is kept for who asks again; of a longer record nothing is. Raises
+        RecordError when there are no rows.
+        """
+        import numpy as np
+
+        if (source, unit) in self._rows:
+            yield self._rows[source, unit]
+            return
+        number, waiting, count = 0, [], 0
+        for block in self._blocks_of(source, unit):
+            if count >= PIECE_ROWS:
+                yield np.concatenate(waiting)
+                number, waiting, count = number + 1, [], 0
+            waiting.append(block)
+            count += len(block)
+        last = np.concatenate(waiting)
+        if number == 0:
+            self._rows[source, unit] = last
+        yield last
+
+    def once(self, name: Hashable, find: Callable[[], Found]) -> Found:
+        """Return what `find` found when it was asked for by this name for the first time."""
+        if name not in self._found:
+            self._found[name] = find()
+        found: Found = self._found[name]
+        return found
 
     def course(self, source: str, unit: str, every: int = 1) -> list[NDArray[Any]]:
         """Return what all processes of the run recorded of a unit, every so-manieth block."""
-        segments = range(next_segment(self.path / RAW))
-        return [block for one in segments for block in self._blocks(source, unit, one, every)]
+        indices = (self._index(source, one) for one in range(next_segment(self.path / RAW)))
+        return [block for index in indices if index for block in index.blocks(unit, every)]
 
-    def _blocks(self, source: str, unit: str, segment: int, every: int = 1) -> list[NDArray[Any]]:
+    def _blocks_of(self, source: str, unit: str) -> Iterator[NDArray[Any]]:
+        for segment in self._segments_of(unit):
+            index = self._index(source, segment)
+            if index is not None and unit in index:
+                return index.blocks(unit)
+        raise RecordError(f"{self.path}: no raw data of {source} for {unit}")
+
+    def _index(self, source: str, segment: int) -> RawIndex | None:
         from station.record.raw import RawIndex
 
         file = raw_file(self.path, source, segment)
         if file not in self._indices and file.is_file():
             self._indices[file] = RawIndex(file)
-        index = self._indices.get(file)
-        return list(index.blocks(unit, every)) if index else []
+        return self._indices.get(file)
 
     def _segments_of(self, unit: str) -> list[int]:
         """Return where to look for a unit's rows: this process's own, then where it was finished.
