@@ -108,7 +108,9 @@ def measured(verb: Any) -> dict[str, Any]:
 
 def made_run(parent: Path, plan: Plan, bench: Bench) -> Path:
     """Write a run folder with every record of the plan, and return it."""
-    record = RunRecord(parent, plan.procedure, "SN-1", VirtualClock(), head_of(plan, bench, VirtualClock()))
+    record = RunRecord(
+        parent, plan.procedure, "SN-1", VirtualClock(), head_of(plan, bench, VirtualClock())
+    )
     for name in (GYRO, GAUSSMETER):
         record.event("identified", instrument=name, maker="", model="", serial="", firmware="")
     began_s = 700.0
@@ -142,19 +144,33 @@ def made_record(
         last = int((now_s - began_s) / interval_s)
         time_s = began_s + (np.arange(first, last) + 0.5) * interval_s
         field_mT = field_T(planned, time_s, began_s) * 1e3
-        rate = EARTH_DEG_PER_H + sum(field_mT[:, k] * SENSITIVITY[axis] for k, axis in enumerate(SENSITIVITY))
-        rate = rate + 60 * WALK_DEG_PER_SQRT_H / np.sqrt(interval_s) * generator.standard_normal(len(rate))
+        rate = EARTH_DEG_PER_H + sum(
+            field_mT[:, k] * SENSITIVITY[axis] for k, axis in enumerate(SENSITIVITY)
+        )
+        rate = rate + 60 * WALK_DEG_PER_SQRT_H / np.sqrt(interval_s) * generator.standard_normal(
+            len(rate)
+        )
         angles = angle + np.cumsum(rate * interval_s)
         angle = float(angles[-1])
         counts = np.floor(angles / weight).astype(np.int64)
         for place in np.flatnonzero(generator.random(len(rate)) < SPIKES):
             counts[place:] += 500
             angle += 500 * weight
-        rows = np.empty(last - first, [("sequence", "u2"), ("counts", "i8"), ("temperature_degC", "f8"), ("arrival_time_s", "f8")])
+        rows = np.empty(
+            last - first,
+            [
+                ("sequence", "u2"),
+                ("counts", "i8"),
+                ("temperature_degC", "f8"),
+                ("arrival_time_s", "f8"),
+            ],
+        )
         rows["sequence"] = np.arange(first + 1, last + 1) % 65536
         rows["counts"] = counts
         rows["temperature_degC"] = 25.0
-        rows["arrival_time_s"] = np.minimum(time_s + 0.5 * interval_s + 0.002 + 0.004 * generator.random(len(rows)), now_s)
+        rows["arrival_time_s"] = np.minimum(
+            time_s + 0.5 * interval_s + 0.002 + 0.004 * generator.random(len(rows)), now_s
+        )
         keep = generator.random(len(rows)) > SPIKES
         record.block(GYRO, planned.unit, COLUMNS[GYRO], rows[keep])
         first = last
@@ -162,7 +178,9 @@ def made_record(
         stamp_s = began_s + np.arange(first_field + 1, last_field + 1) * FIELD_S
         measured_T = field_T(planned, stamp_s - 0.5 * FIELD_S, began_s, FIELD_S)
         measured_T += 4e-7 * generator.standard_normal(measured_T.shape)
-        rows = np.empty(len(stamp_s), [(name, "f8") for name in (*COLUMNS[GAUSSMETER], "arrival_time_s")])
+        rows = np.empty(
+            len(stamp_s), [(name, "f8") for name in (*COLUMNS[GAUSSMETER], "arrival_time_s")]
+        )
         rows["instrument_time_s"] = stamp_s * (1 + 12e-6) + 0.37
         rows["x_T"], rows["y_T"], rows["z_T"] = measured_T.T
         rows["state"] = 0.0
@@ -179,7 +197,9 @@ def field_T(planned: PlannedRecord, time_s: Any, began_s: float, averaging_s: fl
         if axis in planned.drive:
             sine = planned.drive[axis]
             wave = np.sin(2 * np.pi * sine.frequency_Hz * (time_s - began_s))
-            field[:, k] += 1e-3 * sine.amplitude_mT * np.sinc(sine.frequency_Hz * averaging_s) * wave
+            field[:, k] += (
+                1e-3 * sine.amplitude_mT * np.sinc(sine.frequency_Hz * averaging_s) * wave
+            )
     return field
 
 

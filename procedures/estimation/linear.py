@@ -1,4 +1,4 @@
-"""Linear least squares by the normal equations of a well scaled design, a block of rows at a time."""
+"""Linear least squares by the normal equations of a well scaled design, block by block."""
 
 from __future__ import annotations
 

@@ -13,6 +13,9 @@ from .linear import least_squares
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
+_MOST_TURNS = 2**21
+"""Phase factors that are in memory at once: 32 MB."""
+
 
 def line_columns(time_s: Array, frequency_Hz: Sequence[float]) -> Array:
     """Return cos and sin of each frequency as columns (n, 2 lines), cos first."""
@@ -34,15 +37,33 @@ def averaging_factor(frequency_Hz: float, interval_s: float) -> float:
 
 
 def coarse_frequency(time_s: Array, data: Array, start_Hz: float, reach_Hz: float) -> float:
-    """Return the strongest frequency within `reach_Hz` of `start_Hz`, to a quarter of 1/T."""
+    """Return the strongest frequency within `reach_Hz` of `start_Hz`, to a quarter of 1/T.
+
+    Of a long record the band is first moved to zero and its samples averaged so far that the edges
+    of the band turn by an eighth at most in a mean: time and memory then go by the band.
+    """
     span_s = float(time_s[-1] - time_s[0])
     steps = int(np.ceil(4.0 * reach_Hz * span_s))
     grid = start_Hz + np.arange(-steps, steps + 1) * (reach_Hz / max(steps, 1))
     grid = grid[grid > 0.25 / span_s]
     if len(grid) == 0:
         return start_Hz
-    turns = np.exp(-2j * np.pi * np.outer(grid, time_s))
-    power = np.abs(np.einsum("ij,j->i", turns, data - np.mean(data)))
+    moved: Array | Complex = data - np.mean(data)
+    origin_Hz, together = 0.0, 1
+    if len(grid) * len(time_s) > _MOST_TURNS:
+        together = max(int(len(time_s) / (8.0 * reach_Hz * span_s)), 1)
+    if together > 1:
+        origin_Hz = start_Hz
+        whole = len(time_s) - len(time_s) % together
+        turned = moved * np.exp(-2j * np.pi * start_Hz * time_s)
+        moved = turned[:whole].reshape(-1, together).mean(axis=1)
+        time_s = time_s[:whole].reshape(-1, together).mean(axis=1)
+    rows = max(_MOST_TURNS // len(time_s), 1)
+    power = np.empty(len(grid))
+    for first in range(0, len(grid), rows):
+        part = slice(first, first + rows)
+        turns = np.exp(-2j * np.pi * np.outer(grid[part] - origin_Hz, time_s))
+        power[part] = np.abs(np.einsum("ij,j->i", turns, moved))
     return float(grid[int(np.argmax(power))])
 
 

@@ -14,7 +14,27 @@ Array = NDArray[np.float64]
 
 AXES = ("IA", "NA", "LA")
 
-__all__ = ["AXES", "Drive", "RlgDataset", "Segment"]
+__all__ = ["AXES", "Averaged", "Drive", "RlgDataset", "Segment"]
+
+
+@dataclass(frozen=True)
+class Averaged:
+    """A record as it was before its samples were averaged in groups of `group`.
+
+    `samples` of its `places` were there, `rejected` of them wild; `gaps` and the longest of them in
+    s are those between samples; `rejected_field_rows` are wild readings of the field.
+    `amplitude_deg_per_h` is what the published formula reads by axis, None where it cannot run.
+    """
+
+    group: int
+    sample_interval_s: float
+    samples: int
+    places: int
+    rejected: int
+    gaps: int
+    longest_gap_s: float
+    rejected_field_rows: int
+    amplitude_deg_per_h: Mapping[str, float | None]
 
 
 @dataclass(frozen=True)
@@ -27,7 +47,8 @@ class Segment:
     `rate_deg_per_h` (n,) is the interval's mean; `quantum_deg_per_h` is one pulse expressed as a
     rate, 0 when the output is not counts. `field_mT` (m, 3) is the field on the gyro's axes
     IA, NA, LA, ambient field included, at `field_time_s` (m,), the middle of the gaussmeter's
-    averaging over `field_averaging_s` (0 = instantaneous).
+    averaging over `field_averaging_s` (0 = instantaneous). All this describes the record as it is
+    here; where it was longer, `averaged` says what it was before.
     """
 
     drive: Mapping[str, Drive]
@@ -38,6 +59,7 @@ class Segment:
     field_time_s: Array
     field_mT: Array
     field_averaging_s: float
+    averaged: Averaged | None = None
 
 
 @dataclass(frozen=True)

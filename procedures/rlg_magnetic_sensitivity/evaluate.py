@@ -22,7 +22,7 @@ from procedures.rlg_magnetic_sensitivity.from_record import (
     GAUSSMETER,
     GYRO,
     dataset_of_run,
-    field_alignment,
+    field_record,
     segment_of_unit,
 )
 from procedures.rlg_magnetic_sensitivity.misalignment import CoilResponse, coil_responses
@@ -134,7 +134,7 @@ def overload_flags(folder: RunFolder, records: Iterable[PlannedRecord]) -> list[
     """Return a flag for each record during which the gaussmeter said overload."""
     flags = []
     for one in records:
-        count = int((folder.rows(GAUSSMETER, one.unit)["state"] != 0).sum())
+        count = field_record(folder, one.unit).overloaded
         if count:
             message = (
                 f"The gaussmeter was overloaded in {count} readings of {one.unit}; they are left "
@@ -186,8 +186,8 @@ def type_b_inputs(
             "earliest arrivals of this run",
         )
     )
-    seen = [one_axis.components_T(folder.rows(GAUSSMETER, unit)) for unit in units]
-    if field_calibration is not None and any(one_axis.unseen(one).any() for one in seen):
+    unseen = any(field_record(folder, unit).unseen.any() for unit in units)
+    if field_calibration is not None and unseen:
         inputs.append(one_axis.misalignment(field_calibration))
     gyro_calibration = bench.instruments[GYRO].calibration
     if gyro_calibration is not None:
@@ -208,7 +208,7 @@ def time_offset_u_s(folder: RunFolder, unit: str) -> float:
 
     A reading that was asked for had ended up to one averaging before, evenly spread.
     """
-    aligned_u_s = field_alignment(folder, unit).offset_u_s
+    aligned_u_s = field_record(folder, unit).aligned.offset_u_s
     facts = folder.finished_units().get(unit, {})
     if facts.get("field_timestamp") != "on-request":
         return aligned_u_s

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,7 +19,7 @@ from procedures.estimation.sine import (
     refine_frequency,
 )
 
-from .dataset import AXES, Segment
+from .dataset import AXES, Drive, Segment
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -65,7 +66,8 @@ def fit_field(segment: Segment, middle_s: float) -> FieldFit:
     projection, ambient field and slow drift beside it); the phasors of all three components then
     come from one linear fit at those frequencies. Time zero is `middle_s`.
     """
-    groups = _groups(segment)
+    span_s = float(np.ptp(segment.field_time_s)) if len(segment.field_time_s) else 0.0
+    groups = _groups(segment.drive, span_s)
     finite = np.isfinite(segment.field_mT).all(axis=1) & np.isfinite(segment.field_time_s)
     time_s = segment.field_time_s[finite] - middle_s
     field_mT = segment.field_mT[finite]
@@ -83,17 +85,43 @@ def fit_field(segment: Segment, middle_s: float) -> FieldFit:
     return _linear_fit(segment, groups, *found, time_s[kept], field_mT[kept], rejected)
 
 
+def stretch_of_field(
+    drive: Mapping[str, Drive], time_s: Array, field_mT: Array
+) -> tuple[NDArray[np.bool_], Callable[[Array], Array]]:
+    """Return which readings of a stretch fit its sines, and the field (n, 3) at given times.
+
+    Where most of them do not, all are kept: the fit of the whole record will tell.
+    """
+    start_s, stop_s = float(time_s[0]), float(time_s[-1])
+    everything = np.ones(len(time_s), dtype=bool)
+    groups = _groups(drive, stop_s - start_s)
+    if len(time_s) < 2 * (_DRIFT_ORDER + 1 + 4 * len(groups)) or stop_s <= start_s:
+        mean_mT = field_mT.mean(axis=0)
+        return everything, lambda at_s: np.tile(mean_mT, (len(at_s), 1))
+    middle_s = 0.5 * (start_s + stop_s)
+    frequencies, _, kept = _frequencies(groups, time_s - middle_s, field_mT)
+    if int(kept.sum()) < _LEAST_KEPT * len(time_s):
+        kept = everything
+
+    def columns(at_s: Array) -> Array:
+        drift = legendre_columns(at_s, _DRIFT_ORDER, start_s, stop_s)
+        return np.hstack((drift, line_columns(at_s - middle_s, frequencies)))
+
+    design = columns(time_s[kept])
+    found = [least_squares(design, field_mT[kept, a]).coefficients for a in range(3)]
+    return kept, lambda at_s: columns(at_s) @ np.column_stack(found)
+
+
 def _no_fit(groups: list[tuple[tuple[str, ...], float]], field_mT: Array, reason: str) -> FieldFit:
     ambient = np.median(field_mT, axis=0) if len(field_mT) else np.zeros(3)
     return FieldFit(tuple(_empty(axes, f, reason) for axes, f in groups), ambient, 0)
 
 
-def _groups(segment: Segment) -> list[tuple[tuple[str, ...], float]]:
+def _groups(drive: Mapping[str, Drive], span_s: float) -> list[tuple[tuple[str, ...], float]]:
     """Axes driven at the same frequency (within a hundredth of 1/T) share one line."""
-    span_s = float(np.ptp(segment.field_time_s)) if len(segment.field_time_s) else 0.0
     groups: list[tuple[tuple[str, ...], float]] = []
-    for axis in (a for a in AXES if a in segment.drive):
-        frequency = segment.drive[axis].frequency_Hz
+    for axis in (a for a in AXES if a in drive):
+        frequency = drive[axis].frequency_Hz
         for k, (axes, f) in enumerate(groups):
             if abs(f - frequency) * span_s <= 0.01:
                 groups[k] = ((*axes, axis), f)

@@ -6,10 +6,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from procedures.estimation.averaging import loss
 from procedures.estimation.noise import grid_index
 from station.findings import Estimate, Flag
 
-from .dataset import Segment
+from .dataset import Averaged, Segment
 from .findings import AnalysisSettings, LineDetail, SegmentDetail
 from .published import missing_rows
 
@@ -19,12 +20,16 @@ def record_flags(segment: Segment, detail: SegmentDetail, settings: AnalysisSett
     axis = detail.axes[0] if len(detail.axes) == 1 else None
     named = " and ".join(detail.axes)
     flags: list[Flag] = []
-    rejected = int(np.sum(~detail.kept))
+    before = segment.averaged
+    rejected = int(np.sum(~detail.kept)) + (before.rejected if before else 0)
+    if before:
+        flags.append(_averaged(segment, before, axis, named))
     if rejected:
+        samples = before.samples if before else len(detail.kept)
         flags.append(
             Flag(
                 "outliers-rejected",
-                f"{rejected} of {len(detail.kept)} gyro samples of the record with {named} driven "
+                f"{rejected} of {samples} gyro samples of the record with {named} driven "
                 f"lie more than {settings.outlier:g} sigma from the fit and were left out.",
                 axis,
                 {"count": rejected},
@@ -54,17 +59,34 @@ def record_flags(segment: Segment, detail: SegmentDetail, settings: AnalysisSett
     return flags
 
 
+def _averaged(segment: Segment, before: Averaged, axis: str | None, named: str) -> Flag:
+    highest_Hz = max((one.frequency_Hz for one in segment.drive.values()), default=0.0)
+    lost = loss(before.group, before.sample_interval_s, highest_Hz)
+    return Flag(
+        "samples-averaged",
+        f"The record with {named} driven holds {before.samples} gyro samples, which were averaged "
+        f"in groups of {before.group}: it is evaluated as if sampled every "
+        f"{segment.sample_interval_s:g} s, with an uncertainty up to {100.0 * lost:.2g} % larger.",
+        axis,
+        {"count": before.samples, "group": before.group, "relative_loss": lost},
+    )
+
+
 def _gap(segment: Segment, axis: str | None, named: str, settings: AnalysisSettings) -> list[Flag]:
-    steps = np.diff(segment.time_s)
-    long = steps > settings.gap * segment.sample_interval_s
-    gaps = int(np.sum(long))
+    if segment.averaged is None:
+        steps = np.diff(segment.time_s)
+        gaps = int(np.sum(steps > settings.gap * segment.sample_interval_s))
+        largest_s = float(steps.max()) if gaps else 0.0
+        interval_s, missing = segment.sample_interval_s, missing_rows(segment) if gaps else 0
+    else:
+        before = segment.averaged
+        gaps, largest_s = before.gaps, before.longest_gap_s
+        interval_s, missing = before.sample_interval_s, before.places - before.samples
     if not gaps:
         return []
-    missing = missing_rows(segment)
-    largest_s = float(steps.max())
     message = (
         f"The gyro record with {named} driven has {gaps} gap{'s' if gaps > 1 else ''}, the longest "
-        f"{largest_s:g} s for a nominal interval of {segment.sample_interval_s:g} s; the fit uses "
+        f"{largest_s:g} s for a nominal interval of {interval_s:g} s; the fit uses "
         "the time stamps"
     )
     if missing:
@@ -80,8 +102,7 @@ def drive_flags(
     """Return the flags on the commanded drive: cycles in the record, field made of it."""
     flags: list[Flag] = []
     if len(segment.time_s):
-        index = grid_index(segment.time_s, segment.sample_interval_s)
-        span_s = (int(index[-1]) + 1) * segment.sample_interval_s
+        span_s = recorded_span_s(segment)
         for axis, drive in segment.drive.items():
             cycles = drive.frequency_Hz * span_s
             if abs(cycles - round(cycles)) > settings.non_integer_cycles:
@@ -112,6 +133,14 @@ def drive_flags(
                 )
             )
     return flags
+
+
+def recorded_span_s(segment: Segment) -> float:
+    """Return the length of the record as it was recorded."""
+    if segment.averaged is not None:
+        return segment.averaged.places * segment.averaged.sample_interval_s
+    index = grid_index(segment.time_s, segment.sample_interval_s)
+    return (int(index[-1]) + 1) * segment.sample_interval_s
 
 
 def result_flags(

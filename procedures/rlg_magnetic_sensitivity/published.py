@@ -9,7 +9,7 @@ from procedures.estimation.noise import grid_index
 from procedures.estimation.spectrum import amplitude_spectrum, peak_near
 from station.findings import Published
 
-from .dataset import Drive, Segment
+from .dataset import Segment
 from .findings import QUANTITY, UNIT
 
 Array = NDArray[np.float64]
@@ -20,19 +20,28 @@ def published_value(segment: Segment, axis: str) -> Published:
 
     f and M are the commanded ones. The peak is the largest of the line nearest to f and its two
     neighbours. The rule needs N samples in an unbroken row: where rows are missing it cannot run as
-    written, nothing is filled in and the value is None.
+    written, nothing is filled in and the value is None. Of a record that is averaged the lines that
+    the rule reads were summed up from its samples before.
     """
-    return Published(QUANTITY, axis, _value(segment, segment.drive[axis]), UNIT, "dft-peak")
+    drive = segment.drive[axis]
+    amplitude = (
+        _amplitude(segment, drive.frequency_Hz)
+        if segment.averaged is None
+        else segment.averaged.amplitude_deg_per_h[axis]
+    )
+    value = None
+    if amplitude is not None and drive.amplitude_mT > 0.0:
+        value = amplitude / drive.amplitude_mT
+    return Published(QUANTITY, axis, value, UNIT, "dft-peak")
 
 
-def _value(segment: Segment, drive: Drive) -> float | None:
+def _amplitude(segment: Segment, wanted_Hz: float) -> float | None:
     rate = segment.rate_deg_per_h
     whole = len(rate) >= 3 and not missing_rows(segment) and bool(np.all(np.isfinite(rate)))
-    if not whole or drive.amplitude_mT <= 0.0:
+    if not whole:
         return None
     frequency_Hz, amplitude = amplitude_spectrum(rate, segment.sample_interval_s)
-    peak = peak_near(frequency_Hz, amplitude, drive.frequency_Hz)
-    return None if peak is None else peak / drive.amplitude_mT
+    return peak_near(frequency_Hz, amplitude, wanted_Hz)
 
 
 def missing_rows(segment: Segment) -> int:

@@ -45,7 +45,7 @@ def warm_up(run: Run) -> None:
     """
     from drivers.roles import DutPower, GyroAcquisition
     from procedures.estimation.slope import slope_with_uncertainty
-    from procedures.rlg_magnetic_sensitivity.from_record import gyro_rates
+    from procedures.rlg_magnetic_sensitivity.from_record import gyro_record
     from station.runner.acquisition import acquire
 
     parameters: RlgParameters = run.parameters
@@ -63,15 +63,16 @@ def warm_up(run: Run) -> None:
         elapsed_s = run.clock.now() - began_s
         if elapsed_s < rule.window_s:
             continue
-        time_s, rate_deg_per_h = gyro_rates(run.read_back(), WARM_UP, parameters)
-        recent = time_s > time_s[-1] - rule.window_s
-        slope, u = slope_with_uncertainty(time_s[recent], rate_deg_per_h[recent])
+        record = gyro_record(run.read_back(), WARM_UP, parameters)
+        recent = record.time_s > record.time_s[-1] - rule.window_s
+        rate_deg_per_h = record.rate_deg_per_h[recent]
+        slope, u = slope_with_uncertainty(record.time_s[recent], rate_deg_per_h)
         slope_deg_per_h2, u_deg_per_h2 = 3600 * slope, 3600 * u
         said = f"slope {slope_deg_per_h2:+.3f} ± {2 * u_deg_per_h2:.3f} deg/h^2"
         if abs(slope_deg_per_h2) + 2 * u_deg_per_h2 < rule.slope_limit_deg_per_h2:
             run.record.finish_unit(WARM_UP, slope_deg_per_h2=slope_deg_per_h2, u=u_deg_per_h2)
             run.progress.say(f"    warm: {said}")
-            warn_of_beats(run, rate_deg_per_h[recent])
+            warn_of_beats(run, rate_deg_per_h, record.interval_s)
             return
         if elapsed_s >= rule.at_most_s:
             raise ConditionNotReached(
@@ -81,13 +82,13 @@ def warm_up(run: Run) -> None:
             )
 
 
-def warn_of_beats(run: Run, rate_deg_per_h: NDArray[Any]) -> None:
+def warn_of_beats(run: Run, rate_deg_per_h: NDArray[Any], interval_s: float) -> None:
     """Say before anything is driven that pulses counted at this mean rate would harm a result."""
     from procedures.estimation.allan import allan_deviation, noise_coefficients
     from procedures.rlg_magnetic_sensitivity.pulse_beat import advice
 
     parameters: RlgParameters = run.parameters
-    noise = noise_coefficients(allan_deviation(rate_deg_per_h, parameters.sample_interval_s))
+    noise = noise_coefficients(allan_deviation(rate_deg_per_h, interval_s))
     if noise is None:
         return
     planned = sensitivity_records(parameters)[0]

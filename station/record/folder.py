@@ -194,11 +194,13 @@ class RunFolder:
         if (source, unit) in self._rows:
             yield self._rows[source, unit]
             return
-        number, waiting, count = 0, [], 0
+        waiting: list[NDArray[Any]] = []
+        number = count = 0
         for block in self._blocks_of(source, unit):
             if count >= PIECE_ROWS:
                 yield np.concatenate(waiting)
-                number, waiting, count = number + 1, [], 0
+                waiting.clear()
+                number, count = number + 1, 0
             waiting.append(block)
             count += len(block)
         last = np.concatenate(waiting)

@@ -1,0 +1,193 @@
+"""A record that is longer than the analysis takes at once: what its groups of samples mean."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from procedures.estimation.averaging import Index, Mask, Model, group_means
+from procedures.estimation.drift import legendre_columns
+from procedures.estimation.linear import least_squares
+from procedures.estimation.robust import reject_outliers
+from procedures.estimation.sine import line_columns
+from procedures.estimation.spectrum import LineSums, nearest_lines
+
+from .dataset import Averaged, Drive
+from .field import stretch_of_field
+from .findings import AnalysisSettings
+
+Array = NDArray[np.float64]
+
+GYRO_STRETCH, FIELD_STRETCH = 2**14, 2**13
+FEWEST_CYCLES = 10.0
+"""Of the slowest drive in a stretch: fewer would be taken for drift."""
+
+
+@dataclass
+class Counted:
+    """What is counted of a record while its samples pass, the published lines summed up."""
+
+    interval_s: float
+    lines: Mapping[str, LineSums]
+    samples: int = 0
+    gaps: int = 0
+    longest_gap_s: float = 0.0
+    first: int = 0
+    last: int = field(default=-1)
+
+    def passing(self, pieces: Iterable[tuple[Index, Array]]) -> Iterator[tuple[Index, Array]]:
+        """Pass places (n,) and rates (n,) on, as columns."""
+        for place, rate in pieces:
+            if not len(place):
+                continue
+            if self.samples == 0:
+                self.first, self.last = int(place[0]), int(place[0]) - 1
+            steps = np.diff(place, prepend=self.last)
+            self.gaps += int((steps > 1).sum())
+            self.longest_gap_s = max(self.longest_gap_s, float(steps.max()) * self.interval_s)
+            self.samples += len(place)
+            self.last = int(place[-1])
+            for line in self.lines.values():
+                line.add(rate)
+            yield place, rate[:, None]
+
+    @property
+    def places(self) -> int:
+        """The samples that the record would have without gaps."""
+        return self.last - self.first + 1
+
+    def amplitude_deg_per_h(self) -> dict[str, float | None]:
+        """Return what the published formula reads by axis; it needs an unbroken row."""
+        unbroken = self.samples == self.places
+        return {axis: line.peak() if unbroken else None for axis, line in self.lines.items()}
+
+
+@dataclass(frozen=True)
+class GyroMeans:
+    """Means of groups of a gyro's samples: middles on the grid (m,), rates (m,), what was there."""
+
+    place: Array
+    rate_deg_per_h: Array
+    rejected: int
+    counted: Counted
+
+
+def averaged_gyro(
+    pieces: Iterable[tuple[Index, Array]],
+    samples: int,
+    group: int,
+    interval_s: float,
+    quantum_deg_per_h: float,
+    drive: Mapping[str, Drive],
+) -> GyroMeans:
+    """Return the means over groups of a gyro's `samples`, wild ones set aside as the fit does it.
+
+    `pieces` are places on the grid (n,) and rates (n,), in their order. Each stretch is held
+    against drift and the driven lines for itself.
+    """
+    settings = AnalysisSettings()
+    frequencies = [one.frequency_Hz for one in drive.values()]
+    lines = {
+        axis: LineSums(samples, nearest_lines(samples, interval_s, one.frequency_Hz))
+        for axis, one in drive.items()
+    }
+    counted = Counted(interval_s, lines)
+
+    def judge(place: Index, rate: Array) -> tuple[Mask, Model]:
+        start_s, stop_s = float(place[0]) * interval_s, float(place[-1]) * interval_s
+        mean = float(np.median(rate))
+
+        def columns(at: Index) -> Array:
+            time_s = np.asarray(at * interval_s, dtype=np.float64)
+            drift = legendre_columns(time_s, settings.max_drift_order, start_s, stop_s)
+            return np.hstack((drift, line_columns(time_s, frequencies)))
+
+        design = columns(place)
+        if len(place) < 4 * design.shape[1]:
+            return np.ones(len(place), dtype=bool), lambda at: np.full((len(at), 1), mean)
+        data = rate[:, 0] - mean
+        quantum = quantum_deg_per_h
+        kept = reject_outliers(design, data, settings.outlier, 0.6 * quantum, quantum)
+        found = least_squares(design[kept], data[kept]).coefficients
+        return kept, lambda at: (columns(at) @ found + mean)[:, None]
+
+    rows = stretch_rows(GYRO_STRETCH, frequencies, interval_s)
+    means = group_means(counted.passing(pieces), group, rows, judge)
+    return GyroMeans(means.place, means.value[:, 0], means.rejected, counted)
+
+
+def averaged(means: GyroMeans, group: int, rejected_field_rows: int) -> Averaged:
+    """Return what a record was before it was averaged."""
+    counted = means.counted
+    return Averaged(
+        group=group,
+        sample_interval_s=counted.interval_s,
+        samples=counted.samples,
+        places=counted.places,
+        rejected=means.rejected,
+        gaps=counted.gaps,
+        longest_gap_s=counted.longest_gap_s,
+        rejected_field_rows=rejected_field_rows,
+        amplitude_deg_per_h=counted.amplitude_deg_per_h(),
+    )
+
+
+def averaged_field(
+    pieces: Iterable[tuple[Array, Array]],
+    group: int,
+    step_s: float,
+    drive: Mapping[str, Drive],
+) -> tuple[Array, Array, int]:
+    """Return times (m,) and field (m, 3) of groups of readings, and how many were wild.
+
+    `pieces` are times (n,) and fields (n, 3) in mT, in their order; readings are about `step_s`
+    apart.
+    """
+    began_s: float | None = None
+    last_place, last_s = 0, 0.0
+    driven = {axis: one for axis, one in drive.items() if one.amplitude_mT > 0.0}
+
+    def on_grid() -> Iterator[tuple[Index, Array]]:
+        nonlocal began_s, last_place, last_s
+        for time_s, field_mT in pieces:
+            if not len(time_s):
+                continue
+            if began_s is None:
+                began_s, last_s = float(time_s[0]), float(time_s[0]) - step_s
+                last_place = -1
+            steps = np.maximum(np.rint(np.diff(time_s, prepend=last_s) / step_s), 1.0)
+            place = last_place + np.cumsum(steps).astype(np.int64)
+            last_place, last_s = int(place[-1]), float(time_s[-1])
+            yield place, np.column_stack((time_s - began_s - place * step_s, field_mT))
+
+    def judge(place: Index, value: Array) -> tuple[Mask, Model]:
+        kept, model = stretch_of_field(driven, value[:, 0] + place * step_s, value[:, 1:])
+        middle = 0.5 * float(place[0] + place[-1])
+        late_s = value[kept, 0]
+        away = place[kept] - middle
+        power = float(away @ away)
+        slope = float(away @ (late_s - late_s.mean())) / power if power > 0.0 else 0.0
+        mean_s = float(late_s.mean()) - slope * float(away.mean())
+
+        def at(places: Index) -> Array:
+            late = mean_s + slope * (places - middle)
+            return np.column_stack((late, model(late + places * step_s)))
+
+        return kept, at
+
+    slowest = [one.frequency_Hz for one in driven.values()]
+    means = group_means(on_grid(), group, stretch_rows(FIELD_STRETCH, slowest, step_s), judge)
+    if not len(means.place):
+        return np.empty(0), np.empty((0, 3)), means.rejected
+    time_s = means.value[:, 0] + means.place * step_s + (began_s or 0.0)
+    return time_s, means.value[:, 1:], means.rejected
+
+
+def stretch_rows(least: int, frequencies_Hz: Iterable[float], interval_s: float) -> int:
+    """Return the rows of a stretch: some whole cycles of the slowest drive."""
+    slowest_Hz = min((f for f in frequencies_Hz if f > 0.0), default=0.0)
+    cycles = round(FEWEST_CYCLES / slowest_Hz / interval_s) if slowest_Hz else 0
+    return max(least, cycles)
