@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import csv
 import math
-from collections.abc import Iterable, Sequence
+from array import array
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path, PurePosixPath, PureWindowsPath
 from typing import Annotated, Any, Literal
 
@@ -20,6 +22,8 @@ from station.yaml.reading import Document, read_text, read_yaml
 
 DATASET_FILE = "dataset.yaml"
 MOST_FAULTS = 20
+BLOCK_LINES, BLOCK_CHARACTERS = 20_000, 1_000_000
+"""What is taken apart at once: the words of a row take thirty times its numbers' memory."""
 
 Words = Annotated[str, Field(min_length=1)]
 
@@ -74,7 +78,7 @@ class RawDataset:
 class Table(dict[str, NDArray[Any]]):
     """The columns of a CSV file by name; `lines` holds the line number of each row."""
 
-    def __init__(self, path: Path, columns: dict[str, NDArray[Any]], lines: list[int]) -> None:
+    def __init__(self, path: Path, columns: dict[str, NDArray[Any]], lines: array[int]) -> None:
         super().__init__(columns)
         self.path = path
         self.lines = lines
@@ -118,39 +122,57 @@ def read_table(
     20), the line counted from 1 for the header.
     """
     lines = _lines(path)
-    if not lines:
+    first = next(lines, None)
+    if first is None:
         raise FaultList([Fault(str(path), 1, 1, "file", "the file is empty")])
-    header_line, header = lines[0]
+    header_line, header = first
     names = [cell.strip() for cell in _cells(header)]
     faults = _header_faults(path, header_line, header, names, required, optional)
     if faults:
         raise FaultList(faults)
-    if len(lines) == 1:
+    numbers = array("q")
+    columns: dict[str, list[NDArray[Any]]] = {name: [] for name in names}
+    while block := list(islice(lines, BLOCK_LINES)):
+        rows = [(number, _cells(line)) for number, line in block]
+        faults += [
+            Fault(
+                str(path), number, 1, "row", f"has {_cells_in_words(len(cells))}, not {len(names)}"
+            )
+            for number, cells in rows
+            if len(cells) != len(names)
+        ]
+        rows = [row for row in rows if len(row[1]) == len(names)]
+        numbers.extend(number for number, _ in rows)
+        for index, name in enumerate(names):
+            values, more = _column(path, name, index, rows, words=name in text)
+            columns[name].append(values)
+            faults += more
+    if not numbers and not faults:
         what = "the file has a header but no rows"
         raise FaultList([Fault(str(path), header_line, 1, "file", what)])
-    rows = [(number, _cells(line)) for number, line in lines[1:]]
-    faults = [
-        Fault(str(path), number, 1, "row", f"has {_cells_in_words(len(cells))}, not {len(names)}")
-        for number, cells in rows
-        if len(cells) != len(names)
-    ]
-    rows = [row for row in rows if len(row[1]) == len(names)]
-    columns: dict[str, NDArray[Any]] = {}
-    for index, name in enumerate(names):
-        cells = [row[index] for _, row in rows]
-        if name in text:
-            columns[name] = np.array([cell.strip() for cell in cells], dtype=np.str_)
-            bad = [n for n, cell in enumerate(cells) if not cell.strip()]
-        else:
-            columns[name], bad = _numbers(cells)
-        for n in bad:
-            number, row = rows[n]
-            column = 1 + sum(len(cell) + 1 for cell in row[:index])
-            what = f"'{cells[n].strip()}' is not a number" if cells[n].strip() else "is empty"
-            faults.append(Fault(str(path), number, column, name, what))
     if faults:
         raise FaultList(_first(faults, path))
-    return Table(path, columns, [number for number, _ in rows])
+    whole = {name: np.concatenate(values) for name, values in columns.items()}
+    return Table(path, whole, numbers)
+
+
+def _column(
+    path: Path, name: str, index: int, rows: list[tuple[int, list[str]]], *, words: bool
+) -> tuple[NDArray[Any], list[Fault]]:
+    """Return a column of a block of rows, and its cells that are empty or no number."""
+    cells = [row[index] for _, row in rows]
+    if words:
+        values: NDArray[Any] = np.array([cell.strip() for cell in cells], dtype=np.str_)
+        bad = [n for n, cell in enumerate(cells) if not cell.strip()]
+    else:
+        values, bad = _numbers(cells)
+    faults = []
+    for n in bad:
+        number, row = rows[n]
+        column = 1 + sum(len(cell) + 1 for cell in row[:index])
+        what = f"'{cells[n].strip()}' is not a number" if cells[n].strip() else "is empty"
+        faults.append(Fault(str(path), number, column, name, what))
+    return values, faults
 
 
 def check_ascending(path: Path, table: Table, column: str, *, strictly: bool = True) -> None:
@@ -167,10 +189,17 @@ def check_ascending(path: Path, table: Table, column: str, *, strictly: bool = T
         raise FaultList(_first(faults, path))
 
 
-def _lines(path: Path) -> list[tuple[int, str]]:
-    """Return the lines that hold something, with their numbers."""
-    numbered = enumerate(read_text(path).splitlines(), start=1)
-    return [(number, line) for number, line in numbered if line.strip()]
+def _lines(path: Path) -> Iterator[tuple[int, str]]:
+    """Yield the lines that hold something, with their numbers; never all of them at once."""
+    text = read_text(path)
+    begins = number = 0
+    while begins < len(text):
+        ends = text.find("\n", begins + BLOCK_CHARACTERS) + 1 or len(text)
+        for line in text[begins:ends].splitlines():
+            number += 1
+            if line.strip():
+                yield number, line
+        begins = ends
 
 
 def _cells(line: str) -> list[str]:

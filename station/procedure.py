@@ -103,12 +103,14 @@ class Forecast:
     """What a run of a plan on a bench will command and record, in the order of its steps.
 
     `decided_by` names, by instrument, the key of the plan that decides what it is set to: faults
-    point there.
+    point there. `held_bytes` is the most that the evaluation holds of the record at once; where it
+    is None, that is all rows.
     """
 
     set_points: tuple[SetPoint, ...] = ()
     recordings: tuple[Recording, ...] = ()
     decided_by: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    held_bytes: int | None = None
 
 
 @dataclass(frozen=True)

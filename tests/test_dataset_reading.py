@@ -79,7 +79,7 @@ def test_columns_are_numbers_in_any_order_and_words_where_asked_for(tmp_path: Pa
     np.testing.assert_array_equal(table["t_s"], [0.0, 0.5])
     np.testing.assert_array_equal(table["v_V"], [0.001, -2.0])
     assert table["plane"].tolist() == ["io", "ip"]
-    assert table.lines == [2, 4]
+    assert list(table.lines) == [2, 4]
     assert "w_V" not in table
 
 

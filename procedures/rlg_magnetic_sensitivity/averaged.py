@@ -3,19 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from procedures.estimation.averaging import Index, Mask, Model, group_means
+from procedures.estimation.averaging import (
+    Index,
+    Mask,
+    Model,
+    averaged_duration_s,
+    group_means,
+)
 from procedures.estimation.drift import legendre_columns
+from procedures.estimation.grouping import group_size
 from procedures.estimation.linear import least_squares
+from procedures.estimation.noise import grid_index
 from procedures.estimation.robust import reject_outliers
 from procedures.estimation.sine import line_columns
 from procedures.estimation.spectrum import LineSums, nearest_lines
 
-from .dataset import Averaged, Drive
+from .dataset import Averaged, Drive, Segment
 from .field import stretch_of_field
 from .findings import AnalysisSettings
 
@@ -184,6 +192,38 @@ def averaged_field(
         return np.empty(0), np.empty((0, 3)), means.rejected
     time_s = means.value[:, 0] + means.place * step_s + (began_s or 0.0)
     return time_s, means.value[:, 1:], means.rejected
+
+
+def shortened(segment: Segment) -> Segment:
+    """Return a segment that is in memory, averaged where it is too long for its analysis."""
+    highest_Hz = max(one.frequency_Hz for one in segment.drive.values())
+    interval_s, samples = segment.sample_interval_s, len(segment.time_s)
+    group = group_size(samples, interval_s, highest_Hz)
+    if group == 1:
+        return segment
+    place = grid_index(segment.time_s, interval_s)
+    means = averaged_gyro(
+        [(place, segment.rate_deg_per_h)],
+        samples,
+        group,
+        interval_s,
+        segment.quantum_deg_per_h,
+        segment.drive,
+    )
+    step_s = float(np.median(np.diff(segment.field_time_s)))
+    readings = [(segment.field_time_s, segment.field_mT)]
+    field_time_s, field_mT, rejected = averaged_field(readings, group, step_s, segment.drive)
+    return replace(
+        segment,
+        sample_interval_s=group * interval_s,
+        time_s=np.interp(means.place, place, segment.time_s),
+        rate_deg_per_h=means.rate_deg_per_h,
+        quantum_deg_per_h=segment.quantum_deg_per_h / group,
+        field_time_s=field_time_s,
+        field_mT=field_mT,
+        field_averaging_s=averaged_duration_s(segment.field_averaging_s, step_s, group),
+        averaged=averaged(means, group, rejected),
+    )
 
 
 def stretch_rows(least: int, frequencies_Hz: Iterable[float], interval_s: float) -> int:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from procedures.estimation.averaging import loss
+from procedures.estimation.grouping import loss
 from procedures.estimation.noise import grid_index
 from station.findings import Estimate, Flag
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import numpy as np
 from pydantic import Field, ValidationInfo, field_validator
 
+from procedures.rlg_magnetic_sensitivity.averaged import shortened
 from procedures.rlg_magnetic_sensitivity.dataset import Drive, RlgDataset, Segment
 from procedures.rlg_magnetic_sensitivity.from_record import TO_MIDDLE
 from procedures.rlg_magnetic_sensitivity.parameters import Axis
@@ -78,20 +79,17 @@ def dataset_of_import(raw: RawDataset) -> RlgDataset:
         rate = rate * quantum
     averaging_s = conditions.field_averaging_s or 0.0
     shift_s = TO_MIDDLE.get(conditions.field_timestamp, 0.0) * averaging_s
-    return RlgDataset(
-        (
-            Segment(
-                drive={
-                    axis: Drive(drive.frequency_Hz, drive.amplitude_mT)
-                    for axis, drive in conditions.drive.items()
-                },
-                sample_interval_s=interval_s,
-                time_s=table["t_s"] + TO_MIDDLE[conditions.timestamp] * interval_s,
-                rate_deg_per_h=rate,
-                quantum_deg_per_h=quantum,
-                field_time_s=table["t_s"] + shift_s,
-                field_mT=np.column_stack([table[name] for name in FIELD_COLUMNS]),
-                field_averaging_s=averaging_s,
-            ),
-        )
+    segment = Segment(
+        drive={
+            axis: Drive(drive.frequency_Hz, drive.amplitude_mT)
+            for axis, drive in conditions.drive.items()
+        },
+        sample_interval_s=interval_s,
+        time_s=table["t_s"] + TO_MIDDLE[conditions.timestamp] * interval_s,
+        rate_deg_per_h=rate,
+        quantum_deg_per_h=quantum,
+        field_time_s=table["t_s"] + shift_s,
+        field_mT=np.column_stack([table[name] for name in FIELD_COLUMNS]),
+        field_averaging_s=averaging_s,
     )
+    return RlgDataset((shortened(segment),))

@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from procedures.estimation.alignment import Alignment, align_pieces, unwrapped
-from procedures.estimation.averaging import averaged_duration_s, group_size
+from procedures.estimation.averaging import averaged_duration_s
+from procedures.estimation.grouping import group_size
 from procedures.rlg_magnetic_sensitivity import one_axis
 from procedures.rlg_magnetic_sensitivity.averaged import (
     GyroMeans,
