@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
+from procedures.estimation.grouping import averaged_rows
 from procedures.rlg_magnetic_sensitivity.check import AMPLITUDE
 from procedures.rlg_magnetic_sensitivity.measuring import (
     FIELD_HEADROOM,
@@ -23,6 +24,10 @@ from station.units import UnitError, parse_as
 if TYPE_CHECKING:
     from station.bench import Bench
 
+KEPT_ROW_BYTES, WORKED_ROW_BYTES = 160, 600
+"""What a row of a record takes to the evaluation's end, and more of it while its record is fitted:
+measured by `benchmarks/memory_evaluation.py`."""
+
 
 def forecast(parameters: RlgParameters, bench: Bench) -> Forecast:
     """Return the set-points of S3 to S9 and the rows of gyro and gaussmeter."""
@@ -31,6 +36,7 @@ def forecast(parameters: RlgParameters, bench: Bench) -> Forecast:
         tuple(set_points(parameters, bench)),
         recordings(parameters, bench),
         dict.fromkeys((*supplies, GAUSSMETER), AMPLITUDE),
+        held_bytes(parameters, bench),
     )
 
 
@@ -96,6 +102,21 @@ def recordings(parameters: RlgParameters, bench: Bench) -> tuple[Recording, ...]
         Recording(GYRO, math.ceil(gyro_s / parameters.sample_interval_s), gyro_s),
         Recording(GAUSSMETER, math.ceil(record_s / reading_period_s(parameters, bench)), record_s),
     )
+
+
+def held_bytes(parameters: RlgParameters, bench: Bench) -> int:
+    """Return the most bytes that the evaluation holds: every record's, and one's at work.
+
+    A long record is averaged while it is read, and no more of it is ever in memory.
+    """
+    period_s = reading_period_s(parameters, bench)
+    rows = [0]
+    for planned in all_records(parameters):
+        highest_Hz = max(sine.frequency_Hz for sine in planned.drive.values())
+        samples = averaged_rows(planned.most, parameters.sample_interval_s, highest_Hz)
+        readings = math.ceil(planned.most * parameters.sample_interval_s / period_s)
+        rows.append(max(samples, averaged_rows(readings, period_s, highest_Hz)))
+    return KEPT_ROW_BYTES * sum(rows) + WORKED_ROW_BYTES * max(rows)
 
 
 def reading_period_s(parameters: RlgParameters, bench: Bench) -> float:

@@ -69,6 +69,13 @@ def lines(walked: DryRun, plan: Plan, bench: Bench) -> Iterator[str]:
     disk = walked.disk
     needed, free = in_bytes(disk.needed_bytes), in_bytes(disk.free_bytes)
     yield row("disk space needed", f"about {needed}, free below {disk.folder}: {free}")
+    memory = walked.memory
+    fitted = (
+        ""
+        if memory.fitted_bytes is None
+        else f", this computer has {in_bytes(memory.fitted_bytes)}"
+    )
+    yield row("memory needed", f"about {in_bytes(memory.needed_bytes)} to evaluate{fitted}")
     yield "dry run: no instrument was opened and nothing was written"
 
 

@@ -15,7 +15,9 @@ from station.faults import listed
 from station.lookup import BENCHES, PLANS, find
 from station.plan import Plan, read_plan
 from station.plan.resolved import resolved_data, resolved_text
-from station.runner.preflight import warned_of_limits
+from station.runner.disk_space import in_bytes
+from station.runner.memory import memory_of
+from station.runner.preflight import warned_of_limits, warned_of_memory
 from station.safety.static_limits import problems_of_plan
 from station.yaml.reading import Fault, FaultList
 
@@ -33,6 +35,9 @@ def read_plan_for(name: str, bench: Bench, overrides: Sequence[str] = ()) -> Pla
         plan.fault(problem.where, problem.what)
         for problem in problems_of_plan(procedure, plan.parameters, bench)
     ]
+    if not faults:
+        memory = memory_of(procedure.forecast(plan.parameters, bench))
+        faults += [plan.fault(("parameters",), memory.fault())] if memory.too_small else []
     faults += limits_never_held(plan, procedure.measured_axes(plan.parameters))
     faults += limits_missing(plan, procedure.needs_limits(plan.parameters))
     if faults:
@@ -40,14 +45,20 @@ def read_plan_for(name: str, bench: Bench, overrides: Sequence[str] = ()) -> Pla
     return plan
 
 
-def outlook_of(plan: Plan) -> dict[str, Any]:
-    """Return how long a plan takes, in s of bench time, what it determines, and its warnings."""
+def outlook_of(plan: Plan, bench: Bench) -> dict[str, Any]:
+    """Return what a plan takes, what it determines, and its warnings.
+
+    It takes `expected_s` of bench time, and `memory_bytes` of this computer for its evaluation.
+    """
     procedure = registry.procedure(plan.procedure)
+    memory = memory_of(procedure.forecast(plan.parameters, bench))
+    warned = (*warned_of_limits(plan, procedure), *warned_of_memory(memory))
     return {
         "plan": str(plan.path),
         "expected_s": round(procedure.duration_s(plan.parameters), 3),
+        "memory_bytes": memory.needed_bytes,
         "determines": list(procedure.outlook(plan.parameters)),
-        "warnings": [one.sentence for one in warned_of_limits(plan, procedure)],
+        "warnings": [one.sentence for one in warned],
     }
 
 
@@ -108,15 +119,15 @@ def validate_plans(
         document: dict[str, Any] = {"valid": not faults, "faults": [vars(one) for one in faults]}
         if resolved:
             document["resolved"] = [resolved_data(plan) for plan in plans]
-        if not faults:
-            document["outlook"] = [outlook_of(plan) for plan in plans]
+        if bench is not None and not faults:
+            document["outlook"] = [outlook_of(plan, bench) for plan in plans]
         print(json.dumps(document, indent=1, ensure_ascii=False))
     else:
         for fault in faults:
             print(fault, file=sys.stderr)
         if resolved:
             print("---\n".join(resolved_text(plan) for plan in plans), end="")
-        if not faults:
+        if bench is not None and not faults:
             to = sys.stderr if resolved else sys.stdout
             count = len(names)
             print(
@@ -124,8 +135,10 @@ def validate_plans(
                 file=to,
             )
             for plan in plans:
-                told = outlook_of(plan)
-                print(f"{plan.path.name}: about {span(told['expected_s'])} of bench time", file=to)
+                told = outlook_of(plan, bench)
+                takes = f"about {span(told['expected_s'])} of bench time"
+                memory = in_bytes(told["memory_bytes"])
+                print(f"{plan.path.name}: {takes}, {memory} of memory to evaluate", file=to)
                 for line in told["determines"]:
                     print(f"  {line}", file=to)
                 for warning in told["warnings"]:

@@ -15,7 +15,13 @@ from typing import TYPE_CHECKING, Any
 from station import registry
 from station.clock import system_clock_synchronised, utc_now
 from station.runner.disk_space import Disk, disk_of
-from station.runner.preflight import fault_of_output, warned_of_clock, warned_of_limits
+from station.runner.memory import Memory, memory_of
+from station.runner.preflight import (
+    fault_of_output,
+    warned_of_clock,
+    warned_of_limits,
+    warned_of_memory,
+)
 from station.runner.simulation import clock_for
 from station.safety.static_limits import RESISTANCE, coil_resistance_ohm, heating_W
 
@@ -61,6 +67,7 @@ class DryRun:
     speed: float | None
     ends_utc: datetime | None
     disk: Disk
+    memory: Memory
     warnings: tuple[str, ...]
 
     def to_data(self) -> dict[str, Any]:
@@ -79,6 +86,7 @@ class DryRun:
                 "needed_bytes": self.disk.needed_bytes,
                 "free_bytes": self.disk.free_bytes,
             },
+            "memory": vars(self.memory),
             "warnings": list(self.warnings),
         }
 
@@ -98,7 +106,7 @@ def walk(plan: Plan, bench: Bench, output: Path, served: Mapping[str, Any] | Non
         points = tuple(point for point in foreseen.set_points if point.step == step.number)
         steps.append(Walked(step.number, step.title, starts_s, expected_s, points))
         starts_s += expected_s
-    disk = disk_of(foreseen, bench, output, clock)
+    disk, memory = disk_of(foreseen, bench, output, clock), memory_of(foreseen)
     speed: float | None = getattr(clock, "speed", None)
     return DryRun(
         steps=tuple(steps),
@@ -107,7 +115,9 @@ def walk(plan: Plan, bench: Bench, output: Path, served: Mapping[str, Any] | Non
         speed=speed,
         ends_utc=ends_utc(starts_s, speed),
         disk=disk,
+        memory=memory,
         warnings=(
+            *(one.sentence for one in warned_of_memory(memory)),
             *(one.sentence for one in warned_of_limits(plan, procedure)),
             *warnings(disk, output, starts_s, real=is_real(bench, served)),
         ),

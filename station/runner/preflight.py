@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 from station.clock import RealClock, boot_seconds, system_clock_synchronised, utc_now
 from station.errors import RecordError
 from station.runner.disk_space import disk_of, nearest_there
+from station.runner.memory import memory_of
 from station.safety.static_limits import problems_of_plan
 
 if TYPE_CHECKING:
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
     from station.plan import Plan
     from station.procedure import Procedure
     from station.record.folder import RunRecord
+    from station.runner.memory import Memory
 
 LONG_RUN_S = 3600.0
 SMALLEST_JUMP_S = 0.5
@@ -45,13 +47,17 @@ def look_before_a_run(
     if fault is not None:
         raise RecordError(fault)
     # A plan that does not fit the bench foresees nothing; opening the bench says what is wrong.
+    warned: list[Warned] = []
     if not any(problems_of_plan(procedure, plan.parameters, bench)):
-        disk = disk_of(procedure.forecast(plan.parameters, bench), bench, output, clock)
+        foreseen = procedure.forecast(plan.parameters, bench)
+        disk = disk_of(foreseen, bench, output, clock)
         if disk.too_small:
             raise RecordError(disk.sentence())
+        warned += warned_of_memory(memory_of(foreseen))
     expected_s = procedure.duration_s(plan.parameters)
     synchronised = system_clock_synchronised()
     return [
+        *warned,
         *warned_of_limits(plan, procedure),
         *warned_of_clock(expected_s, real=real, synchronised=synchronised),
     ]
@@ -63,6 +69,12 @@ def warned_of_limits(plan: Plan, procedure: Procedure) -> Iterator[Warned]:
     for name, sentence in procedure.undetermined(plan.parameters).items() if limited else ():
         if name in limited:
             yield Warned("limit-not-determined", str(plan.fault(("limits", name), sentence)))
+
+
+def warned_of_memory(memory: Memory) -> Iterator[Warned]:
+    """Yield that other programs hold the memory which the evaluation needs."""
+    if memory.taken:
+        yield Warned("memory-taken", memory.warning())
 
 
 def warned_of_clock(
