@@ -197,10 +197,13 @@ def averaged_field(
 def shortened(segment: Segment) -> Segment:
     """Return a segment that is in memory, averaged where it is too long for its analysis."""
     highest_Hz = max(one.frequency_Hz for one in segment.drive.values())
+    group = group_size(len(segment.time_s), segment.sample_interval_s, highest_Hz)
+    return segment if group == 1 else in_groups(segment, group)
+
+
+def in_groups(segment: Segment, group: int) -> Segment:
+    """Return a segment's means over groups of samples."""
     interval_s, samples = segment.sample_interval_s, len(segment.time_s)
-    group = group_size(samples, interval_s, highest_Hz)
-    if group == 1:
-        return segment
     place = grid_index(segment.time_s, interval_s)
     means = averaged_gyro(
         [(place, segment.rate_deg_per_h)],
