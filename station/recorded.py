@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from station import registry
-from station.bench import Bench, read_bench, role_of
+from station.bench import Bench, bench_of, role_of
 from station.guardian.log import SAFE_STATE, guardian_events, latest_safe_state
 from station.plan import Plan, read_plan
 from station.record.folder import RunFolder
+from station.yaml.reading import read_yaml
 
 NEVER_REACHED = "the run ended without making it safe"
 
@@ -19,7 +20,8 @@ def read_plan_and_bench(folder: RunFolder) -> tuple[Plan, Bench]:
     The resolved copies are read: a plan as given may extend another that is not in the folder.
     """
     plan = read_plan(folder.path / "plan.resolved.yaml", registry.Procedures())
-    bench = read_bench(folder.path / "bench.resolved.yaml", registry.names(registry.DRIVERS))
+    document = read_yaml(folder.path / "bench.resolved.yaml")
+    bench = bench_of(document, registry.names(registry.DRIVERS))
     return plan, bench
 
 
