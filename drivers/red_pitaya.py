@@ -203,6 +203,7 @@ class RedPitaya:
         return SafetyReading(
             way == "OUT" and level == "0",
             f"trigger output {words.get(level, level)}{'' if way == 'OUT' else ', not driven'}",
+            dormant=way == "IN",
         )
 
     def read_quantity(self, quantity: str) -> float | None:

@@ -13,6 +13,7 @@ from pydantic import Field, ValidationInfo, field_validator
 from station.calibration import Calibration
 from station.faults import Fault, FaultList, listed, nearest
 from station.fields import Celsius, Degree, Second, StrictModel, Unit, key_of, to_yaml_data
+from station.safety.bounds import bound_faults
 from station.safety.interlocks.model import InterlockEntry
 from station.safety.interlocks.reading import interlock_faults
 from station.units import UnitError, parse_as
@@ -183,12 +184,18 @@ class Bench(FromDocument):
 
 
 def read_bench(path: Path, drivers: Collection[str]) -> Bench:
-    """Read a bench file; `drivers` are the known names. Raise FaultList with every fault."""
-    return bench_of(read_yaml(path), drivers)
+    """Read a bench file that is to be used; `drivers` are the known names.
+
+    Raise FaultList with every fault, also of what is beyond a bound (`station.safety.bounds`).
+    """
+    return bench_of(read_yaml(path), drivers, bounded=True)
 
 
-def bench_of(document: Document, drivers: Collection[str]) -> Bench:
-    """Return the bench that a document holds; raise FaultList with every fault."""
+def bench_of(document: Document, drivers: Collection[str], *, bounded: bool = False) -> Bench:
+    """Return the bench that a document holds; raise FaultList with every fault.
+
+    Where it is not `bounded`, as of a run that is only read again, values may be beyond a bound.
+    """
     file, faults = check_model(document, BenchFile)
     instruments = document.data.get("instruments")
     if isinstance(instruments, dict):
@@ -196,6 +203,8 @@ def bench_of(document: Document, drivers: Collection[str]) -> Bench:
             faults += _instrument_faults(document, name, entry, drivers)
         faults += _safe_state_faults(document, list(instruments))
         faults += interlock_faults(document, list(instruments))
+        if bounded:
+            faults += bound_faults(document)
     if file is None or faults:
         raise FaultList(faults)
     return Bench(file, document)

@@ -52,6 +52,17 @@ class InstrumentsMissing(StationError):
         super().__init__(f"{count} {noun} missing or wrong, nothing was energised:{listed}")
 
 
+class BenchEnergised(StationError):
+    """Something on the bench is energised that this run neither uses nor may switch off."""
+
+    def __init__(self, energised: list[str]) -> None:
+        listed = "".join(f"\n  - {one}" for one in energised)
+        super().__init__(
+            "the bench is not at rest, and nothing was energised by this run; switch off by hand, "
+            f"or by the run that uses it, then start again:{listed}"
+        )
+
+
 class ConditionNotReached(StationError):
     """A condition of the procedure that did not come true in the time the plan allows."""
 

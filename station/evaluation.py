@@ -18,7 +18,7 @@ from station.findings import Findings, Flag
 from station.record.files import write_whole_file
 from station.record.folder import REPORT, RESULTS, RESUMED, RunFolder
 from station.record.manifest import MANIFEST, write_manifest
-from station.recorded import left_unverified, read_plan_and_bench, used_instruments
+from station.recorded import left_out, left_unverified, read_plan_and_bench, used_instruments
 from station.results import ResultDocument, conclude
 
 if TYPE_CHECKING:
@@ -71,6 +71,15 @@ def flags_of_run(folder: RunFolder, bench: Bench) -> list[Flag]:
         )
         for name, said in left_unverified(folder, bench).items()
     )
+    if unread := left_out(folder):
+        listed = " and ".join(f"{name} ({why})" for name, why in unread.items())
+        flags.append(
+            Flag(
+                "not-read-back",
+                f"Not everything on the bench that can harm was read back at the end: {listed}.",
+                details={"instruments": list(unread)},
+            )
+        )
     return flags
 
 

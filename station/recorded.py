@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from station import registry
-from station.bench import Bench, read_bench, role_of
-from station.guardian.log import guardian_events, latest_safe_state
+from station.bench import Bench, bench_of, role_of
+from station.guardian.log import SAFE_STATE, guardian_events, latest_safe_state
 from station.plan import Plan, read_plan
 from station.record.folder import RunFolder
+from station.yaml.reading import read_yaml
 
 NEVER_REACHED = "the run ended without making it safe"
 
@@ -19,13 +20,21 @@ def read_plan_and_bench(folder: RunFolder) -> tuple[Plan, Bench]:
     The resolved copies are read: a plan as given may extend another that is not in the folder.
     """
     plan = read_plan(folder.path / "plan.resolved.yaml", registry.Procedures())
-    bench = read_bench(folder.path / "bench.resolved.yaml", registry.names(registry.DRIVERS))
+    document = read_yaml(folder.path / "bench.resolved.yaml")
+    bench = bench_of(document, registry.names(registry.DRIVERS))
     return plan, bench
 
 
 def used_instruments(folder: RunFolder) -> list[str]:
     """Return the instruments that a run opened, in the bench's order."""
     return [event.details["instrument"] for event in folder.events_of("identified")]
+
+
+def left_out(folder: RunFolder) -> Mapping[str, str]:
+    """Return the instruments that can harm and were not read back at the end, and why."""
+    ends = list(folder.events_of(SAFE_STATE))
+    found = ends[-1].details.get("left_out", ()) if ends else ()
+    return {one["instrument"]: one["why"] for one in found}
 
 
 def left_unverified(folder: RunFolder, bench: Bench) -> Mapping[str, str]:

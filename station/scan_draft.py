@@ -10,11 +10,13 @@ from dataclasses import replace
 from station import registry
 from station.bench import INSTANCES, NEEDED_LIMITS, NEEDED_SETTINGS, role_of
 from station.roles import roles_of
+from station.safety.bounds import COIL
 from station.safety.safe_state import MadeSafe
 from station.scan import Seen
 from station.yaml.reading import plain_scalar
 
 FILL_IN = "FILL IN"
+DRAFT_LEVEL = "1 A"
 EXAMPLES = {
     "current": "A",
     "voltage": "V",
@@ -70,6 +72,11 @@ def draft(seen: Iterable[Seen]) -> str:
     text += "\ninstruments:\n" + "\n".join(entries) if entries else "\ninstruments: {}\n"
     if rest:
         text += "\n# Also there, without a driver or a place:\n" + "".join(rest)
+    coils = [one for one in INSTANCES if role_of(one) == COIL and one not in free]
+    if coils:
+        text += f"\n# {FILL_IN}: what ends a run. Set each level just above its coil's limit of\n"
+        text += f"# current; until then {DRAFT_LEVEL} ends it.\ninterlocks:\n"
+        text += "".join(map(interlock_line, coils))
     if not safe:
         return text + "\nsafe_state: []\n"
     steps = "".join(f"  - {{role: {role}, within: 30 s}}\n" for role in safe)
@@ -78,6 +85,13 @@ def draft(seen: Iterable[Seen]) -> str:
         + f"\n# {FILL_IN}: the order in which the bench comes to rest, and how fast.\n"
         + (f"safe_state:\n{steps}")
     )
+
+
+def interlock_line(coil: str) -> str:
+    """Return the line of an interlock on a coil's current, at a level that is safe and too low."""
+    name = coil.replace(f"{COIL}.", "coil-")
+    when = f"{{instrument: {coil}, quantity: current, above: {DRAFT_LEVEL}}}"
+    return f"  - {{name: {name}-current, when: {when}, grace: 0.4 s}}\n"
 
 
 def drivers_alike(name: str) -> list[str]:

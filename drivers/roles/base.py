@@ -94,6 +94,8 @@ class SafetyReading:
 
     safe: bool
     read_back: str
+    dormant: bool = False
+    """Not brought to rest by anybody, and yet it drives nothing: as after power-on."""
 
 
 @runtime_checkable

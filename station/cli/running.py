@@ -20,6 +20,7 @@ from station.results import SCHEMA
 from station.roles import safe_states
 from station.runner.execute import Request, execute
 from station.runner.outcome import Outcome
+from station.runner.whole_bench import except_for
 from station.yaml.reading import read_yaml
 
 
@@ -98,6 +99,12 @@ def say(outcome: Outcome) -> None:
     if outcome.error is not None:
         tell(f"\nthe run did not finish: {outcome.error}")
     for one in outcome.unsafe:
+        if not one.used:
+            tell(
+                f"NOT VERIFIED: {one.instrument}, which this run did not use, is not at rest "
+                f"({one.read_back}); switch it off by hand, or by the run that uses it"
+            )
+            continue
         wanted = safe_states().get(role_of(one.instrument))
         state = f", which is: {wanted.brought_to}" if wanted else ""
         tell(
@@ -107,8 +114,11 @@ def say(outcome: Outcome) -> None:
     for one in outcome.safe:
         if one.skipped:
             tell(f"{one.instrument}: {one.skipped}")
+    exceptions = except_for(outcome.left_out)
     if outcome.safe and not outcome.unsafe:
-        tell("the bench is safe, read back from every instrument that can harm")
+        tell(f"the bench is safe, read back from every instrument that can harm{exceptions}")
+    elif exceptions:
+        tell(f"every instrument that can harm was read back{exceptions}")
     tell(f"run folder: {outcome.folder}")
 
 
@@ -131,4 +141,5 @@ def document_of(outcome: Outcome, procedure: str) -> dict[str, Any]:
         "exit_code": outcome.exit_code,
         "error": outcome.error,
         "safe_state": [one.to_data() for one in outcome.safe],
+        "left_out": [one.to_data() for one in outcome.left_out],
     }

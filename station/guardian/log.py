@@ -43,7 +43,7 @@ def latest_safe_state(
     ]
     latest.sort(key=lambda one: one[0])
     # A run that opened nothing has nothing to say of what was left before it.
-    telling = [outcomes for _, outcomes in latest if outcomes]
+    telling = [outcomes for _, outcomes in latest if any(one.get("used", True) for one in outcomes)]
     return list(telling[-1]) if telling else [] if latest else None
 
 

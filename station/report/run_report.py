@@ -51,7 +51,12 @@ def report_of_run(folder: RunFolder, document: ResultDocument, findings: Finding
             for e in folder.events_of("prompt")
         ),
         safe_state=tuple(
-            SafeStateRow(one["instrument"], one["verified"], one["read_back"], one["took_s"])
+            SafeStateRow(
+                one["instrument"] + ("" if one.get("used", True) else ", not used"),
+                one["verified"],
+                one["read_back"],
+                one["took_s"],
+            )
             for event in folder.events_of("safe-state")
             for one in event.details["outcomes"]
         ),

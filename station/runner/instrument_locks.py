@@ -65,6 +65,10 @@ class InstrumentLocks:
             place.chmod(EVERYBODY_FILE)
         place.write_text(f"{self._holder}\n", encoding="utf-8")
 
+    def holds(self, address: str) -> bool:
+        """Whether this process has what is at an address."""
+        return lock_place(address) in self._held
+
     def release(self) -> None:
         """Give all of them back."""
         for lock in self._held.values():

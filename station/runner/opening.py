@@ -8,7 +8,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Protocol
 
 from station import registry
-from station.clock import Clock
+from station.clock import Clock, RealClock
 from station.errors import InputError, InstrumentError, InstrumentsMissing
 from station.readings import Publisher, Readings, Value
 from station.runner.instrument_locks import InstrumentLocks
@@ -16,6 +16,12 @@ from station.runner.instrument_locks import InstrumentLocks
 if TYPE_CHECKING:
     from station.bench import Bench
     from station.runner.trace import Trace
+
+
+LOOK = "a look at the whole bench"
+"""What the holder of a lock begins with that will be given back in a moment."""
+LOOK_ENDS_WITHIN_S = 10.0
+BETWEEN_TRIES_S = 0.1
 
 
 class Identity(Protocol):
@@ -129,7 +135,7 @@ def open_one(
     )
     try:
         if locks is not None and address:
-            locks.take(name, address)
+            take_lock(locks, name, address)
         instrument: Opened = registry.load(registry.DRIVERS, entry.driver)(place)
     except InstrumentError as error:
         return Probe(name, False, str(error))
@@ -149,6 +155,21 @@ def open_one(
         )
     said = f"{identity.maker} {identity.model} {identity.serial} {identity.firmware}".strip()
     return Probe(name, True, said, found)
+
+
+def take_lock(locks: InstrumentLocks, name: str, address: str) -> None:
+    """Take an instrument's lock; another run's look at the whole bench is waited for.
+
+    Raises InstrumentError where another process has it.
+    """
+    real = RealClock()
+    while True:
+        try:
+            return locks.take(name, address)
+        except InstrumentError as error:
+            if f"({LOOK}" not in str(error) or real.now() > LOOK_ENDS_WITHIN_S:
+                raise
+            real.sleep(BETWEEN_TRIES_S)
 
 
 def with_shared(bench: Bench, wanted: Iterable[str]) -> list[str]:

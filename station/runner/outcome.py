@@ -10,6 +10,7 @@ from station.errors import EXIT_FAULT
 
 if TYPE_CHECKING:
     from station.results import ResultDocument
+    from station.runner.whole_bench import LeftOut
     from station.safety.safe_state import SafeOutcome
 
 
@@ -22,6 +23,8 @@ class Outcome:
     document: ResultDocument | None = None
     error: str | None = None
     safe: list[SafeOutcome] = field(default_factory=list)
+    left_out: list[LeftOut] = field(default_factory=list)
+    """What can harm and was not read back: another run holds it, or it does not answer."""
 
     @property
     def unsafe(self) -> list[SafeOutcome]:

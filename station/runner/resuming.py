@@ -14,6 +14,7 @@ from station.clock import RealClock, utc_now
 from station.console import span
 from station.errors import InputError
 from station.evaluation import evaluate_run, exit_code_of
+from station.faults import FaultList
 from station.plan import Plan
 from station.procedure import Procedure, Prompt
 from station.record.creation import EVENTS
@@ -30,6 +31,7 @@ from station.runner.session import RESUME, BenchSession
 from station.runner.trace import Trace
 from station.runner.walking import Walk
 from station.safety.acknowledgement import refuse_until_acknowledged
+from station.safety.bounds import bound_faults
 from station.status import RUN_STARTED
 from station.versions import versions
 
@@ -66,6 +68,8 @@ def resume(request: ResumeRequest) -> Outcome:
     plan, recorded_bench = read_plan_and_bench(folder)
     refuse_what_was_altered(folder, plan, recorded_bench)
     bench = request.bench or recorded_bench
+    if beyond := list(bound_faults(bench.document)):
+        raise FaultList(beyond)
     procedure = registry.procedure(plan.procedure)
     refuse_another_bench(folder, recorded_bench, bench)
     facts = folder.run_facts()

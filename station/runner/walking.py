@@ -20,6 +20,7 @@ from station.runner.run import Run
 from station.runner.session import BenchSession
 from station.runner.signals import AbortSignals
 from station.runner.trace import Trace
+from station.runner.whole_bench import BenchReading, Bystanders, read_used
 from station.safety.acknowledgement import remember_trip
 from station.safety.interlocks.monitor import Monitor
 from station.safety.interlocks.reading import interlocks_of, watched_in_a_run
@@ -56,7 +57,16 @@ class Walk:
         self._found: dict[str, Found] = {}
         self._guardian: Guardian | None = None
         self._monitor: Monitor | None = None
-        self._locks = InstrumentLocks(f"the run {run.record.path.resolve()}")
+        holder = f"the run {run.record.path.resolve()}"
+        self._locks = InstrumentLocks(holder)
+        self._bystanders = Bystanders(
+            run.bench,
+            session.addresses,
+            run.clock,
+            holder,
+            None if session.here else self._locks,
+            trace,
+        )
 
     def go(self, outcome: Outcome) -> None:
         """Do every step; the bench comes to rest in every case. `outcome` says how it went."""
@@ -82,9 +92,11 @@ class Walk:
                 if self._monitor is not None:
                     self._monitor.stop()
                 outcome.safe = self._make_safe(signals)
+                self._read_the_rest(outcome)
                 run.clock.interrupt(None)
                 self._look_again(outcome)
-                run.record.note("safe-state", outcomes=[one.to_data() for one in outcome.safe])
+                read = BenchReading(outcome.safe, outcome.left_out)
+                run.record.note("safe-state", **read.to_data())
                 if self._guardian is not None:
                     self._guardian.dismiss()
                 self._close()
@@ -128,6 +140,7 @@ class Walk:
         run.instruments = {name: one.instrument for name, one in self._found.items()}
         for name, one in self._found.items():
             run.record.event("identified", instrument=name, **vars(one.identity))
+        self._read_before()
 
     def _ask_for_driver(self, prompt_id: str, text: str) -> str:
         return self._run.ask_again(prompt_id, text, of="driver")
@@ -147,6 +160,26 @@ class Walk:
             self._guardian.watch([name for name in self._found if not entries[name].shares])
         self._monitor.check_once()
         self._monitor.start()
+
+    def _read_before(self) -> None:
+        """Read everything that can harm, and refuse what is energised outside the plan.
+
+        Raises BenchEnergised, and InstrumentError for an instrument of the plan.
+        """
+        run = self._run
+        others = self._bystanders.read(run.instruments, run.clock)
+        used = read_used(run.instruments, run.clock)
+        read = BenchReading([*used, *others.read], others.left_out)
+        run.record.event("bench-read", **read.to_data())
+        for one in others.left_out:
+            run.progress.say(f"WARNING: not read before the run: {one.said}")
+        read.refuse_energised()
+
+    def _read_the_rest(self, outcome: Outcome) -> None:
+        """Read what the plan did not use: it may have been energised meanwhile."""
+        others = self._bystanders.read(self._run.instruments)
+        outcome.safe += others.read
+        outcome.left_out += others.left_out
 
     def _make_safe(self, signals: AbortSignals) -> list[SafeOutcome]:
         run = self._run

@@ -58,11 +58,17 @@ class MadeSafe(Protocol):
         ...
 
 
+def can_harm(driver: object) -> bool:
+    """Whether a driver is of an instrument that can harm; a factory may be, until it is opened."""
+    return not isinstance(driver, type) or issubclass(driver, MadeSafe)
+
+
 @dataclass(frozen=True)
 class SafeOutcome:
     """How one instrument came to rest: verified or not, what it read back, and the time it took.
 
-    `skipped` says which wait was cut short because a person was in a hurry.
+    `skipped` says which wait was cut short because a person was in a hurry; `used` is False for an
+    instrument outside the plan, which was read and never commanded.
     """
 
     instrument: str
@@ -70,6 +76,7 @@ class SafeOutcome:
     read_back: str
     took_s: float
     skipped: str = ""
+    used: bool = True
 
     def to_data(self) -> dict[str, Any]:
         """Return the outcome as plain data."""
@@ -79,6 +86,7 @@ class SafeOutcome:
             "read_back": self.read_back,
             "took_s": round(self.took_s, 6),
             **({"skipped": self.skipped} if self.skipped else {}),
+            **({} if self.used else {"used": False}),
         }
 
 

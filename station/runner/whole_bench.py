@@ -1,0 +1,242 @@
+"""Read everything on the bench that can harm, also what a plan does not use, and command nothing.
+
+What a run uses is read over its open lines. What it does not use is taken by its lock, opened,
+asked who it is and how it stands, and closed again. No driver commands anything while it is opened
+or read.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from queue import Empty, SimpleQueue
+from threading import Thread
+from typing import TYPE_CHECKING, Any
+
+from station import registry
+from station.clock import Clock, RealClock
+from station.errors import Aborted, BenchEnergised, InstrumentError
+from station.locks import LockHeld
+from station.runner.instrument_locks import InstrumentLocks
+from station.runner.opening import LOOK, Found, open_one, take_lock
+from station.safety.safe_state import Hurried, MadeSafe, SafeOutcome, can_harm
+
+if TYPE_CHECKING:
+    from station.bench import Bench
+    from station.runner.trace import Trace
+
+WITHIN_S = 10.0
+"""Real time for all of them together; a dead address costs its connect deadline, 2 s."""
+MOST_AT_ONCE = 8
+SILENT = "does not answer"
+
+
+@dataclass(frozen=True)
+class LeftOut:
+    """An instrument that can harm and was not read: why in a few words, and all that is known."""
+
+    instrument: str
+    why: str
+    said: str
+
+    def to_data(self) -> dict[str, str]:
+        """Return it as plain data."""
+        return {"instrument": self.instrument, "why": self.why, "said": self.said}
+
+
+@dataclass(frozen=True)
+class BenchReading:
+    """How the instruments that can harm stand: those that were read, and those left out."""
+
+    read: Sequence[SafeOutcome] = ()
+    left_out: Sequence[LeftOut] = ()
+
+    def refuse_energised(self) -> None:
+        """Raise BenchEnergised that names every instrument outside the plan that is energised."""
+        energised = [
+            f"{one.instrument}, which this plan does not use: {one.read_back}"
+            for one in self.read
+            if not one.verified and not one.used
+        ]
+        if energised:
+            raise BenchEnergised(energised)
+
+    def to_data(self) -> dict[str, Any]:
+        """Return the reading as plain data."""
+        return {
+            "outcomes": [one.to_data() for one in self.read],
+            "left_out": [one.to_data() for one in self.left_out],
+        }
+
+
+def read_used(instruments: Mapping[str, object], clock: Clock) -> list[SafeOutcome]:
+    """Read back the opened instruments that can harm; raises InstrumentError."""
+    outcomes = []
+    for name, instrument in instruments.items():
+        if isinstance(instrument, MadeSafe):
+            began_s = clock.now()
+            reading = instrument.read_safety()
+            took_s = clock.now() - began_s
+            outcomes.append(SafeOutcome(name, reading.safe, reading.read_back, took_s))
+    return outcomes
+
+
+def bystanders_of(bench: Bench, used: Collection[str]) -> list[str]:
+    """Return the instruments of a bench that can harm and are not among those `used`.
+
+    What is reached over another's line has no rest of its own.
+    """
+    return [
+        name
+        for name, entry in bench.instruments.items()
+        if name not in used and not entry.shares and _may_harm(entry.driver)
+    ]
+
+
+def _may_harm(driver: str) -> bool:
+    try:
+        return can_harm(registry.load(registry.DRIVERS, driver))
+    except Exception:  # a driver that cannot be loaded: reading it says so by name
+        return True
+
+
+@dataclass
+class Bystanders:
+    """The instruments of a bench outside a run, and how they are read.
+
+    `holder` is what other processes are told of whoever reads; `own` are the locks that this
+    process has already, None on a bench that is simulated in it, where nothing is locked.
+    """
+
+    bench: Bench
+    addresses: Mapping[str, str]
+    clock: Clock
+    holder: str
+    own: InstrumentLocks | None = None
+    trace: Trace | None = None
+
+    def read(self, used: Collection[str], waiting: Clock | None = None) -> BenchReading:
+        """Read every instrument that can harm and is not `used`; never raises for one of them.
+
+        On a real clock all are read at once, and what has not answered after 10 s is left out.
+        `waiting` is the clock whose interruptions end this early; without it nothing does.
+        """
+        names = bystanders_of(self.bench, used)
+        if isinstance(self.clock, RealClock):
+            found = self._at_once(names, waiting or RealClock())
+        else:  # one participant at a time: this one
+            found = {name: self._read_one(name) for name in names}
+        read, left_out = [], []
+        for name in names:
+            one = found.get(name)
+            if isinstance(one, SafeOutcome):
+                read.append(one)
+            elif isinstance(one, LeftOut):
+                left_out.append(one)
+            elif name not in found:
+                said = f"{name}: it did not answer within {WITHIN_S:g} s"
+                left_out.append(LeftOut(name, SILENT, said))
+        return BenchReading(read, left_out)
+
+    def _at_once(self, names: Sequence[str], waiting: Clock) -> dict[str, Any]:
+        """Read in threads, those with one address one after the other; nothing waits for ever.
+
+        A thread that has not ended by then holds nothing but its own line, and ends by itself.
+        """
+        by_address: dict[str, list[str]] = {}
+        for name in names:
+            by_address.setdefault(self._address(name).strip().lower(), []).append(name)
+        due: SimpleQueue[list[str]] = SimpleQueue()
+        for group in by_address.values():
+            due.put(group)
+        answers: SimpleQueue[tuple[str, SafeOutcome | LeftOut | None]] = SimpleQueue()
+
+        def work() -> None:
+            with suppress(Empty):
+                while True:
+                    for name in due.get_nowait():
+                        answers.put((name, self._read_one(name)))
+
+        for number in range(min(MOST_AT_ONCE, len(by_address))):
+            Thread(target=work, name=f"reads the bench {number + 1}", daemon=True).start()
+        found: dict[str, Any] = {}
+        real = RealClock()
+        while len(found) < len(names) and real.now() < WITHIN_S:
+            try:
+                with suppress(Hurried):
+                    waiting.sleep(0.0)
+                name, one = answers.get(timeout=0.05)
+                found[name] = one
+            except Empty:
+                continue
+        return found
+
+    def _address(self, name: str) -> str:
+        return self.addresses.get(name, self.bench.instruments[name].address or "")
+
+    def _read_one(self, name: str) -> SafeOutcome | LeftOut | None:
+        """Lock, open, identify, read, close; None where it cannot harm after all."""
+        while True:
+            try:
+                return self._read_or_raise(name)
+            except Aborted:
+                raise
+            except Hurried:  # comes once; a reading is short, and is not left out
+                continue
+            except InstrumentError as error:
+                return LeftOut(name, why_left_out(error), str(error))
+            except Exception as error:  # a fault of one driver keeps no other from being read
+                return LeftOut(name, "cannot be read", f"{name}: {error!r}")
+
+    def _read_or_raise(self, name: str) -> SafeOutcome | LeftOut | None:
+        began_s = self.clock.now()
+        address = self._address(name)
+        locks = None
+        if self.own is not None and address and not self.own.holds(address):
+            locks = InstrumentLocks(f"{LOOK} by {self.holder}")
+        try:
+            if locks is not None:
+                take_lock(locks, name, address)
+            probe = open_one(name, self.bench, self.addresses, self.clock, trace=self.trace)
+            if probe.found is None:
+                return LeftOut(name, SILENT, probe.said)
+            try:
+                return self._read_found(name, probe.found, probe.ok, probe.said, began_s)
+            finally:
+                with suppress(Exception):
+                    probe.found.instrument.close()
+        finally:
+            if locks is not None:
+                locks.release()
+
+    def _read_found(
+        self, name: str, found: Found, ok: bool, said: str, began_s: float
+    ) -> SafeOutcome | LeftOut | None:
+        instrument = found.instrument
+        if not isinstance(instrument, MadeSafe):
+            return None
+        reading = instrument.read_safety()
+        rests = reading.safe or getattr(reading, "dormant", False)
+        if rests and not ok:
+            return LeftOut(name, "another serial number answers", said)
+        took_s = self.clock.now() - began_s
+        return SafeOutcome(name, rests, reading.read_back, took_s, used=False)
+
+
+def why_left_out(error: InstrumentError) -> str:
+    """Return in a few words why an instrument could not be read."""
+    if not isinstance(error.__cause__, LockHeld):
+        return SILENT
+    _, _, rest = str(error).partition("another process has it (")
+    who = rest.partition(");")[0].strip()
+    return f"in use by {who}" if who else "in use by another process"
+
+
+def except_for(left_out: Iterable[LeftOut]) -> str:
+    """Return the end of a sentence on the whole bench: what it does not hold for, or nothing."""
+    named = [f"{one.instrument} ({one.why})" for one in left_out]
+    if not named:
+        return ""
+    head, last = named[:-1], named[-1]
+    return f", except {', '.join(head)} and {last}" if head else f", except {last}"

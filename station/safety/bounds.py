@@ -1,0 +1,252 @@
+"""Bounds of what a bench file may say: a value beyond them protects nobody, however it is meant.
+
+The limits of a bench are for its laboratory to choose. What is refused here would undo a promise of
+the station: that zero means zero, that a coil is not cut off, that somebody learns in time that the
+bench is not at rest, that an interlock can trip before harm is done. Each bound has its reason in
+its sentence. Records of earlier runs are read without them.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from station.faults import Fault
+from station.safety.interlocks.quantities import quantities_of, role_of
+from station.safety.safe_state import DEFAULT_WITHIN_S
+from station.units import UnitError, parse_as
+from station.yaml.document import Document, Where
+
+COIL = "coil_supply"
+ZERO_SHARE = 0.01
+MOST_ZERO_A = 0.1
+LEAST_RAMP_S = 0.5
+"""From the largest current to zero: ten of the steps, 0.05 s each, in which supplies are ramped."""
+MOST_WITHIN_S = 600.0
+MOST_GRACE_S = 60.0
+MOST_PERIOD_S = 60.0
+BEYOND_LIMIT = 1.5
+BEYOND_TEMPERATURE_K = 25.0
+MOST_COIL_DEGC = 200.0
+"""Windings are insulated for 130 to 200 degC."""
+LIMIT_OF = {
+    ("coil_supply", "current"): "current",
+    ("turntable", "rate"): "rate",
+    ("rotary_stage", "rate"): "rate",
+    ("thermal_chamber", "temperature"): "temperature_high",
+}
+"""The limit of the bench file on the very quantity that an interlock watches.
+
+Not a supply's voltage, which it limits by itself: it is watched for the coil's resistance.
+"""
+
+
+def bound_faults(document: Document) -> Iterator[Fault]:
+    """Yield what a bench file says beyond a bound; what cannot be read is left to other checks."""
+    data = document.data
+    instruments = mapping(mapping(data).get("instruments"))
+    for name, entry in instruments.items():
+        if role_of(str(name)) == COIL:
+            yield from _coil_faults(document, str(name), mapping(entry))
+    yield from _within_faults(document, instruments)
+    entries = [mapping(one) for one in listing(mapping(data).get("interlocks"))]
+    for number, entry in enumerate(entries):
+        where: Where = ("interlocks", number)
+        yield from _time_faults(document, where, entry)
+        for place, level in levels(entry.get("when"), (*where, "when"), ("any", "all")):
+            yield from _threshold_faults(document, place, level, instruments)
+    looks = [
+        level for entry in entries for _, level in levels(entry.get("when"), (), only=("any",))
+    ]
+    for name, entry in instruments.items():
+        if role_of(str(name)) == COIL:
+            yield from _unwatched_faults(document, str(name), mapping(entry), looks)
+
+
+def _coil_faults(document: Document, name: str, entry: Mapping[str, Any]) -> Iterator[Fault]:
+    limits = mapping(entry.get("limits"))
+    where: Where = ("instruments", name, "limits")
+    current_A, zero_A = quantity(limits, "current", "A"), quantity(limits, "zero_current", "A")
+    slew_A_per_s = quantity(limits, "slew", "A/s")
+    if not current_A:
+        return
+    most_A = min(ZERO_SHARE * current_A, MOST_ZERO_A)
+    if zero_A and zero_A > most_A:
+        yield document.fault(
+            (*where, "zero_current"),
+            f"{zero_A:g} A is too much to count as zero: a coil that carries it would be reported "
+            f"as safe; at most {most_A:g} A, which is {ZERO_SHARE:.0%} of current and never above "
+            f"{MOST_ZERO_A:g} A",
+        )
+    if slew_A_per_s and current_A / slew_A_per_s < LEAST_RAMP_S:
+        yield document.fault(
+            (*where, "slew"),
+            f"{slew_A_per_s:g} A/s takes {current_A:g} A to zero in "
+            f"{current_A / slew_A_per_s:.2g} s, which is no ramp: a coil that is cut off induces a "
+            f"high voltage; at most {current_A / LEAST_RAMP_S:g} A/s, {LEAST_RAMP_S:g} s to zero",
+        )
+
+
+def _within_faults(document: Document, instruments: Mapping[str, Any]) -> Iterator[Fault]:
+    steps = [mapping(one) for one in listing(mapping(document.data).get("safe_state"))]
+    timed: set[str] = set()
+    for number, step in enumerate(steps):
+        within_s = quantity(step, "within", "s")
+        if within_s is None:
+            continue
+        where: Where = ("safe_state", number, "within")
+        if within_s > MOST_WITHIN_S:
+            yield document.fault(
+                where,
+                f"{within_s:g} s is too long: nobody beside the bench would learn in time that it "
+                f"is not at rest; at most {MOST_WITHIN_S:g} s",
+            )
+        wanted = step.get("instrument") or step.get("role")
+        for name, entry in instruments.items():
+            if name not in timed and wanted in (name, role_of(str(name))):
+                timed.add(name)
+                ramp_s = ramp_of(str(name), entry)
+                if within_s < ramp_s:
+                    yield document.fault(
+                        where,
+                        f"{within_s:g} s is shorter than the ramp of {name} to zero, {ramp_s:g} s: "
+                        "it would never be verified; allow more, or raise its slew",
+                    )
+    for name, entry in instruments.items():
+        ramp_s = ramp_of(str(name), entry)
+        if name not in timed and ramp_s > DEFAULT_WITHIN_S:
+            yield document.fault(
+                ("instruments", name, "limits", "slew"),
+                f"the ramp to zero takes {ramp_s:g} s, longer than the {DEFAULT_WITHIN_S:g} s "
+                "that it has; raise the slew, or name it in safe_state with a longer within",
+            )
+
+
+def ramp_of(name: str, entry: Any) -> float:
+    """Return how long a coil supply's ramp from its largest current to zero takes, in s."""
+    limits = mapping(mapping(entry).get("limits"))
+    current_A, slew_A_per_s = quantity(limits, "current", "A"), quantity(limits, "slew", "A/s")
+    if role_of(name) != COIL or not current_A or not slew_A_per_s:
+        return 0.0
+    return current_A / slew_A_per_s
+
+
+def _time_faults(document: Document, where: Where, entry: Mapping[str, Any]) -> Iterator[Fault]:
+    grace_s, period_s = quantity(entry, "grace", "s"), quantity(entry, "period", "s")
+    if grace_s is not None and grace_s > MOST_GRACE_S:
+        yield document.fault(
+            (*where, "grace"),
+            f"{grace_s:g} s is too long: for so long the bench would go on with what the interlock "
+            f"forbids; at most {MOST_GRACE_S:g} s, or set the level to what may last",
+        )
+    if period_s is not None and period_s > MOST_PERIOD_S:
+        yield document.fault(
+            (*where, "period"),
+            f"{period_s:g} s is too long: an interlock that is looked at so rarely trips too late; "
+            f"at most {MOST_PERIOD_S:g} s",
+        )
+
+
+@dataclass(frozen=True)
+class Look:
+    """A level that a condition holds a quantity against, and its upper limit as given."""
+
+    instrument: str
+    quantity: str
+    key: str
+    high: Any
+
+
+def levels(when: Any, where: Where, only: tuple[str, ...]) -> Iterator[tuple[Where, Look]]:
+    """Yield each level with an upper limit in a condition, and its place; `only` these stacks."""
+    for key, part in mapping(when).items():
+        if key in only:
+            for number, one in enumerate(listing(part)):
+                yield from levels(one, (*where, key, number), only)
+    told = mapping(when)
+    instrument, watched = str(told.get("instrument")), str(told.get("quantity"))
+    if "above" in told:
+        yield (*where, "above"), Look(instrument, watched, "above", told["above"])
+    elif len(listing(told.get("outside"))) == 2:
+        high = told["outside"][1]
+        yield (*where, "outside", 1), Look(instrument, watched, "outside", high)
+
+
+def _threshold_faults(
+    document: Document, where: Where, look: Look, instruments: Mapping[str, Any]
+) -> Iterator[Fault]:
+    key = LIMIT_OF.get((role_of(look.instrument), look.quantity))
+    kind = quantities_of(look.instrument).get(look.quantity)
+    if key is None or kind is None:
+        return
+    limits = mapping(mapping(instruments.get(look.instrument)).get("limits"))
+    limit, high = quantity(limits, key, kind.unit), quantity({"is": look.high}, "is", kind.unit)
+    if limit is None or high is None:
+        return
+    hot = kind.unit == "degC"
+    most = limit + BEYOND_TEMPERATURE_K if hot else BEYOND_LIMIT * limit
+    if high > most:
+        yield document.fault(
+            where,
+            f"{high:g} {kind.unit} is so far beyond limits.{key} of {look.instrument}, {limit:g} "
+            f"{kind.unit}, that the interlock protects nothing; at most {most:g} {kind.unit}",
+        )
+
+
+def _unwatched_faults(
+    document: Document, name: str, entry: Mapping[str, Any], looks: list[Look]
+) -> Iterator[Fault]:
+    """Yield that no interlock looks at a coil's current, voltage or temperature, or at its field.
+
+    A gaussmeter's look counts up to one and a half times what the coil makes at its limit.
+    """
+    limits, settings = mapping(entry.get("limits")), mapping(entry.get("settings"))
+    current_A = quantity(limits, "current", "A")
+    constant = quantity(settings, "coil_constant", "mT/A")
+    if current_A is None:
+        return  # other checks ask for it
+    voltage_V = quantity(limits, "voltage", "V")
+    most_mT = BEYOND_LIMIT * current_A * abs(constant) if constant else math.inf
+    most = {
+        (name, "current"): ("A", BEYOND_LIMIT * current_A),
+        (name, "voltage"): ("V", BEYOND_LIMIT * voltage_V if voltage_V else math.inf),
+        (name, "temperature"): ("degC", MOST_COIL_DEGC),
+        ("gaussmeter", "field"): ("mT", most_mT),
+    }
+    for look in looks:
+        unit, highest = most.get((look.instrument, look.quantity), ("", 0.0))
+        high = quantity({"is": look.high}, "is", unit) if unit else None
+        if high is not None and high <= highest:
+            return
+    label = name.replace(f"{COIL}.", "coil-").replace(".", "-").replace("_", "-")
+    yield document.fault(
+        ("instruments", name),
+        "no interlock looks at this coil, so that nothing would end a run which drives it beyond "
+        "its limit; add to interlocks, for example, "
+        f"{{name: {label}-current, when: {{instrument: {name}, quantity: current, "
+        f"above: {1.025 * current_A:g} A}}, grace: 0.4 s}}",
+        at_key=True,
+    )
+
+
+def quantity(data: Mapping[str, Any], key: str, unit: str) -> float | None:
+    """Return a quantity of a bench file in `unit`; None where it is missing or cannot be read."""
+    if key not in data:
+        return None
+    try:
+        value = parse_as(data[key], unit)
+    except UnitError:
+        return None
+    return value if math.isfinite(value) else None
+
+
+def mapping(data: Any) -> Mapping[str, Any]:
+    """Return what is a mapping, else an empty one."""
+    return data if isinstance(data, dict) else {}
+
+
+def listing(data: Any) -> list[Any]:
+    """Return what is a list, else an empty one."""
+    return data if isinstance(data, list) else []

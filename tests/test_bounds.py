@@ -1,0 +1,159 @@
+"""What protects nobody is refused in a bench file, with its place and the reason."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+import yaml
+from command_line import PLAN, station
+
+from station import registry
+from station.bench import bench_of, read_bench
+from station.faults import FaultList
+from station.lookup import BENCHES, find
+from station.yaml.reading import read_yaml
+
+GOOD = """\
+bench: 1
+name: lab
+instruments:
+  coil_supply.x:
+    driver: kepco-bop-36-12
+    address: TCPIP::192.0.2.7::5025::SOCKET
+    settings: {coil_constant: 0.3 mT/A}
+    limits: {current: 8 A, voltage: 30 V, slew: 2 A/s, zero_current: 20 mA}
+  gaussmeter:
+    driver: lakeshore-f71
+    address: TCPIP::192.0.2.8::7777::SOCKET
+  thermal_chamber:
+    driver: watlow-f4t
+    address: modbus-tcp://192.0.2.9
+    limits: {temperature_low: -45 degC, temperature_high: 70 degC}
+interlocks:
+  - {name: coil, when: {instrument: coil_supply.x, quantity: current, above: 8.2 A}, grace: 0.4 s}
+  - {name: air, when: {instrument: thermal_chamber, quantity: temperature, above: 80 degC}}
+safe_state:
+  - {role: coil_supply, within: 30 s}
+"""
+COIL = "{instrument: coil_supply.x, quantity: current, above: 8.2 A}"
+
+REFUSED = {
+    ("zero_current: 20 mA", "zero_current: 100 A"): (
+        "8:70: instruments.coil_supply.x.limits.zero_current: 100 A is too much to count as zero: "
+        "a coil that carries it would be reported as safe; at most 0.08 A, which is 1% of current"
+    ),
+    ("slew: 2 A/s", "slew: 1000 A/s"): (
+        "8:49: instruments.coil_supply.x.limits.slew: 1000 A/s takes 8 A to zero in 0.008 s, which "
+        "is no ramp: a coil that is cut off induces a high voltage; at most 16 A/s"
+    ),
+    ("slew: 2 A/s", "slew: 0.1 A/s"): (
+        "20:33: safe_state[1].within: 30 s is shorter than the ramp of coil_supply.x to zero, 80 s"
+    ),
+    ("within: 30 s", "within: 2 h"): (
+        "20:33: safe_state[1].within: 7200 s is too long: nobody beside the bench would learn"
+    ),
+    ("grace: 0.4 s", "grace: 1e9 s"): (
+        "17:93: interlocks[1].grace: 1e+09 s is too long: for so long the bench would go on with "
+        "what the interlock forbids; at most 60 s"
+    ),
+    ("grace: 0.4 s", "period: 10 min"): (
+        "17:94: interlocks[1].period: 600 s is too long: an interlock that is looked at so rarely "
+        "trips too late"
+    ),
+    ("above: 8.2 A", "above: 1e6 A"): (
+        "17:78: interlocks[1].when.above: 1e+06 A is so far beyond limits.current of "
+        "coil_supply.x, 8 A, that the interlock protects nothing; at most 12 A"
+    ),
+    ("above: 80 degC", "outside: [-50 degC, 300 degC]"): (
+        "18:96: interlocks[2].when.outside[2]: 300 degC is so far beyond "
+        "limits.temperature_high of thermal_chamber"
+    ),
+}
+UNWATCHED = "4:3: instruments.coil_supply.x: no interlock looks at this coil"
+BLIND = {
+    "none": "interlocks: []",
+    "another": "interlocks:\n  - {name: a, when: {instrument: coil_supply.x, quantity: output, "
+    "equals: on}}",
+    "only together": f"interlocks:\n  - {{name: a, when: {{all: [{COIL}, {COIL}]}}}}",
+    "turned over": f"interlocks:\n  - {{name: a, when: {{not: {COIL}}}}}",
+    "a field that it never makes": "interlocks:\n  - {name: a, when: {instrument: gaussmeter, "
+    "quantity: field, above: 60 mT}}",
+}
+SEEING = {
+    "its field": "interlocks:\n  - {name: a, when: {instrument: gaussmeter, quantity: field, "
+    "above: 2.5 mT}}",
+    "its voltage": "interlocks:\n  - {name: a, when: {instrument: coil_supply.x, "
+    "quantity: voltage, above: 12 V}}",
+    "any of several": f"interlocks:\n  - {{name: a, when: {{any: [{COIL}, {COIL}]}}}}",
+    "both signs": "interlocks:\n  - {name: a, when: {instrument: coil_supply.x, "
+    "quantity: current, outside: [-8.2 A, 8.2 A]}}",
+}
+
+
+def faults_of(folder: Path, text: str) -> list[str]:
+    path = folder / "bench.yaml"
+    path.write_text(text, encoding="utf-8")
+    try:
+        read_bench(path, registry.names(registry.DRIVERS))
+    except FaultList as found:
+        return [str(one).removeprefix(f"{path}:") for one in found.faults]
+    return []
+
+
+def with_interlocks(text: str) -> str:
+    head, _, rest = GOOD.partition("interlocks:\n")
+    return head + text + "\nsafe_state:" + rest.partition("safe_state:")[2]
+
+
+def test_the_bench_that_is_changed_below_has_no_fault(tmp_path: Path) -> None:
+    assert faults_of(tmp_path, GOOD) == []
+
+
+@pytest.mark.parametrize("changed", REFUSED, ids=lambda pair: pair[1])
+def test_a_value_beyond_a_bound_is_refused_at_its_place_with_the_reason(
+    tmp_path: Path, changed: tuple[str, str]
+) -> None:
+    assert changed[0] in GOOD
+    faults = faults_of(tmp_path, GOOD.replace(*changed))
+    assert next(one for one in faults if not one.startswith(UNWATCHED)).startswith(REFUSED[changed])
+    assert len(faults) == 1 + ("above: 1e6 A" in changed), "which is no look at the coil either"
+
+
+@pytest.mark.parametrize("name", BLIND)
+def test_a_coil_that_no_interlock_looks_at_is_refused_with_an_example(
+    tmp_path: Path, name: str
+) -> None:
+    (fault,) = faults_of(tmp_path, with_interlocks(BLIND[name]))
+    assert fault.startswith(UNWATCHED)
+    _, _, example = fault.partition("for example, ")
+    entry = yaml.safe_load(example)
+    assert not faults_of(tmp_path, with_interlocks(f"interlocks: [{example}]"))
+    assert entry["when"]["above"] == "8.2 A"
+
+
+@pytest.mark.parametrize("name", SEEING)
+def test_what_counts_as_a_look_at_a_coil(tmp_path: Path, name: str) -> None:
+    assert faults_of(tmp_path, with_interlocks(SEEING[name])) == []
+
+
+@pytest.mark.parametrize("name", ["sim", "sim-alternate"])
+def test_the_shipped_benches_are_within_the_bounds(name: str) -> None:
+    read_bench(find(BENCHES, name), registry.names(registry.DRIVERS))
+
+
+def test_a_record_of_before_is_still_read_and_a_new_run_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "bench.yaml"
+    path.write_text(GOOD.replace("zero_current: 20 mA", "zero_current: 100 A"), encoding="utf-8")
+    bench = bench_of(read_yaml(path), registry.names(registry.DRIVERS))
+    assert bench.instruments["coil_supply.x"].limits["zero_current"] == 100.0
+
+
+def test_validate_says_so(tmp_path: Path) -> None:
+    shipped = find(BENCHES, "sim").read_text(encoding="utf-8")
+    text = shipped.replace("zero_current: 20 mA", "zero_current: 100 A", 1)
+    (tmp_path / "bench.yaml").write_text(text, encoding="utf-8")
+    (tmp_path / "plan.yaml").write_text(PLAN, encoding="utf-8")
+    done = station(tmp_path, "validate", "plan.yaml", "--bench", "bench.yaml")
+    assert done.returncode == 2
+    assert "bench.yaml:14:70: instruments.coil_supply.x.limits.zero_current: 100 A" in done.stderr
