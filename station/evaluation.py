@@ -52,6 +52,7 @@ def flags_of_run(folder: RunFolder, bench: Bench) -> list[Flag]:
             Flag("simulated", "The bench is simulated: these numbers say nothing of a real device.")
         )
     flags.extend(flags_of_gaps(folder))
+    flags.extend(flags_of_guardians(folder))
     run_on = date.fromisoformat(folder.run_facts()["started_utc"][:10])
     used = used_instruments(folder)
     for name, entry in bench.instruments.items():
@@ -105,6 +106,23 @@ def flags_of_gaps(folder: RunFolder) -> Iterator[Flag]:
                 f"The run was gone on with by other software than it began with: {listed}.",
                 details={"changed": changed},
             )
+
+
+def flags_of_guardians(folder: RunFolder) -> Iterator[Flag]:
+    """Yield a flag where a guardian of the run was lost while the run went on."""
+    lost = list(folder.events_of("guardian-lost"))
+    replaced = len(list(folder.events_of("guardian-replaced")))
+    if lost:
+        listed = "; ".join(
+            f"{one.details['guardian']} {one.details['message']} at {one.details['at_s']:.0f} s"
+            for one in lost[:MOST_UNITS]
+        )
+        yield Flag(
+            "guardian-lost",
+            f"A guardian of the run was lost {len(lost)} times and replaced {replaced} times: "
+            f"{listed} of run time.",
+            details={"count": len(lost), "replaced": replaced},
+        )
 
 
 def conclude_run(path: Path, *, report: bool = True) -> ResultDocument:

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from station.clock import utc_now
 from station.control.spans import is_paused, paused_s
 from station.errors import InputError
+from station.guardian.at_work import AtWork, guardian_at_work
 from station.guardian.log import (
     SAFE_STATE,
     guardian_events,
@@ -133,7 +134,7 @@ def read_status(folder: Path) -> Status:
         run_time_s=round(now_s, 3),
         remaining_s=remaining_s(planned, events, now_s) if planned else None,
         bench_safe=all(one["verified"] for one in safe) if safe else None,
-        message=last_message(events, of_guardian),
+        message=last_message(events, of_guardian, guardian_at_work(folder)),
     )
 
 
@@ -199,14 +200,19 @@ def remaining_s(
     return round(time_left_s(left_s, done, sum(units.values()), worked_s(now_s)), 3)
 
 
-def last_message(events: Sequence[Event], of_guardian: Sequence[Event] = ()) -> str:
+def last_message(
+    events: Sequence[Event], of_guardian: Sequence[Event] = (), at_work: AtWork | None = None
+) -> str:
     """Return the last thing the logs have to say to a person; a failure outlives what follows it.
 
-    Where the guardian of a dead run acted, that is the last thing.
+    Where the guardian of a dead run acted, that is the last thing, and that it is still `at_work`.
     """
     last = last_word_of_guardian(events, of_guardian)
+    goes_on = f"; {at_work.sentence()}" if at_work and at_work.waits_for else ""
     if last is not None:
-        return guardian_in_words(last)
+        return guardian_in_words(last) + goes_on
+    if at_work is not None:
+        return at_work.sentence()
     failed = of_kind(since_it_went_on(events), "failed")
     if failed:
         return str(failed[-1].details["message"])

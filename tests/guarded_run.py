@@ -20,6 +20,7 @@ from station.guardian.watched import Guardian
 from station.plan import read_plan
 from station.record.folder import RunRecord
 from station.runner.execute import head_of
+from station.runner.instrument_locks import InstrumentLocks
 from station.runner.opening import open_instruments
 
 PROCEDURE = "rlg-magnetic-sensitivity"
@@ -33,11 +34,23 @@ def main(served: Path, parent: Path, frequency_Hz: float, amplitude_A: float, *c
     plan = read_plan(config / "plans" / f"{PROCEDURE}.yaml", registry.Procedures())
     bench = read_bench(config / "benches" / "sim.yaml", registry.names(registry.DRIVERS))
     record = RunRecord(parent, PROCEDURE, "SN-1", clock, head_of(plan, bench, clock))
-    guardian = Guardian(record.path, None, addresses, clock, instruments=[*coils, "gaussmeter"])
-    found = open_instruments(bench, [*coils, "gaussmeter"], addresses, clock, None)
+    world = f"served since {head['clock']['epoch_unix']}"
+    locks = InstrumentLocks(f"the run {record.path}", world)
+    guardian = Guardian(
+        record.path,
+        None,
+        addresses,
+        clock,
+        instruments=[*coils, "gaussmeter"],
+        world=world,
+        note=record.later,
+    )
+    found = open_instruments(bench, coils, addresses, clock, None, locks=locks)
+    # Which runs of a test share, each with coils of its own.
+    found |= open_instruments(bench, ["gaussmeter"], addresses, clock, None)
     for name, one in found.items():
         record.event("identified", instrument=name, **vars(one.identity))
-    guardian.watch([*coils, "gaussmeter"])
+    guardian.watch([*coils, "gaussmeter"], locks)
     supplies: list[Any] = [found[name].instrument for name in coils]
     for supply in supplies:
         supply.programme_limits()
@@ -46,7 +59,7 @@ def main(served: Path, parent: Path, frequency_Hz: float, amplitude_A: float, *c
         supply.start_sine()
     print("energised", flush=True)
     while True:
-        supplies[0].current_A()
+        record.event("measured", durable=False, current_A=supplies[0].current_A())
         clock.sleep(0.1)
 
 

@@ -9,12 +9,12 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from campaign_helpers import only_run
+from campaign_helpers import only_run, whole_events
 from command_line import station_command
 
 SCRIPT = Path(__file__).parent / "guarded_run.py"
@@ -115,6 +115,27 @@ class GuardedRun:
         _, said = self.process.communicate(timeout=GIVES_UP_AFTER_S)
         return said
 
+    @property
+    def guardians(self) -> list[int]:
+        """The processes that watch the run, the first guardian first."""
+        children = Path(f"/proc/{self.process.pid}/task").glob("*/children")
+        found = [int(one) for path in children for one in path.read_text(encoding="utf-8").split()]
+        return sorted((one for one in found if is_alive(one)), key=rank_of)
+
+    def events(self, kind: str) -> list[dict[str, Any]]:
+        """Return the events of one kind in the run's own log."""
+        return [event for event in whole_events(self.folder) if event["event"] == kind]
+
+    def safe_states(self) -> list[dict[str, bool]]:
+        """Return which instruments the guardian had verified, attempt by attempt."""
+        log = self.folder / "guardian.jsonl"
+        said = self.guardian_log() if log.is_file() else []
+        return [
+            {one["instrument"]: one["verified"] for one in event["outcomes"]}
+            for event in said
+            if event["event"] == "safe-state"
+        ]
+
     def guardian_log(self) -> list[dict[str, Any]]:
         """Return the events of the guardian."""
         log = self.folder / "guardian.jsonl"
@@ -146,9 +167,24 @@ def start_run(
     return GuardedRun(process, folder)
 
 
-def until(true: Any) -> None:
-    """Wait until something is true."""
+def until(true: Any, within_s: float = GIVES_UP_AFTER_S) -> float:
+    """Wait until something is true, and return how long that took."""
     began = time.monotonic()
     while not true():
-        assert time.monotonic() - began < GIVES_UP_AFTER_S, "what is waited for did not come"
+        assert time.monotonic() - began < within_s, "what is waited for did not come"
         time.sleep(0.01)
+    return time.monotonic() - began
+
+
+def is_alive(pid: int) -> bool:
+    """Whether a process lives; one that is stopped does."""
+    with suppress(OSError):
+        state = Path(f"/proc/{pid}/stat").read_text(encoding="utf-8").rpartition(")")[2]
+        return state.split()[0] not in "ZX"
+    return False
+
+
+def rank_of(guardian: int) -> int:
+    """Return which guardian of its run a process is."""
+    said = Path(f"/proc/{guardian}/cmdline").read_text(encoding="utf-8").rstrip("\0")
+    return ("first", "second").index(said.rpartition("\0")[2])

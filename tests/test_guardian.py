@@ -14,7 +14,6 @@ import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from threading import Event as Flag
 
 import pytest
 from campaign_helpers import whole_events
@@ -23,10 +22,7 @@ from guardian_helpers import GuardedRun, World, start_run, until, world
 from station import registry
 from station.bench import read_bench
 from station.clock import RealClock, VirtualClock
-from station.guardian import takeover
 from station.guardian.log import GUARDIAN_LOG, guardian_events, latest_safe_state
-from station.guardian.messages import Instructions
-from station.guardian.takeover import Takeover
 from station.guardian.watched import Guardian, GuardianFailed
 from station.lookup import find
 from station.record.events import Event
@@ -58,12 +54,6 @@ def standing_still(
     """A run on a coil of its own that is stopped at once: what it shows takes 5 s to come."""
     run = start_run(bench, tmp_path_factory.mktemp("still"), "coil_supply.z")
     return run, run.end_by(signal.SIGSTOP)
-
-
-def guardian_of(run: GuardedRun) -> int:
-    """Return the number of the guardian's process."""
-    children = Path(f"/proc/{run.process.pid}/task/{run.process.pid}/children")
-    return int(children.read_text(encoding="utf-8").split()[0])
 
 
 def verified_after_s(run: GuardedRun, bench: World, killed_s: float) -> float:
@@ -122,10 +112,10 @@ def test_the_guardian_writes_a_chained_log_that_a_manifest_covers(
 
 def test_what_ends_a_terminal_does_not_end_the_guardian(bench: World, tmp_path: Path) -> None:
     run = start_run(bench, tmp_path, *COILS)
-    guardian = guardian_of(run)
-    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-        os.kill(guardian, number)
-    assert os.getsid(guardian) != os.getsid(run.process.pid)
+    for guardian in run.guardians:
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGUSR1):
+            os.kill(guardian, number)
+        assert os.getsid(guardian) != os.getsid(run.process.pid)
     run.end_by(signal.SIGKILL)
     run.wait_for_guardian()
     assert bench.at_rest("xy")
@@ -146,36 +136,6 @@ def test_a_supply_that_is_gone_for_a_while_keeps_no_other_from_being_made_safe(
     assert bench.at_rest()
 
 
-def test_what_could_not_be_verified_is_said_by_name(
-    killed: Killed,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capfd: pytest.CaptureFixture[str],
-) -> None:
-    path = shutil.copytree(killed.run.folder, tmp_path / "run")
-    (path / GUARDIAN_LOG).unlink()
-    monkeypatch.setattr(takeover, "PAUSES_S", (0.0,))
-    nobody = {"coil_supply.x": "TCPIP::127.0.0.1::1::SOCKET"}
-    instructions = Instructions(
-        str(path), str(path / "bench.resolved.yaml"), [], nobody, 0, 1.0, 0.0
-    )
-    assert Takeover(instructions).take_over("It died.", ["coil_supply.x"], NobodyLeft()) == 3
-    assert "NOT VERIFIED as safe; go to the bench" in capfd.readouterr().err
-    folder = RunFolder(path)
-    left = left_unverified(folder, read_plan_and_bench(folder)[1])
-    assert list(left) == ["coil_supply.x"]
-    assert "Connection refused" in left["coil_supply.x"]
-    assert read_status(path).bench_safe is False
-    assert "could not verify as safe: coil_supply.x" in read_status(path).message
-
-
-class NobodyLeft:
-    """The process of a run that has ended long ago."""
-
-    def end(self, within_s: float) -> bool:
-        return True
-
-
 @pytest.fixture
 def folder(bench: World, tmp_path: Path) -> Path:
     """A run folder's resolved bench."""
@@ -192,23 +152,6 @@ def test_a_dismissed_guardian_ends_and_leaves_no_word(folder: Path) -> None:
     guardian.dismiss()
     guardian.dismiss()
     assert not (folder / GUARDIAN_LOG).exists()
-
-
-def test_a_guardian_that_ends_too_early_is_told_and_watches_nothing_more(folder: Path) -> None:
-    lost, said = Flag(), []
-
-    def tell(text: str) -> None:
-        said.append(text)
-        lost.set()
-
-    guardian = Guardian(folder, None, {}, RealClock(), on_lost=tell)
-    child = Path(f"/proc/{os.getpid()}/task/{os.getpid()}/children").read_text(encoding="utf-8")
-    os.kill(int(child.split()[-1]), signal.SIGKILL)
-    assert lost.wait(20.0)
-    assert "nothing makes the bench safe" in said[0]
-    with pytest.raises(GuardianFailed, match="has ended"):
-        guardian.watch(["coil_supply.x"])
-    guardian.dismiss()
 
 
 def test_a_guardian_that_cannot_read_its_bench_says_so_before_anything_is_energised(

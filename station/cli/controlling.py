@@ -11,6 +11,7 @@ from station.clock import RealClock, boot_seconds
 from station.console import span, tell
 from station.control.client import NoAnswer, ask
 from station.errors import EXIT_DONE, EXIT_FAULT, EXIT_WRONG_INPUT
+from station.guardian.at_work import AtWork, guardian_at_work
 from station.guardian.log import guardian_events, latest_safe_state
 from station.locks import is_held
 from station.record.creation import EVENTS
@@ -94,6 +95,9 @@ def abort_run(run: Path, timeout_s: float, *, as_json: bool) -> int:
     A process that does not answer is about to be ended by its guardian, or is past its steps: the
     bench is told of in every case.
     """
+    guardian = guardian_at_work(run)
+    if guardian is not None:
+        return end_guardian(run, guardian, timeout_s, as_json=as_json)
     try:
         tell(str(ask(run, "abort").get("said")))
     except NoAnswer as error:
@@ -109,6 +113,25 @@ def abort_run(run: Path, timeout_s: float, *, as_json: bool) -> int:
     if is_held(run / LOCK):
         message, outcomes = f"not ended within {timeout_s:g} s ({message})", None
     return say_how_it_ended(run, message, outcomes, as_json=as_json)
+
+
+def end_guardian(run: Path, guardian: AtWork, timeout_s: float, *, as_json: bool) -> int:
+    """End a guardian that goes on trying, or wait for one that has just begun.
+
+    Say how the bench is left, and return the exit code.
+    """
+    tell(guardian.sentence())
+    goes_on = bool(guardian.waits_for)
+    if goes_on:
+        tell("it ends after one more attempt")
+        guardian.leave()
+    until_s = boot_seconds() + timeout_s
+    while boot_seconds() < until_s:
+        now = guardian_at_work(run)
+        if now is None or bool(now.waits_for) != goes_on:
+            break
+        RealClock().sleep(LOOKS_EVERY_S)
+    return say_how_it_ended(run, read_status(run).message, left_safe(run), as_json=as_json)
 
 
 def left_safe(run: Path) -> list[dict[str, Any]] | None:

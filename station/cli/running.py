@@ -111,6 +111,8 @@ def say(outcome: Outcome) -> None:
             f"NOT VERIFIED: {one.instrument} could not be proven safe ({one.read_back}); bring it "
             f"by hand to its safe state{state}"
         )
+    if outcome.left_to:
+        tell(outcome.left_to)
     for one in outcome.safe:
         if one.skipped:
             tell(f"{one.instrument}: {one.skipped}")

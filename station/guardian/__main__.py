@@ -4,46 +4,71 @@ from __future__ import annotations
 
 import os
 import signal
-import sys
-from io import FileIO
+from typing import TYPE_CHECKING
 
-POLITE = ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK")
+if TYPE_CHECKING:
+    from station.guardian.channel import Channel
+    from station.guardian.notes import Words
+
+# A person's wish ends the run, and the guardian after it; the last is for one that is at work.
+POLITE = ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK", "SIGUSR1")
 
 
 def main() -> int:
-    """Watch the run that is on the other end of standard input; 3 where not all could be safe."""
+    """Watch the run that is at the other end of standard input; 3 where not all could be safe."""
     # First of all: whatever ends the run politely ends it first, and the guardian after it.
     for name in POLITE:
         if hasattr(signal, name):
             signal.signal(getattr(signal, name), signal.SIG_IGN)
-    # A driver that prints must neither be taken for an answer nor fill a pipe that nobody reads.
-    answers = os.dup(1)
-    os.dup2(2, 1)
-    from station.guardian.messages import Instructions, line_of
+    from station.guardian.channel import Channel, given_by_parent
+    from station.guardian.notes import Words
 
-    # Unbuffered: what a reading thread would hold at the end of the process cannot be in its way.
-    pipe = FileIO(0, closefd=False)
-    first = pipe.readline()
-    if not first.endswith(b"\n"):
-        return 0
-    instructions = Instructions.from_line(first)
-    from station.guardian.runner_process import RunnerProcess
-    from station.guardian.takeover import Takeover
-    from station.guardian.watching import watch_until_end
-
+    run = Channel(given_by_parent())
+    words = Words(os.dup(2))
+    silence(0, 1, 2)
     try:
-        runner = RunnerProcess(instructions.runner_pid)
-        takeover = Takeover(instructions)
-    except Exception as error:  # whatever it is, the run is told and energises nothing
-        os.write(answers, line_of({"failed": str(error)}))
+        return watch(run, words)
+    except Exception as error:  # the other guardian, or a new one, does what this one cannot
+        run.send({"failed": str(error) or repr(error)})
+        words.tell(f"a fault of the program: {error!r}")
+        words.finish(LAST_WORDS_S)
         return 3
-    os.write(answers, line_of({"ready": True}))
-    os.close(answers)
-    why, watched = watch_until_end(pipe, takeover.prepare)
-    if why is None or not watched:
+
+
+LAST_WORDS_S = 2.0
+
+
+def watch(run: Channel, words: Words) -> int:
+    """Get ready, watch, and do what is to be done."""
+    from station.guardian.messages import Instructions
+    from station.guardian.other_process import OtherProcess
+    from station.guardian.peer import Peer
+    from station.guardian.takeover import Takeover
+    from station.guardian.watching import Watching, first_message
+
+    first = first_message(run)
+    if first is None:
         return 0
-    return takeover.take_over(why, watched, runner)
+    instructions = Instructions(**first)
+    runner, peer = OtherProcess(instructions.runner_pid), Peer()
+    takeover = Takeover(instructions, words)
+    run.send({"ready": True})
+    watching = Watching(run, peer, instructions.rank, takeover.prepare, takeover.locks.handed_on)
+    duty = watching.until_end()
+    if duty is None:
+        return 0
+    exit_code = takeover.take_over(duty, runner, peer)
+    words.finish(LAST_WORDS_S)
+    return exit_code
+
+
+def silence(*numbers: int) -> None:
+    """Let what drivers print go nowhere: a stopped terminal must not stop whoever prints."""
+    nowhere = os.open(os.devnull, os.O_RDWR)
+    for number in numbers:
+        os.dup2(nowhere, number)
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    # Nothing is waited for: a thread that is stuck in a write would keep the process for ever.
+    os._exit(main())

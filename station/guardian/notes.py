@@ -1,25 +1,34 @@
-"""What a guardian says while it acts: in its log and on standard error, in threads of their own.
+"""What a guardian says while it acts: in its log and to the operator, in threads of their own.
 
 A disk or a terminal that hangs may be why the run died. It must not hold up the safe state.
 """
 
 from __future__ import annotations
 
-import sys
+import json
+import os
+import stat
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from queue import SimpleQueue
 from threading import Thread
 from typing import Any
 
-from station.clock import Clock, utc_now
-from station.console import tell
+from station.clock import Clock, RealClock, utc_now
 from station.errors import RecordError
 from station.guardian.log import GUARDIAN_LOG
+from station.guardian.other_process import OtherProcess
 from station.record.creation import EVENTS
 from station.record.events import EventLog
+from station.record.files import write_whole_file
+from station.record.manifest import MANIFEST, file_hash
 
-LAST_WORDS_S = 10.0
+LAST_WORDS_S = 30.0
+"""How long the log may take once nothing else is left to do; nobody waits for it."""
+SEALED_WITHIN_S = 1800.0
+"""How long a run that has let go of its bench may take to evaluate what it measured."""
+LOOKS_EVERY_S = 0.1
 
 
 class Background:
@@ -44,39 +53,88 @@ class Background:
             what()
 
 
-class Notes:
-    """The guardian's log in the run folder, every event on disk, and its words to the operator."""
+class Words:
+    """What is said to the operator on an open file, which may take nothing at all."""
 
-    def __init__(self, folder: Path, clock: Clock) -> None:
+    def __init__(self, file: int) -> None:
+        self._file = file
+        self._telling = Background("words")
+
+    def tell(self, text: str) -> None:
+        """Say something."""
+        self._telling.do(lambda: self._write(f"guardian: {text}\n".encode()))
+
+    def leave_pipes(self) -> None:
+        """Let a program that reads what is said to its end go on; a terminal or a file stays."""
+        self._telling.do(self._leave_pipes)
+
+    def _leave_pipes(self) -> None:
+        mode = os.fstat(self._file).st_mode
+        if stat.S_ISFIFO(mode) or stat.S_ISSOCK(mode):
+            os.dup2(os.open(os.devnull, os.O_WRONLY), self._file)
+
+    def finish(self, within_s: float) -> None:
+        """Wait until everything is said, or `within_s` of real time have passed."""
+        self._telling.finish(within_s)
+
+    def _write(self, left: bytes) -> None:
+        with suppress(OSError):  # a broken pipe, a closed terminal: the log tells it all
+            while left:
+                left = left[os.write(self._file, left) :]
+
+
+class Notes:
+    """The guardian's log in the run folder, every event on disk.
+
+    While `writer`, the run's process, still writes into the folder, nothing is.
+    """
+
+    def __init__(
+        self, folder: Path, clock: Clock, words: Words, writer: OtherProcess | None = None
+    ) -> None:
         self._folder = folder
         self._clock = clock
+        self._words = words
         self._log: EventLog | None = None
-        self._events = 0
+        self._within_s = SEALED_WITHIN_S if writer is not None else LAST_WORDS_S
         self._writing = Background("log")
-        self._telling = Background("standard error")
+        if writer is not None:
+            self._writing.do(lambda: self._wait_for(writer))
 
     def note(self, kind: str, **details: Any) -> None:
         """Append an event of this moment, with its UTC."""
         time_s, utc = self._clock.now(), utc_now().isoformat(timespec="milliseconds")
         self._writing.do(lambda: self._append(time_s, kind, {"utc": utc, **details}))
 
-    def tell(self, text: str) -> None:
-        """Say something to the operator."""
-        self._telling.do(lambda: tell(f"guardian: {text}"))
-
     def close(self) -> None:
-        """Wait until everything is written and said, at most 10 s for each."""
-        self._writing.finish(LAST_WORDS_S)
-        self._telling.finish(LAST_WORDS_S)
-        sys.stderr.flush()
+        """Wait until everything is written, within limits."""
+        self._writing.do(self._cover)
+        self._writing.finish(self._within_s)
 
     def _append(self, time_s: float, kind: str, details: dict[str, Any]) -> None:
         try:
+            # What the run wrote by now is all that came before.
+            events = (self._folder / EVENTS).read_bytes().count(b"\n")
             if self._log is None:
-                # The run has ended: what it wrote by now is all that came before.
-                self._events = (self._folder / EVENTS).read_bytes().count(b"\n")
                 self._log = EventLog(self._folder / GUARDIAN_LOG)
-            details = {"after_events": self._events, **details}
+            details = {"after_events": events, **details}
             self._log.append(time_s, kind, details, durable=True)
         except (RecordError, OSError) as error:
-            self.tell(f"not recorded: {error}")
+            self._words.tell(f"not recorded: {error}")
+
+    def _cover(self) -> None:
+        """Let a manifest that the run left cover what came after it."""
+        place = self._folder / MANIFEST
+        try:
+            if self._log is not None and place.is_file():
+                data = json.loads(place.read_text(encoding="utf-8"))
+                data["files"][GUARDIAN_LOG] = file_hash(self._folder / GUARDIAN_LOG)
+                write_whole_file(place, f"{json.dumps(data, indent=1)}\n".encode())
+        except (RecordError, OSError, ValueError, KeyError) as error:
+            self._words.tell(f"not covered by the manifest: {error}")
+
+    def _wait_for(self, writer: OtherProcess) -> None:
+        clock = RealClock()
+        until_s = clock.now() + SEALED_WITHIN_S
+        while not writer.has_ended() and clock.now() < until_s:
+            clock.sleep(LOOKS_EVERY_S)

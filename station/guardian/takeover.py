@@ -1,27 +1,44 @@
-"""Make the bench of a dead run safe: end its process, open, bring to rest, verify, say so."""
+"""Make the bench of a dead run safe: end its process, open, bring to rest, verify, say so.
+
+Whatever is needed for that is in memory before the run energises anything: its disk may be gone.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+import os
+import re
+import signal
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
+from threading import Event
 from typing import Any
 
 from station import registry
 from station.bench import read_bench
 from station.clock import RealClock
 from station.errors import EXIT_DONE, EXIT_FAULT
+from station.guardian.at_work import LEAVE, AtWork, WordOfWork
 from station.guardian.log import SAFE_STATE
-from station.guardian.messages import Instructions
-from station.guardian.notes import Notes
-from station.guardian.runner_process import RunnerProcess
+from station.guardian.messages import DONE, Instructions
+from station.guardian.notes import Notes, Words
+from station.guardian.other_process import OtherProcess, end_all
+from station.guardian.peer import Peer
+from station.guardian.rehearsal import rehearse
+from station.guardian.reopening import OPENS_WITHIN_S, Reopening
+from station.guardian.watching import Duty
 from station.runner.instrument_locks import InstrumentLocks
-from station.runner.opening import Probe, open_one
-from station.safety.safe_state import MadeSafe, SafeOutcome, make_bench_safe
+from station.safety.safe_state import ATTEMPTS, MadeSafe, SafeOutcome, make_bench_safe
 
-RUNNER_ENDS_WITHIN_S = 10.0
-PAUSES_S = (0.0, 0.0, 3.0, 5.0)
-"""Real time before each attempt. The second follows at once: the first met what was on the line."""
+ENDS_WITHIN_S = 10.0
+FIRST_ATTEMPTS = 4
+PAUSES_S = (0.0, 0.0, 3.0, 5.0, 10.0)
+"""Real time before each attempt, the last before all that follow, for as long as it takes.
+
+The second follows at once: the first met what was on the line.
+"""
+SLICE_S = 0.1
+NUMBER = re.compile(r"[-+]?\d+(\.\d+)?")
 
 
 class Takeover:
@@ -30,67 +47,137 @@ class Takeover:
     Raises FaultList or InputError where the bench file or a driver of it cannot be loaded.
     """
 
-    def __init__(self, instructions: Instructions) -> None:
+    def __init__(self, instructions: Instructions, words: Words) -> None:
         self._folder = Path(instructions.folder)
+        self._words = words
         self._addresses = instructions.addresses
         self._bench = read_bench(Path(instructions.bench), registry.names(registry.DRIVERS))
+        self._order = self._bench.safe_order()
         self._clock = RealClock(instructions.speed, instructions.epoch_unix)
-        self._locks = InstrumentLocks(f"the guardian of {self._folder}")
+        self.locks = InstrumentLocks(f"the guardian of {self._folder}", instructions.world)
+        self._reopening = Reopening(self._bench, self._addresses, self._clock, self.locks)
+        self._at_work = WordOfWork(instructions.folder)
         self._harmless: set[str] = set()
+        self._rehearsed: set[str] = set()
+        self._leave = Event()
+        self._real = RealClock()
+        self._until_s = 0.0
         self.prepare(instructions.instruments or self._bench.instruments)
 
     def prepare(self, names: Iterable[str]) -> None:
-        """Import the drivers of instruments, and find out which of them have no safe state.
+        """Load all that instruments need, and find out which of them have no safe state.
 
         Raises InputError where a driver cannot be loaded.
         """
         for name in names:
-            if name in self._bench.instruments:
-                driver = registry.load(registry.DRIVERS, self._bench.instruments[name].driver)
-                if isinstance(driver, type) and not issubclass(driver, MadeSafe):
-                    self._harmless.add(name)
+            if name not in self._bench.instruments or name in self._rehearsed:
+                continue
+            self._rehearsed.add(name)
+            entry = self._bench.instruments[name]
+            driver = registry.load(registry.DRIVERS, entry.driver)
+            if isinstance(driver, type) and not issubclass(driver, MadeSafe):
+                self._harmless.add(name)
+            elif not entry.shares:
+                address = self._addresses.get(name, entry.address or "")
+                rehearse(name, self._bench, address)
 
-    def take_over(self, why: str, watched: Sequence[str], runner: RunnerProcess) -> int:
-        """End the run's process, make what it had safe, and return the exit code."""
+    def take_over(self, duty: Duty, runner: OtherProcess, peer: Peer) -> int:
+        """End who is in the way, make safe until all is, and return the exit code."""
+        self._say_who_holds()
+        if hasattr(signal, LEAVE):
+            signal.signal(getattr(signal, LEAVE), lambda *_: self._leave.set())
         # Serial ports are exclusive, and some instruments serve one client.
-        runner_ended = runner.end(RUNNER_ENDS_WITHIN_S)
-        notes = Notes(self._folder, self._clock)
-        wanted = [name for name in watched if name not in self._harmless]
-        notes.note("runner-gone", message=why, process_ended=runner_ended, instruments=wanted)
-        notes.tell(f"{why}; the bench is being made safe")
-        if not runner_ended:
-            notes.tell("the run's process does not end and may keep instruments from answering")
-        outcomes: dict[str, SafeOutcome] = {}
-        for attempt, pause_s in enumerate(PAUSES_S, start=1):
-            left = [name for name in wanted if not is_verified(outcomes.get(name))]
-            if attempt > 1 and not left:
-                break
-            RealClock().sleep(pause_s)
-            outcomes |= self._attempt(left)
-            told = [outcomes[name].to_data() for name in wanted]
-            notes.note(SAFE_STATE, attempt=attempt, outcomes=told)
-        self._locks.release()
-        unverified = [one for one in outcomes.values() if not one.verified]
-        notes.tell(summary(list(outcomes.values())))
+        in_the_way = [] if duty.let_go else [runner]
+        in_the_way += [peer.process] if peer.process is not None and not peer.can_act else []
+        ended = end_all(in_the_way, ENDS_WITHIN_S)
+        wanted = [name for name in duty.instruments if name not in self._harmless]
+        notes = Notes(self._folder, self._clock, self._words, runner if duty.let_go else None)
+        kind = "handed-over" if duty.let_go else "runner-gone"
+        notes.note(kind, message=duty.why, process_ended=ended, instruments=wanted)
+        self._words.tell(f"{duty.why}; the bench is being made safe")
+        if not ended:
+            self._words.tell(
+                "the run's process does not end and may keep instruments from answering"
+            )
+        beating = peer.beat_while(lambda: self._real.now() < self._until_s)
+        outcomes = self._until_safe(wanted, notes)
+        self.locks.release()
+        self._at_work.end()
+        peer.say(DONE)
+        beating.set()
+        self._words.tell(summary(list(outcomes.values())))
         notes.close()
-        return EXIT_FAULT if unverified else EXIT_DONE
+        return EXIT_DONE if all(map(is_verified, outcomes.values())) else EXIT_FAULT
+
+    def _until_safe(self, wanted: Sequence[str], notes: Notes) -> dict[str, SafeOutcome]:
+        """Try until everything is verified, or a person ends it."""
+        outcomes: dict[str, SafeOutcome] = {}
+        attempt, known = 0, ""
+        while True:
+            left = [name for name in wanted if not is_verified(outcomes.get(name))]
+            if attempt and not left:
+                return outcomes
+            last = self._leave.is_set()
+            self._allow(len(left))
+            self._pause(PAUSES_S[min(attempt, len(PAUSES_S) - 1)])
+            attempt += 1
+            outcomes |= self._attempt(left)
+            if (now := shape_of(outcomes)) != known or attempt <= FIRST_ATTEMPTS:
+                told = [outcomes[name].to_data() for name in wanted]
+                notes.note(SAFE_STATE, attempt=attempt, outcomes=told)
+            if attempt == FIRST_ATTEMPTS or (attempt > FIRST_ATTEMPTS and now != known):
+                self._say_what_is_left(outcomes)
+            known = now
+            if last:
+                notes.note("left", message="a person ended the guardian")
+                return outcomes
+
+    def _say_what_is_left(self, outcomes: Mapping[str, SafeOutcome]) -> None:
+        unverified = [name for name, one in outcomes.items() if not one.verified]
+        if not unverified:
+            return
+        self._say_who_holds(unverified)
+        self._words.tell(
+            f"{summary([outcomes[name] for name in unverified])}\n  This process goes on trying, "
+            f"every {PAUSES_S[-1]:g} s, and keeps the instruments of the run; "
+            f"`station abort {self._folder}` ends it"
+        )
+        self._words.leave_pipes()
+
+    def _say_who_holds(self, waits_for: Sequence[str] = ()) -> None:
+        """Let whoever is refused an instrument, or asks how the run stands, read why."""
+        self._at_work.say(waits_for)
+        sentence = AtWork(os.getpid(), tuple(waits_for)).sentence()
+        self.locks.say(f"{sentence}; run folder {self._folder}")
+
+    def _allow(self, instruments: int) -> None:
+        """Declare how long the next attempt may take, with its pause: then the peer takes over."""
+        within_s = sum(seconds for _, seconds in self._order) + 60.0 * instruments
+        self._until_s = (
+            self._real.now()
+            + PAUSES_S[-1]
+            + OPENS_WITHIN_S
+            + ATTEMPTS * within_s / min(self._clock.speed, 1.0)
+        )
+
+    def _pause(self, seconds: float) -> None:
+        until_s = self._real.now() + seconds
+        while self._real.now() < until_s and not self._leave.is_set():
+            self._real.sleep(SLICE_S)
 
     def _attempt(self, names: Sequence[str]) -> dict[str, SafeOutcome]:
-        """Open instruments on fresh lines, bring them to rest in the bench's order, close them."""
-        began_s = self._clock.now()
+        """Open what answers, make it safe, and close it again."""
         outcomes: dict[str, SafeOutcome] = {}
         opened: dict[str, Any] = {}
-        for name in names:
-            probe = self._open(name)
+        for name, probe in self._reopening.open(names).items():
             if probe.ok and probe.found is not None:
                 opened[name] = probe.found.instrument
                 continue
-            said = probe.said.removeprefix(f"{name}: ")
-            outcomes[name] = SafeOutcome(name, False, said, self._clock.now() - began_s)
+            outcomes[name] = SafeOutcome(name, False, probe.said, 0.0)
             if probe.found is not None:  # another instrument stands there: not ours to touch
                 with suppress(Exception):
                     probe.found.instrument.close()
-        made_safe = make_bench_safe(opened, self._bench.safe_order(), self._clock)
+        made_safe = make_bench_safe(opened, self._order, self._clock)
         outcomes |= {one.instrument: one for one in made_safe}
         for name, instrument in opened.items():
             # What was opened but has no safe state cannot harm.
@@ -99,16 +186,16 @@ class Takeover:
                 instrument.close()
         return outcomes
 
-    def _open(self, name: str) -> Probe:
-        try:
-            return open_one(name, self._bench, self._addresses, self._clock, locks=self._locks)
-        except Exception as error:  # a fault of one driver keeps no other from its work
-            return Probe(name, False, f"{name}: a fault of its driver: {error!r}")
-
 
 def is_verified(outcome: SafeOutcome | None) -> bool:
     """Whether an instrument is known to be at rest."""
     return outcome is not None and outcome.verified
+
+
+def shape_of(outcomes: Mapping[str, SafeOutcome]) -> str:
+    """Return how a bench stands, numbers aside: what changes in it is worth a word."""
+    told = (f"{name} {one.verified} {one.read_back}" for name, one in sorted(outcomes.items()))
+    return NUMBER.sub("#", "; ".join(told))
 
 
 def summary(outcomes: Sequence[SafeOutcome]) -> str:

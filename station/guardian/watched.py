@@ -1,43 +1,72 @@
-"""The run's side of its guardian: start it, tell it what to watch, stay alive, dismiss it."""
+"""The run's side of its guardians: start two, stay alive, replace one that is lost, dismiss them.
+
+Whatever they do, or do not do, the run never waits for them beyond the times named here.
+"""
 
 from __future__ import annotations
 
-import json
 import os
-import subprocess
-import sys
+import socket
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
+from dataclasses import replace
+from multiprocessing.connection import wait as wait_for_any
 from pathlib import Path
 from queue import Empty, SimpleQueue
-from threading import Event, Lock, Thread
+from threading import Event, Thread
+from typing import Any
 
 from station.clock import Clock, RealClock
 from station.console import tell
 from station.errors import StationError
-from station.guardian.messages import BEAT, DISMISS, WATCH, Instructions, said
+from station.guardian.messages import (
+    BEAT,
+    BEATS_EVERY_S,
+    DISMISS,
+    HAND_OVER,
+    LOCKS,
+    LOOKS_EVERY_S,
+    PEER,
+    QUIET,
+    TAKE_OVER,
+    WATCH,
+    Instructions,
+    Looks,
+    said,
+)
+from station.guardian.partner import RANKS, READY_WITHIN_S, Partner
+from station.runner.instrument_locks import InstrumentLocks
 
 RESOLVED_BENCH = "bench.resolved.yaml"
-BEATS_EVERY_S = 1.0
-READY_WITHIN_S = 20.0
-ENDS_WITHIN_S = 5.0
+ENDS_WITHIN_S, KILLED_WITHIN_S = 5.0, 2.0
+TAKES_WITHIN_S = 5.0
+"""How long the thread that talks to the guardians may take for anything that is asked of it."""
+STARTS_AGAIN_EVERY_S, SAYS_EVERY_S = 10.0, 30.0
+REPLACED = "{} of this run {}; a new one is being started"
 LOST = (
-    "the guardian of this run has ended: if the run is killed now, nothing makes the bench safe; "
-    "end the run with Ctrl-C, or stay beside the bench"
+    "{} of this run {} and no new one can be started ({}): if the run is killed now, {}; end the "
+    "run with Ctrl-C, or stay beside the bench"
 )
+LEFT = ("only the second one makes the bench safe", "only the first one makes the bench safe")
+NOBODY = "nothing makes the bench safe"
 
 
 class GuardianFailed(StationError):
     """A guardian that cannot do its work; nothing was energised yet."""
 
 
-class Guardian:
-    """A process that makes the bench safe if this one dies or stands still.
+def no_event(kind: str, **details: Any) -> None:
+    """Keep no log."""
 
-    Raises GuardianFailed unless it is ready, its drivers imported, within 20 s; with `wait` False
-    only `wait_ready` does. `bench` is the resolved bench file, by default the run folder's;
-    `instruments` are those that the run uses, by default all of the bench. `on_lost` is called, in
-    a thread of the guardian's own, where the guardian ends before it is dismissed.
+
+class Guardian:
+    """Two processes that make the bench safe if this one dies or stands still.
+
+    The first acts; the second acts when the first is gone, too. Raises GuardianFailed unless they
+    are ready, their drivers in memory, within 20 s; with `wait` False only `wait_ready` does.
+    `bench` is the resolved bench file, by default the run folder's; `instruments` are those that
+    the run uses, by default all of the bench. What becomes of a guardian is said by `on_lost` and
+    noted by `note`, in a thread of this object's own.
     """
 
     def __init__(
@@ -48,117 +77,261 @@ class Guardian:
         clock: Clock,
         *,
         instruments: Sequence[str] | None = None,
+        world: str = "",
         wait: bool = True,
         on_lost: Callable[[str], None] = tell,
+        note: Callable[..., None] = no_event,
     ) -> None:
         if not isinstance(clock, RealClock):
             raise GuardianFailed("a bench that is simulated in this process ends with it")
-        self._on_lost = on_lost
-        self._ended = Event()
-        self._writing = Lock()
-        self._ready = False
-        self._answers: SimpleQueue[str] = SimpleQueue()
-        instructions = Instructions(
-            folder=str(folder.absolute()),
-            bench=str((bench or folder / RESOLVED_BENCH).absolute()),
+        self._say = on_lost
+        self._note = note
+        self._instructions = Instructions(
+            folder=str(folder.resolve()),
+            bench=str((bench or folder / RESOLVED_BENCH).resolve()),
             instruments=list(instruments or ()),
             addresses=dict(addresses),
             runner_pid=os.getpid(),
             speed=clock.speed,
             epoch_unix=clock.epoch_unix,
+            world=world,
         )
+        self._watched: list[str] = []
+        self._locks: list[tuple[list[str], list[int]]] = []
+        self._known = Event()
+        """Whether it is known that both are ready, or why not."""
+        self._failed = ""
+        self._ended = False
+        self._quiet = ""
+        self._due: SimpleQueue[tuple[Callable[[], None], Event]] = SimpleQueue()
+        self._woken, self._wake = socket.socketpair()
+        self._wake.setblocking(False)
+        self._partners: dict[int, Partner | None] = {}
+        self._lost_s: dict[int, float] = {}
+        self._starts_s: dict[int, float] = {}
+        self._says_s: dict[int, float] = {}
+        self._real = RealClock()
         try:
-            self._process = start_process()
-            self._write(instructions.to_line())
+            for rank in range(len(RANKS)):
+                self._partners[rank] = Partner(replace(self._instructions, rank=rank))
         except OSError as error:
+            self._end_partners(0.0)
             raise GuardianFailed(f"the guardian cannot be started: {error}") from error
-        for name, body in (("answer", self._read_answer), ("heartbeat", self._beat)):
-            Thread(target=body, name=f"guardian {name}", daemon=True).start()
+        self._thread = Thread(target=self._supervise, name="guardians", daemon=True)
+        self._thread.start()
         if wait:
             self.wait_ready()
 
-    def wait_ready(self) -> None:
-        """Wait until the guardian has its drivers and can act; raises GuardianFailed."""
-        if self._ready:
-            return
-        try:
-            answer = json.loads(self._answers.get(timeout=READY_WITHIN_S) or "{}")
-        except Empty:
-            answer = {"failed": f"it was not ready within {READY_WITHIN_S:g} s"}
-        if not answer.get("ready"):
-            why = answer.get("failed", "it ended before it was ready")
-            self._process.kill()  # it has nothing to watch yet
-            self._end_process()
-            raise GuardianFailed(f"the guardian of the run cannot do its work: {why}")
-        self._ready = True
+    @property
+    def pids(self) -> list[int]:
+        """The processes that are there, the first guardian's first."""
+        return [one.pid for one in self._partners.values() if one is not None]
 
-    def watch(self, instruments: Sequence[str]) -> None:
+    def wait_ready(self) -> None:
+        """Wait until the guardians have their drivers and can act; raises GuardianFailed."""
+        if not self._known.wait(READY_WITHIN_S + TAKES_WITHIN_S):
+            self._failed = f"was not ready within {READY_WITHIN_S:g} s"
+        if self._failed:
+            raise GuardianFailed(f"the guardian of the run {self._failed}")
+
+    def watch(self, instruments: Sequence[str], locks: InstrumentLocks | None = None) -> None:
         """From now on these are made safe, too, if the run dies; before anything is energised.
 
-        Raises GuardianFailed where the guardian is gone or was never ready.
+        The guardians hold the `locks` together with this process from then on. Raises
+        GuardianFailed where the guardians are gone or were never ready.
         """
         self.wait_ready()
-        try:
-            self._write(said(WATCH, instruments=list(instruments)))
-        except OSError as error:
-            raise GuardianFailed("the guardian of the run has ended; run again") from error
+        reached: list[Partner] = []
+
+        def begin() -> None:
+            self._watched += [name for name in instruments if name not in self._watched]
+            if locks is not None:
+                self._locks = list(locks.to_hand_on())
+            reached.extend(one for one in self._there() if self._brief(one))
+
+        if not self._in_thread(begin) or not reached:
+            raise GuardianFailed("the guardian of the run has ended; run again")
 
     def dismiss(self) -> None:
-        """Let the guardian go: the run has made the bench safe itself. Takes 5 s at most."""
-        if self._ended.is_set():
-            return
+        """Let the guardians go: the run has made the bench safe itself. Takes 7 s at most."""
+        if not self._ended:
+            self._ask(lambda: self._end(said(DISMISS)))
+            self._thread.join(ENDS_WITHIN_S + KILLED_WITHIN_S)
+
+    def hand_over(self, why: str) -> str:
+        """Let go of the instruments, not all of which are safe: the guardians go on trying.
+
+        The lines are closed by then. Return what the operator must know of it. Where nothing was
+        watched they have nothing to go on with.
+        """
+        if not self._watched:
+            self.dismiss()
+            return ""
+        pids: list[int] = []
+
+        def begin() -> None:
+            there = [one for one in self._there() if one.ready]
+            pids.extend(one.pid for one in there)
+            self._end(said(HAND_OVER, why=why))
+
+        if self._ended or not self._in_thread(begin) or not pids:
+            return "no guardian is left to go on trying: switch off by hand, now"
+        return (
+            f"the guardian of the run (process {pids[0]}) goes on trying and keeps the instruments "
+            f"until they are safe; `station status {self._instructions.folder}` says how it "
+            f"stands, `station abort {self._instructions.folder}` ends it"
+        )
+
+    def take_over(self, why: str) -> None:
+        """Have this process killed and the bench made safe, at once."""
+        self._in_thread(lambda: self._tell_all(said(TAKE_OVER, why=why)))
+
+    def _why_quiet(self) -> str:
+        """Return what of this process stands still, so that no sign of life may go out."""
+        return ""
+
+    def _in_thread(self, what: Callable[[], None]) -> bool:
+        """Do something in the thread that talks to the guardians; whether it was done in time."""
+        return self._ask(what).wait(TAKES_WITHIN_S)
+
+    def _ask(self, what: Callable[[], None]) -> Event:
+        done = Event()
+        self._due.put((what, done))
         with suppress(OSError):
-            self._write(said(DISMISS))
-        self._end_process()
+            self._wake.send(b"!")
+        return done
 
-    def _end_process(self) -> None:
-        self._ended.set()
-        try:
-            self._process.wait(ENDS_WITHIN_S)
-        except subprocess.TimeoutExpired:  # its work is done or was never begun
-            self._process.kill()
-            self._process.wait()
-        for pipe in (self._process.stdin, self._process.stdout):
-            if pipe is not None:
-                with suppress(OSError):
-                    pipe.close()
+    def _supervise(self) -> None:
+        """Talk to the guardians, and look after them, until they are dismissed."""
+        looks, beat_s = Looks(), 0.0
+        while not self._ended:
+            self._wait()
+            if looks.due():
+                for one in self._there():
+                    one.look()
+            if self._real.now() - beat_s >= BEATS_EVERY_S:
+                beat_s = self._real.now()
+                self._beat()
+            for rank in range(len(RANKS)):
+                self._look_after(rank)
+            with suppress(Empty):
+                what, done = self._due.get_nowait()
+                what()
+                done.set()
+        for end in (self._wake, self._woken):
+            end.close()
 
-    def _write(self, line: bytes) -> None:
-        pipe = self._process.stdin
-        assert pipe is not None
-        with self._writing:
-            left = memoryview(line)
-            while left:
-                left = left[pipe.write(left) :]
-
-    def _read_answer(self) -> None:
-        pipe = self._process.stdout
-        assert pipe is not None
-        with suppress(OSError, ValueError):
-            self._answers.put(pipe.readline().decode())
+    def _wait(self) -> None:
+        ends = [one.channel.end for one in self._there() if not one.channel.ended]
+        with suppress(OSError):
+            if self._woken in wait_for_any([self._woken, *ends], LOOKS_EVERY_S):
+                self._woken.recv(1)
 
     def _beat(self) -> None:
-        while not self._ended.wait(BEATS_EVERY_S):
-            try:
-                self._write(said(BEAT))
-            except (OSError, ValueError):
-                if not self._ended.is_set() and self._ready:
-                    self._on_lost(LOST)
-                return
+        quiet = self._why_quiet()
+        if quiet != self._quiet:
+            self._quiet = quiet
+            self._tell_all(said(QUIET, why=quiet))
+        if not quiet:
+            self._tell_all(said(BEAT))
+
+    def _look_after(self, rank: int) -> None:
+        """Take what a guardian says, and replace it where it is lost."""
+        one = self._partners[rank]
+        if one is None:
+            self._start_again(rank)
+            return
+        if one.listen():
+            self._link()
+            self._brief(one)
+            if rank in self._lost_s:
+                after_s = round(self._real.now() - self._lost_s.pop(rank), 3)
+                self._note(
+                    "guardian-replaced", guardian=name_of(rank), pid=one.pid, after_s=after_s
+                )
+            if all(there is not None and there.ready for there in self._partners.values()):
+                self._known.set()
+        if (why := one.lost()) is None:
+            return
+        if not self._known.is_set():
+            self._failed = why
+            self._end_partners(0.0)
+            self._ended = True
+            self._known.set()
+            return
+        one.end()
+        self._partners[rank] = None
+        if rank not in self._lost_s:
+            self._lost_s[rank] = self._real.now()
+            self._note("guardian-lost", guardian=name_of(rank), pid=one.pid, message=why)
+            self._say(REPLACED.format(name_of(rank), why))
+            self._starts_s[rank] = self._real.now()
+        else:
+            self._cannot_start(rank, why)
+
+    def _start_again(self, rank: int) -> None:
+        if self._real.now() < self._starts_s[rank]:
+            return
+        try:
+            self._partners[rank] = Partner(replace(self._instructions, rank=rank))
+        except OSError as error:
+            self._cannot_start(rank, error.strerror or str(error))
+
+    def _cannot_start(self, rank: int, why: str) -> None:
+        """Say so loudly, now and again, and try again later; the run goes on."""
+        now_s = self._real.now()
+        self._starts_s[rank] = now_s + STARTS_AGAIN_EVERY_S
+        if now_s - self._says_s.get(rank, -SAYS_EVERY_S) >= SAYS_EVERY_S:
+            self._says_s[rank] = now_s
+            others = any(one.ready for one in self._there())
+            what = LEFT[rank] if others else NOBODY
+            self._say(LOST.format(name_of(rank), "is gone", why, what))
+
+    def _link(self) -> None:
+        """Make the two known to each other, over a line that this process keeps no end of."""
+        both = [one for one in self._there() if one.ready]
+        if len(both) < len(RANKS) or not hasattr(socket, "send_fds"):
+            return
+        ends = socket.socketpair()
+        for one, other, end in zip(both, reversed(both), ends, strict=True):
+            one.channel.send(said(PEER, pid=other.pid), [end.fileno()])
+        for end in ends:
+            end.close()
+
+    def _brief(self, one: Partner) -> bool:
+        """Say to a guardian what it watches and which locks it holds; whether it takes that."""
+        if not one.ready or not self._watched:
+            return False
+        if hasattr(socket, "send_fds"):
+            for names, files in self._locks:
+                one.channel.send(said(LOCKS, names=names), files)
+        return one.channel.send(said(WATCH, instruments=self._watched))
+
+    def _there(self) -> list[Partner]:
+        return [one for one in self._partners.values() if one is not None]
+
+    def _tell_all(self, message: Mapping[str, Any]) -> None:
+        for one in self._there():
+            if one.ready:
+                one.channel.send(message)
+
+    def _end(self, last: Mapping[str, Any]) -> None:
+        """Say the last thing; what is not ready then has nothing to do."""
+        self._tell_all(last)
+        self._ended = True
+        if last["say"] == HAND_OVER:
+            for one in self._there():
+                one.channel.close()
+        else:
+            self._end_partners(ENDS_WITHIN_S)
+
+    def _end_partners(self, within_s: float) -> None:
+        until_s = RealClock().now() + within_s
+        clock = RealClock()
+        for one in self._there():
+            one.end(max(until_s - clock.now(), 0.0) if one.ready else 0.0)
 
 
-def start_process() -> subprocess.Popen[bytes]:
-    """Start the guardian where neither Ctrl-C nor a closing terminal reaches it; raises OSError.
-
-    It finds the packages that this process finds, and takes none from the present folder alone.
-    """
-    places = [place or str(Path.cwd()) for place in sys.path]
-    return subprocess.Popen(
-        [sys.executable, "-P", "-m", "station.guardian"],
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        bufsize=0,
-        env={**os.environ, "PYTHONPATH": os.pathsep.join(places)},
-        start_new_session=sys.platform != "win32",
-        creationflags=getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0),
-    )
+def name_of(rank: int) -> str:
+    """Return what a guardian is called."""
+    return f"the {RANKS[rank]} guardian"

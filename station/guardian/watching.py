@@ -1,64 +1,140 @@
-"""Watch a run over the pipe from it, until it is dismissed, dies, or stands still."""
+"""Watch a run over the channel from it, until it is dismissed, dies, or stands still."""
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from io import FileIO
-from queue import Empty, SimpleQueue
-from threading import Thread
+from dataclasses import dataclass
+from multiprocessing.connection import wait as wait_for_any
+from typing import Any
 
 from station.errors import StationError
-from station.guardian.messages import DISMISS, WATCH
+from station.guardian.channel import Channel
+from station.guardian.messages import (
+    BEAT,
+    BEATS_EVERY_S,
+    DISMISS,
+    HAND_OVER,
+    LOCKS,
+    LOOKS_EVERY_S,
+    PEER,
+    QUIET,
+    SILENT_FOR_S,
+    TAKE_OVER,
+    WATCH,
+    Looks,
+    Silence,
+    said,
+)
+from station.guardian.peer import Peer
 
-SILENT_FOR_S = 5.0
-LOOKS_EVERY_S = 0.25
-PIPE_ENDED = "the run's process ended before it had made the bench safe"
+CHANNEL_ENDED = "the run's process ended before it had made the bench safe"
 STANDS_STILL = f"the run's process gave no sign of life for {SILENT_FOR_S:g} s of real time"
+FIRST_IS_GONE = "the first guardian of the run does not act"
 
 
-def watch_until_end(
-    pipe: FileIO, prepare: Callable[[Sequence[str]], None]
-) -> tuple[str | None, list[str]]:
-    """Return why the bench must be made safe, None where nothing is to be done, and what of it.
+@dataclass(frozen=True)
+class Duty:
+    """Why a bench must be made safe, what of it, and whether the run's process has let go of it."""
 
-    `prepare` is called with what is to be watched from then on. A run that stands still before it
-    has anything to watch is waited for.
-    """
-    lines: SimpleQueue[bytes] = SimpleQueue()
-    Thread(target=_read, args=(pipe, lines), name="pipe", daemon=True).start()
-    watched: list[str] = []
-    looks = 0
-    while True:
-        try:
-            line = lines.get(timeout=LOOKS_EVERY_S)
-        except Empty:
-            # Looks are counted, not seconds: a guardian that itself stood still has missed nothing
-            # that does not lie in the pipe.
-            looks += 1
-            if watched and looks * LOOKS_EVERY_S >= SILENT_FOR_S:
-                return STANDS_STILL, watched
-            continue
-        looks = 0
-        if not line.endswith(b"\n"):
-            return PIPE_ENDED, watched
-        message = json.loads(line)
-        if message["say"] == DISMISS:
-            return None, []
-        if message["say"] == WATCH:
-            watched += [name for name in message["instruments"] if name not in watched]
-            with suppress(StationError):  # an instrument without its driver is found out later
-                prepare(watched)
+    why: str
+    instruments: Sequence[str]
+    let_go: bool = False
 
 
-def _read(pipe: FileIO, lines: SimpleQueue[bytes]) -> None:
-    """Hand on every line; one without its end, or nothing, is the last."""
-    while True:
-        try:
-            line = pipe.readline()
-        except OSError:
-            line = b""
-        lines.put(line)
-        if not line.endswith(b"\n"):
-            return
+class Watching:
+    """What a guardian hears of its run, and whether it is its turn to act."""
+
+    def __init__(
+        self,
+        run: Channel,
+        peer: Peer,
+        rank: int,
+        prepare: Callable[[Sequence[str]], None],
+        hold: Callable[[list[str], list[int]], None],
+    ) -> None:
+        self._run = run
+        self._peer = peer
+        self._rank = rank
+        self._prepare = prepare
+        self._hold = hold
+        self._silence = Silence()
+        self._watched: list[str] = []
+        self._asked: tuple[str, str] | None = None
+        self._quiet = ""
+        self._dismissed = False
+
+    def until_end(self) -> Duty | None:
+        """Return what is to be done once it is this guardian's turn, None where nothing is.
+
+        A run that stands still before it has anything to watch is waited for. The second guardian
+        leaves it to the first as long as that gives signs of life.
+        """
+        looks, number = Looks(), 0
+        while True:
+            self._wait()
+            if looks.due():
+                number += 1
+                self._silence.look()
+                self._peer.look()
+                if number * LOOKS_EVERY_S % BEATS_EVERY_S == 0.0:
+                    self._run.send(said(BEAT))
+                    self._peer.say(BEAT)
+            self._peer.listen()
+            for message, files in self._run.received():
+                self._silence.heard()
+                self._take(message, files)
+            if self._dismissed or self._peer.done:
+                return None
+            why = self._why()
+            if why is None:
+                continue
+            if not self._watched:
+                return None
+            if self._rank == 0 or not self._peer.can_act:
+                let_go = self._asked is not None and self._asked[0] == HAND_OVER
+                also = f"; {FIRST_IS_GONE}" if self._rank else ""
+                return Duty(why + also, self._watched, let_go)
+
+    def _wait(self) -> None:
+        """Wait until somebody says something, not longer than until the next look."""
+        channels = [self._run, self._peer.channel]
+        ends = [one.end for one in channels if one is not None and not one.ended]
+        wait_for_any(ends, LOOKS_EVERY_S)
+
+    def _why(self) -> str | None:
+        if self._asked is not None:
+            return self._asked[1]
+        if self._run.ended:
+            return CHANNEL_ENDED
+        if self._watched and self._silence.seconds >= SILENT_FOR_S:
+            return f"{STANDS_STILL}{f' ({self._quiet})' if self._quiet else ''}"
+        return None
+
+    def _take(self, message: dict[str, Any], files: list[int]) -> None:
+        """Do what the run says; other words are for guardians that know them."""
+        match message.get("say"):
+            case word if word == DISMISS:
+                self._dismissed = True
+            case word if word in (TAKE_OVER, HAND_OVER):
+                self._asked = (str(word), str(message.get("why")))
+            case word if word == QUIET:
+                self._quiet = str(message.get("why", ""))
+            case word if word == LOCKS:
+                self._hold(message["names"], files)
+            case word if word == PEER:
+                self._peer.becomes(files[0], message["pid"])
+            case word if word == WATCH:
+                names = message["instruments"]
+                self._watched += [name for name in names if name not in self._watched]
+                with suppress(StationError):  # without its driver it is named later
+                    self._prepare(self._watched)
+
+
+def first_message(run: Channel) -> dict[str, Any] | None:
+    """Wait for the first message of a run and return it, None where the run ends before it."""
+    while not run.ended:
+        wait_for_any([run.end])
+        for message, _ in run.received():
+            return message
+    return None

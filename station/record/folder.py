@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 import sys
+from collections import deque
 from collections.abc import Callable, Hashable, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -27,6 +28,7 @@ RESULTS = "results.json"
 REPORT = "report.html"
 EXPORTS = "exports"
 RESUMED = "resumed"
+MOST_LATER = 1000
 PIECE_ROWS = 2**19
 """Rows that are read at once; what is longer is read in pieces."""
 
@@ -67,6 +69,7 @@ class RunRecord:
         self.path = path
         self.faults: list[str] = []
         """What could not be written while the bench was being made safe, and after."""
+        self._later: deque[tuple[float, str, dict[str, Any]]] = deque(maxlen=MOST_LATER)
         self.after_unit: list[Callable[[str], None]] = []
         """What is told the name of each unit of work when it is finished."""
         self._clock = clock
@@ -81,7 +84,19 @@ class RunRecord:
 
         It survives the death of the process at once; `durable` waits until the disk has it too.
         """
+        self.write_later()
         self._events.append(self._clock.now(), kind, details, durable=durable)
+
+    def later(self, kind: str, **details: Any) -> None:
+        """Keep an event of this moment, from any thread, until the run's own writes it."""
+        self._later.append((self._clock.now(), kind, details))
+
+    def write_later(self) -> None:
+        """Append the events that other threads have kept."""
+        while self._later:
+            time_s, kind, details = self._later.popleft()
+            now_s = self._clock.now()
+            self._events.append(now_s, kind, {"at_s": round(time_s, 3), **details}, durable=False)
 
     def note(self, kind: str, **details: Any) -> None:
         """Append an event, or say on standard error that it could not be written."""

@@ -1,4 +1,4 @@
-"""One run per instrument: a lock of the operating system on each instrument's address.
+"""One run per instrument: locks on each instrument's address, and on who it says it is.
 
 Every user of the computer finds the same locks, whatever bench file an address stands in.
 """
@@ -6,64 +6,98 @@ Every user of the computer finds the same locks, whatever bench file an address 
 from __future__ import annotations
 
 import hashlib
-import tempfile
-from contextlib import suppress
+import os
+import stat
+import sys
+from collections.abc import Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from station.errors import InstrumentError
 from station.locks import FileLock, LockHeld
+from station.runner.addresses import forms_of
 
-FOLDER = "inertial-station-instruments"
-EVERYBODY_FOLDER, EVERYBODY_FILE = 0o777, 0o666
+if TYPE_CHECKING:
+    from station.runner.opening import Identity
+
+PREFIX = "inertial-station"
+PLACES = ("/run/lock", "/tmp", "/var/tmp")
+NO_SERIAL = "0-. /?"
+"""What a serial number that says nothing is made of."""
 
 
-def lock_place(address: str) -> Path:
-    """Return the file whose lock stands for an instrument address; capitals make no difference."""
-    digest = hashlib.sha256(address.strip().lower().encode()).hexdigest()[:24]
-    return Path(tempfile.gettempdir()) / FOLDER / f"{digest}.lock"
+def lock_folder() -> Path:
+    """Return the folder of the system in which every user may put locks and remove only its own.
+
+    It is the same for every user and whatever the environment says.
+    """
+    if sys.platform == "win32":
+        return Path(os.environ.get("PROGRAMDATA", "C:\\ProgramData"))
+    for place in PLACES:
+        about = Path(place).stat() if Path(place).is_dir() else None
+        if about and about.st_uid == 0 and about.st_mode & stat.S_ISVTX and about.st_mode & 0o002:
+            return Path(place)
+    return Path(PLACES[1])
+
+
+def lock_place(what: str) -> Path:
+    """Return the file whose lock stands for something."""
+    digest = hashlib.sha256(what.encode()).hexdigest()[:24]
+    return lock_folder() / f"{PREFIX}-{digest}.lock"
 
 
 class InstrumentLocks:
     """The instruments that this process has; instruments on one bus share its lock.
 
-    `holder` is what another process is told of this one.
+    `holder` is what another process reads of this one. `world` sets the instruments of a simulated
+    bench apart from those of another that report the same serial numbers.
     """
 
-    def __init__(self, holder: str) -> None:
+    def __init__(self, holder: str, world: str = "") -> None:
         self._holder = holder
+        self._world = world
         self._held: dict[Path, FileLock] = {}
+        self._addresses: set[str] = set()
 
     def take(self, name: str, address: str) -> None:
-        """Take an instrument, until `release` or until this process ends.
+        """Take the instrument at an address, until `release` or until this process ends.
 
         Raises InstrumentError, before any byte is sent to it, where another process has it.
         """
-        place = lock_place(address)
-        if place in self._held:
-            return
-        try:
-            if not place.parent.is_dir():
-                place.parent.mkdir(parents=True, exist_ok=True)
-                place.parent.chmod(EVERYBODY_FOLDER)
-            self._held[place] = FileLock(place)
-        except LockHeld as error:
-            who = place.read_text(encoding="utf-8", errors="replace").strip()
-            raise InstrumentError(
-                name,
-                f"take {address}",
-                f"another process has it ({who})" if who else "another process has it",
-                "wait until that has ended, or end it with `station abort`",
-            ) from error
-        except OSError as error:
-            raise InstrumentError(
-                name,
-                f"take {address}",
-                f"its lock {place} cannot be opened ({error.strerror or error})",
-                "make that file writable for everybody who uses the bench",
-            ) from error
-        with suppress(OSError):  # it was made by another user, who did this
-            place.chmod(EVERYBODY_FILE)
-        place.write_text(f"{self._holder}\n", encoding="utf-8")
+        if address not in self._addresses:
+            for form in sorted(forms_of(address)):
+                self._take(name, f"take {address}", form)
+            self._addresses.add(address)
+
+    def take_identity(self, name: str, identity: Identity) -> None:
+        """Take the instrument that reports this identity, whatever way it is reached.
+
+        Raises InstrumentError where another process has it. One without a serial number cannot be
+        told from others like it.
+        """
+        if identity.serial.strip(NO_SERIAL):
+            who = " ".join(f"{identity.maker} {identity.model} {identity.serial}".split())
+            self._take(name, f"take {who}", f"identity {who.lower()} {self._world}")
+
+    def to_hand_on(self) -> Iterator[tuple[list[str], list[int]]]:
+        """Yield what is held for `handed_on` in another process: names and open files."""
+        for place, lock in self._held.items():
+            yield [str(place), *sorted(self._addresses)], lock.files
+
+    def handed_on(self, names: list[str], files: list[int]) -> None:
+        """Hold a lock, too, that another process has handed on."""
+        place, *addresses = names
+        if Path(place) in self._held:
+            FileLock.handed_on(Path(place), files).release()  # it came before
+        else:
+            self._held[Path(place)] = FileLock.handed_on(Path(place), files)
+        self._addresses.update(addresses)
+
+    def say(self, holder: str) -> None:
+        """Let others read from now on who holds the locks."""
+        self._holder = holder
+        for lock in self._held.values():
+            lock.say(f"{holder}\n")
 
     def holds(self, address: str) -> bool:
         """Whether this process has what is at an address."""
@@ -74,3 +108,36 @@ class InstrumentLocks:
         for lock in self._held.values():
             lock.release()
         self._held.clear()
+        self._addresses.clear()
+
+    def _take(self, name: str, attempted: str, what: str) -> None:
+        place = lock_place(what)
+        if place in self._held:
+            return
+        try:
+            self._held[place] = FileLock(place, everybody=True)
+        except LockHeld as error:
+            who = said_by_holder(place)
+            raise InstrumentError(
+                name,
+                attempted,
+                f"another process has it ({who})" if who else "another process has it",
+                "wait until that has ended, or end it with `station abort`",
+            ) from error
+        except OSError as error:
+            raise InstrumentError(
+                name,
+                attempted,
+                f"its lock {place} cannot be had ({error.strerror or error})",
+                "look at who made that file, and remove it",
+            ) from error
+        self._held[place].say(f"{self._holder}\n")
+
+
+def said_by_holder(place: Path) -> str:
+    """Return what the holder of a lock says of itself, if anything."""
+    try:
+        with place.open(encoding="utf-8", errors="replace") as file:
+            return file.read(1000).strip()
+    except OSError:
+        return ""

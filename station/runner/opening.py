@@ -153,6 +153,12 @@ def open_one(
             f"{entry.serial}; connect the right instrument or correct the bench file",
             found,
         )
+    if locks is not None:
+        try:
+            locks.take_identity(name, identity)
+        except InstrumentError as error:  # reached another way, it is in use
+            instrument.close()
+            return Probe(name, False, str(error))
     said = f"{identity.maker} {identity.model} {identity.serial} {identity.firmware}".strip()
     return Probe(name, True, said, found)
 

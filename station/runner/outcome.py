@@ -25,8 +25,15 @@ class Outcome:
     safe: list[SafeOutcome] = field(default_factory=list)
     left_out: list[LeftOut] = field(default_factory=list)
     """What can harm and was not read back: another run holds it, or it does not answer."""
+    left_to: str = ""
+    """Who goes on trying where not everything could be verified as safe, for the operator."""
 
     @property
     def unsafe(self) -> list[SafeOutcome]:
         """Instruments whose safe state could not be verified."""
         return [outcome for outcome in self.safe if not outcome.verified]
+
+    @property
+    def left_unsafe(self) -> list[SafeOutcome]:
+        """Those of them that the run used, and answers for."""
+        return [outcome for outcome in self.unsafe if outcome.used]

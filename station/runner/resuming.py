@@ -15,6 +15,7 @@ from station.console import span
 from station.errors import InputError
 from station.evaluation import evaluate_run, exit_code_of
 from station.faults import FaultList
+from station.guardian.at_work import guardian_at_work
 from station.plan import Plan
 from station.procedure import Procedure, Prompt
 from station.record.creation import EVENTS
@@ -64,6 +65,7 @@ def resume(request: ResumeRequest) -> Outcome:
     Raises InputError when there is nothing to go on with, when plan or bench are not those the run
     began with, or when a prompt would stay unanswered; NotAcknowledged as `execute`.
     """
+    refuse_while_guarded(request.folder)
     folder = RunFolder(request.folder)
     plan, recorded_bench = read_plan_and_bench(folder)
     refuse_what_was_altered(folder, plan, recorded_bench)
@@ -115,6 +117,16 @@ def resume(request: ResumeRequest) -> Outcome:
             Walk(run, procedure, session, bench_file, trace, first=AS_BEFORE).go(outcome)
     conclude(record, outcome, report=request.report)
     return outcome
+
+
+def refuse_while_guarded(folder: Path) -> None:
+    """Raise InputError while a guardian is at work for the run: it has the instruments."""
+    guardian = guardian_at_work(folder)
+    if guardian is not None:
+        raise InputError(
+            f"{folder}: {guardian.sentence()}, and has its instruments; wait until it is done, or "
+            f"end it with `station abort {folder}`"
+        )
 
 
 def evaluate_only(folder: RunFolder, *, report: bool) -> Outcome:

@@ -121,6 +121,7 @@ class Run:
 
     def say_progress(self, detail: str = "") -> None:
         """Say how much of the present step's bench time is over, and how it stands."""
+        self.record.write_later()
         self.progress.at(self.clock.now() - self._step_began_s, detail)
 
     def ask(self, prompt_id: str, text: str) -> str:

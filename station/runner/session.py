@@ -64,6 +64,8 @@ class BenchSession:
         self.clock: Clock = clock_for(bench, served, began_s)
         self._simulation = None
         self.addresses: dict[str, str] = {}
+        self.world = "" if served is None else f"served since {served['clock']['epoch_unix']}"
+        """What sets the instruments of a served bench apart from others of the same serials."""
         self.act: Callable[[str], str] | None = None
         if served is not None:
             self.addresses = {

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import traceback
 from contextlib import ExitStack, suppress
 from pathlib import Path
@@ -57,8 +58,8 @@ class Walk:
         self._found: dict[str, Found] = {}
         self._guardian: Guardian | None = None
         self._monitor: Monitor | None = None
-        holder = f"the run {run.record.path.resolve()}"
-        self._locks = InstrumentLocks(holder)
+        holder = f"the run {run.record.path.resolve()} (process {os.getpid()})"
+        self._locks = InstrumentLocks(holder, session.world)
         self._bystanders = Bystanders(
             run.bench,
             session.addresses,
@@ -97,9 +98,9 @@ class Walk:
                 self._look_again(outcome)
                 read = BenchReading(outcome.safe, outcome.left_out)
                 run.record.note("safe-state", **read.to_data())
-                if self._guardian is not None:
+                if self._guardian is not None and not outcome.left_unsafe:
                     self._guardian.dismiss()
-                self._close()
+                self._close(outcome)
                 run.record.note("run-ended", complete=outcome.error is None)
                 run.record.close()
         if outcome.unsafe:
@@ -118,7 +119,9 @@ class Walk:
                 self._run.clock,
                 instruments=self._procedure.instruments(self._run.parameters),
                 wait=False,
+                world=self._session.world,
                 on_lost=self._run.progress.say,
+                note=self._run.record.later,
             )
 
     def _open(self) -> None:
@@ -157,7 +160,8 @@ class Walk:
         if self._guardian is not None:
             # What is reached over another's line has no rest of its own to be brought to.
             entries = self._run.bench.instruments
-            self._guardian.watch([name for name in self._found if not entries[name].shares])
+            names = [name for name in self._found if not entries[name].shares]
+            self._guardian.watch(names, self._locks)
         self._monitor.check_once()
         self._monitor.start()
 
@@ -185,12 +189,16 @@ class Walk:
         run = self._run
         return make_bench_safe(run.instruments, run.bench.safe_order(), run.clock, signals.hurry)
 
-    def _close(self) -> None:
+    def _close(self, outcome: Outcome) -> None:
         if self._monitor is not None:
             self._monitor.wait_until_stopped()
         for one in self._found.values():
             with suppress(Exception):  # a line that is gone keeps no other from being closed
                 one.instrument.close()
+        if self._guardian is not None and outcome.left_unsafe:
+            names = ", ".join(one.instrument for one in outcome.left_unsafe)
+            why = f"the run could not verify as safe: {names}"
+            outcome.left_to = self._guardian.hand_over(why)
         self._locks.release()
         if self._trace is not None:
             self._trace.close()

@@ -1,0 +1,100 @@
+"""One instrument address in its several spellings: what each of them stands for here."""
+
+from __future__ import annotations
+
+import os
+import re
+import socket
+import sys
+from contextlib import suppress
+from ipaddress import IPv6Address, ip_address
+from threading import Thread
+from urllib.parse import urlsplit
+
+RESOLVES_WITHIN_S = 2.0
+THIS_COMPUTER = "this computer"
+DEFAULT_PORTS = {"modbus-tcp": 502, "socketcand": 29536}
+GPIB = re.compile(r"gpib(\d*)::(.*?)(::instr)?")
+USB = re.compile(r"usb(\d*)::(\w+)::(\w+)::([^:]+)(?:::(\d+))?(?:::instr)?")
+VXI = re.compile(r"tcpip\d*::([^:]+|\[.*\])(?:::([^:]+))?::instr")
+SOCKET = re.compile(r"tcpip\d*::(.+)::(\d+)::socket")
+
+
+def forms_of(address: str) -> frozenset[str]:
+    """Return what an address stands for; two that may reach the same instrument share a form.
+
+    Host names are resolved, for 2 s at most, to every address that they have; links of serial
+    ports are followed. Capitals, and numbers that may be left out, make no difference. That a host
+    answers on two ports cannot be seen here: behind them may be one instrument, or two.
+    """
+    text = address.strip()
+    lowered = text.lower()
+    if found := SOCKET.fullmatch(lowered):
+        return tcp_forms(found[1], int(found[2]))
+    if found := VXI.fullmatch(lowered):
+        device = found[2] or "inst0"
+        return frozenset(f"{device.split(',')[0]} at {host}" for host in hosts(found[1]))
+    if found := GPIB.fullmatch(lowered):
+        return frozenset({f"gpib{found[1] or 0}::{found[2]}"})
+    if found := USB.fullmatch(lowered):
+        maker, model = (int(one, 0) if one[0].isdigit() else one for one in (found[2], found[3]))
+        return frozenset({f"usb::{maker}::{model}::{found[4]}::{found[5] or 0}"})
+    if "://" in text:
+        return url_forms(text)
+    name = text[4:].split("::")[0] if lowered.startswith("asrl") else text
+    return frozenset({port_form(f"COM{name}" if name.isdigit() else name)})
+
+
+def url_forms(address: str) -> frozenset[str]:
+    """Return what `scheme://host:port/path` stands for."""
+    parts = urlsplit(address)
+    with suppress(ValueError):  # a port that is no number: the driver says so
+        port = parts.port or DEFAULT_PORTS.get(parts.scheme.lower())
+        if parts.hostname and port:
+            path = parts.path.rstrip("/").lower() if parts.scheme.lower() == "socketcand" else ""
+            return frozenset(f"{one}{path}" for one in tcp_forms(parts.hostname, port))
+    return frozenset({address.lower()})
+
+
+def tcp_forms(host: str, port: int) -> frozenset[str]:
+    """Return what a TCP port of a host stands for."""
+    return frozenset(f"tcp {one} {port}" for one in hosts(host))
+
+
+def port_form(name: str) -> str:
+    """Return what the name of a serial port stands for."""
+    if sys.platform == "win32":
+        return name.upper().removeprefix("\\\\.\\")
+    return os.path.realpath(name) if name.startswith("/") else name.lower()
+
+
+def hosts(name: str) -> frozenset[str]:
+    """Return the network addresses that a host has, its name where none is known in time."""
+    bare = name.strip("[]").rstrip(".").lower()
+    with suppress(ValueError):
+        return frozenset({host_form(bare)})
+    resolved: list[str] = []
+
+    def ask() -> None:
+        with suppress(OSError, UnicodeError):
+            resolved.extend(str(one[4][0]) for one in socket.getaddrinfo(bare, None))
+
+    # Nothing but the system limits how long it takes, and it may be long.
+    asking = Thread(target=ask, name="resolve", daemon=True)
+    asking.start()
+    asking.join(RESOLVES_WITHIN_S)
+    return frozenset(host_form(one) for one in [*resolved]) or frozenset({bare})
+
+
+def host_form(numeric: str) -> str:
+    """Return one form of a numeric address; raises ValueError where it is none."""
+    found = ip_address(numeric.split("%")[0])
+    if isinstance(found, IPv6Address) and found.ipv4_mapped:
+        found = found.ipv4_mapped
+    if found.is_loopback or found.is_unspecified:
+        return THIS_COMPUTER
+    family = socket.AF_INET6 if isinstance(found, IPv6Address) else socket.AF_INET
+    with suppress(OSError), socket.socket(family, socket.SOCK_DGRAM) as trying:
+        trying.bind((str(found), 0))  # the system lets only what is its own be taken
+        return THIS_COMPUTER
+    return str(found)

@@ -1,0 +1,267 @@
+"""A bench stays guarded: guardians that are lost, outages, disks that hang, two deaths at once.
+
+What is safe is asked of the simulated world, in another process.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from campaign_helpers import short_plan, station
+from command_line import begun
+from frozen_disk import FrozenDisk, frozen_disk
+from guardian_helpers import ROOT, World, is_alive, start_run, until, world
+
+from station.clock import RealClock
+from station.guardian.at_work import guardian_at_work
+from station.guardian.channel import Channel
+from station.guardian.watched import Guardian
+from station.lookup import find
+from station.record.folder import RunFolder
+from station.recorded import left_unverified, read_plan_and_bench
+from station.yaml.writing import yaml_text
+
+if sys.platform != "linux":
+    pytest.skip("SIGKILL, SIGSTOP and /proc; not verified elsewhere", allow_module_level=True)
+
+DOUBLE_DEATH_S = 60.0
+LOST_S = {signal.SIGKILL: 3.0, signal.SIGSTOP: 6.0}
+STARTS_S = 20.0
+
+
+@pytest.fixture(scope="module")
+def bench(tmp_path_factory: pytest.TempPathFactory) -> Iterator[World]:
+    with world(tmp_path_factory.mktemp("world")) as served:
+        yield served
+
+
+@pytest.mark.parametrize("end", [signal.SIGKILL, signal.SIGSTOP])
+def test_run_and_first_guardian_gone_together_leave_a_safe_bench(
+    bench: World, tmp_path: Path, end: signal.Signals
+) -> None:
+    run = start_run(bench, tmp_path)
+    first, second = run.guardians
+    os.kill(first, end)
+    run.end_by(signal.SIGKILL)
+    until(lambda: bench.at_rest("x"), DOUBLE_DEATH_S)
+    until(lambda: not is_alive(second))
+    assert not is_alive(first)
+    assert run.safe_states()[-1] == {"coil_supply.x": True}
+    assert "the first guardian of the run does not act" in run.guardian_log()[0]["message"]
+
+
+def test_run_and_both_guardians_that_stand_still_are_outlived_by_a_second_that_goes_on(
+    bench: World, tmp_path: Path
+) -> None:
+    run = start_run(bench, tmp_path)
+    for process in (*run.guardians, run.process.pid):
+        os.kill(process, signal.SIGSTOP)
+    time.sleep(0.5)
+    os.kill(run.guardians[1], signal.SIGCONT)
+    until(lambda: bench.at_rest("x"), DOUBLE_DEATH_S)
+
+
+@pytest.mark.parametrize("end", [signal.SIGKILL, signal.SIGSTOP])
+@pytest.mark.parametrize("rank", [0, 1])
+def test_a_guardian_that_is_lost_is_replaced_and_the_new_one_acts(
+    bench: World, tmp_path: Path, rank: int, end: signal.Signals
+) -> None:
+    run = start_run(bench, tmp_path)
+    before = run.guardians
+    os.kill(before[rank], end)
+    lost_s = until(lambda: run.events("guardian-lost"))
+    until(lambda: run.events("guardian-replaced"), STARTS_S)
+    after = run.guardians
+    assert lost_s < LOST_S[end] + 1.0
+    assert after[rank] != before[rank]
+    assert after[1 - rank] == before[1 - rank]
+    os.kill(after[1 - rank], signal.SIGKILL)
+    run.end_by(signal.SIGKILL)
+    until(lambda: bench.at_rest("x"), DOUBLE_DEATH_S)
+    until(lambda: not is_alive(after[rank]))
+
+
+def test_an_outage_is_waited_for_and_the_bench_belongs_to_the_guardian_meanwhile(
+    bench: World, tmp_path: Path
+) -> None:
+    run = start_run(bench, tmp_path)
+    first, _ = run.guardians
+    bench.inject(instrument="coil_supply.x", fault="port-gone", **{"for": "22 s"})
+    run.end_by(signal.SIGKILL)
+    said = run.wait_for_guardian()
+    assert "NOT VERIFIED as safe; go to the bench" in said
+    assert f"`station abort {run.folder}` ends it" in said
+    status = json.loads(station("status", run.folder, "--json").stdout)
+    assert status["bench_safe"] is False
+    assert f"(process {first}) goes on trying to make coil_supply.x safe" in status["message"]
+    refused = station("resume", run.folder, "--non-interactive")
+    assert refused.returncode == 2
+    assert f"(process {first}) goes on trying" in refused.stderr
+    plan = short_plan(tmp_path, axes=["IA"])
+    parts = ("--served", bench.head, "--non-interactive", "--output", tmp_path / "new")
+    another = station("run", plan, *parts)
+    assert another.returncode == 3
+    assert f"(process {first}) goes on trying to make coil_supply.x safe" in another.stderr
+    until(lambda: not is_alive(first))
+    assert bench.at_rest("x")
+    assert run.safe_states()[-1] == {"coil_supply.x": True}
+    assert guardian_at_work(run.folder) is None
+    assert "goes on trying" not in station("status", run.folder).stdout
+
+
+def test_a_person_ends_a_guardian_that_goes_on_trying(bench: World, tmp_path: Path) -> None:
+    run = start_run(bench, tmp_path, "coil_supply.y")
+    guardians = run.guardians
+    bench.inject(instrument="coil_supply.y", fault="port-gone", **{"for": "1 h"})
+    run.end_by(signal.SIGKILL)
+    run.wait_for_guardian()
+    aborted = station("abort", run.folder)
+    assert aborted.returncode == 3
+    assert "NOT VERIFIED: coil_supply.y could not be proven safe" in aborted.stderr
+    until(lambda: not any(map(is_alive, guardians)))
+    assert run.guardian_log()[-1]["event"] == "left"
+    folder = RunFolder(run.folder)
+    left = left_unverified(folder, read_plan_and_bench(folder)[1])
+    assert "Connection refused" in left["coil_supply.y"]
+
+
+def test_a_run_that_cannot_verify_hands_over_and_the_guardian_goes_on(tmp_path: Path) -> None:
+    plan = short_plan(tmp_path, axes=["IA"])
+    with world(tmp_path, 5.0) as bench:
+        parts = ("--served", bench.head, "--non-interactive", "--output", tmp_path / "runs")
+        run = begun(None, "run", plan, *parts)
+        until(lambda: bench.report()["outputs"]["coil_supply.x"])
+        bench.inject(instrument="coil_supply.x", fault="port-gone", **{"for": "150 s"})
+        _, said = run.communicate(timeout=90)
+        assert run.returncode == 3
+        assert "goes on trying and keeps the instruments until they are safe" in said
+        (folder,) = (tmp_path / "runs").iterdir()
+        assert guardian_at_work(folder) is not None
+        until(lambda: guardian_at_work(folder) is None)
+        assert bench.at_rest()
+        status = json.loads(station("status", folder, "--json").stdout)
+        assert status["bench_safe"] is True
+        assert "the guardian made the bench safe" in status["message"]
+
+
+@pytest.fixture
+def disk(tmp_path: Path) -> Iterator[FrozenDisk]:
+    with frozen_disk(tmp_path) as made:
+        yield made
+
+
+def test_a_run_that_cannot_die_keeps_nobody_from_its_instruments(
+    bench: World, disk: FrozenDisk
+) -> None:
+    run = start_run(bench, disk.folder / "runs", "coil_supply.z")
+    first, _ = run.guardians
+    disk.freeze()
+    time.sleep(0.5)
+    run.end_by(signal.SIGKILL)
+    until(lambda: bench.at_rest("z"), 5.0 + 10.0 + 7.0)
+    assert is_alive(run.process.pid), "the disk holds it"
+    disk.thaw()
+    run.wait_for_guardian()
+    until(lambda: not is_alive(first))
+    assert run.safe_states()[-1] == {"coil_supply.z": True}
+
+
+def test_beats_that_nobody_reads_never_hold_up_who_sends_them() -> None:
+    own, its = socket.socketpair()
+    channel = Channel(own)
+    began = time.monotonic()
+    taken = [channel.send({"say": "beat"}) for _ in range(20_000)]
+    assert time.monotonic() - began < 5.0
+    assert taken[0]
+    assert not taken[-1]
+    its.close()
+
+
+def test_guardians_that_stand_still_do_not_hold_up_the_end_of_a_run(tmp_path: Path) -> None:
+    (tmp_path / "bench.resolved.yaml").write_text(bench_text(), encoding="utf-8")
+    guardian = Guardian(tmp_path, None, {}, RealClock(), on_lost=lambda said: None)
+    guardian.watch(["coil_supply.x"])
+    pids = guardian.pids
+    for pid in pids:
+        os.kill(pid, signal.SIGSTOP)
+    began = time.monotonic()
+    guardian.dismiss()
+    assert time.monotonic() - began < 9.0
+    assert not any(map(is_alive, pids))
+
+
+def bench_text() -> str:
+    from station import registry
+    from station.bench import read_bench
+
+    shipped = read_bench(find("benches", "sim"), registry.names(registry.DRIVERS))
+    return yaml_text(shipped.to_yaml_data())
+
+
+AUDITED = """
+import json, sys
+from pathlib import Path
+from station.guardian.messages import Instructions
+from station.guardian.notes import Words
+from station.guardian.peer import Peer
+from station.guardian.takeover import Takeover
+from station.guardian.watching import Duty
+
+class Gone:
+    def has_ended(self): return True
+
+takeover = Takeover(Instructions(**json.loads(sys.argv[1])), Words(2))
+opened, ready = [], set(sys.modules)
+
+def look(event, arguments):
+    if event in ("open", "os.listdir", "os.scandir") and not isinstance(arguments[0], int):
+        opened.append(str(arguments[0]))
+
+sys.addaudithook(look)
+code = takeover.take_over(Duty("It died.", ["coil_supply.x"]), Gone(), Peer())
+print(json.dumps({"code": code, "opened": opened, "loaded": sorted(set(sys.modules) - ready)}))
+"""
+
+
+def test_a_take_over_loads_nothing_and_reads_no_file_but_locks_and_its_log(
+    bench: World, tmp_path: Path
+) -> None:
+    head = json.loads(bench.head.read_text(encoding="utf-8").splitlines()[0])
+    (tmp_path / "bench.resolved.yaml").write_text(bench_text(), encoding="utf-8")
+    (tmp_path / "events.jsonl").write_bytes(b"")
+    instructions = {
+        "folder": str(tmp_path),
+        "bench": str(tmp_path / "bench.resolved.yaml"),
+        "instruments": ["coil_supply.x"],
+        "addresses": {name: one["address"] for name, one in head["instruments"].items()},
+        "runner_pid": 0,
+        "speed": head["clock"]["speed"],
+        "epoch_unix": head["clock"]["epoch_unix"],
+        "world": "audited",
+    }
+    done = subprocess.run(
+        [sys.executable, "-c", AUDITED, json.dumps(instructions)],
+        capture_output=True,
+        text=True,
+        encoding="utf-8",
+        check=True,
+        cwd=ROOT,
+    )
+    told = json.loads(done.stdout)
+    assert told["code"] == 0, done.stderr
+    assert not told["loaded"]
+    others = [
+        path
+        for path in told["opened"]
+        if not path.startswith((str(tmp_path), "/run/lock", "/tmp/inertial", "/dev/null", "/etc/"))
+    ]
+    assert not others
