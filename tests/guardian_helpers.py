@@ -50,6 +50,8 @@ class World:
         self.process.stdin.write(json.dumps(fault) + "\n")
         self.process.stdin.flush()
         said = self.process.stderr.readline()
+        if said.startswith("serving"):  # its first word, where nothing was asked yet
+            said = self.process.stderr.readline()
         assert "injected at" in said, said
 
     def bench_s(self, unix_s: float) -> float:

@@ -219,7 +219,7 @@ from station.guardian.watching import Duty
 class Gone:
     def has_ended(self): return True
 
-takeover = Takeover(Instructions(**json.loads(sys.argv[1])), Words(2))
+takeover = Takeover(Instructions(**json.loads(sys.argv[1])), Words(2), Peer())
 opened, ready = [], set(sys.modules)
 
 def look(event, arguments):
@@ -227,7 +227,7 @@ def look(event, arguments):
         opened.append(str(arguments[0]))
 
 sys.addaudithook(look)
-code = takeover.take_over(Duty("It died.", ["coil_supply.x"]), Gone(), Peer())
+code = takeover.take_over(Duty("It died.", ["coil_supply.x"]), Gone())
 print(json.dumps({"code": code, "opened": opened, "loaded": sorted(set(sys.modules) - ready)}))
 """
 

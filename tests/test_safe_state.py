@@ -2,19 +2,14 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from dataclasses import dataclass, field
-from pathlib import Path
 
 import pytest
 
 from drivers.roles import SafetyReading
 from station.bench import INSTANCES, role_of
 from station.clock import VirtualClock
-from station.errors import InstrumentError
 from station.roles import role, safe_states
-from station.runner.instrument_locks import InstrumentLocks, lock_place
 from station.safety.safe_state import HURRIED_WITHIN_S, Hurry, make_bench_safe
 
 
@@ -77,39 +72,6 @@ def test_a_hurry_shortens_waits_says_so_and_leaves_nothing_out() -> None:
     assert not chamber.verified
     assert "5 s to come to rest instead of 60 s" in chamber.skipped
     assert coil.verified
-
-
-LOCKER = """
-import sys
-from station.roles import role, safe_states
-from station.runner.instrument_locks import InstrumentLocks
-locks = InstrumentLocks("the run runs/one")
-locks.take("coil_supply.x", sys.argv[1])
-print("held", flush=True)
-sys.stdin.read()
-"""
-
-
-def test_an_instrument_belongs_to_one_process_whatever_bench_file_names_it(tmp_path: Path) -> None:
-    address = f"TCPIP::{tmp_path.name}::5025::SOCKET"
-    holder = subprocess.Popen(
-        [sys.executable, "-c", LOCKER, address],
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        text=True,
-        encoding="utf-8",
-    )
-    assert holder.stdout is not None
-    assert holder.stdout.readline() == "held\n"
-    locks = InstrumentLocks("another")
-    with pytest.raises(InstrumentError, match=r"another process has it \(the run runs/one\)"):
-        locks.take("coil_supply.dc", address.lower())
-    holder.kill()
-    holder.wait()
-    locks.take("coil_supply.dc", address)
-    locks.take("gaussmeter", address)  # on one bus: the same process may
-    locks.release()
-    lock_place(address).unlink()
 
 
 def test_every_role_that_can_harm_says_what_its_safe_state_is() -> None:

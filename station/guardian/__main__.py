@@ -51,13 +51,13 @@ def watch(run: Channel, words: Words) -> int:
         return 0
     instructions = Instructions(**first)
     runner, peer = OtherProcess(instructions.runner_pid), Peer()
-    takeover = Takeover(instructions, words)
+    takeover = Takeover(instructions, words, peer)
     run.send({"ready": True})
-    watching = Watching(run, peer, instructions.rank, takeover.prepare, takeover.locks.handed_on)
+    watching = Watching(run, peer, instructions.rank, takeover)
     duty = watching.until_end()
     if duty is None:
         return 0
-    exit_code = takeover.take_over(duty, runner, peer)
+    exit_code = takeover.take_over(duty, runner)
     words.finish(LAST_WORDS_S)
     return exit_code
 

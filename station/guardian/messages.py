@@ -25,6 +25,8 @@ HAND_OVER = "hand-over"
 """From the run, with `why`: it has let go of the instruments, not all of which are safe."""
 DISMISS = "dismiss"
 """From the run: it has made the bench safe itself."""
+WAITS = "waits"
+"""From one guardian to the other: it goes on trying, and has told the operator so."""
 DONE = "done"
 """From one guardian to the other: nothing is left to be done."""
 BEATS_EVERY_S = 1.0

@@ -12,6 +12,7 @@ from station.guardian.messages import (
     BEATS_EVERY_S,
     DONE,
     SILENT_FOR_S,
+    WAITS,
     Silence,
     said,
 )
@@ -24,6 +25,8 @@ class Peer:
     def __init__(self) -> None:
         self.done = False
         """Whether it has said that nothing is left to be done."""
+        self.waits = False
+        """Whether it has said that it goes on trying."""
         self.process: OtherProcess | None = None
         self.channel: Channel | None = None
         self._silence = Silence()
@@ -48,6 +51,7 @@ class Peer:
             for message, _ in self.channel.received():
                 self._silence.heard()
                 self.done = self.done or message.get("say") == DONE
+                self.waits = self.waits or message.get("say") == WAITS
 
     def look(self) -> None:
         """Count one look at which it had said nothing."""

@@ -20,7 +20,7 @@ from station.clock import RealClock
 from station.errors import EXIT_DONE, EXIT_FAULT
 from station.guardian.at_work import LEAVE, AtWork, WordOfWork
 from station.guardian.log import SAFE_STATE
-from station.guardian.messages import DONE, Instructions
+from station.guardian.messages import DONE, WAITS, Instructions
 from station.guardian.notes import Notes, Words
 from station.guardian.other_process import OtherProcess, end_all
 from station.guardian.peer import Peer
@@ -47,15 +47,16 @@ class Takeover:
     Raises FaultList or InputError where the bench file or a driver of it cannot be loaded.
     """
 
-    def __init__(self, instructions: Instructions, words: Words) -> None:
+    def __init__(self, instructions: Instructions, words: Words, peer: Peer) -> None:
         self._folder = Path(instructions.folder)
         self._words = words
+        self._peer = peer
         self._addresses = instructions.addresses
         self._bench = read_bench(Path(instructions.bench), registry.names(registry.DRIVERS))
         self._order = self._bench.safe_order()
         self._clock = RealClock(instructions.speed, instructions.epoch_unix)
-        self.locks = InstrumentLocks(f"the guardian of {self._folder}", instructions.world)
-        self._reopening = Reopening(self._bench, self._addresses, self._clock, self.locks)
+        self._locks = InstrumentLocks(f"the guardian of {self._folder}", instructions.world)
+        self._reopening = Reopening(self._bench, self._addresses, self._clock, self._locks)
         self._at_work = WordOfWork(instructions.folder)
         self._harmless: set[str] = set()
         self._rehearsed: set[str] = set()
@@ -63,6 +64,14 @@ class Takeover:
         self._real = RealClock()
         self._until_s = 0.0
         self.prepare(instructions.instruments or self._bench.instruments)
+
+    def hold(self, names: list[str], files: list[int]) -> None:
+        """Hold a lock together with the run: it is free when both are gone."""
+        self._locks.handed_on(names, files)
+
+    def leave_to_peer(self) -> None:
+        """Say nothing more where somebody waits for the end of what is said."""
+        self._words.leave_pipes()
 
     def prepare(self, names: Iterable[str]) -> None:
         """Load all that instruments need, and find out which of them have no safe state.
@@ -81,11 +90,14 @@ class Takeover:
                 address = self._addresses.get(name, entry.address or "")
                 rehearse(name, self._bench, address)
 
-    def take_over(self, duty: Duty, runner: OtherProcess, peer: Peer) -> int:
+    def take_over(self, duty: Duty, runner: OtherProcess) -> int:
         """End who is in the way, make safe until all is, and return the exit code."""
         self._say_who_holds()
+        peer = self._peer
         if hasattr(signal, LEAVE):
             signal.signal(getattr(signal, LEAVE), lambda *_: self._leave.set())
+        self._until_s = self._real.now() + 2 * ENDS_WITHIN_S
+        beating = peer.beat_while(lambda: self._real.now() < self._until_s)
         # Serial ports are exclusive, and some instruments serve one client.
         in_the_way = [] if duty.let_go else [runner]
         in_the_way += [peer.process] if peer.process is not None and not peer.can_act else []
@@ -99,9 +111,8 @@ class Takeover:
             self._words.tell(
                 "the run's process does not end and may keep instruments from answering"
             )
-        beating = peer.beat_while(lambda: self._real.now() < self._until_s)
         outcomes = self._until_safe(wanted, notes)
-        self.locks.release()
+        self._locks.release()
         self._at_work.end()
         peer.say(DONE)
         beating.set()
@@ -143,12 +154,13 @@ class Takeover:
             f"`station abort {self._folder}` ends it"
         )
         self._words.leave_pipes()
+        self._peer.say(WAITS)
 
     def _say_who_holds(self, waits_for: Sequence[str] = ()) -> None:
         """Let whoever is refused an instrument, or asks how the run stands, read why."""
         self._at_work.say(waits_for)
         sentence = AtWork(os.getpid(), tuple(waits_for)).sentence()
-        self.locks.say(f"{sentence}; run folder {self._folder}")
+        self._locks.say(f"{sentence}; run folder {self._folder}")
 
     def _allow(self, instruments: int) -> None:
         """Declare how long the next attempt may take, with its pause: then the peer takes over."""

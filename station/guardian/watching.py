@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from multiprocessing.connection import wait as wait_for_any
-from typing import Any
+from typing import Any, Protocol
 
 from station.errors import StationError
 from station.guardian.channel import Channel
@@ -42,6 +42,22 @@ class Duty:
     let_go: bool = False
 
 
+class Ready(Protocol):
+    """What a guardian gets ready while the run still lives."""
+
+    def prepare(self, names: Sequence[str]) -> None:
+        """Load all that instruments need."""
+        ...
+
+    def hold(self, names: list[str], files: list[int]) -> None:
+        """Hold a lock together with the run."""
+        ...
+
+    def leave_to_peer(self) -> None:
+        """Let the other guardian be who speaks to the operator."""
+        ...
+
+
 class Watching:
     """What a guardian hears of its run, and whether it is its turn to act."""
 
@@ -50,14 +66,12 @@ class Watching:
         run: Channel,
         peer: Peer,
         rank: int,
-        prepare: Callable[[Sequence[str]], None],
-        hold: Callable[[list[str], list[int]], None],
+        ready: Ready,
     ) -> None:
         self._run = run
         self._peer = peer
         self._rank = rank
-        self._prepare = prepare
-        self._hold = hold
+        self._ready = ready
         self._silence = Silence()
         self._watched: list[str] = []
         self._asked: tuple[str, str] | None = None
@@ -81,6 +95,8 @@ class Watching:
                     self._run.send(said(BEAT))
                     self._peer.say(BEAT)
             self._peer.listen()
+            if self._peer.waits:
+                self._ready.leave_to_peer()
             for message, files in self._run.received():
                 self._silence.heard()
                 self._take(message, files)
@@ -121,14 +137,14 @@ class Watching:
             case word if word == QUIET:
                 self._quiet = str(message.get("why", ""))
             case word if word == LOCKS:
-                self._hold(message["names"], files)
+                self._ready.hold(message["names"], files)
             case word if word == PEER:
                 self._peer.becomes(files[0], message["pid"])
             case word if word == WATCH:
                 names = message["instruments"]
                 self._watched += [name for name in names if name not in self._watched]
                 with suppress(StationError):  # without its driver it is named later
-                    self._prepare(self._watched)
+                    self._ready.prepare(self._watched)
 
 
 def first_message(run: Channel) -> dict[str, Any] | None:

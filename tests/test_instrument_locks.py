@@ -1,0 +1,285 @@
+"""One run per instrument: whatever an address is spelled like, whoever the user is, whatever is
+done to the files of the locks."""
+
+from __future__ import annotations
+
+import json
+import os
+import socket
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from pathlib import Path
+from threading import Thread
+
+import pytest
+from guardian_helpers import World, world
+
+from station import registry
+from station.bench import read_bench
+from station.clock import RealClock
+from station.errors import InstrumentError
+from station.lookup import find
+from station.runner.addresses import forms_of
+from station.runner.instrument_locks import InstrumentLocks, lock_folder, lock_place
+from station.runner.opening import Probe, open_one
+
+LOCKER = """
+import os, sys
+from station.runner.instrument_locks import InstrumentLocks
+if sys.argv[2:]:
+    os.setgroups([])
+    os.setgid(int(sys.argv[2]))
+    os.setuid(int(sys.argv[2]))
+locks = InstrumentLocks("the run runs/one")
+try:
+    locks.take("coil_supply.x", sys.argv[1])
+    print("held", flush=True)
+except Exception as error:
+    print(error, flush=True)
+sys.stdin.read()
+"""
+NOBODY = 65534
+
+
+@contextmanager
+def other_process(
+    address: str, user: int | None = None, **environment: str
+) -> Iterator[tuple[str, subprocess.Popen[str]]]:
+    """Take an address in another process; yield what it says."""
+    process = subprocess.Popen(
+        [sys.executable, "-c", LOCKER, address, *([] if user is None else [str(user)])],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+        encoding="utf-8",
+        env={**os.environ, **environment},
+    )
+    assert process.stdout is not None
+    try:
+        yield process.stdout.readline().strip(), process
+    finally:
+        process.kill()
+        process.communicate()
+
+
+@pytest.fixture
+def port() -> int:
+    """A port that nobody else has at the moment."""
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        return int(server.getsockname()[1])
+
+
+@pytest.fixture
+def address(port: int) -> Iterator[str]:
+    name = f"TCPIP::127.0.0.1::{port}::SOCKET"
+    yield name
+    for form in forms_of(name):
+        with suppress(OSError):
+            lock_place(form).unlink()
+
+
+@pytest.mark.parametrize(
+    ("one", "another"),
+    [
+        ("TCPIP::127.0.0.1::5025::SOCKET", "tcpip0::localhost::5025::socket"),
+        ("TCPIP::127.0.0.1::5025::SOCKET", "socket://[::1]:5025"),
+        ("TCPIP::127.0.0.1::5025::SOCKET", f"socket://{socket.gethostname()}:5025"),
+        ("TCPIP::192.0.2.7::5025::SOCKET", "socket://192.0.2.7:5025"),
+        ("TCPIP::192.0.2.7::5025::SOCKET", "rfc2217://[::ffff:192.0.2.7]:5025?logging=debug"),
+        ("TCPIP::192.0.2.7::INSTR", "TCPIP0::192.0.2.7::inst0::INSTR"),
+        ("TCPIP::192.0.2.7::hislip0,4880::INSTR", "TCPIP::192.0.2.7::HISLIP0::INSTR"),
+        ("modbus-tcp://192.0.2.7", "modbus-tcp://192.0.2.7:502"),
+        ("GPIB::5::INSTR", "gpib0::5"),
+        ("USB::0x2A8D::0x1301::MY5::INSTR", "USB0::10893::4865::MY5::0::INSTR"),
+        ("ASRL/dev/null::INSTR", "/dev/null"),
+        ("COM3", "ASRL3::INSTR"),
+    ],
+)
+def test_two_spellings_of_one_instrument_share_a_form(one: str, another: str) -> None:
+    assert forms_of(one) & forms_of(another), (forms_of(one), forms_of(another))
+
+
+@pytest.mark.parametrize(
+    ("one", "another"),
+    [
+        ("TCPIP::127.0.0.1::5025::SOCKET", "TCPIP::127.0.0.1::5026::SOCKET"),
+        ("TCPIP::192.0.2.7::5025::SOCKET", "TCPIP::192.0.2.8::5025::SOCKET"),
+        ("socketcand://192.0.2.7:29536/can0", "socketcand://192.0.2.7/can1"),
+        ("GPIB::5::INSTR", "GPIB1::5::INSTR"),
+        ("GPIB::5::INSTR", "GPIB::6::INSTR"),
+        ("COM3", "COM4"),
+    ],
+)
+def test_two_instruments_share_no_form(one: str, another: str) -> None:
+    assert not forms_of(one) & forms_of(another)
+
+
+def test_a_link_to_a_serial_port_is_that_port(tmp_path: Path) -> None:
+    link = tmp_path / "by-id"
+    link.symlink_to("/dev/null")
+    assert forms_of(str(link)) == forms_of("/dev/null")
+
+
+def test_the_name_of_a_host_that_nobody_knows_costs_no_more_than_its_time() -> None:
+    assert forms_of("socket://no-such-host.invalid:5025") == {"tcp no-such-host.invalid 5025"}
+
+
+@pytest.mark.parametrize(
+    "environment", [{}, {"TMPDIR": "/var/tmp"}, {"XDG_RUNTIME_DIR": "/nowhere", "HOME": "/tmp"}]
+)
+def test_another_environment_or_spelling_finds_the_same_locks(
+    address: str, port: int, environment: dict[str, str]
+) -> None:
+    locks = InstrumentLocks("the run runs/first")
+    locks.take("coil_supply.x", address)
+    with other_process(f"socket://localhost:{port}", **environment) as (said, _):
+        assert "another process has it (the run runs/first)" in said
+    locks.release()
+
+
+def test_a_lock_whose_files_are_removed_is_still_held(address: str) -> None:
+    locks = InstrumentLocks("the run runs/first")
+    locks.take("coil_supply.x", address)
+    for form in forms_of(address):
+        lock_place(form).unlink()
+    if sys.platform == "linux":
+        with other_process(address) as (said, _):
+            assert "another process has it" in said
+    locks.release()
+    with other_process(address) as (said, _):
+        assert said == "held"
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="links and pipes of Unix")
+@pytest.mark.parametrize("plant", ["symlink", "hard link", "fifo"])
+def test_what_is_planted_in_the_place_of_a_lock_is_neither_followed_nor_written(
+    address: str, tmp_path: Path, plant: str
+) -> None:
+    victim = tmp_path / "victim"
+    victim.write_text("what root has", encoding="utf-8")
+    (form,) = forms_of(address)
+    place = lock_place(form)
+    try:
+        match plant:
+            case "symlink":
+                place.symlink_to(victim)
+            case "hard link":
+                place.hardlink_to(victim)
+            case _:
+                os.mkfifo(place)
+    except OSError as error:
+        pytest.skip(f"another file system: {error}")
+    with pytest.raises(InstrumentError, match="cannot be had"):
+        InstrumentLocks("the run runs/first").take("coil_supply.x", address)
+    assert victim.read_text(encoding="utf-8") == "what root has"
+    place.unlink()
+
+
+def test_locks_lie_where_every_user_may_put_some_and_none_may_remove_another_ones() -> None:
+    about = lock_folder().stat()
+    assert about.st_uid == 0
+    assert about.st_mode & 0o1002 == 0o1002
+
+
+@pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() != 0, reason="needs two users")
+def test_two_users_find_the_same_locks(address: str) -> None:
+    locks = InstrumentLocks("the run of root")
+    locks.take("coil_supply.x", address)
+    with other_process(address, NOBODY) as (said, _):
+        assert "the run of root" in said
+    locks.release()
+    with other_process(address, NOBODY) as (said, _):
+        assert said == "held"
+        with pytest.raises(InstrumentError, match="the run runs/one"):
+            locks.take("coil_supply.x", address)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no open files are handed on there")
+def test_a_lock_is_free_when_every_process_that_holds_it_is_gone(address: str) -> None:
+    first, second = InstrumentLocks("the run"), InstrumentLocks("its guardian")
+    first.take("coil_supply.x", address)
+    for names, files in first.to_hand_on():
+        second.handed_on(names, [os.dup(file) for file in files])
+    second.take("coil_supply.x", address)
+    first.release()
+    with other_process(address) as (said, _):
+        assert "another process has it" in said
+    second.say("the guardian, process 1")
+    with other_process(address) as (said, _):
+        assert "(the guardian, process 1)" in said
+    second.release()
+    with other_process(address) as (said, _):
+        assert said == "held"
+
+
+@dataclass
+class Relay:
+    """A serial server in small: the same instrument at a second address."""
+
+    port: int
+    listening: socket.socket
+
+
+@pytest.fixture
+def relay(bench: World) -> Iterator[Relay]:
+    head = json.loads(bench.head.read_text(encoding="utf-8").splitlines()[0])
+    supply = int(head["instruments"]["coil_supply.x"]["port"])
+    listening = socket.create_server(("127.0.0.1", 0))
+
+    def pump(source: socket.socket, sink: socket.socket) -> None:
+        with suppress(OSError):
+            while data := source.recv(4096):
+                sink.sendall(data)
+        with suppress(OSError):
+            sink.shutdown(socket.SHUT_RDWR)
+
+    def serve() -> None:
+        with suppress(OSError):
+            while True:
+                client, _ = listening.accept()
+                line = socket.create_connection(("127.0.0.1", supply))
+                for pair in ((client, line), (line, client)):
+                    Thread(target=pump, args=pair, daemon=True).start()
+
+    Thread(target=serve, daemon=True).start()
+    yield Relay(int(listening.getsockname()[1]), listening)
+    listening.shutdown(socket.SHUT_RDWR)
+    listening.close()
+
+
+@pytest.fixture(scope="module")
+def bench(tmp_path_factory: pytest.TempPathFactory) -> Iterator[World]:
+    with world(tmp_path_factory.mktemp("world")) as served:
+        yield served
+
+
+def opened(address: str, locks: InstrumentLocks) -> Probe:
+    shipped = read_bench(find("benches", "sim"), registry.names(registry.DRIVERS))
+    name = "coil_supply.x"
+    probe = open_one(name, shipped, {name: address}, RealClock(), locks=locks)
+    if probe.found is not None:
+        probe.found.instrument.close()
+    return probe
+
+
+def test_an_instrument_is_known_again_by_what_it_reports_of_itself(
+    bench: World, relay: Relay
+) -> None:
+    head = json.loads(bench.head.read_text(encoding="utf-8").splitlines()[0])
+    direct = head["instruments"]["coil_supply.x"]["address"]
+    about = str(head["clock"]["epoch_unix"])
+    first, second = InstrumentLocks("the run runs/first", about), InstrumentLocks("another", about)
+    assert opened(direct, first).ok
+    refused = opened(f"TCPIP::127.0.0.1::{relay.port}::SOCKET", second)
+    assert not refused.ok
+    assert "another process has it (the run runs/first)" in refused.said
+    second.release()
+    elsewhere = InstrumentLocks("a simulated bench of its own", "served at another time")
+    assert opened(f"TCPIP::127.0.0.1::{relay.port}::SOCKET", elsewhere).said.startswith("KEPCO")
+    first.release()
+    elsewhere.release()
+    assert opened(f"TCPIP::127.0.0.1::{relay.port}::SOCKET", second).ok
+    second.release()
