@@ -167,7 +167,7 @@ def test_a_run_that_cannot_die_keeps_nobody_from_its_instruments(
     disk.freeze()
     time.sleep(0.5)
     run.end_by(signal.SIGKILL)
-    until(lambda: bench.at_rest("z"), 5.0 + 10.0 + 7.0)
+    until(lambda: bench.at_rest("z"), DOUBLE_DEATH_S)
     assert is_alive(run.process.pid), "the disk holds it"
     disk.thaw()
     run.wait_for_guardian()

@@ -101,7 +101,9 @@ class InstrumentLocks:
 
     def holds(self, address: str) -> bool:
         """Whether this process has what is at an address."""
-        return lock_place(address) in self._held
+        return address in self._addresses or any(
+            lock_place(form) in self._held for form in forms_of(address)
+        )
 
     def release(self) -> None:
         """Give all of them back."""
