@@ -1,6 +1,6 @@
 """Kill and stop runs at random moments and say when their coils were at rest; JSON lines.
 
-python benchmarks/guardian.py --kills 24 --stops 6 --procedure 10
+python benchmarks/guardian.py --kills 24 --stops 6 --doubles 12 --procedure 10
 
 `station sim` serves the bench in another process; its own account of the world is the oracle. Real
 seconds from the signal: `to_zero_s` until the supply drove nothing any more, `to_verified_s` until
@@ -11,12 +11,15 @@ SIGKILL or 7 s after SIGSTOP, and the slew: half a period for each coil, 0.3 s f
 
 The small runs drive sines at once, in real time. `--procedure` kills `station run` of the laser
 gyro's plan on scaled time, anywhere from its start on; `before_s` is real time there, too.
+`--doubles` ends run and first guardian together: both are killed, or the guardian is stopped and
+the run killed, or the guardian killed and the run stopped; `limit_s` is then 60 s.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+import os
 import signal
 import subprocess
 import sys
@@ -34,6 +37,13 @@ from command_line import station_command
 from guardian_helpers import GuardedRun, World, start_run, until, world
 
 NOTICED_WITHIN_S = {signal.SIGKILL: 2.0, signal.SIGSTOP: 7.0}
+DOUBLE_DEATH_S = 60.0
+DOUBLES = (
+    (signal.SIGKILL, signal.SIGKILL),
+    (signal.SIGKILL, signal.SIGSTOP),
+    (signal.SIGSTOP, signal.SIGKILL),
+)
+"""What ends the run and what its first guardian, one pair after the other."""
 SETTLES_S = 0.3
 CASES = ((0.5, "x"), (0.5, "x"), (0.1, "y"), (0.5, "xyz"))
 """Frequency in Hz and the coils that are driven, one case after the other."""
@@ -44,6 +54,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--kills", type=int, default=24)
     parser.add_argument("--stops", type=int, default=6)
+    parser.add_argument("--doubles", type=int, default=12)
     parser.add_argument("--procedure", type=int, default=10)
     arguments = parser.parse_args()
     with tempfile.TemporaryDirectory() as place:
@@ -54,11 +65,19 @@ def main() -> None:
             for seed, end in enumerate(ends):
                 lines.append(small_run(bench, seed, end, folder / f"small-{seed}"))
                 print(json.dumps(lines[-1]), flush=True)
+            doubles = []
+            for seed in range(arguments.doubles):
+                end, of_guardian = DOUBLES[seed % len(DOUBLES)]
+                place_of_run = folder / f"double-{seed}"
+                doubles.append(small_run(bench, seed, end, place_of_run, of_guardian))
+                print(json.dumps(doubles[-1]), flush=True)
             steps_A = largest_steps_A(bench)
         for end in NOTICED_WITHIN_S:
             told = [line for line in lines if line["end"] == end.name]
             if told:
                 print(json.dumps({**summary(told), "largest_step_A": steps_A}), flush=True)
+        if doubles:
+            print(json.dumps({**summary(doubles), "end": "double"}), flush=True)
         lines = []
         for seed in range(arguments.procedure):
             lines.append(procedure(seed, folder / f"procedure-{seed}"))
@@ -67,12 +86,18 @@ def main() -> None:
             print(json.dumps(summary(lines)))
 
 
-def small_run(bench: World, seed: int, end: signal.Signals, folder: Path) -> dict[str, Any]:
+def small_run(
+    bench: World,
+    seed: int,
+    end: signal.Signals,
+    folder: Path,
+    of_guardian: signal.Signals | None = None,
+) -> dict[str, Any]:
     frequency_Hz, axes = CASES[seed % len(CASES)]
     coils = [f"coil_supply.{axis}" for axis in axes]
     run = start_run(bench, folder, *coils, frequency_Hz=frequency_Hz)
     time.sleep(np.random.default_rng(seed).uniform(0.0, 1.0 / frequency_Hz))
-    return ended(bench, run, end, "small", seed, frequency_Hz, axes)
+    return ended(bench, run, end, "small", seed, frequency_Hz, axes, of_guardian)
 
 
 def procedure(seed: int, folder: Path) -> dict[str, Any]:
@@ -104,16 +129,21 @@ def ended(
     seed: int,
     frequency_Hz: float,
     axes: str,
+    of_guardian: signal.Signals | None = None,
 ) -> dict[str, Any]:
     """End a run, wait for its guardian, and tell what the world and the log say of the times."""
     before = bench.report()
+    first = run.guardians[:1] if of_guardian is not None else []
     signal_s = bench.bench_s(run.end_by(end))
+    for guardian in first:
+        os.kill(guardian, of_guardian or end)
     run.wait_for_guardian()
     line = {
         "benchmark": "guardian",
         "runner": kind,
         "seed": seed,
         "end": end.name,
+        "of_first_guardian": of_guardian.name if of_guardian is not None else None,
         "speed": bench.speed,
         "frequency_Hz": frequency_Hz,
         "was_energised": [name for name, on in before["outputs"].items() if on],
@@ -128,7 +158,7 @@ def ended(
     safe_state_s = sum(one["took_s"] for one in last.get("outcomes", ())) / bench.speed
     driven = sum(f"coil_supply.{axis}" in line["was_energised"] for axis in axes)
     slew_s = (driven * 0.5 / frequency_Hz + SETTLES_S) / bench.speed
-    limit_s = NOTICED_WITHIN_S[end] + slew_s
+    limit_s = NOTICED_WITHIN_S[end] + slew_s if of_guardian is None else DOUBLE_DEATH_S
     verified = all(one["verified"] for one in last.get("outcomes", [{"verified": False}]))
     return {
         **line,

@@ -20,6 +20,7 @@ from station.runner.outcome import Outcome
 from station.runner.run import Run
 from station.runner.session import BenchSession
 from station.runner.signals import AbortSignals
+from station.runner.staying_awake import StayingAwake
 from station.runner.trace import Trace
 from station.runner.whole_bench import BenchReading, Bystanders, read_used
 from station.safety.acknowledgement import remember_trip
@@ -57,6 +58,7 @@ class Walk:
         self._readings = Readings(run.clock)
         self._found: dict[str, Found] = {}
         self._guardian: Guardian | None = None
+        self._awake: StayingAwake | None = None
         self._monitor: Monitor | None = None
         holder = f"the run {run.record.path.resolve()} (process {os.getpid()})"
         self._locks = InstrumentLocks(holder, session.world)
@@ -112,6 +114,7 @@ class Walk:
         Raises GuardianFailed. A bench that is simulated in this process ends with it.
         """
         if not self._session.here:
+            self._awake = StayingAwake()
             self._guardian = Guardian(
                 self._run.record.path,
                 None,
@@ -162,6 +165,9 @@ class Walk:
             entries = self._run.bench.instruments
             names = [name for name in self._found if not entries[name].shares]
             self._guardian.watch(names, self._locks)
+        if self._awake is not None and (why := self._awake.refused()):
+            said = f"the computer may go to sleep during the run: {why}"
+            self._run.record.event("sleep-allowed", message=said)
         self._monitor.check_once()
         self._monitor.start()
 
@@ -200,6 +206,8 @@ class Walk:
             why = f"the run could not verify as safe: {names}"
             outcome.left_to = self._guardian.hand_over(why)
         self._locks.release()
+        if self._awake is not None:
+            self._awake.end()
         if self._trace is not None:
             self._trace.close()
 
