@@ -22,6 +22,7 @@ from frozen_disk import FrozenDisk, frozen_disk
 from guardian_helpers import ROOT, World, is_alive, start_run, until, world
 
 from station.clock import RealClock
+from station.evaluation import flags_of_guardians
 from station.guardian.at_work import guardian_at_work
 from station.guardian.channel import Channel
 from station.guardian.watched import Guardian
@@ -84,6 +85,10 @@ def test_a_guardian_that_is_lost_is_replaced_and_the_new_one_acts(
     assert lost_s < LOST_S[end] + 1.0
     assert after[rank] != before[rank]
     assert after[1 - rank] == before[1 - rank]
+    folder = RunFolder(run.folder)
+    (flag,) = flags_of_guardians(folder)
+    assert flag.code == "guardian-lost"
+    assert f"the {('first', 'second')[rank]} guardian" in flag.message
     os.kill(after[1 - rank], signal.SIGKILL)
     run.end_by(signal.SIGKILL)
     until(lambda: bench.at_rest("x"), DOUBLE_DEATH_S)

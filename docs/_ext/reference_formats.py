@@ -122,6 +122,9 @@ RUN_EVENTS = {
     "failed": "why the run did not finish, with its exit code and the program's traceback",
     "safe-state": "how each instrument came to rest, and whether that was read back; `used` and "
     "`left_out` as before the run",
+    "sleep-allowed": "the computer may go to sleep during the run, and why it could not be asked",
+    "guardian-lost": "a guardian ended or stood still while the run went on; `at_s` says when",
+    "guardian-replaced": "a new guardian is ready, `after_s` of real time later",
     "run-ended": "the end of the run; `complete` says whether every step was done",
 }
 
