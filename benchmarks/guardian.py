@@ -163,6 +163,8 @@ def ended(
     return {
         **line,
         "guardian_acted": True,
+        "why": run.guardian_log()[0]["message"],
+        "began_s": round((run.guardian_log()[0]["t_s"] - signal_s) / bench.speed, 4),
         "attempts": last.get("attempt"),
         "verified": verified,
         "to_zero_s": None

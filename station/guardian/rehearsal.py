@@ -15,7 +15,8 @@ from station.bench import Bench
 from station.clock import RealClock
 from station.guardian.reopening import Opening
 
-REHEARSES_WITHIN_S = 5.0
+REHEARSES_WITHIN_S = 2.0
+"""Less than a guardian may be silent: an instrument may come to be watched late."""
 RESOURCE = re.compile(r"tcpip\d*::.*", re.IGNORECASE)
 URL = re.compile(r"(?P<scheme>[a-z-]+)://[^/]+(?P<path>.*)", re.IGNORECASE)
 

@@ -114,13 +114,16 @@ class Walk:
         Raises GuardianFailed. A bench that is simulated in this process ends with it.
         """
         if not self._session.here:
+            needed = self._procedure.instruments(self._run.parameters)
+            looked_at = watched_in_a_run(interlocks_of(self._run.bench), needed)
+            watched = {name for one in looked_at for name in one.instruments}
             self._awake = StayingAwake()
             self._guardian = Guardian(
                 self._run.record.path,
                 None,
                 self._session.addresses,
                 self._run.clock,
-                instruments=self._procedure.instruments(self._run.parameters),
+                instruments=sorted({*needed, *watched}),
                 wait=False,
                 world=self._session.world,
                 on_lost=self._run.progress.say,
