@@ -79,11 +79,12 @@ def conclude(
     rule: Rule,
     *,
     bench_safe: bool = True,
+    data_whole: bool = True,
 ) -> ResultDocument:
     """Combine uncertainties, hold each result against its limit, and give the verdict.
 
-    `limits` is keyed by result name and axis. A bench whose safe state was not verified cannot
-    pass: the verdict is then at best inconclusive.
+    `limits` is keyed by result name and axis. A bench whose safe state was not verified, and data
+    of which a part is damaged, cannot pass: the verdict is then at best inconclusive.
     """
     combined = combine(findings.estimates, findings.inputs)
     results = []
@@ -93,6 +94,6 @@ def conclude(
         decision = decide(estimate.value, expanded, limit, rule)
         results.append(Result(estimate, uncertainty, limit, decision))
     verdict = overall(result.decision.verdict for result in results)
-    if not bench_safe and verdict == "pass":
+    if not (bench_safe and data_whole) and verdict == "pass":
         verdict = "inconclusive"
     return ResultDocument(procedure, results, findings.published, findings.flags, verdict)

@@ -5,28 +5,33 @@ from __future__ import annotations
 import json
 import re
 import sys
-from collections.abc import Callable, Hashable, Iterator, Mapping
+from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping
+from contextlib import suppress
+from datetime import datetime
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from station.clock import Clock, utc_now
-from station.errors import RecordError
+from station.errors import DamagedRecord, RecordError
 from station.locks import FileLock
 from station.record.creation import EVENTS, RAW, folder_with_head
-from station.record.events import Event, EventLog, read_events
+from station.record.events import RESUMED, Event, EventLog, read_events
 from station.record.files import write_whole_file
 from station.record.manifest import LOCK, write_manifest
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from station.record.integrity import Damage
     from station.record.raw import RawFile, RawIndex
 
 RUN = "run.json"
 RESULTS = "results.json"
 REPORT = "report.html"
 EXPORTS = "exports"
-RESUMED = "resumed"
+REVISIONS = "revisions"
+FACTS = ("started_utc", "station", "python", "packages", "host", "system")
 PIECE_ROWS = 2**19
 """Rows that are read at once; what is longer is read in pieces."""
 
@@ -107,7 +112,8 @@ class RunRecord:
         """Bring a unit's raw data to disk, then say that it is finished."""
         for file in self._raw.values():
             file.sync()
-        self.event("unit-finished", unit=unit, segment=self.segment, **details)
+        sizes = {source: file.size for source, file in self._raw.items()}
+        self.event("unit-finished", unit=unit, segment=self.segment, raw_bytes=sizes, **details)
         for told in self.after_unit:
             told(unit)
 
@@ -148,19 +154,53 @@ class RunFolder:
         self._rows: dict[tuple[str, str], NDArray[Any]] = {}
         self._indices: dict[Path, RawIndex] = {}
         self._found: dict[Hashable, Any] = {}
+        self.left_out: frozenset[str] = frozenset()
+        """Finished units of work that count as not measured, since their data are damaged."""
+
+    @cached_property
+    def damage(self) -> Damage:
+        """What of the folder is not any more what the run wrote; looked for when first asked."""
+        from station.record.integrity import damage_of
+
+        return damage_of(self)
 
     def finished_units(self) -> dict[str, dict[str, Any]]:
-        """Return the details of each finished unit of work, in the order they were finished."""
+        """Return the details of each finished unit of work, in the order they were finished.
+
+        Those that are left out are not among them.
+        """
         return {
             event.details["unit"]: event.details
             for event in self.events
-            if event.kind == "unit-finished"
+            if event.kind == "unit-finished" and event.details["unit"] not in self.left_out
         }
 
+    def leave_out(self, units: Iterable[str]) -> None:
+        """Have finished units of work count as not measured."""
+        self.left_out |= frozenset(units)
+
     def run_facts(self) -> dict[str, Any]:
-        """Return run.json: what differs from one execution to the next."""
-        facts: dict[str, Any] = json.loads((self.path / RUN).read_text(encoding="utf-8"))
+        """Return run.json: what differs from one execution to the next.
+
+        Raises DamagedRecord where it does not say what every run says.
+        """
+        try:
+            facts: dict[str, Any] = json.loads((self.path / RUN).read_text(encoding="utf-8"))
+            datetime.fromisoformat(facts["started_utc"])
+            lacks = [key for key in FACTS if key not in facts]
+        except (OSError, ValueError, KeyError, TypeError, RecursionError):
+            lacks = ["started_utc"]
+        if lacks:
+            raise DamagedRecord(f"{self.path / RUN} was altered: it does not say {lacks[0]}")
         return facts
+
+    def index(self, file: Path) -> RawIndex:
+        """Return where the blocks of a raw file stand; the file is gone through once."""
+        from station.record.raw import RawIndex
+
+        if file not in self._indices:
+            self._indices[file] = RawIndex(file)
+        return self._indices[file]
 
     def events_of(self, kind: str) -> Iterator[Event]:
         """Yield the events of one kind."""
@@ -228,12 +268,8 @@ class RunFolder:
         raise RecordError(f"{self.path}: no raw data of {source} for {unit}")
 
     def _index(self, source: str, segment: int) -> RawIndex | None:
-        from station.record.raw import RawIndex
-
         file = raw_file(self.path, source, segment)
-        if file not in self._indices and file.is_file():
-            self._indices[file] = RawIndex(file)
-        return self._indices.get(file)
+        return self.index(file) if file.is_file() else None
 
     def _segments_of(self, unit: str) -> list[int]:
         """Return where to look for a unit's rows: this process's own, then where it was finished.
@@ -246,14 +282,33 @@ class RunFolder:
             return [*own, int(finished.get("segment", 0))]
         return [*own, *reversed(range(next_segment(self.path / RAW)))]
 
-    def new_revision(self) -> Path:
-        """Return a fresh folder for a re-analysis; earlier ones stay as they are."""
-        parent = self.path / "revisions"
-        parent.mkdir(exist_ok=True)
-        number = len([path for path in parent.iterdir() if path.is_dir()])
-        revision = parent / f"{number:03d}"
-        revision.mkdir()
+    def own_revision(self) -> Path:
+        """Return the folder of the run's own analysis, 000; no other one takes this number."""
+        revision = self.path / REVISIONS / "000"
+        revision.mkdir(parents=True, exist_ok=True)
         return revision
+
+    def new_revision(self) -> Path:
+        """Return a fresh folder for a re-analysis, from 001 on; earlier ones stay as they are.
+
+        Raises RecordError where it cannot be made.
+        """
+        parent = self.path / REVISIONS
+        try:
+            parent.mkdir(exist_ok=True)
+            taken = [int(path.name) for path in parent.iterdir() if path.name.isdecimal()]
+            number = max(taken, default=0) + 1
+            while True:
+                with suppress(FileExistsError):  # another analysis was faster
+                    revision = parent / f"{number:03d}"
+                    revision.mkdir()
+                    return revision
+                number += 1
+        except OSError as error:
+            raise RecordError(
+                f"cannot make a folder in {parent}: {error.strerror or error}; choose another "
+                "place for the results with --output"
+            ) from error
 
 
 def raw_file(folder: Path, source: str, segment: int) -> Path:

@@ -20,6 +20,7 @@ from station.plan import Plan
 from station.plan.resolved import resolved_text
 from station.procedure import Procedure, Prompt
 from station.record.folder import EXPORTS, RUN, RunFolder, RunRecord, json_text
+from station.record.integrity import hash_of_data
 from station.runner.outcome import Outcome
 from station.runner.preflight import look_before_a_run, watch_system_clock
 from station.runner.progress import Progress, how_long
@@ -164,10 +165,7 @@ def hashes_of(contents: Mapping[str, bytes]) -> dict[str, str]:
 def content_hashes(plan: Plan, bench: Bench) -> dict[str, str]:
     """Return the SHA-256 of what the resolved plan and bench say, whatever file it stands in."""
     contents = {"plan": plan.to_yaml_data(), "bench": bench.to_yaml_data()}
-    return {
-        name: hashlib.sha256(json.dumps(data, sort_keys=True, default=str).encode()).hexdigest()
-        for name, data in contents.items()
-    }
+    return {name: hash_of_data(data) for name, data in contents.items()}
 
 
 def export(record: RunRecord) -> None:
