@@ -12,7 +12,6 @@ from station.console import tell
 from station.control.requests import Control
 from station.errors import EXIT_FAULT, InterlockTripped, StationError
 from station.guardian.watched import Guardian
-from station.readings import Readings
 from station.runner.instrument_locks import InstrumentLocks
 from station.runner.opening import Found, open_instruments
 from station.runner.outcome import Outcome
@@ -52,7 +51,7 @@ class Walk:
         self._session = session
         self._bench_file = bench_file
         self._trace = trace
-        self._readings = Readings(run.clock)
+        self._readings = run.readings
         self._found: dict[str, Found] = {}
         self._guardian: Guardian | None = None
         self._monitor: Monitor | None = None
@@ -84,6 +83,7 @@ class Walk:
                 outcome.safe = self._make_safe(signals)
                 run.clock.interrupt(None)
                 self._look_again(outcome)
+                run.log_notes()
                 run.record.note("safe-state", outcomes=[one.to_data() for one in outcome.safe])
                 if self._guardian is not None:
                     self._guardian.dismiss()
