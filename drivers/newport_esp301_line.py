@@ -7,6 +7,8 @@ from collections.abc import Collection
 
 from drivers.roles import Place
 from drivers.transport.answers import number_of, odd, shortened
+from drivers.transport.proof import Proof
+from drivers.transport.retry import NEVER, Repeatable
 from drivers.transport.serial_line import SerialLine
 from drivers.transport.serial_port import Framing
 from station.errors import InstrumentError
@@ -52,10 +54,13 @@ OF_AXIS = {
 class EspLine:
     """Commands and queries of one controller; `axis` is the one whose errors are ours."""
 
-    def __init__(self, place: Place, axis: int) -> None:
+    def __init__(self, place: Place, axis: int, repeatable: Repeatable = NEVER) -> None:
         self._place = place
         self._axis = axis
-        self._line = SerialLine(place, FRAMING, ignores_empty=True)
+        self._line = SerialLine(
+            place, FRAMING, ignores_empty=True, repeatable=repeatable, identity="VE?"
+        )
+        self.proof = Proof(place, self._line)
 
     def query(self, message: str) -> str:
         """Send a message with one query in it and return the answer."""

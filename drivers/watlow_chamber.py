@@ -7,7 +7,9 @@ from abc import abstractmethod
 
 from drivers.bench_limits import limit_of
 from drivers.roles import Place, SafetyReading
+from drivers.transport.modbus_line import ModbusLine
 from drivers.transport.patient_registers import RegisterLine
+from drivers.transport.proof import Proof
 from drivers.watlow_ramp import Steps
 from drivers.watlow_sight import WatlowSight
 from station.errors import InstrumentError
@@ -32,10 +34,11 @@ class WatlowChamber(WatlowSight):
     """How fine the controller's set-point is."""
 
     def __init__(
-        self, place: Place, line: RegisterLine, surely: RegisterLine, door_register: int | None
+        self, place: Place, line: ModbusLine, surely: RegisterLine, door_register: int | None
     ) -> None:
         super().__init__(place, surely, door_register)
         self._line = line
+        self._proof = Proof(place, line)
         self._lock = place.clock.lock(f"{place.name} set-point")
         self._limits_written = self._on = False
         self._steps: Steps | None = None
@@ -151,10 +154,11 @@ class WatlowChamber(WatlowSight):
 
     def read_safety(self) -> SafetyReading:
         """Read back whether the control is off and the output without power."""
-        on, power_percent = self._output(self._surely)
-        self.place.publish("output", "on" if on else "off")
         # A sensor that has failed makes nothing unsafe.
-        air_degC = self._process_degC(self._surely)
+        (on, power_percent), air_degC = self._proof.of(
+            lambda: self._output(self._surely), lambda: self._process_degC(self._surely)
+        )
+        self.place.publish("output", "on" if on else "off")
         return SafetyReading(
             not on and abs(power_percent) <= NO_POWER_PERCENT,
             f"control {'ON' if on else 'off'}, output {power_percent:.1f} %, "

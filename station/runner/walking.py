@@ -12,7 +12,6 @@ from station.console import tell
 from station.control.requests import Control
 from station.errors import EXIT_FAULT, InterlockTripped, StationError
 from station.guardian.watched import Guardian
-from station.readings import Readings
 from station.runner.instrument_locks import InstrumentLocks
 from station.runner.opening import Found, open_instruments
 from station.runner.outcome import Outcome
@@ -53,7 +52,7 @@ class Walk:
         self._session = session
         self._bench_file = bench_file
         self._trace = trace
-        self._readings = Readings(run.clock)
+        self._readings = run.readings
         self._found: dict[str, Found] = {}
         self._guardian: Guardian | None = None
         self._monitor: Monitor | None = None
@@ -95,6 +94,7 @@ class Walk:
                 self._read_the_rest(outcome)
                 run.clock.interrupt(None)
                 self._look_again(outcome)
+                run.log_notes()
                 read = BenchReading(outcome.safe, outcome.left_out)
                 run.record.note("safe-state", **read.to_data())
                 if self._guardian is not None:
