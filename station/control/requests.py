@@ -20,6 +20,7 @@ from station.console import tell
 from station.control.channel import Channel, Incoming
 from station.control.pausing import ask_devices
 from station.errors import Aborted
+from station.runner.signals import wishes
 
 if TYPE_CHECKING:
     from station.runner.run import Run
@@ -240,8 +241,8 @@ def in_words(words: Mapping[str, str]) -> str:
 
 def end_prompt() -> None:
     """Wake the main thread from a read of the terminal, as Ctrl-C does."""
-    ident = main_thread().ident
-    if ident is not None and hasattr(signal, "pthread_kill"):
-        signal.pthread_kill(ident, signal.SIGINT)
+    ident, known = main_thread().ident, wishes()
+    if ident is not None and known and hasattr(signal, "pthread_kill"):
+        signal.pthread_kill(ident, known[0])
     else:  # heard when the read ends: Windows wakes it for a key only
         _thread.interrupt_main()

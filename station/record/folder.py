@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import json
 import re
-import sys
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from station.clock import Clock, utc_now
+from station.console import tell
 from station.errors import RecordError
 from station.locks import FileLock
 from station.record.creation import EVENTS, RAW, folder_with_head
@@ -124,7 +124,7 @@ class RunRecord:
             write()
         except (RecordError, OSError) as error:
             self.faults.append(str(error))
-            print(f"not recorded: {error}", file=sys.stderr)
+            tell(f"not recorded: {error}")
 
 
 class RunFolder:
