@@ -208,8 +208,11 @@ class Clock(ABC):
         return Pulse(name, longest_silence_s)
 
     def allow(self, seconds: float) -> AbstractContextManager[None]:
-        """Declare that this thread's next sign of life may take `seconds` of real time."""
+        """Declare that until exit this thread's signs of life may take `seconds` of real time."""
         return nullcontext()
+
+    def expect(self, seconds: float) -> None:  # noqa: B027  (as `pulse`)
+        """Declare that this thread's very next sign of life may take `seconds` of real time."""
 
     def quiet_pulses(self) -> tuple[Quiet, ...]:
         """Return who has given no sign of life for longer than it may, as far as looks show it."""

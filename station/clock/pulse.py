@@ -18,7 +18,7 @@ class Pulse:
     The clock beats it whenever the thread asks for the time or sleeps.
     """
 
-    __slots__ = ("beats", "ended", "longest_silence_s", "name")
+    __slots__ = ("beats", "ended", "expected", "longest_silence_s", "name")
 
     def __init__(self, name: str, longest_silence_s: float) -> None:
         self.name = name
@@ -26,6 +26,8 @@ class Pulse:
         """Real time."""
         self.beats = 0
         self.ended = False
+        self.expected = (-1, 0.0)
+        """After which beat a longer silence was declared, and how long."""
 
     def beat(self) -> None:
         """Give a sign of life."""
@@ -33,7 +35,7 @@ class Pulse:
 
     @contextmanager
     def allow(self, seconds: float) -> Iterator[None]:
-        """Declare that the next sign may take up to `seconds` of real time to come."""
+        """Declare that until exit each sign may take up to `seconds` of real time to come."""
         before = self.longest_silence_s
         self.beats += 1
         self.longest_silence_s = max(before, seconds)
@@ -42,6 +44,16 @@ class Pulse:
         finally:
             self.beats += 1
             self.longest_silence_s = before
+
+    def expect(self, seconds: float) -> None:
+        """Declare that the very next sign may take up to `seconds` of real time to come."""
+        self.beats += 1
+        self.expected = (self.beats, seconds)
+
+    def silence_allowed_s(self) -> float:
+        """Return how long the present silence may last, real time in s."""
+        after, seconds = self.expected
+        return max(self.longest_silence_s, seconds if after == self.beats else 0.0)
 
     def end(self) -> None:
         """From now on no sign is expected any more."""
@@ -99,5 +111,5 @@ class Pulses:
             return tuple(
                 Quiet(pulse.name, silent_s)
                 for pulse, (_, silent_s) in self._seen.items()
-                if silent_s > pulse.longest_silence_s
+                if silent_s > pulse.silence_allowed_s()
             )

@@ -149,9 +149,14 @@ class RealClock(Clock):
         return pulse
 
     def allow(self, seconds: float) -> AbstractContextManager[None]:
-        """Declare that this thread's next sign of life may take `seconds` of real time."""
+        """Declare that until exit this thread's signs of life may take `seconds` of real time."""
         pulse = self._pulse_of.get(get_ident())
         return nullcontext() if pulse is None else pulse.allow(seconds)
+
+    def expect(self, seconds: float) -> None:
+        """Declare that this thread's very next sign of life may take `seconds` of real time."""
+        if (pulse := self._pulse_of.get(get_ident())) is not None:
+            pulse.expect(seconds)
 
     def quiet_pulses(self) -> tuple[Quiet, ...]:
         """Return who has given no sign of life for longer than it may, as far as looks show it."""

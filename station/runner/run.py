@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 
 Role = TypeVar("Role")
 WAIT_SLICE_S = 1.0
+COMPUTES_WITHIN_S = 120.0
+"""Real time that a step may work on what was recorded, without a sign of life."""
 
 
 @dataclass(frozen=True)
@@ -86,6 +88,7 @@ class Run:
         self.progress.step(step.number, step.title, step.duration_s(self.parameters))
         self._step_began_s = self.clock.now()
         self.record.event("step-started", durable=False, step=step.number, title=step.title)
+        self.clock.expect(COMPUTES_WITHIN_S)  # libraries are loaded where they are first used
         step.body(self)
         self.record.event("step-finished", durable=False, step=step.number)
 
@@ -150,5 +153,9 @@ class Run:
         self._step_began_s += self.clock.now() - began_s
 
     def read_back(self) -> RunFolder:
-        """Return the folder as it is on disk now: nothing is analysed from memory."""
+        """Return the folder as it is on disk now: nothing is analysed from memory.
+
+        What is computed from it may take its time.
+        """
+        self.clock.expect(COMPUTES_WITHIN_S)
         return RunFolder(self.record.path, self.record.segment)
