@@ -79,8 +79,17 @@ def is_held(path: Path) -> bool:
     """
     if not path.is_file():
         return False
-    writable = os.access(path, os.W_OK)
-    with path.open("r+b" if writable else "rb") as file:
+    try:
+        # For reading: on a disk that takes no writes for a while nothing opens for more than that.
+        return _is_taken(path, "rb")
+    except OSError:  # a network disk may want more
+        if not os.access(path, os.W_OK):
+            raise
+        return _is_taken(path, "r+b")
+
+
+def _is_taken(path: Path, mode: str) -> bool:
+    with path.open(mode) as file:
         try:
             _take(file)
         except REFUSED:

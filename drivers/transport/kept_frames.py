@@ -16,6 +16,8 @@ LOOK_S = 0.005
 READ_SLICE_S = 0.2
 MOST_FRAMES = 500_000
 """That nobody takes, about 100 MB: the oldest are dropped, which their own numbers show."""
+LONGEST_SILENCE_S = 10.0
+"""Real time without a sign of life of the reading thread."""
 
 F = TypeVar("F")
 
@@ -97,8 +99,10 @@ class KeptFrames(TracedLine, ABC, Generic[F]):
         """Keep what has come, or comes within a real time; return whether there was anything."""
 
     def _keep_reading(self) -> None:
-        while not self._closing.is_set() and self._dead is None:
-            self._read(READ_SLICE_S)
+        with self._clock.pulse(f"the reader of {self._place.name}", LONGEST_SILENCE_S) as pulse:
+            while not self._closing.is_set() and self._dead is None:
+                self._read(READ_SLICE_S)
+                pulse.beat()
 
     def _must_live(self) -> None:
         """Raise InstrumentError when the line is gone."""

@@ -6,15 +6,14 @@ import json
 import os
 import sys
 from collections.abc import Sequence
-from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 from station.bench import role_of
 from station.cli.printing import print_document
 from station.cli.validating import read_bench_named, read_plan_for
-from station.console import tell
-from station.errors import InputError
+from station.console import OutputLost, tell
+from station.errors import EXIT_ABORTED, EXIT_FAULT, EXIT_INTERLOCK, InputError
 from station.record.folder import REPORT
 from station.results import SCHEMA
 from station.roles import safe_states
@@ -60,8 +59,12 @@ def may_ask(*, non_interactive: bool) -> bool:
 def told(outcome: Outcome, procedure: str, *, as_json: bool) -> int:
     """Say how a run ended and print its results; return the exit code."""
     say(outcome)
-    with suppress(BrokenPipeError):  # nobody reads on; the run is what it is
+    try:
         print_outcome(outcome, procedure, as_json=as_json)
+    except OutputLost as error:
+        tell(f"{error}; the run folder has them")
+        ended = outcome.exit_code in (EXIT_ABORTED, EXIT_INTERLOCK)
+        return outcome.exit_code if ended else EXIT_FAULT
     return outcome.exit_code
 
 

@@ -21,6 +21,8 @@ RESOLVED_BENCH = "bench.resolved.yaml"
 BEATS_EVERY_S = 1.0
 READY_WITHIN_S = 20.0
 ENDS_WITHIN_S = 5.0
+A_BEAT = said(BEAT)
+"""Made once: where there is no memory left the run may still live."""
 LOST = (
     "the guardian of this run has ended: if the run is killed now, nothing makes the bench safe; "
     "end the run with Ctrl-C, or stay beside the bench"
@@ -37,7 +39,8 @@ class Guardian:
     Raises GuardianFailed unless it is ready, its drivers imported, within 20 s; with `wait` False
     only `wait_ready` does. `bench` is the resolved bench file, by default the run folder's;
     `instruments` are those that the run uses, by default all of the bench. `on_lost` is called, in
-    a thread of the guardian's own, where the guardian ends before it is dismissed.
+    a thread of the guardian's own, where the guardian ends before it is dismissed. A sign of life
+    is given only where `may_beat` says that the run lives.
     """
 
     def __init__(
@@ -50,10 +53,12 @@ class Guardian:
         instruments: Sequence[str] | None = None,
         wait: bool = True,
         on_lost: Callable[[str], None] = tell,
+        may_beat: Callable[[], bool] = lambda: True,
     ) -> None:
         if not isinstance(clock, RealClock):
             raise GuardianFailed("a bench that is simulated in this process ends with it")
         self._on_lost = on_lost
+        self._may_beat = may_beat
         self._ended = Event()
         self._writing = Lock()
         self._ready = False
@@ -139,8 +144,10 @@ class Guardian:
 
     def _beat(self) -> None:
         while not self._ended.wait(BEATS_EVERY_S):
+            if not self._may_beat():
+                continue
             try:
-                self._write(said(BEAT))
+                self._write(A_BEAT)
             except (OSError, ValueError):
                 if not self._ended.is_set() and self._ready:
                     self._on_lost(LOST)

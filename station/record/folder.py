@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import re
-import sys
 from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping
 from contextlib import suppress
 from datetime import datetime
@@ -13,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from station.clock import Clock, utc_now
+from station.console import tell
 from station.errors import DamagedRecord, RecordError
 from station.locks import FileLock
 from station.record.creation import EVENTS, RAW, folder_with_head
@@ -76,6 +76,8 @@ class RunRecord:
         """What is told the name of each unit of work when it is finished."""
         self._clock = clock
         self._lock = run_lock(self.path)
+        facts = path.stat()
+        self._identity = facts.st_dev, facts.st_ino
         self._events = EventLog(self.path / EVENTS)
         self._raw: dict[str, RawFile] = {}
         self.segment = next_segment(path / RAW)
@@ -86,11 +88,34 @@ class RunRecord:
 
         It survives the death of the process at once; `durable` waits until the disk has it too.
         """
+        self.must_be_there()
         self._events.append(self._clock.now(), kind, details, durable=durable)
+        # A disk that stood still may have kept the thread from hearing that the run is to end.
+        self._clock.raise_interruption()
 
     def note(self, kind: str, **details: Any) -> None:
         """Append an event, or say on standard error that it could not be written."""
-        self._try(lambda: self.event(kind, **details))
+        self.note_at(self._clock.now(), kind, **details)
+
+    def note_at(self, time_s: float, kind: str, **details: Any) -> None:
+        """As `note`, of something that was at run time `time_s`."""
+        self._try(lambda: self._events.append(time_s, kind, details, durable=True))
+
+    def must_be_there(self) -> None:
+        """Raise RecordError where the folder is no longer at its place."""
+        if not self.is_there():
+            raise RecordError(
+                f"the run folder {self.path} was removed, moved or unmounted while the run went "
+                "on; what was recorded is in it, wherever it is now"
+            )
+
+    def is_there(self) -> bool:
+        """Whether the folder that this run writes is the one at its place."""
+        try:
+            facts = self.path.stat()
+        except OSError:
+            return False
+        return (facts.st_dev, facts.st_ino) == self._identity
 
     def write_text(self, name: str, text: str) -> None:
         """Write a text file of the folder, whole and on disk, or not at all."""
@@ -102,6 +127,7 @@ class RunRecord:
 
     def block(self, source: str, unit: str, columns: Mapping[str, str], rows: NDArray[Any]) -> None:
         """Append a block of raw rows of `source` that belongs to `unit`."""
+        self.must_be_there()
         if source not in self._raw:
             from station.record.raw import RawFile
 
@@ -134,7 +160,7 @@ class RunRecord:
             write()
         except (RecordError, OSError) as error:
             self.faults.append(str(error))
-            print(f"not recorded: {error}", file=sys.stderr)
+            tell(f"not recorded: {error}")
 
 
 class RunFolder:

@@ -94,7 +94,16 @@ def execute(request: Request) -> Outcome:
 
 
 def conclude(record: RunRecord, outcome: Outcome, *, report: bool) -> None:
-    """Evaluate what was measured, seal the folder, and set the exit code that says it all."""
+    """Evaluate what was measured, seal the folder, and set the exit code that says it all.
+
+    A folder that is no longer there is left alone: nothing is made in its place.
+    """
+    try:
+        record.must_be_there()
+    except RecordError as error:
+        if outcome.error is None:
+            outcome.error, outcome.exit_code = str(error), EXIT_FAULT
+        return
     with wishes_held():
         with suppress(RecordError):  # a full disk was told when the run met it
             note_end(record)

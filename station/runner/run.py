@@ -28,6 +28,8 @@ SENTENCES = {
     "frames-dropped": "more came than was taken; the oldest frames were dropped",
 }
 """What the operator reads of the first event of a kind of an instrument; all are in the log."""
+COMPUTES_WITHIN_S = 120.0
+"""Real time that a step may work on what was recorded, without a sign of life."""
 
 
 @dataclass(frozen=True)
@@ -96,6 +98,7 @@ class Run:
         self.progress.step(step.number, step.title, step.duration_s(self.parameters))
         self._step_began_s = self.clock.now()
         self.record.event("step-started", durable=False, step=step.number, title=step.title)
+        self.clock.expect(COMPUTES_WITHIN_S)  # libraries are loaded where they are first used
         step.body(self)
         self.log_notes()
         self.record.event("step-finished", durable=False, step=step.number)
@@ -178,5 +181,9 @@ class Run:
         self._step_began_s += self.clock.now() - began_s
 
     def read_back(self) -> RunFolder:
-        """Return the folder as it is on disk now: nothing is analysed from memory."""
+        """Return the folder as it is on disk now: nothing is analysed from memory.
+
+        What is computed from it may take its time.
+        """
+        self.clock.expect(COMPUTES_WITHIN_S)
         return RunFolder(self.record.path, self.record.segment)

@@ -2,22 +2,25 @@
 
 from __future__ import annotations
 
+import math
 import traceback
 from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from station.clock import ClockError
+from station.clock import ClockError, RealClock
 from station.console import tell
 from station.control.requests import Control
 from station.errors import EXIT_FAULT, InterlockTripped, StationError
 from station.guardian.watched import Guardian
+from station.runner.folder_watch import FolderWatch
 from station.runner.instrument_locks import InstrumentLocks
 from station.runner.opening import Found, open_instruments
 from station.runner.outcome import Outcome
 from station.runner.run import Run
 from station.runner.session import BenchSession
 from station.runner.signals import AbortSignals
+from station.runner.stillness import Stillness
 from station.runner.trace import Trace
 from station.runner.whole_bench import BenchReading, Bystanders, read_used
 from station.safety.acknowledgement import remember_trip
@@ -28,6 +31,12 @@ from station.safety.safe_state import make_bench_safe
 if TYPE_CHECKING:
     from station.procedure import Procedure, Prompt
     from station.safety.safe_state import SafeOutcome
+
+
+BALLAST_BYTES = 16_000_000
+"""Memory that is given back when a run fails, so that making the bench safe has some."""
+READS_THE_REST_WITHIN_S = 20.0
+"""Real time to read what the plan did not use, which bounds itself at half of that."""
 
 
 class Walk:
@@ -66,14 +75,29 @@ class Walk:
             None if session.here else self._locks,
             trace,
         )
+        self._stillness: Stillness | None = None
+        self._folder_watch: FolderWatch | None = None
+        self._making_safe = run.clock.lock("the safe state")
+        self._ballast = bytearray(BALLAST_BYTES)
+        self._failed_s = 0.0
 
     def go(self, outcome: Outcome) -> None:
-        """Do every step; the bench comes to rest in every case. `outcome` says how it went."""
+        """Do every step; the bench comes to rest in every case. `outcome` says how it went.
+
+        Until that is read back nothing is written and nothing said: the disk, the terminal or the
+        memory may be what ended the run.
+        """
         run = self._run
+        failure: Exception | None = None
         with ExitStack() as stack:
             stack.enter_context(run.clock.participant("run"))
             signals = stack.enter_context(AbortSignals(run.clock))
             run.control = stack.enter_context(Control(run.record.path, run.clock))
+            if isinstance(run.clock, RealClock):
+                self._stillness = stack.enter_context(
+                    Stillness(run.clock, signals, lambda: self._make_safe(signals))
+                )
+                self._folder_watch = stack.enter_context(FolderWatch(run.record, run.clock))
             try:
                 self._guard()
                 self._open()
@@ -84,26 +108,47 @@ class Walk:
                     run.do(step)
                 outcome.exit_code = 0
             except Exception as error:  # a bug in a step must still leave a safe bench
-                self._failed(outcome, error)
+                self._ballast.clear()
+                self._failed_s = run.clock.now()
+                failure = error
             finally:
+                if self._folder_watch is not None:
+                    self._folder_watch.end()
                 signals.hold()
                 run.control.hold()
+                if self._stillness is not None:
+                    self._stillness.run_ends()
                 if self._monitor is not None:
                     self._monitor.stop()
                 outcome.safe = self._make_safe(signals)
                 self._read_the_rest(outcome)
                 run.clock.interrupt(None)
-                self._look_again(outcome)
-                run.log_notes()
-                read = BenchReading(outcome.safe, outcome.left_out)
-                run.record.note("safe-state", **read.to_data())
-                if self._guardian is not None:
-                    self._guardian.dismiss()
-                self._close()
-                run.record.note("run-ended", complete=outcome.error is None)
-                run.record.close()
+                self._conclude(outcome, failure)
         if outcome.unsafe:
             outcome.exit_code = EXIT_FAULT
+
+    def _conclude(self, outcome: Outcome, failure: Exception | None) -> None:
+        """Write how the run ended, and give everything back; the bench is as it will be.
+
+        The guardian stays until all of that is done: a disk that stands still ends no run.
+        """
+        run = self._run
+        for cause in [] if failure is None else self._causes(failure):
+            self._failed(outcome, cause)
+        run.log_notes()
+        run.record.note("safe-state", **BenchReading(outcome.safe, outcome.left_out).to_data())
+        self._close()
+        run.record.note("run-ended", complete=outcome.error is None)
+        run.record.close()
+        if self._stillness is not None:
+            self._stillness.end()
+        if self._guardian is not None:
+            self._let_guardian_go(self._guardian, outcome)
+
+    def _let_guardian_go(self, guardian: Guardian, outcome: Outcome) -> None:
+        """Dismiss the guardian from a bench that was proven safe; else it is to go on."""
+        if not outcome.unsafe:
+            guardian.dismiss()
 
     def _guard(self) -> None:
         """Start the process that makes the bench safe if this one dies.
@@ -119,6 +164,7 @@ class Walk:
                 instruments=self._procedure.instruments(self._run.parameters),
                 wait=False,
                 on_lost=self._run.progress.say,
+                may_beat=self._stillness.may_beat if self._stillness else lambda: True,
             )
 
     def _open(self) -> None:
@@ -160,6 +206,8 @@ class Walk:
             self._guardian.watch([name for name in self._found if not entries[name].shares])
         self._monitor.check_once()
         self._monitor.start()
+        if self._stillness is not None:
+            self._stillness.begin()
 
     def _read_before(self) -> None:
         """Read everything that can harm, and refuse what is energised outside the plan.
@@ -177,13 +225,22 @@ class Walk:
 
     def _read_the_rest(self, outcome: Outcome) -> None:
         """Read what the plan did not use: it may have been energised meanwhile."""
-        others = self._bystanders.read(self._run.instruments)
+        with self._run.clock.allow(READS_THE_REST_WITHIN_S):
+            others = self._bystanders.read(self._run.instruments)
         outcome.safe += others.read
         outcome.left_out += others.left_out
 
     def _make_safe(self, signals: AbortSignals) -> list[SafeOutcome]:
+        """Bring the bench to rest from this thread; others that want to wait for that."""
         run = self._run
-        return make_bench_safe(run.instruments, run.bench.safe_order(), run.clock, signals.hurry)
+        with run.clock.allow(math.inf):  # whoever is at it gives signs of life
+            self._making_safe.__enter__()
+        try:
+            return make_bench_safe(
+                run.instruments, run.bench.safe_order(), run.clock, signals.hurry
+            )
+        finally:
+            self._making_safe.__exit__(None, None, None)
 
     def _close(self) -> None:
         if self._monitor is not None:
@@ -196,29 +253,34 @@ class Walk:
             self._trace.close()
 
     def _failed(self, outcome: Outcome, error: Exception) -> None:
-        """Note what ended the run; where an interlock tripped, that was it."""
-        if self._monitor is not None and self._monitor.trip is not None:
-            error = self._monitor.trip
+        """Note what ended the run."""
         if isinstance(error, InterlockTripped):
             self._tripped(error)
         known = isinstance(error, StationError | ClockError)
         outcome.error = str(error) if known else f"a fault of the program: {error!r}"
         outcome.exit_code = error.exit_code if isinstance(error, StationError) else EXIT_FAULT
-        trace = "".join(traceback.format_exception(error))
-        self._run.record.note(
-            "failed", message=outcome.error, exit_code=outcome.exit_code, traceback=trace
+        self._run.record.note_at(
+            self._failed_s,
+            "failed",
+            message=outcome.error,
+            exit_code=outcome.exit_code,
+            traceback="".join(traceback.format_exception(error)),
         )
 
-    def _look_again(self, outcome: Outcome) -> None:
-        """Let an open chain be what ended a run that failed for want of an instrument.
+    def _causes(self, failure: Exception) -> list[Exception]:
+        """Return what ended a run that failed, the last of which counts.
 
-        An emergency stop cuts power: the run may fail of that before the chain is looked at.
+        Where an interlock tripped, that was it. An emergency stop cuts power: the run may fail of
+        that before the chain is looked at.
         """
-        if outcome.exit_code == EXIT_FAULT and self._monitor and self._monitor.trip is None:
+        if self._monitor is None:
+            return [failure]
+        if self._monitor.trip is not None:
+            return [self._monitor.trip]
+        if getattr(failure, "exit_code", EXIT_FAULT) == EXIT_FAULT:
             with suppress(Exception):  # that the bench is safe must be told, whatever this says
                 self._monitor.look_at_chains()
-            if self._monitor.trip is not None:
-                self._failed(outcome, self._monitor.trip)
+        return [failure] if self._monitor.trip is None else [failure, self._monitor.trip]
 
     def _tripped(self, trip: InterlockTripped) -> None:
         """Record a trip, and keep the bench from being used until a person acknowledges it."""
