@@ -156,18 +156,32 @@ def take_over_streams() -> None:
     """Make the standard streams of this process safe to use, until it ends.
 
     One that was closed when the process began is opened on nothing, so that no file of a run is
-    ever opened in its place.
+    ever opened in its place. One that another program has put there, without a handle of the
+    system, stays as it is.
     """
     closed = set(map(open_on_nothing, STANDARD))
     if sys.stdin is None:
         sys.stdin = os.fdopen(0, encoding="utf-8")
     if sys.stderr is None:
         sys.stderr = os.fdopen(2, "w", encoding="utf-8")
-    ours = NeverBlocking(sys.stderr)
-    sys.stderr = cast(TextIO, ours)
-    if os.name == "posix":  # a console of Windows takes no bytes
+    if has_handle(sys.stderr):
+        ours = NeverBlocking(sys.stderr)
+        sys.stderr = cast(TextIO, ours)
+        atexit.register(ours.drain, LAST_WORDS_S)
+    if os.name == "posix" and (1 in closed or has_handle(sys.stdout)):
+        # A console of Windows takes no bytes.
         sys.stdout = cast(TextIO, Whole(None if 1 in closed else sys.stdout))
-    atexit.register(ours.drain, LAST_WORDS_S)
+
+
+def has_handle(stream: TextIO | None) -> bool:
+    """Whether the system knows a stream by a number."""
+    if stream is None or isinstance(stream, NeverBlocking | Whole):
+        return False
+    try:
+        stream.fileno()
+    except (OSError, ValueError):
+        return False
+    return True
 
 
 def open_on_nothing(handle: int) -> int | None:
