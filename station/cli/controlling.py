@@ -123,6 +123,7 @@ def wait_for_end(run: Path, timeout_s: float) -> End:
     """
     until_s = boot_seconds() + timeout_s
     gone_s = safe_s = None
+    outcomes: list[dict[str, Any]] | None = None
     while (now_s := boot_seconds()) < until_s:
         end = look_at_end(run)
         if end is not None and end[1] is not None:
@@ -130,9 +131,10 @@ def wait_for_end(run: Path, timeout_s: float) -> End:
         if end is not None:  # died instead of ending: its guardian is at the bench
             gone_s = gone_s or now_s
             until_s = min(until_s, gone_s + GUARDIAN_WITHIN_S)
-        elif (outcomes := read_back_by(run)) is not None:
-            safe_s = safe_s or now_s
-            if now_s - safe_s > LINGERS_S:
+        else:
+            outcomes = read_back_by(run) or outcomes
+            safe_s = safe_s or (None if outcomes is None else now_s)
+            if safe_s is not None and now_s - safe_s > LINGERS_S:
                 return LINGERS, outcomes, False
         RealClock().sleep(LOOKS_EVERY_S)
     return look_at_end(run) or (f"not ended within {timeout_s:g} s", None, False)

@@ -115,6 +115,8 @@ class Stillness:
         return not self._quiet
 
     def _watch(self) -> None:
+        if hasattr(signal, "pthread_sigmask"):  # so that this thread sees those that wait
+            signal.pthread_sigmask(signal.SIG_BLOCK, wishes())
         while not self._ended.wait(LOOKS_EVERY_S):
             quiet = self._clock.quiet_pulses()
             if not quiet and self._disobeyed():
@@ -154,9 +156,12 @@ class Stillness:
         return self._looks_since_wish * LOOKS_EVERY_S > OBEYS_WITHIN_S
 
     def _rung(self) -> bool:
-        """Whether a wish has come since the last look."""
+        """Whether a wish has come since the last look, or waits for a thread in the kernel."""
+        known = set(wishes())
+        if hasattr(signal, "sigpending") and known & signal.sigpending():
+            return True
         try:
-            return bool(set(self._ear.recv(4096)) & set(wishes()))
+            return bool(known & set(self._ear.recv(4096)))
         except OSError:  # nothing has, or all is over
             return False
 

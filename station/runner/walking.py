@@ -236,9 +236,11 @@ class Walk:
         with run.clock.allow(math.inf):  # whoever is at it gives signs of life
             self._making_safe.__enter__()
         try:
-            return make_bench_safe(
-                run.instruments, run.bench.safe_order(), run.clock, signals.hurry
-            )
+            order = run.bench.safe_order()
+            outcomes = make_bench_safe(run.instruments, order, run.clock, signals.hurry)
+            if run.control is not None:
+                run.control.made_safe(outcomes)
+            return outcomes
         finally:
             self._making_safe.__exit__(None, None, None)
 
