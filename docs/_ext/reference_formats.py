@@ -71,7 +71,14 @@ RESULT_KEYS = {
     "safe_state[].verified": "whether its safe state was read back",
     "safe_state[].read_back": "what it said",
     "safe_state[].took_s": "the time it took, in s",
-    "safe_state[].used": "false for an instrument that the run did not use, and only read",
+    "safe_state[].used": "false for an instrument that the run did not use and that is not at rest",
+    "outside[]": "`station run --json` only: how everything else on the bench that can harm was "
+    "read, as in `safe_state`",
+    "outside[].instrument": "its instance",
+    "outside[].verified": "whether it is at rest",
+    "outside[].read_back": "what it said",
+    "outside[].took_s": "the time it took, in s",
+    "outside[].used": "false",
     "left_out[]": "`station run --json` only: what can harm and was not read back, why, and what "
     "is known of it",
 }
@@ -104,8 +111,8 @@ RUN_EVENTS = {
     "system-clock-unsynchronised": "nothing keeps the computer's clock right: a warning",
     "system-clock-jumped": "the computer's clock was set while the run went on; no data change",
     "identified": "an instrument answered: instance, maker, model, serial number, firmware",
-    "bench-read": "how everything that can harm stood before the first step; `used: false` for "
-    "what the plan does not use; `left_out`: what was not read, and why",
+    "bench-read": "how everything that can harm stood before the first step; `outside`: what the "
+    "plan does not use; `left_out`: what was not read, and why",
     "step-started": "a step begins: its number and title",
     "step-finished": "a step is done",
     "prompt": "a request to the operator, the answer, and who gave it",
@@ -120,8 +127,8 @@ RUN_EVENTS = {
     "pause-refused": "the run goes on; `reasons` by the name of each instrument that refused",
     "went-on": "the pause is over, and how long it took",
     "failed": "why the run did not finish, with its exit code and the program's traceback",
-    "safe-state": "how each instrument came to rest, and whether that was read back; `used` and "
-    "`left_out` as before the run",
+    "safe-state": "how each instrument came to rest, and whether that was read back; `outside` "
+    "and `left_out` as before the run",
     "run-ended": "the end of the run; `complete` says whether every step was done",
 }
 

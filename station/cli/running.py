@@ -118,7 +118,7 @@ def say(outcome: Outcome) -> None:
         if one.skipped:
             tell(f"{one.instrument}: {one.skipped}")
     exceptions = except_for(outcome.left_out)
-    if outcome.safe and not outcome.unsafe:
+    if (outcome.safe or outcome.outside) and not outcome.unsafe:
         tell(f"the bench is safe, read back from every instrument that can harm{exceptions}")
     elif exceptions:
         tell(f"every instrument that can harm was read back{exceptions}")
@@ -144,5 +144,6 @@ def document_of(outcome: Outcome, procedure: str) -> dict[str, Any]:
         "exit_code": outcome.exit_code,
         "error": outcome.error,
         "safe_state": [one.to_data() for one in outcome.safe],
+        "outside": [one.to_data() for one in outcome.outside],
         "left_out": [one.to_data() for one in outcome.left_out],
     }

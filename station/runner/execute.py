@@ -30,7 +30,7 @@ from station.runner.session import BenchSession
 from station.runner.signals import wishes_held
 from station.runner.trace import Trace
 from station.runner.walking import Walk
-from station.safety.acknowledgement import refuse_until_acknowledged
+from station.safety.acknowledgement import addresses_of, refuse_until_acknowledged
 from station.status import RUN_STARTED, what_is_planned
 from station.versions import versions
 from station.yaml.writing import yaml_text
@@ -60,7 +60,7 @@ def execute(request: Request) -> Outcome:
     """
     plan, bench = request.plan, request.bench
     procedure = registry.procedure(plan.procedure)
-    refuse_until_acknowledged(bench.path)
+    refuse_until_acknowledged(bench.path, [] if request.served else addresses_of(bench))
     with BenchSession(bench, plan.procedure, request.served) as session:
         clock = session.clock
         operator = Operator(

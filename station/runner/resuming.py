@@ -32,7 +32,7 @@ from station.runner.run import Past, Run
 from station.runner.session import RESUME, BenchSession
 from station.runner.trace import Trace
 from station.runner.walking import Walk
-from station.safety.acknowledgement import refuse_until_acknowledged
+from station.safety.acknowledgement import addresses_of, refuse_until_acknowledged
 from station.safety.bounds import bound_faults
 from station.status import RUN_STARTED
 from station.versions import versions
@@ -82,7 +82,7 @@ def resume(request: ResumeRequest) -> Outcome:
     refuse_another_bench(folder, recorded_bench, bench)
     facts = folder.run_facts()
     bench_file = bench.path if request.bench else Path(facts.get("bench_file", bench.path))
-    refuse_until_acknowledged(bench_file)
+    refuse_until_acknowledged(bench_file, [] if request.served else addresses_of(bench))
     if is_measured(folder):
         return evaluate_only(folder, report=request.report)
     stopped_s = folder.events[-1].time_s

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import traceback
+from collections.abc import Iterable
 from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -23,10 +24,10 @@ from station.runner.signals import AbortSignals
 from station.runner.stillness import Stillness
 from station.runner.trace import Trace
 from station.runner.whole_bench import BenchReading, Bystanders, read_used
-from station.safety.acknowledgement import remember_trip
+from station.safety.acknowledgement import refuse_identified, remember_trip
 from station.safety.interlocks.monitor import Monitor
 from station.safety.interlocks.reading import interlocks_of, watched_in_a_run
-from station.safety.safe_state import make_bench_safe
+from station.safety.safe_state import MadeSafe, make_bench_safe
 
 if TYPE_CHECKING:
     from station.procedure import Procedure, Prompt
@@ -65,6 +66,7 @@ class Walk:
         self._found: dict[str, Found] = {}
         self._guardian: Guardian | None = None
         self._monitor: Monitor | None = None
+        self._trip: InterlockTripped | None = None
         holder = f"the run {run.record.path.resolve()}"
         self._locks = InstrumentLocks(holder)
         self._bystanders = Bystanders(
@@ -121,13 +123,13 @@ class Walk:
                 if self._monitor is not None:
                     self._monitor.stop()
                 outcome.safe = self._make_safe(signals)
-                self._read_the_rest(outcome)
+                read = self._read_the_rest(outcome)
                 run.clock.interrupt(None)
-                self._conclude(outcome, failure)
+                self._conclude(outcome, failure, read)
         if outcome.unsafe:
             outcome.exit_code = EXIT_FAULT
 
-    def _conclude(self, outcome: Outcome, failure: Exception | None) -> None:
+    def _conclude(self, outcome: Outcome, failure: Exception | None, read: BenchReading) -> None:
         """Write how the run ended, and give everything back; the bench is as it will be.
 
         The guardian stays until all of that is done: a disk that stands still ends no run.
@@ -136,7 +138,8 @@ class Walk:
         for cause in [] if failure is None else self._causes(failure):
             self._failed(outcome, cause)
         run.log_notes()
-        run.record.note("safe-state", **BenchReading(outcome.safe, outcome.left_out).to_data())
+        self._remember_trip()
+        run.record.note("safe-state", **read.to_data())
         self._close()
         run.record.note("run-ended", complete=outcome.error is None)
         run.record.close()
@@ -146,8 +149,11 @@ class Walk:
             self._let_guardian_go(self._guardian, outcome)
 
     def _let_guardian_go(self, guardian: Guardian, outcome: Outcome) -> None:
-        """Dismiss the guardian from a bench that was proven safe; else it is to go on."""
-        if not outcome.unsafe:
+        """Dismiss the guardian from what was proven safe; else it is to go on.
+
+        What the run did not use is none of its business either.
+        """
+        if not any(one.used for one in outcome.unsafe):
             guardian.dismiss()
 
     def _guard(self) -> None:
@@ -186,7 +192,20 @@ class Walk:
         run.instruments = {name: one.instrument for name, one in self._found.items()}
         for name, one in self._found.items():
             run.record.event("identified", instrument=name, **vars(one.identity))
+        if self._session.real:
+            refuse_identified(self._bench_file, self._said(self._found))
         self._read_before()
+
+    def _said(self, names: Iterable[str]) -> dict[str, tuple[str, str]]:
+        """Return what instruments say of themselves: address to model and serial number."""
+        entries = self._run.bench.instruments
+        said = {}
+        for name in names:
+            for one in entries[name].shares or (name,):
+                identity = self._found[one].identity if one in self._found else None
+                known = (identity.model, identity.serial) if identity else ("", "")
+                said[entries[one].address or ""] = known
+        return said
 
     def _ask_for_driver(self, prompt_id: str, text: str) -> str:
         return self._run.ask_again(prompt_id, text, of="driver")
@@ -217,18 +236,20 @@ class Walk:
         run = self._run
         others = self._bystanders.read(run.instruments, run.clock)
         used = read_used(run.instruments, run.clock)
-        read = BenchReading([*used, *others.read], others.left_out)
+        read = BenchReading(used, others.outside, others.left_out)
         run.record.event("bench-read", **read.to_data())
         for one in others.left_out:
             run.progress.say(f"WARNING: not read before the run: {one.said}")
         read.refuse_energised()
 
-    def _read_the_rest(self, outcome: Outcome) -> None:
+    def _read_the_rest(self, outcome: Outcome) -> BenchReading:
         """Read what the plan did not use: it may have been energised meanwhile."""
         with self._run.clock.allow(READS_THE_REST_WITHIN_S):
             others = self._bystanders.read(self._run.instruments)
-        outcome.safe += others.read
-        outcome.left_out += others.left_out
+        read = BenchReading(outcome.safe, others.outside, others.left_out)
+        outcome.safe = [*outcome.safe, *read.energised]
+        outcome.outside, outcome.left_out = list(read.outside), list(read.left_out)
+        return read
 
     def _make_safe(self, signals: AbortSignals) -> list[SafeOutcome]:
         """Bring the bench to rest from this thread; others that want to wait for that."""
@@ -285,7 +306,7 @@ class Walk:
         return [failure] if self._monitor.trip is None else [failure, self._monitor.trip]
 
     def _tripped(self, trip: InterlockTripped) -> None:
-        """Record a trip, and keep the bench from being used until a person acknowledges it."""
+        """Record a trip; the bench is refused because of it once it is at rest."""
         self._run.record.note(
             "interlock-tripped",
             interlock=trip.name,
@@ -294,7 +315,25 @@ class Walk:
             limit=trip.limit,
             tripped_s=round(trip.time_s, 6),
         )
+        self._trip = trip
+
+    def _remember_trip(self) -> None:
+        """Keep the bench from being used until a person acknowledges what tripped.
+
+        A real one is known by its instruments: those that can harm, and those the interlock sees.
+        """
+        trip, instruments = self._trip, None
+        if trip is None:
+            return
+        if self._session.real:
+            concerned = {
+                name for name, one in self._found.items() if isinstance(one.instrument, MadeSafe)
+            }
+            for interlock in self._interlocks:
+                if interlock.name == trip.name:
+                    concerned |= interlock.instruments
+            instruments = self._said(sorted(concerned))
         try:
-            remember_trip(self._bench_file, trip, self._run.record.path)
+            remember_trip(self._bench_file, trip, self._run.record.path, instruments)
         except OSError as error:
             tell(f"the trip could not be noted ({error}): this bench will not be refused")
