@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import io
 import zlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from functools import lru_cache
 from pathlib import Path
 from typing import IO, Any
@@ -155,6 +155,19 @@ class RawIndex:
         with self._path.open("rb") as file:
             for at, size in zip(began[::every], length[::every], strict=True):
                 yield decoded(message_of(file, at, size, self._path).data)
+
+
+def joined(blocks: Iterable[NDArray[Any]], rows: int) -> Iterator[NDArray[Any]]:
+    """Yield blocks put together, `rows` and a block's more at most; one piece at least."""
+    waiting: list[NDArray[Any]] = []
+    count = 0
+    for block in blocks:
+        if count >= rows:
+            yield np.concatenate(waiting)
+            waiting, count = [], 0
+        waiting.append(block)
+        count += len(block)
+    yield np.concatenate(waiting)
 
 
 def read_raw(path: Path, unit: str) -> Iterator[NDArray[Any]]:
