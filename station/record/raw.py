@@ -196,6 +196,7 @@ def read_blocks(path: Path) -> Iterator[tuple[str, dict[str, str], NDArray[Any]]
                     described[unit] = one.metadata
                 elif isinstance(one, Message):
                     yield unit, described[unit], decoded(one.data)
+                    break
 
 
 def message_of(file: IO[bytes], at: int, size: int, path: Path) -> Message:
