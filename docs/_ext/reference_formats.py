@@ -108,6 +108,7 @@ RUN_FILES = {
 
 RUN_EVENTS = {
     "run-started": "the plan's procedure, device and units of work; what `status` reads",
+    "memory-taken": "other programs hold the memory that the evaluation will need: a warning",
     "system-clock-unsynchronised": "nothing keeps the computer's clock right: a warning",
     "system-clock-jumped": "the computer's clock was set while the run went on; no data change",
     "identified": "an instrument answered: instance, maker, model, serial number, firmware",

@@ -74,3 +74,14 @@ def moved(folder: Path, parent: Path, name: str) -> Path:
 def numbered(name: str, number: int) -> str:
     """Return `name`, `name-2`, `name-3` …"""
     return name if number == 1 else f"{name}-{number}"
+
+
+def raw_file(folder: Path, source: str, segment: int) -> Path:
+    """Return the raw file of a source that one process of a run writes."""
+    return folder / RAW / f"{source}-{segment:03d}.mcap"
+
+
+def next_segment(raw: Path) -> int:
+    """Return the number after those of the raw files that are there, 0 where there are none."""
+    numbers = [int(path.stem.rpartition("-")[2]) for path in raw.glob("*-[0-9][0-9][0-9].mcap")]
+    return max(numbers, default=-1) + 1

@@ -15,7 +15,7 @@ from station.clock import Clock, utc_now
 from station.console import tell
 from station.errors import DamagedRecord, RecordError
 from station.locks import FileLock
-from station.record.creation import EVENTS, RAW, folder_with_head
+from station.record.creation import EVENTS, RAW, folder_with_head, next_segment, raw_file
 from station.record.events import RESUMED, Event, EventLog, read_events
 from station.record.files import write_whole_file
 from station.record.manifest import LOCK, write_manifest
@@ -255,24 +255,20 @@ class RunFolder:
         What is one piece is kept for who asks again; of a longer record nothing is. Raises
         RecordError when there are no rows.
         """
-        import numpy as np
-
         if (source, unit) in self._rows:
             yield self._rows[source, unit]
             return
-        waiting: list[NDArray[Any]] = []
-        number = count = 0
-        for block in self._blocks_of(source, unit):
-            if count >= PIECE_ROWS:
-                yield np.concatenate(waiting)
-                waiting.clear()
-                number, count = number + 1, 0
-            waiting.append(block)
-            count += len(block)
-        last = np.concatenate(waiting)
-        if number == 0:
-            self._rows[source, unit] = last
-        yield last
+        from station.record.raw import joined
+
+        pieces = joined(self._blocks_of(source, unit), PIECE_ROWS)
+        first, more = next(pieces), next(pieces, None)
+        if more is None:
+            self._rows[source, unit] = first
+        yield first
+        del first
+        if more is not None:
+            yield more
+            yield from pieces
 
     def once(self, name: Hashable, find: Callable[[], Found]) -> Found:
         """Return what `find` found when it was asked for by this name for the first time."""
@@ -335,17 +331,6 @@ class RunFolder:
                 f"cannot make a folder in {parent}: {error.strerror or error}; choose another "
                 "place for the results with --output"
             ) from error
-
-
-def raw_file(folder: Path, source: str, segment: int) -> Path:
-    """Return the raw file of a source that one process of a run writes."""
-    return folder / RAW / f"{source}-{segment:03d}.mcap"
-
-
-def next_segment(raw: Path) -> int:
-    """Return the number after those of the raw files that are there, 0 where there are none."""
-    numbers = [int(path.stem.rpartition("-")[2]) for path in raw.glob("*-[0-9][0-9][0-9].mcap")]
-    return max(numbers, default=-1) + 1
 
 
 def run_lock(folder: Path) -> FileLock:

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import io
 import zlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from functools import lru_cache
 from pathlib import Path
 from typing import IO, Any
@@ -157,6 +157,19 @@ class RawIndex:
                 yield decoded(message_of(file, at, size, self._path).data)
 
 
+def joined(blocks: Iterable[NDArray[Any]], rows: int) -> Iterator[NDArray[Any]]:
+    """Yield blocks put together, `rows` and a block's more at most; one piece at least."""
+    waiting: list[NDArray[Any]] = []
+    count = 0
+    for block in blocks:
+        if count >= rows:
+            yield np.concatenate(waiting)
+            waiting, count = [], 0
+        waiting.append(block)
+        count += len(block)
+    yield np.concatenate(waiting)
+
+
 def read_raw(path: Path, unit: str) -> Iterator[NDArray[Any]]:
     """Yield the blocks of one unit of work; who reads several keeps the index."""
     return RawIndex(path).blocks(unit)
@@ -183,6 +196,7 @@ def read_blocks(path: Path) -> Iterator[tuple[str, dict[str, str], NDArray[Any]]
                     described[unit] = one.metadata
                 elif isinstance(one, Message):
                     yield unit, described[unit], decoded(one.data)
+                    break
 
 
 def message_of(file: IO[bytes], at: int, size: int, path: Path) -> Message:
