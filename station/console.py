@@ -23,6 +23,7 @@ MOST_WAITING = 500
 MOST_LOOKS, LOOKS_EVERY_S = 50, 0.005
 """So long a full queue is waited for, once: then its terminal stands still."""
 LAST_WORDS_S = 2.0
+IN_ORDER_WITHIN_S = 0.5
 STANDARD = range(3)
 
 
@@ -55,12 +56,12 @@ class NeverBlocking:
     def flush(self) -> None:
         """Wait for nobody."""
 
-    def drain(self, within_s: float) -> None:
-        """Wait in real time until everything is written, and no longer than that."""
+    def drain(self, within_s: float) -> bool:
+        """Wait in real time until everything is written, and no longer than that; whether it is."""
         self._say_what_was_dropped()
         written = Event()
         self._waiting.put(written)
-        written.wait(within_s)
+        return written.wait(within_s)
 
     def _takes_more(self) -> bool:
         """Whether there is room; a terminal that is only slow is waited for."""
@@ -99,8 +100,10 @@ class NeverBlocking:
 class Whole:
     """Standard output without a buffer that could fail, or block, at the end of the process."""
 
-    def __init__(self, stream: TextIO | None) -> None:
+    def __init__(self, stream: TextIO | None, messages: NeverBlocking | None = None) -> None:
         self._stream = stream
+        self._messages = messages
+        """What was written before, elsewhere: on a terminal it is to stand before."""
         self._over = False
 
     def __getattr__(self, name: str) -> Any:
@@ -113,6 +116,8 @@ class Whole:
         """
         if self._over:
             return len(text)
+        if self._messages is not None and not self._messages.drain(IN_ORDER_WITHIN_S):
+            self._messages = None  # that terminal stands still: it is not waited for again
         try:
             if self._stream is None:
                 raise OSError("it is closed")
@@ -164,13 +169,14 @@ def take_over_streams() -> None:
         sys.stdin = os.fdopen(0, encoding="utf-8")
     if sys.stderr is None:
         sys.stderr = os.fdopen(2, "w", encoding="utf-8")
+    ours = None
     if has_handle(sys.stderr):
         ours = NeverBlocking(sys.stderr)
         sys.stderr = cast(TextIO, ours)
         atexit.register(ours.drain, LAST_WORDS_S)
     if os.name == "posix" and (1 in closed or has_handle(sys.stdout)):
         # A console of Windows takes no bytes.
-        sys.stdout = cast(TextIO, Whole(None if 1 in closed else sys.stdout))
+        sys.stdout = cast(TextIO, Whole(None if 1 in closed else sys.stdout, ours))
 
 
 def has_handle(stream: TextIO | None) -> bool:

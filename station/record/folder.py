@@ -19,6 +19,7 @@ from station.record.creation import EVENTS, RAW, folder_with_head, next_segment,
 from station.record.events import RESUMED, Event, EventLog, read_events
 from station.record.files import write_whole_file
 from station.record.manifest import LOCK, write_manifest
+from station.record.presence import Presence
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -76,8 +77,7 @@ class RunRecord:
         """What is told the name of each unit of work when it is finished."""
         self._clock = clock
         self._lock = run_lock(self.path)
-        facts = path.stat()
-        self._identity = facts.st_dev, facts.st_ino
+        self.presence = Presence(path)
         self._events = EventLog(self.path / EVENTS)
         self._raw: dict[str, RawFile] = {}
         self.segment = next_segment(path / RAW)
@@ -88,7 +88,8 @@ class RunRecord:
 
         It survives the death of the process at once; `durable` waits until the disk has it too.
         """
-        self.must_be_there()
+        if durable:
+            self.presence.check()
         self._events.append(self._clock.now(), kind, details, durable=durable)
         # A disk that stood still may have kept the thread from hearing that the run is to end.
         self._clock.raise_interruption()
@@ -101,22 +102,6 @@ class RunRecord:
         """As `note`, of something that was at run time `time_s`."""
         self._try(lambda: self._events.append(time_s, kind, details, durable=True))
 
-    def must_be_there(self) -> None:
-        """Raise RecordError where the folder is no longer at its place."""
-        if not self.is_there():
-            raise RecordError(
-                f"the run folder {self.path} was removed, moved or unmounted while the run went "
-                "on; what was recorded is in it, wherever it is now"
-            )
-
-    def is_there(self) -> bool:
-        """Whether the folder that this run writes is the one at its place."""
-        try:
-            facts = self.path.stat()
-        except OSError:
-            return False
-        return (facts.st_dev, facts.st_ino) == self._identity
-
     def write_text(self, name: str, text: str) -> None:
         """Write a text file of the folder, whole and on disk, or not at all."""
         write_whole_file(self.path / name, text.encode())
@@ -127,7 +112,7 @@ class RunRecord:
 
     def block(self, source: str, unit: str, columns: Mapping[str, str], rows: NDArray[Any]) -> None:
         """Append a block of raw rows of `source` that belongs to `unit`."""
-        self.must_be_there()
+        self.presence.check()
         if source not in self._raw:
             from station.record.raw import RawFile
 

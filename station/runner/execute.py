@@ -99,7 +99,7 @@ def conclude(record: RunRecord, outcome: Outcome, *, report: bool) -> None:
     A folder that is no longer there is left alone: nothing is made in its place.
     """
     try:
-        record.must_be_there()
+        record.presence.check()
     except RecordError as error:
         if outcome.error is None:
             outcome.error, outcome.exit_code = str(error), EXIT_FAULT

@@ -43,7 +43,7 @@ class FolderWatch:
             while not self._ended.wait(LOOKS_EVERY_S):
                 pulse.beat()
                 try:
-                    self._record.must_be_there()
+                    self._record.presence.check()
                 except RecordError as error:
                     if not self._ended.is_set():
                         self._clock.interrupt(error)
