@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from drivers.roles import Place
 from drivers.transport.answers import shortened
-from drivers.transport.exchange_port import EXCHANGE_DEADLINE_S, ExchangePort
+from drivers.transport.exchange_port import EXCHANGE_DEADLINE_S, QUIET_S, ExchangePort
 from drivers.transport.retry import NEVER, Repeatable
 from station.errors import InstrumentError
 
@@ -52,14 +52,11 @@ class TextLine(ExchangePort):
 
     def write(self, message: str) -> None:
         """Send `message`, which has no answer; whatever lies on the line, it is sent."""
-        with self._lock:
-            self._last = None
-            try:
-                port = self._port if self._port is not None else self._open()
-                self._write(port, message)
-            except BaseException:
-                self._forget_connection()
-                raise
+        self._blindly(lambda port: self._write(port, message))
+
+    def last_attempt(self, message: str) -> None:
+        """Send `message` where no answer can be understood, and leave the time to hear it."""
+        self._blindly(lambda port: self._write(port, message), QUIET_S)
 
     def echoes_identity(self) -> bool:
         """Ask who is there; whether it is who answered before, so that the line is in step.
