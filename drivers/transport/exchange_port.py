@@ -110,7 +110,6 @@ class ExchangePort(TracedLine, ABC):
                     port = self._ready()
                     answer = once(port)
                     self._nothing_behind(port, message)
-                    self._wire.received()
                     self._last = message, answer
                     return answer
                 except (AnswerInDoubt, LineBroken) as error:
@@ -295,6 +294,7 @@ class ExchangePort(TracedLine, ABC):
                 self._traced("<", answer[:LARGEST_TRACE_BYTES])
         if not answer:
             raise self._silent(attempted, "no answer came", deadline_s)
+        self._wire.received()
         return answer
 
     def _silent(self, attempted: str, what: str, deadline_s: float) -> InstrumentError:
