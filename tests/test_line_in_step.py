@@ -296,7 +296,7 @@ def test_a_device_that_never_stops_talking_still_hears_a_last_attempt() -> None:
 
 
 class Stubborn:
-    """A supply that drives 5 A whatever it is told; `stray` comes in at the n-th question.
+    """A supply that says it is off and drives 5 A; `stray` comes in at the n-th question.
 
     From then on each answer is read as that to the next question.
     """
@@ -309,8 +309,8 @@ class Stubborn:
         answers = {
             "*IDN?": IDENTITY,
             "MEAS:CURR?": "5.0",
-            "CURR?": "5.0",
-            "OUTP?": "1",
+            "CURR?": "0",
+            "OUTP?": "0",
             "STAT:OPER:COND?": "0",
         }
         if "?" not in asked:
