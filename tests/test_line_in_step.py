@@ -191,7 +191,7 @@ def test_what_comes_after_an_answer_puts_that_answer_in_doubt(kind: str) -> None
 
 def test_a_command_in_doubt_is_said_again_and_must_be_answered_alike() -> None:
     answers = iter(["0,ok", "-222,no"])
-    taken = threading.Event()
+    taken, sent = threading.Event(), threading.Event()
 
     def says(client: socket.socket, asked: str) -> None:
         if asked.startswith("OUTP OFF"):
@@ -199,12 +199,14 @@ def test_a_command_in_doubt_is_said_again_and_must_be_answered_alike() -> None:
             if not taken.is_set():
                 taken.wait(10.0)
                 client.sendall(b"0,ok\n")
+                sent.set()
         else:
             client.sendall(f"{asked}\n".encode())
 
     with line_to(says) as (line, device, _):
         assert line.query("OUTP OFF;:SYST:ERR?") == "0,ok"
         taken.set()
+        assert sent.wait(10.0)
         RealClock().sleep(0.1)
         with pytest.raises(InstrumentError, match="when asked again"):
             line.query("A?")

@@ -46,7 +46,7 @@ class TextLine(ExchangePort):
         Raises InstrumentTimeout when no complete answer comes within `deadline_s` of run time.
         """
         answer = self._exchange(message, lambda port: self._once(port, message, deadline_s))
-        if message == self._identity_question:
+        if message == self._identity_question and any(map(str.isalpha, answer)):
             self._identity = answer
         return answer
 
@@ -64,13 +64,17 @@ class TextLine(ExchangePort):
         Who was never asked is asked until the same comes twice.
         """
         for _ in range(LEARN_TRIES):
-            before = self._identity
-            if before is not None and any(map(str.isalpha, before)):
+            if self._identity is not None:
                 break
-            self._identity = self._who()
-            if self._identity != self._who():
-                self._identity = None
+            who = self._who()
+            if any(map(str.isalpha, who)) and who == self._who():
+                self._identity = who
         return self._identity is not None and self._who() == self._identity
+
+    def _doubt(self, came: bytes, asked: str) -> None:
+        if asked == self._identity_question:
+            self._identity = None  # what was taken for it may have been anything
+        super()._doubt(came, asked)
 
     def _who(self) -> str:
         question = self._identity_question
