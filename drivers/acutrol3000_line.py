@@ -142,6 +142,10 @@ class AclLine:
         """Send a command whose refusal is no fault here."""
         self._told(message)
 
+    def blindly(self, message: str) -> None:
+        """Send a command and wait for no answer: a last attempt."""
+        self._line.last_attempt(message)
+
     def forget_errors(self) -> None:
         """Read errors until there is none."""
         for _ in range(MOST_ERRORS):

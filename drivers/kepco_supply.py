@@ -173,7 +173,7 @@ class KepcoSupply(ABC):
             self.place.publish("output", "off")
         except InstrumentError:
             with suppress(InstrumentError):
-                self._line.write("OUTP OFF")
+                self._line.last_attempt("OUTP OFF")
             raise
 
     def _ramp_to_zero(self, deadline_s: float) -> None:

@@ -209,7 +209,7 @@ class Keysight33522B:
                 raise self._error("switched both outputs off", what, "switch it off by hand")
         except InstrumentError:
             with suppress(InstrumentError):
-                self._line.write(off)
+                self._line.last_attempt(off)
             raise
 
     def read_safety(self) -> SafetyReading:

@@ -205,7 +205,7 @@ class NewportEsp301:
                 self.place.clock.sleep(LOOK_S)
         except InstrumentError:
             with suppress(InstrumentError):
-                self._line.write("AB")
+                self._line.last_attempt("AB")
             raise
         self._turning = False
         with suppress(InstrumentError):

@@ -66,9 +66,9 @@ class EspLine:
         """Send a message with one query in it and return the answer."""
         return self._line.query(message)
 
-    def write(self, message: str) -> None:
-        """Send a command and ask nothing, for a last attempt."""
-        self._line.write(message)
+    def last_attempt(self, message: str) -> None:
+        """Send a command where no answer can be understood."""
+        self._line.last_attempt(message)
 
     def close(self) -> None:
         """Close the line."""

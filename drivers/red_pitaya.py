@@ -194,7 +194,7 @@ class RedPitaya:
         except InstrumentError:
             # It may do what it is told though nobody understands its answers.
             with suppress(InstrumentError):
-                self._set(f"DIG:PIN {OUTPUT},0", f"DIG:PIN? {OUTPUT}", "0")
+                self._line.last_attempt(f"DIG:PIN {OUTPUT},0")
             raise
 
     def read_safety(self) -> SafetyReading:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from abc import abstractmethod
+from contextlib import suppress
 
 from drivers.bench_limits import limit_of
 from drivers.roles import Place, SafetyReading
@@ -142,11 +143,20 @@ class WatlowChamber(WatlowSight):
         return f"holds {self._stands_at():.1f} degC"
 
     def make_safe(self, deadline_s: float) -> None:
-        """Switch heater and compressor off and see, before run time `deadline_s`, that they are."""
+        """Switch heater and compressor off and see, before run time `deadline_s`, that they are.
+
+        Where no answer can be understood, they are switched off without one, and the error is
+        raised.
+        """
         self._on = False
         with self._lock:
             self._steps = None
-            self._disengage(self._surely)
+            try:
+                self._disengage(self._surely)
+            except InstrumentError:
+                with suppress(InstrumentError):
+                    self._last_attempt()
+                raise
         while self.place.clock.now() < deadline_s - LOOK_S:
             if self.read_safety().safe:
                 return
@@ -190,6 +200,10 @@ class WatlowChamber(WatlowSight):
     @abstractmethod
     def _disengage(self, line: RegisterLine) -> None:
         """Switch heater and compressor off."""
+
+    @abstractmethod
+    def _last_attempt(self) -> None:
+        """Switch heater and compressor off without waiting for any answer."""
 
     def _begin_ramp(self, target_degC: float, rate_K_per_min: float) -> None:
         here_degC = self._stands_at()

@@ -130,6 +130,13 @@ class WatlowF4(WatlowChamber):
         if self._event_register is not None:
             line.write(self._event_register, [0])
 
+    def _last_attempt(self) -> None:
+        if self._event_register is not None:
+            self._line.tell(self._event_register, 0)
+        if self._limits_written and self._per_K is not None:
+            low = round(self._limit("temperature_low") * self._per_K)
+            self._line.tell(TARGET, (low - 1) & 0xFFFF)
+
     def _output(self, line: RegisterLine) -> tuple[bool, float]:
         (low,), (target,) = line.read(SET_LOW), line.read(TARGET)
         on = signed(target) >= signed(low)

@@ -110,7 +110,6 @@ class ExchangePort(TracedLine, ABC):
                     port = self._ready()
                     answer = once(port)
                     self._nothing_behind(port, message)
-                    self._wire.received()
                     self._last = message, answer
                     return answer
                 except (AnswerInDoubt, LineBroken) as error:
@@ -175,7 +174,22 @@ class ExchangePort(TracedLine, ABC):
         text = came[:LARGEST_TRACE_BYTES].decode("ascii", "backslashreplace")
         self._place.note("line-resynchronised", came=shortened(text), after=shortened(asked))
 
-    def _open(self) -> Port:
+    def _blindly(self, send: Callable[[Port], None], heard_s: float = 0.0) -> None:
+        """Send what needs no answer, whatever lies on the line and whatever still comes.
+
+        The instrument is given some run time to hear it, before the line may be opened anew.
+        """
+        with self._lock:
+            self._last = None
+            try:
+                send(self._port if self._port is not None else self._open(calm=False))
+                if heard_s:
+                    self._clock.sleep(heard_s)
+            except BaseException:
+                self._forget_connection()
+                raise
+
+    def _open(self, *, calm: bool = True) -> Port:
         port: Port | None = None
         try:
             port = self._port_opened()
@@ -184,7 +198,8 @@ class ExchangePort(TracedLine, ABC):
             self._traced("-", b"opened" if self._opened == 1 else b"reopened")
             if self._must_calm or self._needs_quiet(port):
                 self._greet(port)
-                self._await_quiet(port)
+                if calm:
+                    self._await_quiet(port)
         except BaseException as error:
             self._wire.close()
             if port is not None:
@@ -279,6 +294,7 @@ class ExchangePort(TracedLine, ABC):
                 self._traced("<", answer[:LARGEST_TRACE_BYTES])
         if not answer:
             raise self._silent(attempted, "no answer came", deadline_s)
+        self._wire.received()
         return answer
 
     def _silent(self, attempted: str, what: str, deadline_s: float) -> InstrumentError:

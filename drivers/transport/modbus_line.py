@@ -20,7 +20,7 @@ from pymodbus.pdu.register_message import (
 )
 
 from drivers.roles import Place
-from drivers.transport.exchange_port import EXCHANGE_DEADLINE_S, ExchangePort
+from drivers.transport.exchange_port import EXCHANGE_DEADLINE_S, QUIET_S, ExchangePort
 from drivers.transport.modbus_refusal import ModbusRefusal
 from drivers.transport.retry import NEVER, Repeatable
 from drivers.transport.serial_port import (
@@ -106,6 +106,16 @@ class ModbusLine(ExchangePort):
         echo = reply.registers == list(values) if len(values) == 1 else reply.count == len(values)
         if reply.address != address or not echo:
             raise self._wrong(attempted, "the answer is to another request")
+
+    def tell(self, address: int, value: int) -> None:
+        """Send that a register is written and wait for no answer: a last attempt."""
+        request = WriteSingleRegisterRequest(address=address, registers=[value])
+        self._transaction = self._transaction % LAST_TRANSACTION + 1
+        request.dev_id, request.transaction_id = self._unit, self._transaction
+        frame = self._framer.buildFrame(request)
+        attempted = f"write {value} to register {address}"
+        self._blindly(lambda port: self._send(port, attempted, frame), QUIET_S)
+        self._must_calm = True  # the answer that comes all the same is nobody's
 
     def echoes_identity(self) -> bool:
         """Whether answers are those to the last questions, by reading `witness` once more.

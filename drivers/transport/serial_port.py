@@ -18,6 +18,7 @@ from station.errors import InstrumentError
 CONNECT_DEADLINE_S = 2.0
 WRITE_DEADLINE_S = 0.5
 LARGEST_READ_BYTES = 1 << 16
+MOST_LEFT_BYTES = 1 << 20
 
 
 @dataclass(frozen=True)
@@ -83,9 +84,15 @@ class SocketPort:
                     raise TimeoutError("the other side takes no more bytes") from None
 
     def close(self) -> None:
-        """Give the port back."""
+        """Give the port back, once the other side has been sent everything.
+
+        A connection that is closed with bytes unread is reset, and what was sent last is lost.
+        """
         with suppress(OSError):
-            self._socket.shutdown(socket.SHUT_RDWR)
+            self._socket.shutdown(socket.SHUT_WR)
+            for _ in range(MOST_LEFT_BYTES // LARGEST_READ_BYTES):
+                if not self._socket.recv(LARGEST_READ_BYTES):
+                    break
         if self._give_back is None:
             self._socket.close()
             return

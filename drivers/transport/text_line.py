@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from drivers.roles import Place
 from drivers.transport.answers import shortened
-from drivers.transport.exchange_port import EXCHANGE_DEADLINE_S, ExchangePort
+from drivers.transport.exchange_port import EXCHANGE_DEADLINE_S, QUIET_S, ExchangePort
 from drivers.transport.retry import NEVER, Repeatable
 from station.errors import InstrumentError
 
@@ -46,20 +46,17 @@ class TextLine(ExchangePort):
         Raises InstrumentTimeout when no complete answer comes within `deadline_s` of run time.
         """
         answer = self._exchange(message, lambda port: self._once(port, message, deadline_s))
-        if message == self._identity_question:
+        if message == self._identity_question and any(map(str.isalpha, answer)):
             self._identity = answer
         return answer
 
     def write(self, message: str) -> None:
         """Send `message`, which has no answer; whatever lies on the line, it is sent."""
-        with self._lock:
-            self._last = None
-            try:
-                port = self._port if self._port is not None else self._open()
-                self._write(port, message)
-            except BaseException:
-                self._forget_connection()
-                raise
+        self._blindly(lambda port: self._write(port, message))
+
+    def last_attempt(self, message: str) -> None:
+        """Send `message` where no answer can be understood, and leave the time to hear it."""
+        self._blindly(lambda port: self._write(port, message), QUIET_S)
 
     def echoes_identity(self) -> bool:
         """Ask who is there; whether it is who answered before, so that the line is in step.
@@ -67,13 +64,17 @@ class TextLine(ExchangePort):
         Who was never asked is asked until the same comes twice.
         """
         for _ in range(LEARN_TRIES):
-            before = self._identity
-            if before is not None and any(map(str.isalpha, before)):
+            if self._identity is not None:
                 break
-            self._identity = self._who()
-            if self._identity != self._who():
-                self._identity = None
+            who = self._who()
+            if any(map(str.isalpha, who)) and who == self._who():
+                self._identity = who
         return self._identity is not None and self._who() == self._identity
+
+    def _doubt(self, came: bytes, asked: str) -> None:
+        if asked == self._identity_question:
+            self._identity = None  # what was taken for it may have been anything
+        super()._doubt(came, asked)
 
     def _who(self) -> str:
         question = self._identity_question
