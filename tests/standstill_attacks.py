@@ -8,6 +8,7 @@ import signal
 import subprocess
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
@@ -111,9 +112,11 @@ def guardian_killed_runner_later(scene: Scene) -> None:
     before = set(scene.run.guardians()) | set(scene.struck)
     while time.time() < until_s and scene.run.alive and not set(scene.run.guardians()) - before:
         time.sleep(0.05)
-    time.sleep(scene.rng.uniform(0.0, 2.0))
+    if scene.run.alive:
+        time.sleep(scene.rng.uniform(0.0, 2.0))
     scene.struck_s = time.time()
-    runner_killed(scene)
+    with suppress(ProcessLookupError):  # the run was over: its exit code says so
+        runner_killed(scene)
 
 
 def guardian_stopped_runner_killed(scene: Scene) -> None:

@@ -83,6 +83,12 @@ SPEEDS: Mapping[str, float] = {
 }
 """How many times faster than real a plan's bench is served: a run takes about 10 to 25 s."""
 
+SHORTER: Mapping[str, tuple[str, ...]] = {
+    "fog-scale-factor-temperature": ("parameters.warm_up.at_most=10 min",),
+}
+"""What bounds the waits of a plan further than its short form: a resumed run may wait in vain for
+the temperature at which it was interrupted, and goes on then."""
+
 
 @dataclass(frozen=True)
 class Case:

@@ -6,6 +6,7 @@ The world, the exit code, the words, the folder and the operating system are ask
 from __future__ import annotations
 
 import os
+import subprocess
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -14,16 +15,16 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
-import yaml
-from campaign_helpers import opens, station
-from fault_cases import Reference, reference_run
+from campaign_helpers import opens
+from command_line import station_command
+from fault_cases import BENCH, Reference, read_bench_at, reference_run, short
 from guardian_helpers import World, world
 from loop_disk import LoopDisk, loop_disk
 from standstill_attacks import Scene, strike
 from standstill_cases import GOOD, SPEEDS, Case
 from standstill_runs import LOOKS_EVERY_S, Attacked, attacked_run, wait_for_step
 
-from station.lookup import PLANS, find
+from station.lookup import BENCHES, find
 
 RAMPS_BENCH_S = 15.0
 """Bench time that the ramps, a zero of the sines and the read-backs of a bench take."""
@@ -33,6 +34,7 @@ NOTICED_WITHIN_S = 10.0
 """From the end or standstill of a guardian until there is another."""
 GOES_ON_WITHIN_S = 45.0
 """How much later than undisturbed a run that goes on may end; it runs on a busy computer."""
+RESUMES_WITHIN_S = 200.0
 STAYS_S = 3.0
 """Nobody is left and the bench is not at rest for so long: it will not be any more."""
 SAFE_WORDS = ("safe, read back",)
@@ -96,7 +98,7 @@ def on_bench(
                 return seen
             time.sleep(rng.random() * step_s(reference, case.step) / speed)
             scene = Scene(run, bench, disk, rng, energised(bench), case.attack.outage_s, [])
-            if not run.alive:
+            if not run.alive or is_over(run):
                 seen.exit_code, seen.words = run.process.returncode, run.all_words()
                 return seen
             seen.struck, seen.energised = True, scene.energised
@@ -111,6 +113,11 @@ def on_bench(
             time.sleep(max(scene.struck_s + 1.1 * case.attack.outage_s - time.time(), 0.0))
             seen.broken += go_on(seen, run, bench)
     return seen
+
+
+def is_over(run: Attacked) -> bool:
+    """Whether a run has made its bench safe: nothing can happen to it any more."""
+    return any(one["event"] == "safe-state" for one in run.events())
 
 
 def watch(seen: Observed, scene: Scene, rest_of_run_s: float) -> None:
@@ -239,7 +246,14 @@ def go_on(seen: Observed, run: Attacked, bench: World) -> Iterator[str]:
     except Exception as error:
         yield f"the folder does not open: {error!r}"
         return
-    done = station("resume", folder, "--non-interactive", "--served", bench.head)
+    command = ("resume", folder, "--non-interactive", "--served", bench.head)
+    try:
+        done = subprocess.run(
+            station_command(*command), capture_output=True, text=True, timeout=RESUMES_WITHIN_S
+        )
+    except subprocess.TimeoutExpired:
+        yield f"resume does not end within {RESUMES_WITHIN_S:g} s"
+        return
     seen.followed = f"resume {done.returncode}"
     finished = done.returncode == 2 and "is finished" in done.stderr
     if done.returncode not in GOOD and not finished:
@@ -266,7 +280,7 @@ def rest_of_run_s(reference: Reference, step: str) -> float:
 
 def procedure_of(plan: str) -> str:
     """Return the procedure of a shipped plan."""
-    return str(yaml.safe_load(find(PLANS, plan).read_text(encoding="utf-8"))["procedure"])
+    return short(plan, read_bench_at(find(BENCHES, BENCH))).procedure
 
 
 def clean_state(folder: Path) -> None:

@@ -20,6 +20,7 @@ from campaign_helpers import only_run
 from command_line import station_command
 from guardian_helpers import World, until
 from short_forms import SHORT_FORMS
+from standstill_cases import SHORTER
 
 MARK = "STANDSTILL_CASE"
 """Every process that a run starts has this in its environment, and is found by it."""
@@ -126,7 +127,8 @@ def attacked_run(
     bench: World, plan: str, place: Path, parent: Path, *, terminal: bool
 ) -> Iterator[Attacked]:
     """Start a run of a plan in its short form on a served bench; at the end nothing of it lives."""
-    changes = [part for one in SHORT_FORMS.get(plan, ()) for part in ("--set", one)]
+    short = (*SHORT_FORMS.get(plan, ()), *SHORTER.get(plan, ()))
+    changes = [part for one in short for part in ("--set", one)]
     command = station_command(
         *("run", plan, *changes, "--served", bench.head, "--non-interactive"),
         *("--output", parent),
