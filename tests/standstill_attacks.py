@@ -167,6 +167,7 @@ def abort(scene: Scene) -> None:
         stderr=subprocess.STDOUT,
         text=True,
         encoding="utf-8",
+        env=scene.run.environment,
     )
 
 

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 GOOD = frozenset({0, 1, 6})
-ABORTED, FAULT, KILLED = 4, 3, -9
+ABORTED, FAULT, TRIPPED, KILLED = 4, 3, 5, -9
 ENDED_BY_GUARDIAN = frozenset({KILLED})
 OUTAGES_S = {"": 20.0, "-long": 120.0}
 """How long an instrument cannot be reached."""
@@ -37,7 +37,7 @@ class Attack:
 
 def _attacks() -> dict[str, Attack]:
     made = [
-        Attack("disk-frozen", 30.0, ENDED_BY_GUARDIAN | {FAULT} | GOOD, disk=True),
+        Attack("disk-frozen", 30.0, ENDED_BY_GUARDIAN | {FAULT, TRIPPED} | GOOD, disk=True),
         Attack("folder-removed", 10.0, frozenset({FAULT}), resumes=False),
         Attack("folder-moved", 10.0, frozenset({FAULT})),
         Attack("folder-unmounted", 10.0, frozenset({FAULT}), disk=True),
@@ -53,7 +53,7 @@ def _attacks() -> dict[str, Attack]:
         Attack("guardian-killed-runner-later", 2.0, ENDED_BY_GUARDIAN, guardian=True),
         Attack("guardian-stopped-runner-killed", 60.0, ENDED_BY_GUARDIAN),
         Attack("both-killed", 60.0, ENDED_BY_GUARDIAN),
-        Attack("memory-gone", 30.0, ENDED_BY_GUARDIAN | {FAULT, -6, -11} | GOOD),
+        Attack("memory-gone", 30.0, ENDED_BY_GUARDIAN | {FAULT, TRIPPED, -6, -11} | GOOD),
     ]
     for suffix, outage_s in OUTAGES_S.items():
         for fault in ("port-gone", "no-reply"):

@@ -39,6 +39,8 @@ class Attacked:
     parent: Path
     words: Path
     mark: str
+    environment: dict[str, str]
+    """What others stand in who ask for the same run, such as a person with another terminal."""
     master: int | None = None
     """The other side of its terminal."""
     terminal: str = ""
@@ -134,7 +136,9 @@ def attacked_run(
         *("--output", parent),
     )
     mark, words = uuid.uuid4().hex, place / "words.txt"
-    environment = {**os.environ, MARK: mark, "TERM": "xterm"}
+    # A bench that is refused after a trip is refused to this run alone.
+    around = {**os.environ, "XDG_STATE_HOME": str(place / "state")}
+    environment = {**around, MARK: mark, "TERM": "xterm"}
     master = None
     with words.open("wb") as file:
         if terminal:
@@ -155,7 +159,7 @@ def attacked_run(
                 command, stdin=subprocess.DEVNULL, stdout=file, stderr=file, env=environment
             )
             name = ""
-    run = Attacked(process, parent, words, mark, master, name)
+    run = Attacked(process, parent, words, mark, around, master, name)
     if terminal:
         run._start_reading()
     try:
