@@ -253,7 +253,7 @@ def go_on(seen: Observed, run: Attacked, bench: World) -> Iterator[str]:
         yield f"the folder does not open: {error!r}"
         return
     if seen.exit_code == TRIPPED:
-        verb(run, "acknowledge", "sim", "--note", "a campaign")
+        verb(run, "acknowledge", "sim")
     try:
         done = verb(run, "resume", folder, "--non-interactive", "--served", bench.head)
     except subprocess.TimeoutExpired:
