@@ -16,9 +16,8 @@ import numpy as np
 from command_line import station_command
 from guardian_helpers import World
 from loop_disk import LoopDisk
-from standstill_runs import MOVED, Attacked, memory_of
+from standstill_runs import CTRL_C, CTRL_S, MOVED, Attacked, memory_of
 
-CTRL_C, CTRL_S = b"\x03", b"\x13"
 STRETCH_S = 1.0
 """From a terminal that stands still to a person's wish to end the run, at most."""
 NEW_GUARDIAN_WITHIN_S = 15.0

@@ -24,6 +24,7 @@ from standstill_cases import GOOD, SPEEDS, TRIPPED, Case
 from standstill_runs import LOOKS_EVERY_S, Attacked, attacked_run, wait_for_step
 
 from station.lookup import BENCHES, find
+from station.record.manifest import MANIFEST
 
 RAMPS_BENCH_S = 15.0
 """Bench time that the ramps, a zero of the sines and the read-backs of a bench take."""
@@ -126,6 +127,11 @@ def is_over(run: Attacked) -> bool:
     return any(one["event"] == "safe-state" for one in run.events())
 
 
+def is_written(run: Attacked) -> bool:
+    """Whether a run has written all that it leaves."""
+    return run.folder is not None and (run.folder / MANIFEST).is_file()
+
+
 def watch(seen: Observed, scene: Scene, rest_of_run_s: float) -> None:
     """Look at world, words and processes until nothing of the run lives, or for too long."""
     run, attack = scene.run, seen.case.attack
@@ -161,6 +167,8 @@ def watch(seen: Observed, scene: Scene, rest_of_run_s: float) -> None:
             assert scene.disk is not None
             scene.disk.thaw()
             thawed = True
+        if attack.terminal and at_rest and run.alive and is_written(run):
+            run.read_on()  # the results wait for a reader, and nothing else does
         living = run.alive or bool([pid for pid in others if pid not in scene.struck])
         nobody_since_s = None if living else nobody_since_s or now_s
         if not living and (rest_since_s or now_s - (nobody_since_s or now_s) > STAYS_S):

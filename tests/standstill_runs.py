@@ -25,6 +25,7 @@ from standstill_cases import SHORTER
 MARK = "STANDSTILL_CASE"
 """Every process that a run starts has this in its environment, and is found by it."""
 GUARDIAN = b"station.guardian"
+CTRL_C, CTRL_S, CTRL_Q = b"\x03", b"\x13", b"\x11"
 MOVED = "moved"
 """The name of the folder to which a run folder is moved."""
 LOOKS_EVERY_S = 0.05
@@ -109,7 +110,10 @@ class Attacked:
         os.close(own)
 
     def read_on(self) -> None:
-        """Read the terminal again."""
+        """Read the terminal again, and let its output go on."""
+        if self.master is not None:
+            with suppress(OSError):
+                os.write(self.master, CTRL_Q)
         if self.master is not None and self._drained.is_set():
             self._drained = Event()
             self._start_reading()
