@@ -151,9 +151,9 @@ def short(plan: str, bench: Bench) -> Plan:
     return read_plan_for(plan, bench, SHORT_FORMS.get(plan, SHORT_FORMS.get(str(name), ())))
 
 
-def plans() -> list[str]:
-    """Return the plans that are valid on the simulated bench; of variants those with an entry."""
-    bench, found = read_bench_at(find(BENCHES, BENCH)), []
+def plans(bench_name: str = BENCH) -> list[str]:
+    """Return the plans that are valid on a simulated bench; of variants those with an entry."""
+    bench, found = read_bench_at(find(BENCHES, bench_name)), []
     for name, _ in available(PLANS):
         with suppress(FaultList):
             procedure = short(name, bench).procedure
