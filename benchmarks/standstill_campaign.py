@@ -1,6 +1,6 @@
 """Attack runs as an operating system can, in every step of every plan; a JSON line an attack.
 
-python benchmarks/standstill_campaign.py [--plan NAME …] [--case TEXT …] [--part 1/40]
+python benchmarks/standstill_campaign.py [--plan NAME …] [--case PATTERN …] [--part 1/40]
 
 `station sim` serves the bench in one process, `station run --served` is another, and its guardian
 stands beside it. One of them, or what it stands on, is struck at a drawn moment of a step: the disk
@@ -21,6 +21,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import re
 import shutil
 import sys
 import tempfile
@@ -43,7 +44,7 @@ LONGEST_WORDS = 400
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0] if __doc__ else "")
     parser.add_argument("--plan", nargs="+", help="these plans; all if none")
-    parser.add_argument("--case", nargs="+", default=[], help="attacks whose name holds a text")
+    parser.add_argument("--case", nargs="+", default=[], help="attacks, as patterns")
     parser.add_argument("--step", nargs="+", help="these steps; all if none")
     parser.add_argument("--part", default="1/1", help="which part of the cases, such as 2/40")
     parser.add_argument("--seeds", type=int, nargs="+", default=[0], help="moments of each step")
@@ -71,7 +72,7 @@ def cases(arguments: argparse.Namespace) -> list[Case]:
     wanted = [
         one
         for name, one in ATTACKS.items()
-        if not arguments.case or any(text in name for text in arguments.case)
+        if not arguments.case or any(re.search(text, name) for text in arguments.case)
     ]
     if (reason := why_not()) is not None:
         print(f"without attacks on disks: {reason}", file=sys.stderr)

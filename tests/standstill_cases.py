@@ -11,6 +11,7 @@ from dataclasses import dataclass
 GOOD = frozenset({0, 1, 6})
 ABORTED, FAULT, TRIPPED, KILLED = 4, 3, 5, -9
 ENDED_BY_GUARDIAN = frozenset({KILLED})
+OUT_OF_MEMORY = frozenset({FAULT, TRIPPED, KILLED, -6, -11})
 OUTAGES_S = {"": 20.0, "-long": 120.0}
 """How long an instrument cannot be reached."""
 
@@ -23,6 +24,7 @@ class Attack:
     within_s: float | None
     """From the attack to a bench at rest, ramps aside; None where the run goes on to its end."""
     exits: frozenset[int]
+    """Also that of a run which is over before it notices, its bench at rest in time."""
     resumes: bool = True
     """What is left opens, can be analysed and goes on."""
     disk: bool = False
@@ -31,6 +33,8 @@ class Attack:
     """The run stands on a terminal."""
     guardian: bool = False
     """The guardian is struck: it is noticed, and there is a new one."""
+    may_go_on: bool = False
+    """It may also do nothing to the run, which then goes on to its end."""
     outage_s: float = 0.0
     """The instrument that is struck is out of reach for so long."""
 
@@ -43,9 +47,9 @@ def _attacks() -> dict[str, Attack]:
         Attack("folder-unmounted", 10.0, frozenset({FAULT}), disk=True),
         Attack("terminal-unread", None, GOOD, terminal=True),
         Attack("terminal-ctrl-s", None, GOOD, terminal=True),
-        Attack("terminal-unread-ctrl-c", 10.0, frozenset({ABORTED}), terminal=True),
-        Attack("terminal-unread-sigterm", 10.0, frozenset({ABORTED}), terminal=True),
-        Attack("terminal-unread-abort", 10.0, frozenset({ABORTED}), terminal=True),
+        Attack("terminal-unread-ctrl-c", 10.0, GOOD | {ABORTED}, terminal=True),
+        Attack("terminal-unread-sigterm", 10.0, GOOD | {ABORTED}, terminal=True),
+        Attack("terminal-unread-abort", 10.0, GOOD | {ABORTED}, terminal=True),
         Attack("runner-stopped", 7.0, ENDED_BY_GUARDIAN),
         Attack("runner-killed", 2.0, ENDED_BY_GUARDIAN),
         Attack("guardian-killed", None, GOOD, guardian=True),
@@ -53,7 +57,7 @@ def _attacks() -> dict[str, Attack]:
         Attack("guardian-killed-runner-later", 2.0, ENDED_BY_GUARDIAN, guardian=True),
         Attack("guardian-stopped-runner-killed", 60.0, ENDED_BY_GUARDIAN),
         Attack("both-killed", 60.0, ENDED_BY_GUARDIAN),
-        Attack("memory-gone", 30.0, ENDED_BY_GUARDIAN | {FAULT, TRIPPED, -6, -11} | GOOD),
+        Attack("memory-gone", 30.0, OUT_OF_MEMORY | GOOD, may_go_on=True),
     ]
     for suffix, outage_s in OUTAGES_S.items():
         for fault in ("port-gone", "no-reply"):

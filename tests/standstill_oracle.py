@@ -140,7 +140,7 @@ def watch(seen: Observed, scene: Scene, rest_of_run_s: float) -> None:
     promised_s = (
         rest_of_run_s + GOES_ON_WITHIN_S if attack.within_s is None else attack.within_s + ramps_s
     )
-    if not attack.exits.isdisjoint(GOOD):  # it may also go on to its end
+    if attack.may_go_on:
         latest_s = max(promised_s, rest_of_run_s + GOES_ON_WITHIN_S) + ENDS_WITHIN_S
     else:
         latest_s = promised_s + ENDS_WITHIN_S
@@ -180,8 +180,7 @@ def watch(seen: Observed, scene: Scene, rest_of_run_s: float) -> None:
     if rest_since_s is not None:
         seen.to_rest_s = round(max(rest_since_s - scene.struck_s, 0.0), 2)
     if attack.within_s is not None:
-        # One that goes on to its own end may be energised for so long; not on a frozen disk.
-        on_its_own = run.process.poll() in GOOD & attack.exits and not attack.disk
+        on_its_own = attack.may_go_on and run.process.poll() in GOOD
         if seen.to_rest_s is None:
             seen.broken.append(
                 f"the bench is not at rest after {time.time() - scene.struck_s:.0f} s"

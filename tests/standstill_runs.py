@@ -12,6 +12,7 @@ import uuid
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from threading import Event, Thread
 from typing import Any
@@ -145,24 +146,21 @@ def attacked_run(
     environment = {**around, MARK: mark, "TERM": "xterm"}
     master = None
     with words.open("wb") as file:
+        slave, name = None, ""
         if terminal:
             master, slave = os.openpty()
             termios.tcsetwinsize(slave, (40, 120))
-            process = subprocess.Popen(
-                command,
-                stdin=slave,
-                stdout=slave,
-                stderr=slave,
-                env=environment,
-                preexec_fn=lambda: os.login_tty(slave),
-            )
             name = os.ttyname(slave)
+        process = subprocess.Popen(
+            command,
+            stdin=subprocess.DEVNULL if slave is None else slave,
+            stdout=file if slave is None else slave,
+            stderr=file if slave is None else slave,
+            env=environment,
+            preexec_fn=partial(as_a_person_begins, slave),
+        )
+        if slave is not None:
             os.close(slave)
-        else:
-            process = subprocess.Popen(
-                command, stdin=subprocess.DEVNULL, stdout=file, stderr=file, env=environment
-            )
-            name = ""
     run = Attacked(process, parent, words, mark, around, master, name)
     if terminal:
         run._start_reading()
@@ -176,6 +174,17 @@ def attacked_run(
         run._drained.set()
         if master is not None:
             os.close(master)
+
+
+def as_a_person_begins(terminal: int | None) -> None:
+    """Give a process what it has from a person's shell: all signals, and perhaps a terminal.
+
+    A campaign in the background is deaf to some, and what it starts would be, too.
+    """
+    for number in (signal.SIGINT, signal.SIGHUP, signal.SIGTERM):
+        signal.signal(number, signal.SIG_DFL)
+    if terminal is not None:
+        os.login_tty(terminal)
 
 
 def wait_for_step(run: Attacked, step: str) -> bool:
