@@ -82,10 +82,11 @@ SPEEDS: Mapping[str, float] = {
     "rlg-magnetic-sensitivity-simultaneous": 25.0,
     "accelerometer-magnetic-sensitivity": 10.0,
     "serf-nonorthogonality": 4.0,
-    "fog-scale-factor-temperature": 60.0,
-    "nine-axis-calibration": 40.0,
+    "fog-scale-factor-temperature": 30.0,
+    "nine-axis-calibration": 15.0,
 }
-"""How many times faster than real a plan's bench is served: a run takes about 10 to 25 s."""
+"""How many times faster than real a plan's bench is served: a run takes 10 to 60 s.
+The turns of a table can be counted at these speeds on a busy computer, too."""
 
 SHORTER: Mapping[str, tuple[str, ...]] = {
     "fog-scale-factor-temperature": ("parameters.warm_up.at_most=10 min",),
