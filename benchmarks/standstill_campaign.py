@@ -13,8 +13,9 @@ the folder and the system's list of processes say what followed. A disk of its o
 Real seconds from the attack: `to_rest_s` until the world was at rest and stayed so, `to_end_s`
 until no process of the run lived any more, `to_guardian_s` until there was another guardian. What
 is left is opened, analysed and gone on with (`--no-resume` leaves that out). `broken` are the
-promises that were not kept. The cases are shuffled, the same way always: any part is a sample. The
-last line of each attack holds its tries, the broken ones and the largest times.
+promises that were not kept. A run that a busy computer ends, because a simulated instrument did not
+answer in time, is counted apart. The cases are shuffled, the same way always: any part is a sample.
+The last line of each attack holds its tries, the broken ones and the largest times.
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ import argparse
 import json
 import re
 import shutil
+import signal
 import sys
 import tempfile
 from pathlib import Path
@@ -52,6 +54,7 @@ def main() -> None:
     parser.add_argument("--no-resume", action="store_true", help="do not go on with what is left")
     arguments = parser.parse_args()
     part, parts = map(int, arguments.part.split("/"))
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit("ended; disks and processes are put away"))
     lines = []
     with tempfile.TemporaryDirectory() as place:
         for number, case in enumerate(cases(arguments)):
@@ -106,6 +109,7 @@ def line_of(seen: Observed) -> dict[str, Any]:
         "exit_code": seen.exit_code,
         "followed": seen.followed,
         "broken": seen.broken,
+        **({"busy": seen.busy} if seen.busy else {}),
         **({"words": seen.words[-LONGEST_WORDS:]} if seen.broken or not seen.struck else {}),
     }
 
@@ -125,6 +129,7 @@ def summary(name: str, lines: list[dict[str, Any]]) -> dict[str, Any]:
         "struck": len(struck),
         "while_energised": len(hot),
         "broken": sum(bool(line["broken"]) for line in lines),
+        "ended_by_a_busy_computer": sum("busy" in line for line in lines),
         "largest_to_rest_s": largest("to_rest_s", hot),
         "largest_to_end_s": largest("to_end_s", struck),
         "largest_to_guardian_s": largest("to_guardian_s", struck),

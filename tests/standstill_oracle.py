@@ -20,7 +20,7 @@ from fault_cases import BENCH, Reference, read_bench_at, reference_run, short
 from guardian_helpers import World, world
 from loop_disk import LoopDisk, loop_disk
 from standstill_attacks import Scene, strike
-from standstill_cases import GOOD, SPEEDS, TRIPPED, Case
+from standstill_cases import FAULT, GOOD, SPEEDS, TRIPPED, Case
 from standstill_runs import LOOKS_EVERY_S, Attacked, attacked_run, wait_for_step
 
 from station.lookup import BENCHES, find
@@ -35,11 +35,13 @@ NOTICED_WITHIN_S = 10.0
 GOES_ON_WITHIN_S = 45.0
 """How much later than undisturbed a run that goes on may end; it runs on a busy computer."""
 RESUMES_WITHIN_S = 200.0
+ENDED_BY_ITSELF = frozenset({FAULT, TRIPPED})
 STAYS_S = 3.0
 """Nobody is left and the bench is not at rest for so long: it will not be any more."""
 SAFE_WORDS = ("safe, read back",)
 FAULTS_OF_THE_PROGRAM = ("Traceback", "a fault of the program", "MemoryError")
-LONGEST_SENTENCE = 600
+BUSY = ("no answer came within", "turns cannot be counted", "cannot be read")
+"""What a run says that a busy computer has ended on its own: simulated instruments wait, too."""
 
 
 @dataclass
@@ -60,6 +62,8 @@ class Observed:
     words: str = ""
     events: list[str] = field(default_factory=list)
     followed: str = ""
+    busy: str = ""
+    """What a busy computer did to the run: what it ended with proves nothing then."""
     broken: list[str] = field(default_factory=list)
 
 
@@ -198,7 +202,9 @@ def judge_end(seen: Observed, scene: Scene) -> None:
     left = [pid for pid in run.others() if pid not in scene.struck]
     if code is None:
         seen.broken.append("the run's process goes on for ever")
-    elif code not in attack.exits:
+    elif code not in attack.exits and code in ENDED_BY_ITSELF and not attack.outage_s:
+        seen.busy = next((text for text in BUSY if text in run.all_words()), "")
+    if code is not None and code not in attack.exits and not seen.busy:
         seen.broken.append(f"exit code {code}, {sorted(attack.exits)} promised")
     if left:
         seen.broken.append(f"{len(left)} processes are left behind")
@@ -210,7 +216,7 @@ def judge_end(seen: Observed, scene: Scene) -> None:
     if scene.asked is not None:
         try:
             said, _ = scene.asked.communicate(timeout=60.0)
-            if scene.asked.returncode != 0:
+            if scene.asked.returncode != 0 and not seen.busy:
                 seen.broken.append(f"station abort: exit code {scene.asked.returncode}: {said}")
         except Exception:
             scene.asked.kill()
@@ -268,7 +274,9 @@ def go_on(seen: Observed, run: Attacked, bench: World) -> Iterator[str]:
         return
     seen.followed = f"resume {done.returncode}"
     finished = done.returncode == 2 and "is finished" in done.stderr
-    if done.returncode not in GOOD and not finished:
+    if any(text in done.stderr for text in BUSY):
+        seen.busy = done.stderr.strip()[-300:]
+    elif done.returncode not in GOOD and not finished:
         yield f"resume ended with {done.returncode}: {done.stderr.strip()[-300:]}"
     if not bench.at_rest():
         yield "the bench is not at rest after the resume"
