@@ -103,7 +103,7 @@ def line_of(seen: Observed) -> dict[str, Any]:
         "speed": seen.speed,
         "struck": seen.struck,
         "energised": seen.energised,
-        "to_rest_s": seen.to_rest_s,
+        "to_rest_s": None if case.attack.within_s is None else seen.to_rest_s,
         "to_end_s": seen.to_end_s,
         "to_guardian_s": seen.to_guardian_s,
         "exit_code": seen.exit_code,
