@@ -123,7 +123,7 @@ def fit_flags(fit: AxisFit, dataset: FogDataset, settings: AnalysisSettings) -> 
                 f"The turns about {fit.axis} do not determine a curve: too few of them, or at too "
                 "few temperatures.",
                 fit.axis,
-                {"coefficients": ["scale_factor_error"]},
+                {"coefficients": ["scale_factor_error", "largest_scale_factor_error"]},
             )
         ]
     flags = []
