@@ -225,14 +225,19 @@ def _header_faults(
         return [Fault(str(path), line, 1, "header", what)]
     faults = [Fault(str(path), line, 1, name, "the column is missing") for name in missing]
     column = 1
+    seen: set[str] = set()
     for n, (name, cell) in enumerate(zip(names, _cells(header), strict=True)):
-        if name in names[:n]:
+        if len(faults) > MOST_FAULTS:
+            rest = f"and more faults; the file has {len(names)} columns"
+            return [*faults[:MOST_FAULTS], Fault(str(path), line, column, "header", rest)]
+        if name in seen:
             faults.append(Fault(str(path), line, column, name, "the column stands twice"))
         elif name not in known:
             hint = nearest(name, missing or known)
             what = "the column is not known" + ("" if hint else f"; known are {listed(known)}")
             shown = name or f"column {n + 1}"
             faults.append(Fault(str(path), line, column, shown, what, hint and f"'{hint}'"))
+        seen.add(name)
         column += len(cell) + 1
     return faults
 

@@ -71,7 +71,7 @@ class RecordError(StationError):
     """A run folder that cannot be written, read or trusted."""
 
 
-class DamagedRecord(RecordError):
+class DamagedRecord(RecordError, InputError):
     """A run folder in which something is not any more what the run wrote."""
 
     exit_code = EXIT_WRONG_INPUT

@@ -162,8 +162,9 @@ def _altered_inputs(folder: RunFolder) -> Iterator[str]:
         file = {"plan": PLAN, "bench": BENCH}.get(name, name)
         now = _file_hash(folder.path / file) if file == name else data_hash(folder.path / file)
         if now != digest:
-            gone = "is missing" if not (folder.path / file).is_file() else "was changed"
-            yield f"{folder.path / file} {gone}: {EVENTS} has another SHA-256 of it"
+            gone = not (folder.path / file).is_file()
+            said = "is missing" if gone else "was changed since the run began"
+            yield f"{folder.path / file} {said}: {EVENTS} has another SHA-256 of it"
 
 
 def _recorded(folder: RunFolder) -> dict[str, str]:

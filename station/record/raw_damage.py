@@ -95,12 +95,15 @@ def damaged_parts(
         cut = []
     known = {span.unit for span in own}
     for part in whole:
-        nobody = part.what == DAMAGED_BLOCK and not known & set(part.units)
+        sure = len(part.units) == 1 and part.units[0] not in known
+        anybody = part.what == DAMAGED_BLOCK and not sure
         spoiled = [
             span.unit
             for span in own
             if span.within(name, part.began, part.began + part.length)
-            and (span.meets(part) or span.unit in part.units or (nobody and span.sizes is not None))
+            and (
+                span.meets(part) or span.unit in part.units or (anybody and span.sizes is not None)
+            )
         ]
         if part.what == CUT:
             spoiled += [span.unit for span in cut]
