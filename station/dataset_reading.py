@@ -21,6 +21,8 @@ from station.validation import check_model
 from station.yaml.reading import Document, read_text, read_yaml
 
 DATASET_FILE = "dataset.yaml"
+LARGEST = 1e30
+"""Nothing that is measured is larger in its unit, and its powers can still be computed."""
 MOST_FAULTS = 20
 BLOCK_LINES, BLOCK_CHARACTERS = 20_000, 1_000_000
 """What is taken apart at once: the words of a row take thirty times its numbers' memory."""
@@ -171,6 +173,8 @@ def _column(
         number, row = rows[n]
         column = 1 + sum(len(cell) + 1 for cell in row[:index])
         what = f"'{cells[n].strip()}' is not a number" if cells[n].strip() else "is empty"
+        if LARGEST <= abs(_number(cells[n])) < math.inf:
+            what = f"'{cells[n].strip()}' is too large for anything that is measured"
         faults.append(Fault(str(path), number, column, name, what))
     return values, faults
 
@@ -250,7 +254,8 @@ def _numbers(cells: list[str]) -> tuple[NDArray[np.float64], list[int]]:
         values = np.array(cells, dtype=np.str_).astype(np.float64)
     except ValueError:
         values = np.array([_number(cell) for cell in cells])
-    return values, np.flatnonzero(~np.isfinite(values)).tolist()
+    with np.errstate(invalid="ignore"):
+        return values, np.flatnonzero(~(np.abs(values) < LARGEST)).tolist()
 
 
 def _number(cell: str) -> float:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import warnings
 from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import replace
 from datetime import date
 from pathlib import Path
@@ -12,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 from station import registry
 from station.bench import Bench
 from station.console import span
-from station.errors import EXIT_DONE, EXIT_OUTSIDE_LIMIT, EXIT_UNDETERMINED
+from station.errors import EXIT_DONE, EXIT_OUTSIDE_LIMIT, EXIT_UNDETERMINED, InputError
 from station.faults import FaultList, not_there
 from station.findings import Findings, Flag
 from station.record.events import RESUMED
@@ -39,7 +41,8 @@ def evaluate_run(folder: RunFolder) -> tuple[ResultDocument, Findings]:
     folder.leave_out(damage.units)
     plan, bench = read_plan_and_bench(folder)
     procedure = registry.procedure(plan.procedure)
-    findings = procedure.evaluate_run(folder, plan.parameters, bench)
+    with quiet_numbers():
+        findings = procedure.evaluate_run(folder, plan.parameters, bench)
     flags = [*findings.flags, *flags_of_run(folder, bench), *damage.flags()]
     findings = replace(findings, flags=flags)
     document = conclude(
@@ -170,8 +173,25 @@ def evaluate_dataset(raw: RawDataset) -> tuple[ResultDocument, Findings]:
         said = not_there("procedure", raw.procedure, known)
         raise FaultList([raw.document.fault(("procedure",), *said)])
     procedure = registry.procedure(raw.procedure)
-    findings = procedure.evaluate_dataset(raw)
-    return conclude(raw.procedure, findings, {}, "simple"), findings
+    try:
+        with quiet_numbers():
+            findings = procedure.evaluate_dataset(raw)
+            return conclude(raw.procedure, findings, {}, "simple"), findings
+    except (ArithmeticError, ValueError) as error:  # LinAlgError is a ValueError
+        raise InputError(
+            f"{raw.document.path}: the analysis finds no solution in these numbers ({error}); look "
+            "for columns that never change, that repeat each other, or that have another unit"
+        ) from error
+
+
+@contextmanager
+def quiet_numbers() -> Iterator[None]:
+    """Keep the libraries' warnings off the terminal: what they warn of is null and flagged."""
+    import numpy as np
+
+    with np.errstate(all="ignore"), warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        yield
 
 
 def exit_code_of(document: ResultDocument) -> int:

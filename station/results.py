@@ -94,6 +94,7 @@ def conclude(
         decision = decide(estimate.value, expanded, limit, rule)
         results.append(Result(estimate, uncertainty, limit, decision))
     verdict = overall(result.decision.verdict for result in results)
-    if not (bench_safe and data_whole) and verdict == "pass":
+    decided = verdict == "pass" or (verdict == "none" and bool(limits))
+    if not (bench_safe and data_whole) and decided:
         verdict = "inconclusive"
     return ResultDocument(procedure, results, findings.published, findings.flags, verdict)

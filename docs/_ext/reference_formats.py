@@ -97,7 +97,8 @@ RUN_FILES = {
     "driven at once",
     "results.json": "the results; a copy of revision 000",
     "report.html": "the report; a copy of revision 000",
-    "revisions/NNN/results.json": "the results of one analysis; 000 is the run's own",
+    "revisions/NNN/results.json": "the results of one analysis; 000 is the run's own, others begin "
+    "at 001",
     "revisions/NNN/report.html": "its report",
     "revisions/NNN/manifest.json": "SHA-256 of both",
     "exports/RUN.h5": "the raw data as HDF5, made from the record when the run ends",
@@ -119,7 +120,7 @@ RUN_EVENTS = {
     "prompt": "a request to the operator, the answer, and who gave it",
     "unit-started": "a unit of work begins",
     "unit-finished": "a unit of work is measured and its raw data are on disk; analysis reads "
-    "finished units only",
+    "finished units only; `raw_bytes` is how long the raw file of each source was then",
     "field-on": "rlg-magnetic-sensitivity: a coil was switched on, with amplitude and frequency",
     "field-off": "rlg-magnetic-sensitivity: a coil was switched off",
     "published-value": "rlg-magnetic-sensitivity: what step S7 gave",
