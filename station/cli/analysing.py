@@ -19,6 +19,7 @@ from station.evaluation import (
     write_results,
     write_revision,
 )
+from station.lookup import is_there
 from station.record.creation import EVENTS
 from station.record.files import write_whole_file
 from station.record.folder import REPORT, RESULTS, RunFolder
@@ -28,7 +29,7 @@ from station.results import ResultDocument
 
 def analyse_data(data: Path, output: Path | None, *, compare: bool, as_json: bool) -> int:
     """Analyse a run folder or a dataset, print the results, and return the exit code."""
-    if (data / EVENTS).is_file():
+    if is_there(data / EVENTS):
         document = analyse_run(data, output, compare=compare)
     else:
         if compare:

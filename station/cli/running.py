@@ -22,6 +22,10 @@ from station.runner.outcome import Outcome
 from station.runner.whole_bench import except_for
 from station.yaml.reading import read_yaml
 
+SERVED_WRONG = (
+    OSError, ValueError, KeyError, IndexError, TypeError, AttributeError, RecursionError,
+)  # fmt: skip
+
 
 def run_plan(
     plan_name: str,
@@ -89,8 +93,11 @@ def read_served(path: Path) -> dict[str, Any]:
     """Return where a `station sim` in another process serves, from a file with its first line."""
     try:
         head = json.loads(path.read_text(encoding="utf-8").splitlines()[0])
-        return {**head, "instruments": dict(head["instruments"]), "clock": dict(head["clock"])}
-    except (OSError, ValueError, KeyError, IndexError, TypeError) as error:
+        clock = {name: float(head["clock"][name]) for name in ("speed", "epoch_unix")}
+        instruments = {name: {**one} for name, one in head["instruments"].items()}
+        all(one["address"] for one in instruments.values())
+        return {**head, "instruments": instruments, "clock": {**head["clock"], **clock}}
+    except SERVED_WRONG as error:
         raise InputError(
             f"{path} does not hold the first line of `station sim` ({error}); "
             "start it as `station sim BENCH > FILE`"

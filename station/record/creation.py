@@ -19,10 +19,16 @@ def new_folder(parent: Path, name: str) -> Path:
 
     Raises RecordError when the parent cannot be written.
     """
+    try:
+        parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:  # a file, or a link that leads nowhere
+        raise RecordError(
+            f"cannot make the folder {parent}: {error.strerror}; choose another place with --output"
+        ) from error
     for number in range(1, MOST_OF_ONE_NAME):
         path = parent / numbered(name, number)
         try:
-            path.mkdir(parents=True)
+            path.mkdir()
         except FileExistsError:
             continue
         except OSError as error:
