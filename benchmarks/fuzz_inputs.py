@@ -35,19 +35,103 @@ MOST_BYTES = 100_000
 MOST_MEMORY = 6 << 30
 RIGHT = (0, 1, 2, 6)
 ODD = (
-    "1e308 s", "-1e308 mT", "1e-320 Hz", "0 s", "0 Hz", "0 mT", "0 mT/A", "-1 s", "0", "-1", "1e999",
-    "nan", ".nan", ".inf", "-.inf", "1e308", "null", "~", "true", "no", "''", "[]", "{}", "[[[[]]]]",
-    "{a: {b: {c: 1}}}", "0x7fffffffffffffff", "99999999999999999999999", "1e308 deg", "1e9 h",
-    "1e9 degC", "-300 degC", "0 K", "*alias", "&anchor 1", "!!python/object:os.system x", "!!binary x",
-    "!tag 1", "'\u202e'", "\u00b5", "1 \u00b5T", "\U0001f600", "${x}", "${dut}", "../../etc/passwd", "/",
-    ".", "con", "a" * 5000, "1" * 400, "'" + "x" * 300 + "'", "|\n    text", ">-\n    text", "- 1",
-    "? a", "<<: {a: 1}", "2027-02-30", "0001-01-01", "9999-12-31", "1 %", "1e300 ppm", "1e-300 V/g",
-    "[1 mT, 2 mT, 1e308 mT]", "[IA, IA, IA]", "1_000 s", "0b1", "0o17 s", "12:30:00", "'\\0'",
-)  # fmt: skip
+    "1e308 s",
+    "-1e308 mT",
+    "1e-320 Hz",
+    "0 s",
+    "0 Hz",
+    "0 mT",
+    "0 mT/A",
+    "-1 s",
+    "0",
+    "-1",
+    "1e999",
+    "nan",
+    ".nan",
+    ".inf",
+    "-.inf",
+    "1e308",
+    "null",
+    "~",
+    "true",
+    "no",
+    "''",
+    "[]",
+    "{}",
+    "[[[[]]]]",
+    "{a: {b: {c: 1}}}",
+    "0x7fffffffffffffff",
+    "99999999999999999999999",
+    "1e308 deg",
+    "1e9 h",
+    "1e9 degC",
+    "-300 degC",
+    "0 K",
+    "*alias",
+    "&anchor 1",
+    "!!python/object:os.system x",
+    "!!binary x",
+    "!tag 1",
+    "'\u202e'",
+    "\u00b5",
+    "1 \u00b5T",
+    "\U0001f600",
+    "${x}",
+    "${dut}",
+    "../../etc/passwd",
+    "/",
+    ".",
+    "con",
+    "a" * 5000,
+    "1" * 400,
+    "'" + "x" * 300 + "'",
+    "|\n    text",
+    ">-\n    text",
+    "- 1",
+    "? a",
+    "<<: {a: 1}",
+    "2027-02-30",
+    "0001-01-01",
+    "9999-12-31",
+    "1 %",
+    "1e300 ppm",
+    "1e-300 V/g",
+    "[1 mT, 2 mT, 1e308 mT]",
+    "[IA, IA, IA]",
+    "1_000 s",
+    "0b1",
+    "0o17 s",
+    "12:30:00",
+    "'\\0'",
+)
 CELLS = (
-    "0", "-0", "nan", "NaN", "inf", "-inf", "1e300", "-1e300", "1e-320", "1e999", "", " ", "x", "1_0",
-    "0x10", "1,5", '"', '"a,b"', "\x00", "9" * 400, "1e308", "-1", "\u0661", "1 2", "None", "z" * 70000,
-)  # fmt: skip
+    "0",
+    "-0",
+    "nan",
+    "NaN",
+    "inf",
+    "-inf",
+    "1e300",
+    "-1e300",
+    "1e-320",
+    "1e999",
+    "",
+    " ",
+    "x",
+    "1_0",
+    "0x10",
+    "1,5",
+    '"',
+    '"a,b"',
+    "\x00",
+    "9" * 400,
+    "1e308",
+    "-1",
+    "\u0661",
+    "1 2",
+    "None",
+    "z" * 70000,
+)
 
 
 @dataclass(frozen=True)
@@ -74,6 +158,7 @@ Change = Callable[[random.Random, bytes], bytes]
 
 
 def lines_of(data: bytes) -> list[bytes]:
+    """Return the lines of a file."""
     return data.split(b"\n")
 
 
@@ -168,8 +253,7 @@ def many_keys(rng: random.Random, data: bytes) -> bytes:
 
 def bomb(rng: random.Random, data: bytes) -> bytes:
     lines = [b"a0: &a0 [x, x, x, x, x, x, x, x, x]"]
-    for n in range(1, 12):
-        lines.append(b"a%d: &a%d [%s]" % (n, n, b", ".join([b"*a%d" % (n - 1)] * 9)))
+    lines += [b"a%d: &a%d [%s]" % (n, n, b", ".join([b"*a%d" % (n - 1)] * 9)) for n in range(1, 12)]
     return b"\n".join(lines) + b"\n" + (data if rng.random() < 0.5 else b"")
 
 
@@ -249,8 +333,26 @@ def flipped(rng: random.Random, data: bytes) -> bytes:
 
 def inserted(rng: random.Random, data: bytes) -> bytes:
     at = rng.randrange(len(data) + 1)
-    piece = rng.choice((b"\0", b"\xff\xfe", b"\r", b"\x85", b"\xe2\x80\xa8", b"\t", b"%", b"---\n", b"...\n",
-                        b'"', b"'", b"\xef\xbb\xbf", b"\x1b[2J", rng.randbytes(40), b"#", b"\n\n"))  # fmt: skip
+    piece = rng.choice(
+        (
+            b"\0",
+            b"\xff\xfe",
+            b"\r",
+            b"\x85",
+            b"\xe2\x80\xa8",
+            b"\t",
+            b"%",
+            b"---\n",
+            b"...\n",
+            b'"',
+            b"'",
+            b"\xef\xbb\xbf",
+            b"\x1b[2J",
+            rng.randbytes(40),
+            b"#",
+            b"\n\n",
+        )
+    )
     return data[:at] + piece + data[at:]
 
 
@@ -278,13 +380,39 @@ def encoded(rng: random.Random, data: bytes) -> bytes:
 
 BYTES: Sequence[Change] = (flipped, inserted, cut, encoded)
 YAML: Sequence[Change] = (
-    odd_value, odd_value, odd_value, odd_in_braces, odd_in_braces, odd_number, odd_number, odd_number,
-    lost_line, doubled_line, moved_line, indented, nested, indented_deep, many_keys, bomb, *BYTES,
-)  # fmt: skip
+    odd_value,
+    odd_value,
+    odd_value,
+    odd_in_braces,
+    odd_in_braces,
+    odd_number,
+    odd_number,
+    odd_number,
+    lost_line,
+    doubled_line,
+    moved_line,
+    indented,
+    nested,
+    indented_deep,
+    many_keys,
+    bomb,
+    *BYTES,
+)
 TABLE: Sequence[Change] = (
-    odd_cell, odd_cell, odd_column, odd_column, odd_column, all_zero, few_rows, lost_rows,
-    renamed_column, many_columns, doubled_line, lost_line, *BYTES,
-)  # fmt: skip
+    odd_cell,
+    odd_cell,
+    odd_column,
+    odd_column,
+    odd_column,
+    all_zero,
+    few_rows,
+    lost_rows,
+    renamed_column,
+    many_columns,
+    doubled_line,
+    lost_line,
+    *BYTES,
+)
 
 
 def mutated(rng: random.Random, file: Path, changes: Sequence[Change]) -> list[str]:
