@@ -195,8 +195,9 @@ def test_a_command_in_doubt_is_said_again_and_must_be_answered_alike() -> None:
 
     def says(client: socket.socket, asked: str) -> None:
         if asked.startswith("OUTP OFF"):
-            client.sendall(f"{next(answers)}\n".encode())
-            if not taken.is_set():
+            answer = next(answers)
+            client.sendall(f"{answer}\n".encode())
+            if answer == "0,ok":
                 taken.wait(10.0)
                 client.sendall(b"0,ok\n")
                 sent.set()
