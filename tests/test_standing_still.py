@@ -46,7 +46,9 @@ BUSY_S = 10.0
 
 
 @pytest.fixture
-def bench(tmp_path: Path) -> Iterator[World]:
+def bench(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[World]:
+    # A trip on a busy machine is remembered for this test alone.
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
     with world(tmp_path, SPEED) as served:
         yield served
 
@@ -160,7 +162,8 @@ def test_a_run_without_memory_leaves_a_safe_bench(bench: World, tmp_path: Path, 
         resource.prlimit(process.pid, resource.RLIMIT_AS, (size, size))
         at_rest_after_s(bench, 120.0)
         process.communicate(timeout=120)
-    assert process.returncode in (3, -signal.SIGKILL)
+    # 5 where it was the watching of the interlocks that had none.
+    assert process.returncode in (3, 5, -signal.SIGKILL)
     last = [one for one in events_of(tmp_path / "runs") if one["event"] == "safe-state"][-1]
     assert all(one["verified"] for one in last["outcomes"])
 
