@@ -26,7 +26,7 @@ from station.report.numbers import (
     is_numeric_column,
 )
 from station.report.parts import Part, Plot, Table
-from station.results import Result, ResultDocument
+from station.results import LIMIT_WITHOUT_RESULT, Result, ResultDocument
 
 RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 BADGES = {
@@ -86,16 +86,18 @@ def _badge(document: ResultDocument, context: ReportContext) -> dict[str, str]:
     """Return the verdict as a person would say it: mark, words and one sentence why."""
     mark, words = BADGES[document.verdict]
     asked = [result for result in document.results if result.limit is not None]
+    lacking = sum(flag.code == LIMIT_WITHOUT_RESULT for flag in document.flags)
     inside = sum(result.decision.verdict == "pass" for result in asked)
     outside = sum(result.decision.verdict == "fail" for result in asked)
-    if not asked:
+    if not asked and not lacking:
         why = "No limit was given; the values stand for themselves."
     else:
-        undecided = len(asked) - inside - outside
+        count = len(asked) + lacking
+        undecided = count - inside - outside
         counts = [(inside, "within"), (outside, "outside"), (undecided, "undecided")]
-        told = ", ".join(f"{count} {word}" for count, word in counts if count)
-        noun = "result has a limit" if len(asked) == 1 else "results have a limit"
-        why = f"{len(asked)} {noun}: {told}."
+        told = ", ".join(f"{number} {word}" for number, word in counts if number)
+        noun = "result has a limit" if count == 1 else "results have a limit"
+        why = f"{count} {noun}: {told}."
     if not context.bench_safe:
         why += " The bench's safe state was not verified, so this run cannot pass."
     return {"verdict": document.verdict, "mark": mark, "words": words, "why": why}
