@@ -70,7 +70,7 @@ def analyse(
         left_out = tuple(
             sorted((*left_out, *(LeftOut(int(row), reason) for row in far)), key=lambda x: x.row)
         )
-    estimates = _estimates(found, solution)
+    estimates = _estimates(found, solution, rows.temperature_degC)
     path = _path(dataset, usable, found, settings)
     drift = solution.drift_order if solution is not None else 0
     lag_one = solution.lag_one_correlation if solution is not None else None
@@ -125,9 +125,17 @@ def _as_planned(rows: Rows, found: Identifiability) -> bool:
     return bool(singular[-1] > SMALLEST_SINGULAR)
 
 
-def _estimates(found: Identifiability, solution: Solution | None) -> tuple[Estimate, ...]:
-    """Return all thirteen in order, null where they are folded or nothing could be solved."""
+def _estimates(
+    found: Identifiability, solution: Solution | None, temperature_degC: Array | None
+) -> tuple[Estimate, ...]:
+    """Return all thirteen in order, null where they are folded or nothing could be solved.
+
+    They hold at the mean temperature of the rows, which the temperature terms are taken from.
+    """
     values: dict[str, float] = {}
+    at: dict[str, object] = {}
+    if temperature_degC is not None and len(temperature_degC):
+        at = {"conditions": {"temperature": f"{float(np.mean(temperature_degC)):.2f} degC"}}
     if solution is not None:
         values = {name: float(solution.coefficients[j]) for j, name in enumerate(found.kept)}
     estimates = []
@@ -146,7 +154,7 @@ def _estimates(found: Identifiability, solution: Solution | None) -> tuple[Estim
                 float(solution.degrees_of_freedom),
                 METHOD,
                 _sensitivities(name, values),
-                {"terms": dict(found.terms[name])},
+                {"terms": dict(found.terms[name]), **at},
             )
         )
     return tuple(estimates)

@@ -113,7 +113,8 @@ def _result_rows(results: Sequence[Result]) -> list[dict[str, str]]:
         expanded = combined.expanded_uncertainty if combined else None
         rows.append(
             {
-                "name": _plain(estimate.name),
+                "name": _plain(estimate.measures),
+                "at": estimate.holds_at,
                 "axis": estimate.axis or "",
                 "value": value,
                 "u": standard,
@@ -150,7 +151,7 @@ def _published_rows(document: ResultDocument) -> list[dict[str, str]]:
                     in_u = f"{(published.value - value) / u:+.1f}".replace("-0.0", "+0.0")
         rows.append(
             {
-                "name": _plain(published.name),
+                "name": _plain(result.estimate.measures if result else published.name),
                 "axis": published.axis or "",
                 "published": published_text,
                 "value": text,
@@ -195,7 +196,7 @@ def _budgets(results: Sequence[Result]) -> list[dict[str, Any]]:
         aligned = _aligned([*rows, {"contribution": total}], ("contribution",))
         budgets.append(
             {
-                "name": _plain(result.estimate.name),
+                "name": _plain(result.estimate.measures),
                 "axis": result.estimate.axis or "",
                 "unit": result.estimate.unit,
                 "total": aligned[-1]["contribution"],
