@@ -15,10 +15,10 @@ from .findings import (
     Nuisance,
     Path,
 )
-from .flags import data_flags, jump_flags, result_flags
+from .flags import data_flags, jump_flags, result_flags, step_flags
 from .identifiability import Identifiability, judge
 from .model import COEFFICIENTS, FIELD_POWER, UNITS, accelerations, model_columns
-from .nuisances import FEWEST_LEFT, unit_of
+from .nuisances import FEWEST_LEFT, STEP, unit_of
 from .published import finite_memory_path, published_values
 from .rows import Rows
 from .screening import screen
@@ -80,6 +80,9 @@ def analyse(
     if solution is not None and solution.jump is not None:
         off = [int(row) for row in np.flatnonzero(usable)[solution.jump.rows]]
         flags += jump_flags(dataset, off, solution.jump)
+    if solution is not None and solution.step_row is not None:
+        step_V = float(solution.coefficients[solution.names.index(STEP)])
+        flags += step_flags(int(np.flatnonzero(usable)[solution.step_row]), step_V)
     count = found.rank if solution is not None else 0
     return AccelerometerAnalysis(
         identifiability=found,

@@ -110,6 +110,16 @@ def jump_flags(dataset: AccelerometerDataset, rows: Sequence[int], jump: Jump) -
     ]
 
 
+def step_flags(row: int, step_V: float) -> list[Flag]:
+    """Return the flag of an output that steps at a row of the dataset."""
+    step_said = (
+        f"From row {row} on, counted from 0, the output reads {1e6 * step_V:+.4g} µV more than "
+        "before at the same angle and field; the solution takes the step for one of the output and "
+        "removes it, K0 being the mean. Look at the voltmeter, its input, and the device."
+    )
+    return [Flag("output-step", step_said, details={"row": row, "step_V": step_V})]
+
+
 def result_flags(
     found: Identifiability,
     estimates: Sequence[Estimate],

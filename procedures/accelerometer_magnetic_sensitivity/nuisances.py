@@ -31,6 +31,7 @@ same, and what is left out is in the uncertainty."""
 
 ARCSEC_PER_RAD = 3600.0 * 180.0 / np.pi
 OFFSET, JUMP, KO, KP = "encoder offset", "encoder jump", "Ko", "Kp"
+STEP = "output step"
 K0_T, KI_T = "K0_T", "Ki_T"
 USUAL = {K0_T: 30e-6, KI_T: 100e-6}
 """Per degC and in parts of Ki: the temperature terms of quartz accelerometers with a flexure, 20 to
