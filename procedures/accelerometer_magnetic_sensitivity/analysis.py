@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -15,13 +17,20 @@ from .findings import (
     Nuisance,
     Path,
 )
-from .flags import data_flags, jump_flags, result_flags, step_flags
+from .flags import (
+    data_flags,
+    frozen_flags,
+    jump_flags,
+    result_flags,
+    scale_drift_flags,
+    step_flags,
+)
 from .identifiability import Identifiability, judge
 from .model import COEFFICIENTS, FIELD_POWER, UNITS, accelerations, model_columns
-from .nuisances import FEWEST_LEFT, STEP, unit_of
+from .nuisances import FEWEST_LEFT, KI_DRIFT, STEP, unit_of
 from .published import finite_memory_path, published_values
 from .rows import Rows
-from .screening import screen
+from .screening import frozen_temperature, screen
 from .solution import solve_rows
 from .solved import Solution
 
@@ -46,6 +55,10 @@ def analyse(
     raises nothing for poor data: what they do not determine is None and flagged.
     """
     settings = settings or AnalysisSettings()
+    frozen = np.zeros(len(dataset), dtype=bool)
+    if dataset.temperature_degC is not None:
+        frozen = frozen_temperature(dataset.temperature_degC)
+        dataset = replace(dataset, temperature_degC=None) if frozen.any() else dataset
     usable, left_out = screen(dataset)
     found = judge(
         dataset.plane[usable],
@@ -74,12 +87,14 @@ def analyse(
     path = _path(dataset, usable, found, settings)
     drift = solution.drift_order if solution is not None else 0
     lag_one = solution.lag_one_correlation if solution is not None else None
-    flags = data_flags(dataset, left_out, settings)
+    flags = [*frozen_flags(frozen), *data_flags(dataset, left_out, settings)]
     counted = int(used.sum() if solution is not None else usable.sum())
     flags += result_flags(found, estimates, drift, lag_one, counted, settings, as_planned)
     if solution is not None and solution.jump is not None:
         off = [int(row) for row in np.flatnonzero(usable)[solution.jump.rows]]
         flags += jump_flags(dataset, off, solution.jump)
+    if solution is not None and KI_DRIFT in solution.names:
+        flags += scale_drift_flags()
     if solution is not None and solution.step_row is not None:
         step_V = float(solution.coefficients[solution.names.index(STEP)])
         flags += step_flags(int(np.flatnonzero(usable)[solution.step_row]), step_V)
