@@ -52,6 +52,7 @@ def evaluate_run(folder: RunFolder) -> tuple[ResultDocument, Findings]:
         plan.decision_rule,
         bench_safe=not left_unverified(folder, bench),
         data_whole=not damage.parts,
+        measured=procedure.measured_axes(plan.parameters),
     )
     return document, findings
 

@@ -38,6 +38,9 @@ RESULT_KEYS = {
     "results[].budget[].type": "`A` from the data, `B` from elsewhere",
     "results[].budget[].contribution": "its standard uncertainty in the value's unit",
     "results[].budget[].source": "this measurement, or a certificate of the bench file",
+    "results[].terms": "the combination that the value really is: coefficients and their shares",
+    "results[].conditions": "what the value holds at, such as the temperature",
+    "results[].frame": "the axes that an angle is taken from",
     "results[].coil_field": "rlg-magnetic-sensitivity: the measured field of the axis's coil over "
     "the commanded one",
     "results[].coil_field.IA": "its part along IA, in phase with the coil; one or near zero",

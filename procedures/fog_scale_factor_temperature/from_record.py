@@ -38,6 +38,8 @@ def dataset_of_run(folder: RunFolder, parameters: FogParameters, bench: Bench) -
         full_attitude=True,
         gyro_bias_deg_per_h=parameters.gyro_bias_deg_per_h,
         heading_resolution_deg=parameters.heading_resolution_deg,
+        angle_random_walk_deg_per_sqrt_h=parameters.angle_random_walk_deg_per_sqrt_h,
+        turntable_accuracy_arcsec=parameters.turntable_accuracy_arcsec,
         reference_temperature_degC=parameters.reference_temperature_degC,
         initial_order=parameters.initial_order,
         temperature_range_degC=parameters.temperature_range_degC,
