@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import math
 from contextlib import suppress
+from functools import partial
 from typing import ClassVar
 
 from drivers.acutrol3000_axis import Doing, settings_of
@@ -58,7 +59,7 @@ class Acutrol3000:
         self.place = place
         self._settings = settings_of(place)
         self._limits_written = False
-        self._line = AclLine(place, self._settings.framing)
+        self._line = AclLine(place, self._settings.framing, self.repeatable)
         self._table = Table(place, self._settings, self._line, self.repeatable)
 
     def identify(self) -> Identity:
@@ -218,11 +219,11 @@ class Acutrol3000:
         """Read back that no axis turns, by rate and by two angles of each, and that all are off."""
         table, angles = self._table, []
         for _ in range(2):
-            table.patiently_look()
+            self._line.proof.of(table.patiently_look)
             angles.append([state.count.angle_deg for state in table.axes.values()])
             self.place.clock.sleep(STILL_S)
         most_deg = self._settings.at_rest * STILL_S + self._settings.in_position_deg
-        modes = [table.patient_mode(n) for n in table.axes]
+        modes = self._line.proof.of(*(partial(table.patient_mode, n) for n in table.axes))
         moved_deg = [abs(after - before) for before, after in zip(*angles, strict=True)]
         still = not table.turns() and max(moved_deg) <= most_deg
         said = [

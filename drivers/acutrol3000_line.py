@@ -8,6 +8,8 @@ from typing import NamedTuple
 
 from drivers.roles import Place
 from drivers.transport.answers import odd, shortened
+from drivers.transport.proof import Proof
+from drivers.transport.retry import NEVER, Repeatable
 from drivers.transport.serial_line import SerialLine
 from drivers.transport.serial_port import Framing
 from station.errors import InstrumentError
@@ -44,7 +46,7 @@ class FramedLine(SerialLine):
     def _is_whole(self, answer: bytes) -> bool:
         if len(answer) < HEADER_BYTES:
             return False
-        header = HEADER.match(answer.decode("ascii", "replace"))
+        header = HEADER.match(answer[:HEADER_BYTES].decode("ascii", "replace"))
         return header is None or len(answer) >= HEADER_BYTES + int(header[2])
 
     def _unwrapped(self, attempted: str, text: str) -> str:
@@ -58,7 +60,9 @@ class FramedLine(SerialLine):
             )
         end = HEADER_BYTES + int(header[2])
         if text[end:].strip("\r\n"):
-            raise self._wrong(attempted, f"{shortened(text)!r} came back, more than one answer")
+            self._doubt(text.encode(), attempted)
+            said = f"{shortened(text)!r} came back, more than one answer"
+            raise self._doubtful(attempted, said)
         return text[:end]
 
 
@@ -69,11 +73,12 @@ class AclLine:
     command therefore asks for the error queue in the same message.
     """
 
-    def __init__(self, place: Place, framing: str) -> None:
+    def __init__(self, place: Place, framing: str, repeatable: Repeatable = NEVER) -> None:
         self._place = place
         self._framed = framing == FRAMED
         kind = FramedLine if self._framed else SerialLine
-        self._line = kind(place, SERIAL, request_end="\r\n", answer_end="\n")
+        self._line = kind(place, SERIAL, request_end="\r\n", answer_end="\n", repeatable=repeatable)
+        self.proof = Proof(place, self._line)
         self._free_s = -math.inf
 
     def query(self, message: str) -> str:
@@ -136,6 +141,10 @@ class AclLine:
     def tell(self, message: str) -> None:
         """Send a command whose refusal is no fault here."""
         self._told(message)
+
+    def blindly(self, message: str) -> None:
+        """Send a command and wait for no answer: a last attempt."""
+        self._line.last_attempt(message)
 
     def forget_errors(self) -> None:
         """Read errors until there is none."""

@@ -270,9 +270,12 @@ class Table:
         return limits.get("rate", 0.0) / limits.get("acceleration", math.inf) + BRAKES_LATE_S
 
     def last_attempt(self, message: str) -> None:
-        """Send a command once more, whatever comes back."""
-        with suppress(InstrumentError):
+        """Send a command once more, whatever comes back, or where nothing can come back."""
+        try:
             self._line.tell(message)
+        except InstrumentError:
+            with suppress(InstrumentError):
+                self._line.blindly(message)
 
     def forget_errors(self) -> None:
         """Empty the error queue of what was refused and did not matter."""

@@ -39,7 +39,10 @@ class InterlockChainLine:
     def __init__(self, place: Place) -> None:
         self.place = place
         self._line = ScpiLine(
-            place, error_query=":SYST:ERR?", no_error=lambda answer: answer.startswith("0,")
+            place,
+            error_query=":SYST:ERR?",
+            no_error=lambda answer: answer.startswith("0,"),
+            repeatable=self.repeatable,
         )
         self._patient = PatientLine(self._line, self.repeatable)
 

@@ -38,9 +38,11 @@ def wait_for_zero(
     near_zero_A: float,
     until_s: float,
     sine: Sine | None,
+    in_step: Callable[[], bool],
 ) -> bool:
     """Return near a zero of a running list's current; False when the read-back stood still.
 
+    `in_step` proves that a reading near zero is the current, and no answer to another question.
     At `until_s` the list is to be left in any case.
     """
     seen: list[float] = []
@@ -48,7 +50,10 @@ def wait_for_zero(
         seen = [*seen[1 - LOOKS :], read_A()]
         if abs(seen[-1]) <= near_zero_A:
             if len(set(seen)) > 1:
-                return True
+                if in_step():
+                    return True
+                seen = []
+                continue
             if len(seen) == LOOKS:
                 break
         clock.sleep(LOOK_S)

@@ -15,6 +15,7 @@ from drivers.kepco_leaving import Sine, wait_for_zero
 from drivers.kepco_steady import SteadyCurrent, set_point_A
 from drivers.roles import Identity, Place, SafetyReading
 from drivers.transport.answers import identification
+from drivers.transport.proof import Proof
 from drivers.transport.retry import PatientLine, Repeatable
 from drivers.transport.visa_line import ScpiLine
 from station.errors import InputError, InstrumentError, PauseRefused
@@ -48,8 +49,12 @@ class KepcoSupply(ABC):
         self._ramp_step_A = place.limits["slew"] * RAMP_STEP_S
         self._zero_A = place.limits["zero_current"]
         self._line = ScpiLine(
-            place, error_query=ERROR_QUERY, no_error=lambda answer: answer.startswith("0,")
+            place,
+            error_query=ERROR_QUERY,
+            no_error=lambda answer: answer.startswith("0,"),
+            repeatable=self.repeatable,
         )
+        self._proof = Proof(place, self._line)
         self._patient = PatientLine(self._line, self.repeatable)
         self._steady = SteadyCurrent(place, self._line, self.current_A)
         self._half_period_s = LONGEST_HALF_PERIOD_S
@@ -67,7 +72,7 @@ class KepcoSupply(ABC):
         rest within its slew limit. Raises InstrumentError when the bench's limit is above the
         instrument's rating.
         """
-        if self._output_is_on():
+        if self._proof.of(self._output_is_on) == [True]:
             self.make_safe(self.place.clock.now() + COMES_TO_REST_S)
         self._programme_limits()
 
@@ -168,14 +173,17 @@ class KepcoSupply(ABC):
             self.place.publish("output", "off")
         except InstrumentError:
             with suppress(InstrumentError):
-                self._line.write("OUTP OFF")
+                self._line.last_attempt("OUTP OFF")
             raise
 
     def _ramp_to_zero(self, deadline_s: float) -> None:
         clock = self.place.clock
-        if self._list_runs():
+        # An answer to another question must not be what a ramp starts from.
+        if self._proof.of(self._list_runs) == [True]:
             self._leave_list(deadline_s)
-        present_A, set_A = self._sure_current_A(), set_point_A(self._patient.number)
+        present_A, set_A = self._proof.of(
+            self._sure_current_A, lambda: set_point_A(self._patient.number)
+        )
         if abs(set_A) > self._ramp_step_A or self._stood_still:
             # What it drives follows what it is told, also where it reads back something else:
             # in compliance, frozen, or beyond its set-point.
@@ -194,9 +202,9 @@ class KepcoSupply(ABC):
 
     def read_safety(self) -> SafetyReading:
         """Read back output state, list state and current."""
-        output_on = self._output_is_on()
-        runs = self._list_runs()
-        current_A = self._sure_current_A()
+        output_on, runs, current_A = self._proof.of(
+            self._output_is_on, self._list_runs, self._sure_current_A
+        )
         safe = not output_on and not runs and abs(current_A) <= self._zero_A
         return SafetyReading(
             safe and not self._stood_still,
@@ -226,7 +234,12 @@ class KepcoSupply(ABC):
         """
         until_s = min(self.place.clock.now() + LONGEST_HALF_PERIOD_S, deadline_s - SETTLE_S)
         self._stood_still |= not wait_for_zero(
-            self.place.clock, self._sure_current_A, self._ramp_step_A, until_s, self._sine
+            self.place.clock,
+            self._sure_current_A,
+            self._ramp_step_A,
+            until_s,
+            self._sine,
+            self._proof.in_step,
         )
         self._patient.command("CURR:MODE FIX")
 

@@ -37,6 +37,7 @@ from drivers.keysight_33522b_messages import (
 )
 from drivers.roles import Identity, Place, SafetyReading
 from drivers.transport.answers import identification, shortened
+from drivers.transport.proof import Proof
 from drivers.transport.retry import PatientLine, Repeatable
 from drivers.transport.visa_line import ScpiLine
 from station.errors import InputError, InstrumentError
@@ -77,8 +78,12 @@ class Keysight33522B:
         self._armed: set[int] = set()
         """Channels that are proven to hold a voltage, and those proven to wait for a trigger."""
         self._line = ScpiLine(
-            place, error_query=ERROR_QUERY, no_error=lambda answer: answer.startswith(("+0,", "0,"))
+            place,
+            error_query=ERROR_QUERY,
+            no_error=lambda answer: answer.startswith(("+0,", "0,")),
+            repeatable=self.repeatable,
         )
+        self._proof = Proof(place, self._line)
         self._patient = PatientLine(self._line, self.repeatable)
 
     def identify(self) -> Identity:
@@ -197,18 +202,19 @@ class Keysight33522B:
         try:
             self._patient.query(f"*CLS;{ERROR_QUERY}")
             self._patient.command(off)
-            on = [channel for channel, is_on in self._outputs().items() if is_on]
+            (outputs,) = self._proof.of(self._outputs)
+            on = [channel for channel, is_on in outputs.items() if is_on]
             if on:
                 what = f"channel {' and '.join(map(str, on))} reads back as on"
                 raise self._error("switched both outputs off", what, "switch it off by hand")
         except InstrumentError:
             with suppress(InstrumentError):
-                self._line.write(off)
+                self._line.last_attempt(off)
             raise
 
     def read_safety(self) -> SafetyReading:
         """Read back both outputs."""
-        outputs = self._outputs()
+        (outputs,) = self._proof.of(self._outputs)
         words = [f"channel {channel} {'on' if on else 'off'}" for channel, on in outputs.items()]
         return SafetyReading(not any(outputs.values()), ", ".join(words))
 

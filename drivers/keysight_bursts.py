@@ -72,7 +72,10 @@ class Bursts:
         # Held while a burst is begun, and for the whole of a single reading of an interlock's.
         self._turn = place.clock.lock(f"{place.name} burst")
         self._line = ScpiLine(
-            place, error_query=ERROR_QUERY, no_error=lambda answer: answer.startswith(("+0,", "0,"))
+            place,
+            error_query=ERROR_QUERY,
+            no_error=lambda answer: answer.startswith(("+0,", "0,")),
+            repeatable=REPEATABLE,
         )
         self._patient = PatientLine(self._line, REPEATABLE)
 

@@ -55,6 +55,7 @@ class Lakeshore425:
     repeatable: ClassVar[Repeatable] = Repeatable(
         r"(\*IDN|RDGFIELD|UNIT|RANGE|AUTO|RDGMODE)\?",
         r"UNIT 2|RANGE [1-4]|AUTO 0|RDGMODE 1,0,1",
+        rooted=False,
     )
     prompts: ClassVar[Mapping[str, str]] = {
         f"turn-probe-{axis}": f"Turn the probe of the gaussmeter so that it measures along the "
@@ -83,7 +84,7 @@ class Lakeshore425:
         self._free_s = -math.inf
         self._readings = 0
         self._turn = place.clock.lock(f"{place.name} turn")
-        self._line = SerialLine(place, FRAMING, request_end="\r\n")
+        self._line = SerialLine(place, FRAMING, request_end="\r\n", repeatable=self.repeatable)
 
     @property
     def averaging_s(self) -> float:

@@ -72,6 +72,7 @@ class LakeshoreF71:
             error_query=":SYST:ERR:ALL?",
             no_error=lambda answer: "no error" in answer.lower(),
             answer_end="\r\n",
+            repeatable=self.repeatable,
         )
         self._patient = PatientLine(self._line, self.repeatable)
 

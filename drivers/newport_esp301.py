@@ -74,7 +74,7 @@ class NewportEsp301:
         self._homing = False
         self._turning = False
         self._until_s = math.inf
-        self._line = EspLine(place, self._axis)
+        self._line = EspLine(place, self._axis, self.repeatable)
 
     def identify(self) -> Identity:
         """Ask for the controller's version (`VE?`), and stage and serial number (`ID?`)."""
@@ -205,7 +205,7 @@ class NewportEsp301:
                 self.place.clock.sleep(LOOK_S)
         except InstrumentError:
             with suppress(InstrumentError):
-                self._line.write("AB")
+                self._line.last_attempt("AB")
             raise
         self._turning = False
         with suppress(InstrumentError):
@@ -213,10 +213,13 @@ class NewportEsp301:
 
     def read_safety(self) -> SafetyReading:
         """Read back whether the movement is over, and from two readings that the angle stays."""
-        first_deg = self._surely("TP?")
+        (first_deg,) = self._line.proof.of(lambda: self._surely("TP?"))
         self.place.clock.sleep(STILL_S)
-        angle_deg = self._surely("TP?")
-        done, motor_on = self._surely("MD?") != 0, self._surely("MO?") != 0
+        angle_deg, done, motor_on = self._line.proof.of(
+            lambda: self._surely("TP?"),
+            lambda: self._surely("MD?") != 0,
+            lambda: self._surely("MO?") != 0,
+        )
         rate = (angle_deg - first_deg) / STILL_S
         still = abs(angle_deg - first_deg) <= self._in_position_deg
         self.place.publish("rate", rate, "deg/s")

@@ -7,6 +7,8 @@ from collections.abc import Collection
 
 from drivers.roles import Place
 from drivers.transport.answers import number_of, odd, shortened
+from drivers.transport.proof import Proof
+from drivers.transport.retry import NEVER, Repeatable
 from drivers.transport.serial_line import SerialLine
 from drivers.transport.serial_port import Framing
 from station.errors import InstrumentError
@@ -52,18 +54,21 @@ OF_AXIS = {
 class EspLine:
     """Commands and queries of one controller; `axis` is the one whose errors are ours."""
 
-    def __init__(self, place: Place, axis: int) -> None:
+    def __init__(self, place: Place, axis: int, repeatable: Repeatable = NEVER) -> None:
         self._place = place
         self._axis = axis
-        self._line = SerialLine(place, FRAMING, ignores_empty=True)
+        self._line = SerialLine(
+            place, FRAMING, ignores_empty=True, repeatable=repeatable, identity="VE?"
+        )
+        self.proof = Proof(place, self._line)
 
     def query(self, message: str) -> str:
         """Send a message with one query in it and return the answer."""
         return self._line.query(message)
 
-    def write(self, message: str) -> None:
-        """Send a command and ask nothing, for a last attempt."""
-        self._line.write(message)
+    def last_attempt(self, message: str) -> None:
+        """Send a command where no answer can be understood."""
+        self._line.last_attempt(message)
 
     def close(self) -> None:
         """Close the line."""

@@ -27,6 +27,7 @@ from numpy.typing import NDArray
 from drivers.red_pitaya_settings import SLOTS, CannotRecord, Record, Settings
 from drivers.roles import Block, Identity, Place, SafetyReading
 from drivers.transport.answers import odd, shortened
+from drivers.transport.proof import Proof
 from drivers.transport.retry import Repeatable, repeated
 from drivers.transport.visa_line import VisaLine
 from station.errors import InputError, InstrumentError
@@ -84,7 +85,8 @@ class RedPitaya:
         self._fired_s: float | None = None
         # Held while a record is begun, and for the whole of a single look of an interlock's.
         self._turn = place.clock.lock(f"{place.name} record")
-        self._line = VisaLine(place, request_end=END, answer_end=END)
+        self._line = VisaLine(place, request_end=END, answer_end=END, repeatable=self.repeatable)
+        self._proof = Proof(place, self._line)
 
     def identify(self) -> Identity:
         """Ask `*IDN?`: maker, model, a serial number that is 0, firmware."""
@@ -192,13 +194,15 @@ class RedPitaya:
         except InstrumentError:
             # It may do what it is told though nobody understands its answers.
             with suppress(InstrumentError):
-                self._set(f"DIG:PIN {OUTPUT},0", f"DIG:PIN? {OUTPUT}", "0")
+                self._line.last_attempt(f"DIG:PIN {OUTPUT},0")
             raise
 
     def read_safety(self) -> SafetyReading:
         """Read back whether the trigger output is an output, and low."""
-        way = self._surely(f"DIG:PIN:DIR? {OUTPUT}", self._word)
-        level = self._surely(f"DIG:PIN? {OUTPUT}", self._word)
+        way, level = self._proof.of(
+            lambda: self._surely(f"DIG:PIN:DIR? {OUTPUT}", self._word),
+            lambda: self._surely(f"DIG:PIN? {OUTPUT}", self._word),
+        )
         words = {"0": "low", "1": "high"}
         return SafetyReading(
             way == "OUT" and level == "0",

@@ -20,6 +20,7 @@ from typing import ClassVar
 
 from drivers.roles import Identity, Place, SafetyReading
 from drivers.transport.answers import odd
+from drivers.transport.proof import Proof
 from drivers.transport.retry import Repeatable, repeated
 from drivers.transport.serial_line import SerialLine
 from drivers.transport.serial_port import Framing
@@ -69,7 +70,15 @@ class ThorlabsSc10:
                 f"its settings are wrong ({error})",
                 "write moves_within and trigger_to_dark as times, such as 10 ms",
             ) from error
-        self._line = SerialLine(place, FRAMING, answer_end="> ", ignores_empty=True)
+        self._line = SerialLine(
+            place,
+            FRAMING,
+            answer_end="> ",
+            ignores_empty=True,
+            repeatable=self.repeatable,
+            identity="id?",
+        )
+        self._proof = Proof(place, self._line)
 
     def identify(self) -> Identity:
         """Ask `id?` for model and firmware; the serial number stands on the unit alone."""
@@ -134,8 +143,13 @@ class ThorlabsSc10:
     def read_safety(self) -> SafetyReading:
         """Read back whether the shutter is closed, and whether it is disabled, so that it stays."""
         ask = self._surely
-        closed, enabled = not self._is_open(ask), self._flag("ens?", ask) == 1
-        mode = "following the trigger" if self._mode(ask) == EXTERNAL else "by command"
+        is_open, enabled, mode_now = self._proof.of(
+            lambda: self._is_open(ask),
+            lambda: self._flag("ens?", ask) == 1,
+            lambda: self._mode(ask),
+        )
+        closed = not is_open
+        mode = "following the trigger" if mode_now == EXTERNAL else "by command"
         return SafetyReading(
             closed and not enabled,
             f"shutter {'closed' if closed else 'OPEN'}, {'enabled' if enabled else 'disabled'}, "

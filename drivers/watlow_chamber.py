@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import math
 from abc import abstractmethod
+from contextlib import suppress
 
 from drivers.bench_limits import limit_of
 from drivers.roles import Place, SafetyReading
+from drivers.transport.modbus_line import ModbusLine
 from drivers.transport.patient_registers import RegisterLine
+from drivers.transport.proof import Proof
 from drivers.watlow_ramp import Steps
 from drivers.watlow_sight import WatlowSight
 from station.errors import InstrumentError
@@ -32,10 +35,11 @@ class WatlowChamber(WatlowSight):
     """How fine the controller's set-point is."""
 
     def __init__(
-        self, place: Place, line: RegisterLine, surely: RegisterLine, door_register: int | None
+        self, place: Place, line: ModbusLine, surely: RegisterLine, door_register: int | None
     ) -> None:
         super().__init__(place, surely, door_register)
         self._line = line
+        self._proof = Proof(place, line)
         self._lock = place.clock.lock(f"{place.name} set-point")
         self._limits_written = self._on = False
         self._steps: Steps | None = None
@@ -139,11 +143,20 @@ class WatlowChamber(WatlowSight):
         return f"holds {self._stands_at():.1f} degC"
 
     def make_safe(self, deadline_s: float) -> None:
-        """Switch heater and compressor off and see, before run time `deadline_s`, that they are."""
+        """Switch heater and compressor off and see, before run time `deadline_s`, that they are.
+
+        Where no answer can be understood, they are switched off without one, and the error is
+        raised.
+        """
         self._on = False
         with self._lock:
             self._steps = None
-            self._disengage(self._surely)
+            try:
+                self._disengage(self._surely)
+            except InstrumentError:
+                with suppress(InstrumentError):
+                    self._last_attempt()
+                raise
         while self.place.clock.now() < deadline_s - LOOK_S:
             if self.read_safety().safe:
                 return
@@ -151,10 +164,11 @@ class WatlowChamber(WatlowSight):
 
     def read_safety(self) -> SafetyReading:
         """Read back whether the control is off and the output without power."""
-        on, power_percent = self._output(self._surely)
-        self.place.publish("output", "on" if on else "off")
         # A sensor that has failed makes nothing unsafe.
-        air_degC = self._process_degC(self._surely)
+        (on, power_percent), air_degC = self._proof.of(
+            lambda: self._output(self._surely), lambda: self._process_degC(self._surely)
+        )
+        self.place.publish("output", "on" if on else "off")
         return SafetyReading(
             not on and abs(power_percent) <= NO_POWER_PERCENT,
             f"control {'ON' if on else 'off'}, output {power_percent:.1f} %, "
@@ -186,6 +200,10 @@ class WatlowChamber(WatlowSight):
     @abstractmethod
     def _disengage(self, line: RegisterLine) -> None:
         """Switch heater and compressor off."""
+
+    @abstractmethod
+    def _last_attempt(self) -> None:
+        """Switch heater and compressor off without waiting for any answer."""
 
     def _begin_ramp(self, target_degC: float, rate_K_per_min: float) -> None:
         here_degC = self._stands_at()

@@ -25,6 +25,9 @@ from station.errors import InstrumentError
 
 FRAMING = Framing(baud_rate=19200)
 MODEL, MODEL_OF_F4 = 0, 5270
+WITNESS = ((0, 1), (1, 1), (2, 1))
+"""Model and serial number: no other three registers that are read one after the other hold them."""
+
 PROCESS, INPUT_ERROR, ALARMS, HEATS, COOLS = 100, 101, (102, 106), 103, 107
 PROFILE, PROFILE_ACTIVE, TERMINATE = 200, (2, 3), 1217
 TARGET, SET_LOW, SET_HIGH = 300, 602, 603
@@ -68,7 +71,7 @@ class WatlowF4(WatlowChamber):
             ) from error
         self._event_register = FIRST_EVENT + PER_EVENT * (event - 1) if event else None
         self._per_K: float | None = None
-        self._modbus = ModbusLine(place, unit, FRAMING)
+        self._modbus = ModbusLine(place, unit, FRAMING, self.repeatable, WITNESS)
         surely = PatientRegisters(self._modbus, self.repeatable)
         super().__init__(place, self._modbus, surely, INPUTS[door - 1] if door else None)
 
@@ -126,6 +129,13 @@ class WatlowF4(WatlowChamber):
         line.write(TARGET, [(low - 1) & 0xFFFF])
         if self._event_register is not None:
             line.write(self._event_register, [0])
+
+    def _last_attempt(self) -> None:
+        if self._event_register is not None:
+            self._line.tell(self._event_register, 0)
+        if self._limits_written and self._per_K is not None:
+            low = round(self._limit("temperature_low") * self._per_K)
+            self._line.tell(TARGET, (low - 1) & 0xFFFF)
 
     def _output(self, line: RegisterLine) -> tuple[bool, float]:
         (low,), (target,) = line.read(SET_LOW), line.read(TARGET)

@@ -150,6 +150,9 @@ class WatlowF4T(WatlowChamber):
         except ModbusRefusal:
             pass  # a controller without profiles
 
+    def _last_attempt(self) -> None:
+        self._line.tell(MODE + self._shift, OFF)
+
     def _output(self, line: RegisterLine) -> tuple[bool, float]:
         (mode,) = line.read(MODE_NOW + self._shift)
         return mode != OFF, self._number(POWER, line)

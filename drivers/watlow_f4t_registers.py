@@ -37,7 +37,7 @@ class F4TRegisters:
                 error, f"write unit as 1 to 247, and word_order as {LOW_FIRST} or {HIGH_FIRST}"
             ) from error
         self._low_first = order == LOW_FIRST
-        self.line = ModbusLine(place, unit, FRAMING)
+        self.line = ModbusLine(place, unit, FRAMING, REPEATABLE, ((HARDWARE, 2), (SERIAL, 2)))
         self.surely = PatientRegisters(self.line, REPEATABLE)
 
     def wrong_settings(self, error: Exception, do_now: str) -> InstrumentError:

@@ -10,6 +10,7 @@ from contextlib import AbstractContextManager, suppress
 from threading import Event
 
 from sim_instruments.faults.instrument import InstrumentFaults
+from sim_instruments.faults.lasting import Chatter, LastingFault
 from sim_instruments.faults.taps import LineTap
 from sim_instruments.tcp import TcpServer, is_closed
 from station.clock import Clock, ClockStopped
@@ -17,6 +18,7 @@ from station.clock import Clock, ClockStopped
 LONGEST_LINE = LARGEST_READ_BYTES = 65536
 AT_ONCE = getattr(socket, "MSG_DONTWAIT", 0)
 """Windows has no such option; there the read waits for what is on its way."""
+CHATTER = b"BUSY\r\n"
 LOOK_S = 0.005
 """Real time in which bytes that were written on a loopback come out at its other end."""
 
@@ -75,6 +77,8 @@ class RequestServer(TcpServer):
         self._tap = tap
         self._at_once = at_once
         self._talks: set[Conversation] = set()
+        if faults is not None:
+            faults.when_changed(Chatter.kind, self._chatter_changed)
 
     @abstractmethod
     def requests(self, talk: Conversation, data: bytes) -> Iterator[bytes | None]:
@@ -125,20 +129,58 @@ class RequestServer(TcpServer):
         """Answer one request, not before the one before it has been."""
         client, now_s = talk.client, self._clock.now()
         with self._lock:
-            reply, drops = self._tap.exchange(request, self.execute, now_s)
-        if drops:
+            reply, drops, resets = self._tap.exchange(request, self.execute, now_s)
+        if resets:
+            self.reset(client)
+        elif drops:
             self.drop(client)
         if client in self._dropped:
             # What comes back is the end of the connection, and the client may see it now.
             self._wire.answered(1)
+        elif reply is not None and reply.flood:
+            self.flood(client, reply.flood)
+            self._wire.answered(1)
         elif reply is not None:
             data = reply.body + reply.end
+            if reply.ahead:
+                client.sendall(reply.ahead)
+                self._wire.answered(len(reply.ahead))
+            for after_s, more in reply.afterwards:
+                self._unasked_later(reply.delay_s + after_s, client, more)
             talk.free_s = max(talk.free_s, now_s + reply.delay_s)
             if talk.free_s <= now_s:
                 client.sendall(data)
                 self._wire.answered(len(data))
             else:
                 self.later(talk.free_s - now_s, lambda: self._send_late(client, data))
+
+    def _unasked_later(self, delay_s: float, client: socket.socket, data: bytes) -> None:
+        """Send what nobody waits for after a while, to a client that is still there."""
+
+        def send() -> None:
+            with suppress(OSError):
+                if not is_closed(client):
+                    client.sendall(data)
+
+        self.later(delay_s, send)
+
+    def _chatter_changed(self, time_s: float, fault: LastingFault | None) -> None:
+        """Send a line to every client again and again, for as long as the fault is there."""
+        if not isinstance(fault, Chatter):
+            return
+
+        def say() -> float | None:
+            with self._guard:
+                clients, closed = list(self._clients), self._closed
+            now_s = self._clock.now()
+            if closed or not fault.lasts(now_s):
+                return None
+            for client in clients:
+                with suppress(OSError):
+                    client.send(CHATTER, AT_ONCE)
+            return now_s + fault.interval_s
+
+        self._clock.repeat(f"{self._name} chatter", self._clock.now(), say)
 
     def _send_late(self, client: socket.socket, data: bytes) -> None:
         # Who has hung up gets nothing, and a new connection must not be told of it.

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import select
 import socket
+import struct
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from contextlib import suppress
@@ -16,6 +17,7 @@ from sim_instruments.faults.lasting import LastingFault, PortGone
 from station.clock import Clock, ClockError, ClockStopped
 
 HOST = "127.0.0.1"
+FLOOD = b"0" * 65536
 
 
 class TcpServer(ABC):
@@ -73,6 +75,23 @@ class TcpServer(ABC):
             self._dropped.add(client)
         with suppress(OSError):
             client.shutdown(socket.SHUT_WR)
+
+    def reset(self, client: socket.socket) -> None:
+        """Reset a connection that nobody reads from at the moment."""
+        with self._guard:
+            self._dropped.add(client)
+        client.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+        client.close()
+
+    def flood(self, client: socket.socket, size: int) -> None:
+        """Send bytes without an end, in a thread of its own: whoever reads may stop at any time."""
+
+        def send() -> None:
+            with suppress(OSError):
+                for _ in range(0, size, len(FLOOD)):
+                    client.sendall(FLOOD)
+
+        Thread(target=send, name=f"{self._name} flood", daemon=True).start()
 
     def drop_all(self) -> None:
         """End every connection from this side."""

@@ -241,9 +241,12 @@ def _instrument_faults(
             yield document.fault(here, f"is missing; a {role_of(name)} needs it")
             continue
         try:
-            parse_as(settings[setting], unit)
+            value = parse_as(settings[setting], unit)
         except UnitError as error:
             yield document.fault(here, error.what, error.hint)
+        else:
+            if value == 0.0:
+                yield document.fault(here, "may not be zero; what is commanded is divided by it")
 
 
 def _shares_faults(document: Document, name: str, shares: Any) -> Iterator[Fault]:

@@ -17,10 +17,13 @@ from pydantic import Field
 
 from station.faults import Fault, FaultList, listed, nearest
 from station.fields import StrictModel
+from station.lookup import is_there
 from station.validation import check_model
 from station.yaml.reading import Document, read_text, read_yaml
 
 DATASET_FILE = "dataset.yaml"
+LARGEST = 1e30
+"""Nothing that is measured is larger in its unit, and its powers can still be computed."""
 MOST_FAULTS = 20
 BLOCK_LINES, BLOCK_CHARACTERS = 20_000, 1_000_000
 """What is taken apart at once: the words of a row take thirty times its numbers' memory."""
@@ -98,7 +101,7 @@ def read_dataset(path: Path) -> RawDataset:
         if outside or ".." in text.replace("\\", "/").split("/"):
             what = f"'{text}' lies outside the dataset's folder; copy it into the folder"
             faults.append(document.fault(("files", name), what))
-        elif not (file.parent / text).is_file():
+        elif not is_there(file.parent / text):
             there = [one.name for one in sorted(file.parent.glob("*.csv"))]
             hint = nearest(text, there)
             what = f"there is no file '{text}' in the dataset's folder"
@@ -171,6 +174,8 @@ def _column(
         number, row = rows[n]
         column = 1 + sum(len(cell) + 1 for cell in row[:index])
         what = f"'{cells[n].strip()}' is not a number" if cells[n].strip() else "is empty"
+        if LARGEST <= abs(_number(cells[n])) < math.inf:
+            what = f"'{cells[n].strip()}' is too large for anything that is measured"
         faults.append(Fault(str(path), number, column, name, what))
     return values, faults
 
@@ -225,14 +230,19 @@ def _header_faults(
         return [Fault(str(path), line, 1, "header", what)]
     faults = [Fault(str(path), line, 1, name, "the column is missing") for name in missing]
     column = 1
+    seen: set[str] = set()
     for n, (name, cell) in enumerate(zip(names, _cells(header), strict=True)):
-        if name in names[:n]:
+        if len(faults) > MOST_FAULTS:
+            rest = f"and more faults; the file has {len(names)} columns"
+            return [*faults[:MOST_FAULTS], Fault(str(path), line, column, "header", rest)]
+        if name in seen:
             faults.append(Fault(str(path), line, column, name, "the column stands twice"))
         elif name not in known:
             hint = nearest(name, missing or known)
             what = "the column is not known" + ("" if hint else f"; known are {listed(known)}")
             shown = name or f"column {n + 1}"
             faults.append(Fault(str(path), line, column, shown, what, hint and f"'{hint}'"))
+        seen.add(name)
         column += len(cell) + 1
     return faults
 
@@ -245,7 +255,8 @@ def _numbers(cells: list[str]) -> tuple[NDArray[np.float64], list[int]]:
         values = np.array(cells, dtype=np.str_).astype(np.float64)
     except ValueError:
         values = np.array([_number(cell) for cell in cells])
-    return values, np.flatnonzero(~np.isfinite(values)).tolist()
+    with np.errstate(invalid="ignore"):
+        return values, np.flatnonzero(~(np.abs(values) < LARGEST)).tolist()
 
 
 def _number(cell: str) -> float:

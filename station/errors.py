@@ -71,6 +71,12 @@ class RecordError(StationError):
     """A run folder that cannot be written, read or trusted."""
 
 
+class DamagedRecord(RecordError, InputError):
+    """A run folder in which something is not any more what the run wrote."""
+
+    exit_code = EXIT_WRONG_INPUT
+
+
 class PauseRefused(StationError):
     """An instrument that cannot be left alone now; the run goes on."""
 

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import warnings
 from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import replace
 from datetime import date
 from pathlib import Path
@@ -12,11 +14,12 @@ from typing import TYPE_CHECKING, Any
 from station import registry
 from station.bench import Bench
 from station.console import span
-from station.errors import EXIT_DONE, EXIT_OUTSIDE_LIMIT, EXIT_UNDETERMINED
+from station.errors import EXIT_DONE, EXIT_OUTSIDE_LIMIT, EXIT_UNDETERMINED, InputError
 from station.faults import FaultList, not_there
 from station.findings import Findings, Flag
+from station.record.events import RESUMED
 from station.record.files import write_whole_file
-from station.record.folder import REPORT, RESULTS, RESUMED, RunFolder
+from station.record.folder import REPORT, RESULTS, RunFolder
 from station.record.manifest import MANIFEST, write_manifest
 from station.recorded import left_out, left_unverified, read_plan_and_bench, used_instruments
 from station.results import ResultDocument, conclude
@@ -28,11 +31,19 @@ MOST_UNITS = 6
 
 
 def evaluate_run(folder: RunFolder) -> tuple[ResultDocument, Findings]:
-    """Return the results of a run and what lies behind them, from its folder alone."""
+    """Return the results of a run and what lies behind them, from its folder alone.
+
+    Units of work whose raw data are damaged are left out and named. Raises DamagedRecord where
+    plan, bench, log or a file that the plan named is not the one of the run.
+    """
+    damage = folder.damage
+    damage.refuse_altered()
+    folder.leave_out(damage.units)
     plan, bench = read_plan_and_bench(folder)
     procedure = registry.procedure(plan.procedure)
-    findings = procedure.evaluate_run(folder, plan.parameters, bench)
-    flags = [*findings.flags, *flags_of_run(folder, bench)]
+    with quiet_numbers():
+        findings = procedure.evaluate_run(folder, plan.parameters, bench)
+    flags = [*findings.flags, *flags_of_run(folder, bench), *damage.flags()]
     findings = replace(findings, flags=flags)
     document = conclude(
         plan.procedure,
@@ -40,6 +51,8 @@ def evaluate_run(folder: RunFolder) -> tuple[ResultDocument, Findings]:
         plan.limits_by_axis(),
         plan.decision_rule,
         bench_safe=not left_unverified(folder, bench),
+        data_whole=not damage.parts,
+        measured=procedure.measured_axes(plan.parameters),
     )
     return document, findings
 
@@ -128,17 +141,24 @@ def flags_of_guardians(folder: RunFolder) -> Iterator[Flag]:
 def conclude_run(path: Path, *, report: bool = True) -> ResultDocument:
     """Evaluate a run for the first time: revision 000, and its copies at the top of the folder."""
     folder = RunFolder(path)
-    revision = folder.new_revision()
-    document = write_revision(folder, revision, report=report)
+    document, findings = evaluate_run(folder)
+    revision = folder.own_revision()
+    write_revision(folder, revision, document, findings, report=report)
     for file in sorted(revision.iterdir()):
         if file.name != MANIFEST:
             write_whole_file(path / file.name, file.read_bytes())
     return document
 
 
-def write_revision(folder: RunFolder, place: Path, *, report: bool = True) -> ResultDocument:
-    """Evaluate a run into `place`: results, a report where it is wanted, a manifest of both."""
-    document, findings = evaluate_run(folder)
+def write_revision(
+    folder: RunFolder,
+    place: Path,
+    document: ResultDocument,
+    findings: Findings,
+    *,
+    report: bool = True,
+) -> None:
+    """Write what was evaluated into `place`: results, a report if wanted, a manifest of both."""
     write_results(place, document)
     write_files(place, document, findings)
     if report:
@@ -147,7 +167,6 @@ def write_revision(folder: RunFolder, place: Path, *, report: bool = True) -> Re
         page = report_of_run(folder, document, findings)
         write_whole_file(place / REPORT, page.encode())
     write_manifest(place)
-    return document
 
 
 def write_results(place: Path, document: ResultDocument) -> None:
@@ -173,8 +192,25 @@ def evaluate_dataset(raw: RawDataset) -> tuple[ResultDocument, Findings]:
         said = not_there("procedure", raw.procedure, known)
         raise FaultList([raw.document.fault(("procedure",), *said)])
     procedure = registry.procedure(raw.procedure)
-    findings = procedure.evaluate_dataset(raw)
-    return conclude(raw.procedure, findings, {}, "simple"), findings
+    try:
+        with quiet_numbers():
+            findings = procedure.evaluate_dataset(raw)
+            return conclude(raw.procedure, findings, {}, "simple"), findings
+    except (ArithmeticError, ValueError) as error:  # LinAlgError is a ValueError
+        raise InputError(
+            f"{raw.document.path}: the analysis finds no solution in these numbers ({error}); look "
+            "for columns that never change, that repeat each other, or that have another unit"
+        ) from error
+
+
+@contextmanager
+def quiet_numbers() -> Iterator[None]:
+    """Keep the libraries' warnings off the terminal: what they warn of is null and flagged."""
+    import numpy as np
+
+    with np.errstate(all="ignore"), warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        yield
 
 
 def exit_code_of(document: ResultDocument) -> int:
@@ -194,5 +230,7 @@ def largest_difference(old: Mapping[str, Any], new: Mapping[str, Any]) -> float:
             if values[0] is not values[1]:
                 return float("inf")
             continue
-        largest = max(largest, abs(values[0] - values[1]) / entry["standard_uncertainty"])
+        change, u = abs(values[0] - values[1]), entry["standard_uncertainty"]
+        if change:
+            largest = max(largest, change / u if u else float("inf"))
     return largest

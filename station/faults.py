@@ -8,6 +8,11 @@ from difflib import get_close_matches
 
 from station.errors import InputError
 
+MOST_FAULTS = 20
+"""So many faults are listed, then how many more there are."""
+LONGEST = 300
+"""So many characters of a key or a value are shown."""
+
 
 @dataclass(frozen=True)
 class Fault:
@@ -26,7 +31,8 @@ class Fault:
         return f"{self.what}; did you mean {self.hint}" if self.hint else self.what
 
     def __str__(self) -> str:
-        return f"{self.file}:{self.line}:{self.column}: {self.where}: {self.said}"
+        place = f"{self.file}:{self.line}:{self.column}"
+        return f"{place}: {shortened(self.where)}: {shortened(self.said)}"
 
 
 class FaultList(InputError):
@@ -34,7 +40,22 @@ class FaultList(InputError):
 
     def __init__(self, faults: Iterable[Fault]) -> None:
         self.faults: tuple[Fault, ...] = tuple(sorted(faults, key=_place))
-        super().__init__("\n".join(str(fault) for fault in self.faults))
+        super().__init__("\n".join(shown(self.faults)))
+
+
+def shown(faults: Sequence[Fault]) -> list[str]:
+    """Return the lines of the first faults, and one that counts the others."""
+    more = len(faults) - MOST_FAULTS
+    rest = [f"and {more} more faults"] if more > 0 else []
+    return [*(str(fault) for fault in faults[:MOST_FAULTS]), *rest]
+
+
+def shortened(text: str) -> str:
+    """Return a text as a line of a terminal can hold it: its middle left out, no control codes."""
+    if len(text) > LONGEST:
+        half = LONGEST // 2
+        text = f"{text[:half]} … ({len(text)} characters) … {text[-half:]}"
+    return "".join(char if char.isprintable() else f"\\x{ord(char):02x}" for char in text)
 
 
 def _place(fault: Fault) -> tuple[str, int, int]:
@@ -46,6 +67,8 @@ def nearest(word: str, known: Iterable[str]) -> str | None:
 
     Case and the kind of dash are forgiven first, then a few wrong letters.
     """
+    if len(word) > LONGEST:
+        return None
     words = list(known)
     folded = {_fold(one): one for one in words}
     if _fold(word) in folded:

@@ -31,6 +31,27 @@ class Estimate:
     sensitivities: Mapping[str, float] = field(default_factory=dict)
     extra: Mapping[str, Any] = field(default_factory=dict)
 
+    @property
+    def measures(self) -> str:
+        """What the value really is: the combination in `terms`, else the name."""
+        terms = self.extra.get("terms")
+        return combination_text(terms) if terms else self.name
+
+    @property
+    def holds_at(self) -> str:
+        """The conditions that the value holds at, such as `25.3 degC`; empty without any."""
+        return ", ".join(self.extra.get("conditions", {}).values())
+
+
+def combination_text(terms: Mapping[str, float]) -> str:
+    """Return a combination as people write it: `K0 + Kpp`, `Kii − Kpp`, `Km + 0.05 Kmm`."""
+    text = ""
+    for name, share in terms.items():
+        size = "" if abs(abs(share) - 1.0) < 1e-9 else f"{abs(share):.4g} "
+        sign = ("−" if share < 0 else "") if not text else (" − " if share < 0 else " + ")
+        text += f"{sign}{size}{name}"
+    return text
+
 
 def undetermined(
     name: str, axis: str | None, unit: str, method: str, extra: Mapping[str, Any] | None = None

@@ -120,8 +120,17 @@ def is_held(path: Path) -> bool:
     """
     if not path.is_file():
         return False
-    writable = os.access(path, os.W_OK)
-    file = os.open(path, FLAGS | (os.O_RDWR if writable else os.O_RDONLY))
+    try:
+        # For reading: on a disk that takes no writes for a while nothing opens for more than that.
+        return _is_taken(path, os.O_RDONLY)
+    except OSError:  # a network disk may want more
+        if not os.access(path, os.W_OK):
+            raise
+        return _is_taken(path, os.O_RDWR)
+
+
+def _is_taken(path: Path, mode: int) -> bool:
+    file = os.open(path, FLAGS | mode)
     try:
         _take(file)
     except REFUSED:

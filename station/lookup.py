@@ -20,7 +20,7 @@ def find(kind: str, name: str, suffix: str = _SUFFIX) -> Path:
     there is.
     """
     as_path = Path(name)
-    if as_path.is_file():
+    if is_there(as_path):
         return as_path
     known = _known(kind, suffix)
     wanted = name.removesuffix(suffix)
@@ -30,6 +30,14 @@ def find(kind: str, name: str, suffix: str = _SUFFIX) -> Path:
     kind_said = _ONE.get(kind, "file")
     what = f"there is no such {kind_said}, neither as a file nor by name; there are {listed(known)}"
     raise FaultList([Fault(name, 1, 1, "file", what, hint and f"'{hint}'")])
+
+
+def is_there(path: Path) -> bool:
+    """Whether a path is that of a file; a name that no file system takes is none."""
+    try:
+        return path.is_file()
+    except (OSError, ValueError):
+        return False
 
 
 def available(kind: str) -> list[tuple[str, str]]:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import NamedTuple
+from collections import deque
+from collections.abc import Callable, Mapping
+from threading import Lock
+from typing import Any, NamedTuple
 
 from station.clock import Clock
 
@@ -20,6 +22,19 @@ class Reading(NamedTuple):
     time_s: float
 
 
+MOST_NOTES = 200
+"""Between two looks of the run at what drivers have noted."""
+
+
+class Note(NamedTuple):
+    """What a driver has to say of its line, and the run time in s at which it happened."""
+
+    instrument: str
+    kind: str
+    details: Mapping[str, Any]
+    time_s: float
+
+
 class Readings:
     """The board on which drivers publish; interlocks and the panel look there before they ask.
 
@@ -30,6 +45,9 @@ class Readings:
         self._clock = clock
         self._newest: dict[tuple[str, str], Reading] = {}
         self._told: list[Callable[[str, str, str], None]] = []
+        self._notes: deque[Note] = deque()
+        self._dropped = 0
+        self._notes_lock = Lock()
 
     def publish(self, instrument: str, quantity: str, value: Value, unit: str = "") -> None:
         """Put up a reading that was made just now."""
@@ -47,6 +65,29 @@ class Readings:
             self.publish(instrument, quantity, value, unit)
 
         return publish
+
+    def noter(self, instrument: str) -> Callable[[str, Mapping[str, Any]], None]:
+        """Return what the driver of an instrument notes events with; it never waits."""
+
+        def note(kind: str, details: Mapping[str, Any]) -> None:
+            entry = Note(instrument, kind, dict(details), self._clock.now())
+            with self._notes_lock:
+                if len(self._notes) < MOST_NOTES:
+                    self._notes.append(entry)
+                else:
+                    self._dropped += 1
+
+        return note
+
+    def take_notes(self) -> tuple[list[Note], int]:
+        """Return what was noted since the last look, and how many more there was no room for."""
+        if not self._notes:
+            return [], 0
+        with self._notes_lock:
+            notes, dropped = list(self._notes), self._dropped
+            self._notes.clear()
+            self._dropped = 0
+        return notes, dropped
 
     def newest(self, instrument: str, quantity: str) -> Reading | None:
         """Return the newest reading, or None where nothing was published yet."""

@@ -11,6 +11,8 @@ from station.findings import Estimate, Findings, Flag, Published, finite
 from station.uncertainty import BudgetLine, Combined, combine
 
 SCHEMA = 1
+LIMIT_WITHOUT_RESULT = "limit-without-result"
+WITHOUT_RESULT: Verdict = "inconclusive"
 
 
 @dataclass(frozen=True)
@@ -79,11 +81,15 @@ def conclude(
     rule: Rule,
     *,
     bench_safe: bool = True,
+    data_whole: bool = True,
+    measured: Mapping[str, tuple[str, ...]] | None = None,
 ) -> ResultDocument:
     """Combine uncertainties, hold each result against its limit, and give the verdict.
 
-    `limits` is keyed by result name and axis. A bench whose safe state was not verified cannot
-    pass: the verdict is then at best inconclusive.
+    `limits` is keyed by result name and axis. `measured` says which axes the plan measures of those
+    results of which it leaves some out; limits of the others hold for nothing. A bench whose safe
+    state was not verified, data of which a part is damaged, and a limit whose result is not there
+    cannot pass: the verdict is then at best inconclusive.
     """
     combined = combine(findings.estimates, findings.inputs)
     results = []
@@ -92,7 +98,27 @@ def conclude(
         expanded = uncertainty.expanded_uncertainty if uncertainty else None
         decision = decide(estimate.value, expanded, limit, rule)
         results.append(Result(estimate, uncertainty, limit, decision))
-    verdict = overall(result.decision.verdict for result in results)
-    if not bench_safe and verdict == "pass":
+    there = {(one.name, one.axis) for one in findings.estimates}
+    lacking = [key for key in limits if key not in there and _is_measured(key, measured or {})]
+    verdicts = [*(result.decision.verdict for result in results), *(WITHOUT_RESULT,) * len(lacking)]
+    verdict = overall(verdicts)
+    decided = verdict == "pass" or (verdict == "none" and bool(limits))
+    if not (bench_safe and data_whole) and decided:
         verdict = "inconclusive"
-    return ResultDocument(procedure, results, findings.published, findings.flags, verdict)
+    flags = [*findings.flags, *(_without_result(*key, limits[key]) for key in lacking)]
+    return ResultDocument(procedure, results, findings.published, flags, verdict)
+
+
+def _is_measured(key: tuple[str, str | None], measured: Mapping[str, tuple[str, ...]]) -> bool:
+    name, axis = key
+    return name not in measured or axis in measured[name]
+
+
+def _without_result(name: str, axis: str | None, limit: Limit) -> Flag:
+    """Return the flag on a limit that nothing can be held against."""
+    said = (
+        f"{name}{f' {axis}' if axis else ''} has a limit and no result: the procedure does not "
+        "return it. Nothing is held against the limit, and the verdict is inconclusive at best."
+    )
+    details = {"name": name, "limit": limit.to_data()}
+    return Flag(LIMIT_WITHOUT_RESULT, said, axis, details)

@@ -23,8 +23,7 @@ from station.guardian.log import (
 )
 from station.locks import is_held
 from station.record.creation import EVENTS
-from station.record.events import Event, read_events
-from station.record.folder import RESUMED
+from station.record.events import RESUMED, Event, read_events
 from station.record.manifest import LOCK
 from station.time_left import FinishedUnit, time_left_s
 

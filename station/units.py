@@ -122,6 +122,9 @@ _HABITS = {
     '"': "arcsec", "°c/min": "degC/min", "k/min": "degC/min", "deg/√h": "deg/sqrt(h)",
 }  # fmt: skip
 
+LARGEST, SMALLEST = 1e15, 1e-30
+BEYOND = "beyond anything that a bench can set or measure"
+
 _NUMBER = re.compile(r"[+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?")
 
 
@@ -224,6 +227,8 @@ def parse_as(text: object, unit: str, *, difference: bool = False) -> float:
     Raise UnitError that says what was expected.
     """
     if isinstance(text, (int, float)) and not isinstance(text, bool):
+        if abs(text) >= LARGEST:
+            raise UnitError(f"{text:.3g} is {BEYOND}, expected {expectation(unit)}")
         if dimension_of(unit) == "ratio" and unit == "1" and math.isfinite(text):
             return float(text)
         hint = f"'{format_quantity(text, unit)}'" if math.isfinite(text) else None
@@ -241,7 +246,10 @@ def parse_as(text: object, unit: str, *, difference: bool = False) -> float:
     if dimension_of(quantity.unit) != dimension_of(unit):
         noun, wanted = _DIMENSIONS[dimension_of(quantity.unit)][0], expectation(unit)
         raise UnitError(f"'{text}' is {noun}, expected {wanted}")
-    return quantity.to(unit, difference=difference)
+    value = quantity.to(unit, difference=difference)
+    if abs(value) >= LARGEST or 0.0 < abs(value) <= SMALLEST:
+        raise UnitError(f"'{text}' is {BEYOND}, expected {expectation(unit)}")
+    return value
 
 
 def format_quantity(value: float, unit: str) -> str:

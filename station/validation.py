@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
 ModelT = TypeVar("ModelT", bound=BaseModel)
 Loc = tuple[str | int, ...]
+MOST_LOOKED_AT = 200
 
 _WANTED = {
     "string_type": "text",
@@ -65,12 +66,17 @@ def check_model(
         return model.model_validate_json(text, strict=True), []
     except ValidationError as error:
         faults: dict[tuple[object, ...], Fault] = {}
-        for detail in error.errors(include_url=False):
+        details = error.errors(include_url=False)
+        for detail in details[:MOST_LOOKED_AT]:
             fault = _fault(document, model, at, dict(detail))
             # A union reports each of its branches at the same place; the first says enough.
             where = (fault.where, fault.line, fault.column)
             faults.setdefault(where, fault)
-        return None, list(faults.values())
+        found = list(faults.values())
+        more = len(details) - MOST_LOOKED_AT
+        if more > 0:
+            found.append(document.fault(at, f"has {more} more faults"))
+        return None, found
 
 
 _ABSENT = object()
@@ -100,7 +106,7 @@ def _fault(document: Document, model: type[BaseModel], at: Loc, detail: dict[str
     if loc and loc[-1] == "[key]":
         what, hint = _sentence(kind, detail, str(path[-1]))
         return document.fault(path, what, hint, at_key=True)
-    key = _key_of_default(model, loc)
+    key = _key_of_default(model, loc) if loc else None
     if key is not None and path[-1:] != (key,):
         path = (*path, key)
     what, hint = _sentence(kind, detail, document.scalars.get(path, ""))

@@ -13,6 +13,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from itertools import product
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -49,6 +50,14 @@ BOARD_COMMANDS = {"can-pulse-board": 0x100, "can-navigator": 0x0A0, "can-imu": 0
 """The frame by which a driver commands its instrument on a bus that others use as well."""
 
 
+Options = tuple[tuple[str, str], ...]
+VARIANTS: Mapping[str, tuple[Options, ...]] = {
+    "stray-line": tuple((("where", one),) for one in ("ahead", "before", "behind", "after")),
+    "duplicate-reply": ((), (("delay", "20 ms"),)),
+}
+"""Kinds that strike in more ways than one, by their options; the others come without."""
+
+
 @dataclass(frozen=True)
 class Case:
     """One fault at one place of one plan's run."""
@@ -59,6 +68,7 @@ class Case:
     step: str
     placement: str
     bench: str = BENCH
+    options: Options = ()
 
     @property
     def role(self) -> str:
@@ -67,7 +77,8 @@ class Case:
 
     def __str__(self) -> str:
         where = "" if self.bench == BENCH else f"{self.bench} "
-        return f"{where}{self.plan} {self.instrument} {self.kind} {self.step} {self.placement}"
+        how = "".join(f" {name} {value}" for name, value in self.options)
+        return f"{where}{self.plan} {self.instrument} {self.kind}{how} {self.step} {self.placement}"
 
 
 class Traffic(NamedTuple):
@@ -118,6 +129,7 @@ class Reference:
         protocol, driver = self.instruments[case.instrument]
         on_wire = case.kind in WIRE_FAULTS
         fault: dict[str, Any] = {"instrument": case.instrument, "fault": case.kind}
+        fault |= dict(case.options)
         if case.placement == FIRST:
             before, by_then = (
                 mark.traffic.get(case.instrument, Traffic()).met_by(case.kind, protocol)
@@ -151,9 +163,9 @@ def short(plan: str, bench: Bench) -> Plan:
     return read_plan_for(plan, bench, SHORT_FORMS.get(plan, SHORT_FORMS.get(str(name), ())))
 
 
-def plans() -> list[str]:
-    """Return the plans that are valid on the simulated bench; of variants those with an entry."""
-    bench, found = read_bench_at(find(BENCHES, BENCH)), []
+def plans(bench_name: str = BENCH) -> list[str]:
+    """Return the plans that are valid on a simulated bench; of variants those with an entry."""
+    bench, found = read_bench_at(find(BENCHES, bench_name)), []
     for name, _ in available(PLANS):
         with suppress(FaultList):
             procedure = short(name, bench).procedure
@@ -166,14 +178,18 @@ def all_cases(plan: str, reference: Reference) -> Iterator[tuple[Case, dict[str,
     """Yield every case of a plan with its fault; what two cases have in common comes once."""
     seen: set[str] = set()
     for instrument, (protocol, driver) in reference.instruments.items():
-        for kind in applicable_faults(protocol, driver):
-            for mark in reference.marks[:-1]:
-                for placement in (FIRST, MIDDLE, LASTING):
-                    case = Case(plan, instrument, kind, mark.step, placement, reference.bench)
-                    entry = reference.entry(case)
-                    if entry is not None and repr(entry) not in seen:
-                        seen.add(repr(entry))
-                        yield case, entry
+        kinds = [
+            (kind, options)
+            for kind in applicable_faults(protocol, driver)
+            for options in VARIANTS.get(kind, ((),))
+        ]
+        places = product(kinds, reference.marks[:-1], (FIRST, MIDDLE, LASTING))
+        for (kind, options), mark, placement in places:
+            case = Case(plan, instrument, kind, mark.step, placement, reference.bench, options)
+            entry = reference.entry(case)
+            if entry is not None and repr(entry) not in seen:
+                seen.add(repr(entry))
+                yield case, entry
 
 
 def roles_and_kinds(plan: str, bench_name: str = BENCH) -> list[tuple[str, str]]:

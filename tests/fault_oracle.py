@@ -91,7 +91,8 @@ def world_is_safe(
     """The world is at rest, and came there gently; only what nobody reaches may be left, named."""
     unsafe = {one.instrument for one in ended.outcome.unsafe} if ended.outcome else set()
     lost = case.kind in LOST_WHILE_LASTING or case.role in TOGGLED
-    out_of_reach = case.kind in UNREACHABLE or (lost and "for" in entry)
+    lasting = "for" in entry or case.kind == "chatter"
+    out_of_reach = case.kind in UNREACHABLE or (lost and lasting)
     if not is_safe(ended.world):
         on = sorted(name for name, is_on in ended.world["outputs"].items() if is_on)
         if not (out_of_reach and on == [case.instrument] and case.instrument in unsafe):

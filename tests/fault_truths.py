@@ -90,11 +90,13 @@ def true_constant(bench: Mapping[str, Any], axis: str) -> float:
 
 
 def nine_axis_truth(bench: Mapping[str, Any], result: Mapping[str, Any]) -> float | None:
-    """Return bias, scale factor or asymmetry of a simulated gyro, at the rates of the short plan.
+    """Return what a result of a simulated gyro should be, at the rates of the short plan.
 
     Its scale factor changes with the rate; K is the mean over the rates.
     """
     gyros = bench["simulation"]["nine_axis"]["sensor"]["gyros"]
+    if result["name"] == "misalignment":
+        return number(gyros["misalignment"][str(result["axis"]).lower()])
     own = gyros.get(str(result["axis"]).lower())
     if own is None or result["name"] not in ("bias", "scale_factor", "asymmetry"):
         return None

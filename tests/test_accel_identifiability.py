@@ -12,7 +12,6 @@ from procedures.accelerometer_magnetic_sensitivity import UNITS as UNITS_OF_RESU
 from procedures.accelerometer_magnetic_sensitivity.commanded import commanded_angles
 from procedures.accelerometer_magnetic_sensitivity.expected import expected_uncertainty
 from procedures.accelerometer_magnetic_sensitivity.identifiability import (
-    combination_text,
     describe,
     judge,
 )
@@ -24,6 +23,7 @@ from procedures.accelerometer_magnetic_sensitivity.model import (
     model_columns,
     model_columns_by_angle,
 )
+from station.findings import combination_text
 from station.lookup import PLANS as PLANS_SHIPPED
 from station.lookup import find
 from station.plan import read_plan

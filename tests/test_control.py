@@ -25,7 +25,7 @@ from station import registry
 from station.clock import Clock, RealClock, VirtualClock
 from station.control.client import NotRunning, ask, go_on
 from station.control.place import LONGEST_ADDRESS, places
-from station.control.requests import Control
+from station.control.requests import ENDS_ALREADY, RECEIVED, Control
 from station.control.spans import is_paused, paused_s
 from station.errors import Aborted, InterlockTripped, PauseRefused
 from station.procedure import Prompt
@@ -344,7 +344,7 @@ def test_a_pause_in_the_last_unit_is_answered_that_the_run_ends_first(virtual: D
 
 
 def test_an_abort_ends_the_run_at_its_next_wait(virtual: Desk) -> None:
-    assert ask(virtual.folder, "abort")["said"] == "the run ends; the bench is made safe"
+    assert ask(virtual.folder, "abort")["said"] == RECEIVED
     with pytest.raises(Aborted, match="ended by `station abort`"):
         virtual.run.clock.sleep(1.0)
 
@@ -354,7 +354,7 @@ def test_an_abort_that_comes_while_the_bench_is_made_safe_interrupts_nothing(
 ) -> None:
     assert ask(virtual.folder, "abort")["outcome"] == "ending"
     virtual.control.hold()
-    assert ask(virtual.folder, "abort")["said"] == "the run has ended; the bench is made safe"
+    assert ask(virtual.folder, "abort")["said"] == ENDS_ALREADY
     virtual.run.clock.sleep(1.0)
 
 

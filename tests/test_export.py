@@ -53,6 +53,7 @@ def broken_off(run: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     raw = copy / "raw" / "gyro_acquisition-000.mcap"
     raw.write_bytes(raw.read_bytes()[:-2000])
     (copy / "results.json").unlink()
+    (copy / "manifest.json").unlink()
     return copy
 
 

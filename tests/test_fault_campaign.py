@@ -28,6 +28,7 @@ from fault_runs import run_case
 from fault_truths import TRUTHS
 
 from sim_instruments.faults.catalogue import applicable_faults
+from sim_instruments.faults.lasting import LASTING_FAULTS
 from sim_instruments.faults.wire import WIRE_FAULTS
 
 PLANS = plans()
@@ -122,6 +123,10 @@ def test_a_fault_of_a_second_model_ends_in_order(
     case, entry = possible[STRIDE * ON_ALTERNATE.index((role, kind)) % len(possible)]
     verdict = judged(case, entry, alternate, tmp_path)
     assert not verdict.violations, (str(case), entry, verdict)
+
+
+def test_every_kind_of_fault_that_there_is_is_in_the_campaign() -> None:
+    assert {*WIRE_FAULTS, *LASTING_FAULTS} == {kind for _, kind in IN_PLANS}
 
 
 @pytest.mark.parametrize(("plan", "step"), STEPS, ids=[" ".join(one) for one in STEPS])

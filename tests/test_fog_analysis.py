@@ -139,7 +139,7 @@ def bump(width_degC: float) -> dict[str, object]:
 
 def test_a_curve_that_no_order_follows_is_flagged_as_too_stiff() -> None:
     analysis = analyse(record(0, curves=bump(5.0)))  # type: ignore[arg-type]
-    assert codes(analysis) == {"model-too-stiff"}
+    assert codes(analysis) == {"model-too-stiff", "misfit"}
     assert bool(analysis.fits["x"].kept.all())
 
 
@@ -200,7 +200,9 @@ def test_missing_sets_are_gaps() -> None:
 def test_too_few_turns_determine_nothing_and_say_so() -> None:
     analysis = analyse(record(0, sets=2))
     assert analysis.fits["x"].curve is None
-    assert codes(analysis) == {"not-identifiable"}
+    (flag,) = analysis.flags
+    assert flag.code == "not-identifiable"
+    assert set(flag.details["coefficients"]) == {"scale_factor_error", "largest_scale_factor_error"}
 
 
 @pytest.mark.parametrize(("sets", "most"), [(4, 1), (6, 3), (9, 4)])

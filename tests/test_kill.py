@@ -156,7 +156,11 @@ def test_nothing_that_was_being_built_stays_behind(reference: Path) -> None:
 
 def cut_after(run: Path, to: Path, kind: str, unit: str) -> None:
     """Copy a run with its log as it was after an event."""
-    shutil.copytree(run, to, ignore=shutil.ignore_patterns("revisions", "results.json", "report*"))
+    shutil.copytree(
+        run,
+        to,
+        ignore=shutil.ignore_patterns("revisions", "results.json", "report*", "manifest.json"),
+    )
     lines = (run / "events.jsonl").read_bytes().splitlines(keepends=True)
     wanted = [f'"{kind}"'.encode(), f'"{unit}"'.encode()]
     last = next(n for n, line in enumerate(lines) if all(text in line for text in wanted))

@@ -155,6 +155,7 @@ def test_a_run_that_did_not_end_is_an_error_beside_what_it_measured(
     lines = (copy / "events.jsonl").read_text(encoding="utf-8").splitlines(keepends=True)
     first = next(n for n, line in enumerate(lines) if json.loads(line)["event"] == "field-off")
     (copy / "events.jsonl").write_text("".join(lines[:first]), encoding="utf-8")
+    (copy / "manifest.json").unlink()
     done = station("report", copy, "--format", "junit")
     assert done.returncode == 0, done.stderr
     found = cases((copy / "exports" / "results.junit.xml").read_text(encoding="utf-8"))

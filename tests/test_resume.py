@@ -282,6 +282,7 @@ def test_other_software_is_flagged(interrupted: Path, tmp_path: Path) -> None:
     facts = json.loads((interrupted / "run.json").read_text(encoding="utf-8"))
     facts["station"] = "0.0.1"
     (interrupted / "run.json").write_text(json.dumps(facts), encoding="utf-8")
+    (interrupted / "manifest.json").unlink()
     mended = bench_at(tmp_path)
     outcome = go_on(interrupted, mended)
     assert outcome.exit_code == 0, outcome.error

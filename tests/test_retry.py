@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from test_drivers import HANG_UP, NO_ERROR, Wire, gaussmeter, supply
+from test_drivers import HANG_UP, NO_ERROR, KepcoWire, Wire, gaussmeter, supply
 
 from drivers.can_pulse_board import CanPulseBoard
 from drivers.interlock_chain_line import InterlockChainLine
@@ -95,7 +95,7 @@ def test_the_way_to_rest_bears_a_bad_answer_to_any_of_its_messages() -> None:
     # Clear errors, register, current, set-point twice, zero, current, output off: each lost once.
     answers = [NO_ERROR, b"0\n", *[b"0.0\n"] * 3, NO_ERROR, b"0.0\n", NO_ERROR]
     acts = [act for answer in answers for act in ((HANG_UP,), (answer,))]
-    with Wire(*acts) as wire:
+    with KepcoWire(*acts) as wire:
         instrument = supply(wire)
         instrument.make_safe(instrument.place.clock.now() + 5.0)
         instrument.close()

@@ -245,9 +245,7 @@ def test_one_lost_exchange_does_not_leave_the_light_on(fault: str, command: str)
         ("late", "no answer came within 0.5 s"),
         ("partial", "without the end of an answer"),
         ("garbled", "which is no text"),
-        ("wrong-terminator", "without the end of an answer"),
         ("previous-reply", "came back"),
-        ("dropped-connection", "line broke"),
     ],
 )
 def test_in_a_step_the_first_fault_of_the_wire_is_one_clear_sentence(fault: str, says: str) -> None:
@@ -257,6 +255,14 @@ def test_in_a_step_the_first_fault_of_the_wire_is_one_clear_sentence(fault: str,
         stand.clock.sleep_until(1.0)
         text = told(driver.is_open)
         assert text.startswith("pump_laser: sent 'closed?': ") and says in text
+        assert driver.is_open()
+
+
+@pytest.mark.parametrize("fault", ["dropped-connection", "wrong-terminator"])
+def test_in_a_step_a_question_without_harm_is_asked_again_over_a_new_line(fault: str) -> None:
+    with opened({"fault": fault, "command": "closed?", "at": "1 s"}) as (stand, driver):
+        driver.open_shutter()
+        stand.clock.sleep_until(1.0)
         assert driver.is_open()
 
 

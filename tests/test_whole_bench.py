@@ -79,7 +79,7 @@ def test_an_energised_source_outside_the_plan_refuses_the_start_and_is_left_alon
     assert served.report()["coils"]["x"]["largest_current_A"] == 0.0
     assert not events_of(tmp_path, "step-started")
     (before,) = events_of(tmp_path, "bench-read")
-    by_name = {one["instrument"]: one for one in before["outcomes"]}
+    by_name = {one["instrument"]: one for one in before["outcomes"] + before["outside"]}
     assert by_name[USED]["verified"]
     assert "used" not in by_name[USED]
     assert by_name[OTHER]["used"] is by_name[OTHER]["verified"] is False
@@ -174,7 +174,7 @@ def test_silent_addresses_are_asked_at_once_and_the_whole_is_bounded() -> None:
         took_s = clock.now()
     assert [one.instrument for one in reading.left_out] == names
     assert {one.why for one in reading.left_out} == {"does not answer"}
-    assert not reading.read
+    assert not reading.outside
     assert took_s < 15.0
 
 
@@ -197,8 +197,8 @@ def test_reading_an_instrument_commands_nothing(tmp_path: Path, name: str) -> No
             reading = others.read([])
         trace.close()
     names = bystanders_of(bench, [])
-    assert [one.instrument for one in reading.read] == names
-    assert all(one.verified and not one.used for one in reading.read)
+    assert [one.instrument for one in reading.outside] == names
+    assert all(one.verified and not one.used for one in reading.outside)
     assert not reading.left_out
     for one in names:
         text = (tmp_path / "trace" / f"{one}.txt").read_text(encoding="utf-8")

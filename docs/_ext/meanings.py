@@ -203,6 +203,9 @@ PARAMETERS = {
         "prior.tilt": "of each position about each horizontal axis",
         "prior.accelerometer_bias": "of each accelerometer",
         "prior.misalignment": "of a gyro's input axis, where the rates did not measure it",
+        "prior.mounting": "of the sensor on the table, about each of two axes; as `prior.tilt` "
+        "unless given",
+        "prior.table_axes": "of the table's axes, leaning and stopping beside their angle",
         "prior.clock": "of the computer's seconds, in which the true rates are",
         "pose": "when a position is refused",
         "pose.acceleration": "an accelerometer's mean is further from gravity than this",
@@ -346,5 +349,8 @@ CONDITIONS = {
         "prior.tilt": "of each position about each horizontal axis",
         "prior.accelerometer_bias": "of each accelerometer",
         "prior.misalignment": "of a gyro's input axis, where the rates did not measure it",
+        "prior.mounting": "of the sensor on the table, about each of two axes; as `prior.tilt` "
+        "unless given",
+        "prior.table_axes": "of the table's axes, leaning and stopping beside their angle",
     },
 }

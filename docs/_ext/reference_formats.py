@@ -38,6 +38,9 @@ RESULT_KEYS = {
     "results[].budget[].type": "`A` from the data, `B` from elsewhere",
     "results[].budget[].contribution": "its standard uncertainty in the value's unit",
     "results[].budget[].source": "this measurement, or a certificate of the bench file",
+    "results[].terms": "the combination that the value really is: coefficients and their shares",
+    "results[].conditions": "what the value holds at, such as the temperature",
+    "results[].frame": "the axes that an angle is taken from",
     "results[].coil_field": "rlg-magnetic-sensitivity: the measured field of the axis's coil over "
     "the commanded one",
     "results[].coil_field.IA": "its part along IA, in phase with the coil; one or near zero",
@@ -71,7 +74,14 @@ RESULT_KEYS = {
     "safe_state[].verified": "whether its safe state was read back",
     "safe_state[].read_back": "what it said",
     "safe_state[].took_s": "the time it took, in s",
-    "safe_state[].used": "false for an instrument that the run did not use, and only read",
+    "safe_state[].used": "false for an instrument that the run did not use and that is not at rest",
+    "outside[]": "`station run --json` only: how everything else on the bench that can harm was "
+    "read, as in `safe_state`",
+    "outside[].instrument": "its instance",
+    "outside[].verified": "whether it is at rest",
+    "outside[].read_back": "what it said",
+    "outside[].took_s": "the time it took, in s",
+    "outside[].used": "false",
     "left_out[]": "`station run --json` only: what can harm and was not read back, why, and what "
     "is known of it",
 }
@@ -90,7 +100,8 @@ RUN_FILES = {
     "driven at once",
     "results.json": "the results; a copy of revision 000",
     "report.html": "the report; a copy of revision 000",
-    "revisions/NNN/results.json": "the results of one analysis; 000 is the run's own",
+    "revisions/NNN/results.json": "the results of one analysis; 000 is the run's own, others begin "
+    "at 001",
     "revisions/NNN/report.html": "its report",
     "revisions/NNN/manifest.json": "SHA-256 of both",
     "exports/RUN.h5": "the raw data as HDF5, made from the record when the run ends",
@@ -101,17 +112,18 @@ RUN_FILES = {
 
 RUN_EVENTS = {
     "run-started": "the plan's procedure, device and units of work; what `status` reads",
+    "memory-taken": "other programs hold the memory that the evaluation will need: a warning",
     "system-clock-unsynchronised": "nothing keeps the computer's clock right: a warning",
     "system-clock-jumped": "the computer's clock was set while the run went on; no data change",
     "identified": "an instrument answered: instance, maker, model, serial number, firmware",
-    "bench-read": "how everything that can harm stood before the first step; `used: false` for "
-    "what the plan does not use; `left_out`: what was not read, and why",
+    "bench-read": "how everything that can harm stood before the first step; `outside`: what the "
+    "plan does not use; `left_out`: what was not read, and why",
     "step-started": "a step begins: its number and title",
     "step-finished": "a step is done",
     "prompt": "a request to the operator, the answer, and who gave it",
     "unit-started": "a unit of work begins",
     "unit-finished": "a unit of work is measured and its raw data are on disk; analysis reads "
-    "finished units only",
+    "finished units only; `raw_bytes` is how long the raw file of each source was then",
     "field-on": "rlg-magnetic-sensitivity: a coil was switched on, with amplitude and frequency",
     "field-off": "rlg-magnetic-sensitivity: a coil was switched off",
     "published-value": "rlg-magnetic-sensitivity: what step S7 gave",
@@ -120,8 +132,8 @@ RUN_EVENTS = {
     "pause-refused": "the run goes on; `reasons` by the name of each instrument that refused",
     "went-on": "the pause is over, and how long it took",
     "failed": "why the run did not finish, with its exit code and the program's traceback",
-    "safe-state": "how each instrument came to rest, and whether that was read back; `used` and "
-    "`left_out` as before the run",
+    "safe-state": "how each instrument came to rest, and whether that was read back; `outside` "
+    "and `left_out` as before the run",
     "sleep-allowed": "the computer may go to sleep during the run, and why it could not be asked",
     "guardian-lost": "a guardian ended or stood still while the run went on; `at_s` says when",
     "guardian-replaced": "a new guardian is ready, `after_s` of real time later",

@@ -20,7 +20,7 @@ EXIT_MEANINGS = {
     "or a safe state that could not be verified",
     "EXIT_ABORTED": "ended by a person",
     "EXIT_INTERLOCK": "an interlock tripped, or one that did waits for `station acknowledge`",
-    "EXIT_UNDETERMINED": "a quantity that has a limit is undetermined or undecidable",
+    "EXIT_UNDETERMINED": "a quantity that has a limit is undetermined, undecidable or not returned",
 }
 
 

@@ -47,6 +47,10 @@ class Place(Protocol):
         """Put up a reading, or the word of a state, for interlocks and panel."""
         ...
 
+    def note(self, kind: str, **details: Any) -> None:
+        """Have an event of the line written to the run's log; never blocks."""
+        ...
+
     @property
     def trace(self) -> Tracer | None:
         """Who is told what goes over the wire; None where nobody listens, as in most runs."""

@@ -1,25 +1,18 @@
-"""CAN frames through python-can: a reader thread that stamps, and requests with a reply frame."""
+"""CAN frames over socketcand: a reader thread that stamps, and requests with a reply frame."""
 
 from __future__ import annotations
 
-import logging
-import select
-import socket
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import Any
 from urllib.parse import urlsplit
-
-import can
 
 from drivers.roles import Place
 from drivers.transport.kept_frames import READ_SLICE_S, KeptFrames
+from drivers.transport.serial_port import one_line
+from drivers.transport.socketcand import Socketcand
 
-CONNECT_DEADLINE_S = 2.0
-GREETING = b"< hi >"
-OPENED = b"< ok >"
-CLOSED = "the other side closed the connection"
+LONGEST_TRACE = 80
 
 
 @dataclass(frozen=True)
@@ -52,102 +45,55 @@ class CanLine(KeptFrames[Frame]):
                 "this is no CAN address",
                 "write socketcand://host:port/channel in the bench file",
             )
-        # python-can's own log says every fault again, in its own words.
-        logging.getLogger("can").setLevel(logging.CRITICAL)
         try:
-            # python-can would try a refused connection for ten seconds, and wait for a daemon that
-            # does not speak for ever.
-            prove_daemon(parts.hostname, parts.port, channel)
-            self._bus: Any = can.Bus(
-                interface="socketcand", host=parts.hostname, port=parts.port, channel=channel
-            )
-        except (OSError, can.CanError) as error:
+            self._bus = Socketcand(parts.hostname, parts.port, channel, self._passed_over)
+        except OSError as error:
             raise self._nobody_answers(
-                first_line(error), "start socketcand, check the adapter"
+                one_line(error), "start socketcand, check the adapter"
             ) from error
         self._begin_to_read()
 
     def send(self, identifier: int, data: bytes) -> None:
         """Put a frame on the bus."""
-        message = can.Message(arbitration_id=identifier, data=data, is_extended_id=False)
         self._traced_frame(">", identifier, data)
         self._wire.sent(1)
         try:
-            self._bus.send(message)
-        except (OSError, can.CanError) as error:
-            raise self._broken(first_line(error)) from error
-
-    def wait_for(self, kind: int, deadline_s: float) -> list[Frame]:
-        """Return the frames of an identifier as soon as there are any, or none at run time.
-
-        Raises InstrumentError when the line is gone.
-        """
-        frames = super().wait_for(kind, deadline_s)
-        if not frames and is_closed(self._bus):
-            # The reader may not have come to it yet.
-            raise self._broken(CLOSED)
-        return frames
+            self._bus.send(identifier, data)
+        except OSError as error:
+            raise self._broken(one_line(error)) from error
 
     def close(self) -> None:
         """Close the connection and end the reader."""
         self._end_reading(2 * READ_SLICE_S)
-        with suppress(OSError, can.CanError):
-            self._bus.shutdown()
+        with suppress(OSError):
+            self._bus.close()
 
     def _read(self, within_s: float) -> bool:
         try:
-            message = self._bus.recv(within_s)
-        except (OSError, ValueError, can.CanError) as error:
-            self._dead = first_line(error)
+            messages = self._bus.receive(within_s)
+        except (OSError, ValueError) as error:
+            if not self._closing.is_set():
+                self._dead = one_line(error)
+            # Nothing that is still on its way can come any more.
+            self._wire.close()
             return False
-        if message is None:
-            if not self._closing.is_set() and is_closed(self._bus):
-                self._dead = CLOSED
-            return False
-        data = bytes(message.data)
-        if message.is_error_frame:
-            self._traced("!", f"error frame {message.arbitration_id:X}".encode())
-            return True
-        self._traced_frame("<", message.arbitration_id, data)
-        if message.arbitration_id in self._names:
-            self._keep([Frame(message.arbitration_id, data, self._clock.now())])
-        self._wire.picked_up(1)
-        return True
+        arrival_s, frames = self._clock.now(), []
+        for identifier, data, is_error in messages:
+            if is_error:
+                self._traced("!", f"error frame {identifier:X}".encode())
+                continue
+            self._traced_frame("<", identifier, data)
+            if identifier in self._names:
+                frames.append(Frame(identifier, data, arrival_s))
+        self._keep(frames)
+        self._wire.picked_up(sum(not one.is_error for one in messages))
+        return bool(messages)
+
+    def _passed_over(self, data: bytes) -> None:
+        self._traced("!", data[:LONGEST_TRACE] + b": no message of socketcand")
 
     def _traced_frame(self, direction: str, identifier: int, data: bytes) -> None:
         if self._trace is not None:
             name = self._names.get(identifier, "")
             said = f"{identifier:03X}#{data.hex().upper()} {name}".rstrip()
             self._trace(direction, said.encode())
-
-
-def prove_daemon(host: str, port: int, channel: str) -> None:
-    """Raise OSError unless a socketcand greets at `host:port` and opens `channel`, in good time."""
-    with socket.create_connection((host, port), CONNECT_DEADLINE_S) as daemon:
-        said = daemon.recv(256)
-        if said == GREETING:
-            daemon.sendall(f"< open {channel} >".encode())
-            said = daemon.recv(256)
-            if said == OPENED:
-                return
-    raise ConnectionError(f"no socketcand with a bus {channel}: {said[:40]!r} came back")
-
-
-def is_closed(bus: Any) -> bool:
-    """Whether the other side of a python-can socketcand bus has closed the connection.
-
-    python-can takes that for a bus without traffic; False where it keeps its socket elsewhere.
-    """
-    its_socket = getattr(bus, "_SocketCanDaemonBus__socket", None)
-    if its_socket is None:
-        return False
-    try:
-        readable, _, _ = select.select([its_socket], [], [], 0)
-        return bool(readable) and its_socket.recv(1, socket.MSG_PEEK) == b""
-    except (OSError, ValueError):
-        return True
-
-
-def first_line(error: BaseException) -> str:
-    """Return what an error says without the traceback that python-can adds to its own."""
-    return str(error).partition("Traceback")[0].strip()

@@ -1,40 +1,67 @@
-"""A port over which exchanges go one at a time: opened anew after a fault, and read until quiet."""
+"""A port over which exchanges go one at a time, each from an empty line and to an empty line.
+
+What lies on a line before a question is the answer to nothing, or the true answer to the question
+before. What comes behind an answer is no better. Either is an event of the run, the line is brought
+into step again, and the question is asked again where the driver says that this does no harm; else
+it is a fault. A harmless question whose line broke is asked again over a new connection.
+"""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from contextlib import suppress
+from typing import TypeVar
 
 from drivers.roles import Place
+from drivers.transport.answers import shortened
+from drivers.transport.retry import NEVER, TRIES, Repeatable
 from drivers.transport.serial_port import Port, SocketPort, one_line
 from drivers.transport.traced import TracedLine
 from station.errors import InstrumentError, InstrumentTimeout
+
+Answer = TypeVar("Answer")
 
 EXCHANGE_DEADLINE_S = 0.5
 QUIET_S = 0.1
 """A line on which nothing has come for this run time has nothing more on its way."""
 
-QUIET_LOOKS = 10
+QUIET_LOOKS = 5
 LARGEST_ANSWER_BYTES = 1 << 20
+LARGEST_TRACE_BYTES = 4096
+
+
+class AnswerInDoubt(InstrumentError):
+    """An answer that may belong to another question, or to none."""
+
+
+class LineBroken(InstrumentError):
+    """A connection that ended while it was used."""
 
 
 class ExchangePort(TracedLine, ABC):
     """What a line of exchanges does whatever its messages look like.
 
-    `wire` is the address of its counting. After an exchange that failed the port is opened anew and
-    read until it is quiet, so that no late answer is taken for the next.
+    `wire` is the address of its counting, `repeatable` the messages that do no harm twice. After an
+    exchange that failed the port is opened anew, so that no late answer is taken for the next.
     """
 
     when_silent = "check that the instrument is on, and its cable"
     when_wrong = "check the cable, and that nobody else talks to the instrument"
+    largest_bytes = LARGEST_ANSWER_BYTES
 
-    def __init__(self, place: Place, wire: str) -> None:
+    def __init__(self, place: Place, wire: str, repeatable: Repeatable = NEVER) -> None:
         super().__init__(place)
         self._lock = place.clock.lock(f"{place.name} line")
         self._wire = place.clock.wire(wire)
+        self._repeatable = repeatable
         self._port: Port | None = None
         self._opened = 0
+        self._must_calm = False
+        self._last: tuple[str, object] | None = None
+        """The last question and its answer, which is in doubt where something comes after it."""
+        self.doubts = 0
+        """How often something was found that nobody had asked for."""
         self._open()
 
     def close(self) -> None:
@@ -43,6 +70,13 @@ class ExchangePort(TracedLine, ABC):
             self._traced("-", b"closed")
         self._disconnect()
 
+    def resynchronise(self) -> None:
+        """Have the next exchange begin on a line that is opened anew and quiet."""
+        with self._lock:
+            self._last, self._must_calm = None, True
+            if isinstance(self._port, SocketPort):
+                self._disconnect()
+
     @abstractmethod
     def _port_opened(self) -> Port:
         """Open the port; raises OSError or ValueError."""
@@ -50,25 +84,122 @@ class ExchangePort(TracedLine, ABC):
     def _greet(self, port: Port) -> None:
         """Send what a line that is opened anew needs before it is read until quiet."""
 
+    def _prove(self, port: Port) -> None:
+        """Ask who is there, on a line that was out of step; raises InstrumentError for another."""
+
+    def _settle(self, port: Port, message: str, answer: object) -> None:
+        """Do away with the doubt about the last answer, or raise InstrumentError."""
+        if message not in self._repeatable:
+            raise self._fault(
+                f"sent {shortened(message)!r}",
+                "something came after its answer, which is therefore in doubt",
+                self.when_wrong,
+            )
+
+    def _exchange(self, message: str, once: Callable[[Port], Answer]) -> Answer:
+        """Return the answer to a message; `once` sends it on a port and reads the answer.
+
+        A message that does no harm twice is asked at most three times where its line breaks or its
+        answer is in doubt.
+        """
+        with self._lock:
+            tries = TRIES if message in self._repeatable else 1
+            while True:
+                tries -= 1
+                try:
+                    port = self._ready()
+                    answer = once(port)
+                    self._nothing_behind(port, message)
+                    self._last = message, answer
+                    return answer
+                except (AnswerInDoubt, LineBroken) as error:
+                    self._forget_connection()
+                    if not tries:
+                        raise
+                    if isinstance(error, LineBroken):
+                        self._place.note(
+                            "line-reopened", message=shortened(message), why=str(error)
+                        )
+                except BaseException:  # whoever comes next must not read this answer as its own
+                    self._forget_connection()
+                    raise
+
     def _ready(self) -> Port:
-        """Return the port, opened again after a fault; what came unasked is read and forgotten."""
-        port = self._port if self._port is not None else self._open()
+        """Return the port, opened again after a fault, with nothing on it."""
+        port = self._port
+        if port is None:
+            port = self._open()
+            if self.doubts:
+                self._prove(port)
+            return port
         try:
-            self._forget(port)
+            came = self._taken_off(port)
         except OSError as error:
             raise self._broken("looked for what had come unasked", error) from error
+        if came or self._must_calm:
+            port = self._in_step_again(port, came)
         return port
 
-    def _open(self) -> Port:
+    def _in_step_again(self, port: Port, came: bytes) -> Port:
+        """Return the port of a line on which something had come, with nothing on it any more."""
+        last, self._last = self._last, None
+        if came:
+            self._doubt(came, last[0] if last else "")
+        self._must_calm = True
+        if isinstance(port, SocketPort):
+            self._disconnect()  # what is still on its way ends with the connection
+            port = self._open()
+        else:
+            self._await_quiet(port)
+        self._prove(port)
+        if last is not None and came:
+            self._settle(port, *last)
+        return port
+
+    def _nothing_behind(self, port: Port, message: str) -> None:
+        """Raise AnswerInDoubt where there is more on the line than the answer."""
+        behind = b""
+        with suppress(OSError):  # a connection that ends here is seen by whoever comes next
+            behind = port.read(0.0)
+        if behind:
+            self._doubt(behind, message)
+            raise self._doubtful(f"sent {shortened(message)!r}", "more came behind its answer")
+
+    def _doubt(self, came: bytes, asked: str) -> None:
+        """Note that something came which nobody had asked for, behind an answer to `asked`."""
+        self.doubts += 1
+        self._must_calm = True
+        self._traced("<", came[:LARGEST_TRACE_BYTES])
+        self._traced("-", b"not asked for, forgotten")
+        text = came[:LARGEST_TRACE_BYTES].decode("ascii", "backslashreplace")
+        self._place.note("line-resynchronised", came=shortened(text), after=shortened(asked))
+
+    def _blindly(self, send: Callable[[Port], None], heard_s: float = 0.0) -> None:
+        """Send what needs no answer, whatever lies on the line and whatever still comes.
+
+        The instrument is given some run time to hear it, before the line may be opened anew.
+        """
+        with self._lock:
+            self._last = None
+            try:
+                send(self._port if self._port is not None else self._open(calm=False))
+                if heard_s:
+                    self._clock.sleep(heard_s)
+            except BaseException:
+                self._forget_connection()
+                raise
+
+    def _open(self, *, calm: bool = True) -> Port:
         port: Port | None = None
         try:
             port = self._port_opened()
             self._wire.open()
             self._opened += 1
             self._traced("-", b"opened" if self._opened == 1 else b"reopened")
-            if self._opened > 1 or not isinstance(port, SocketPort):
+            if self._must_calm or self._needs_quiet(port):
                 self._greet(port)
-                self._await_quiet(port)
+                if calm:
+                    self._await_quiet(port)
         except BaseException as error:
             self._wire.close()
             if port is not None:
@@ -79,26 +210,43 @@ class ExchangePort(TracedLine, ABC):
         self._port = port
         return port
 
-    def _await_quiet(self, port: Port) -> None:
-        """Read until nothing has come for a while; a line that never stops is read on all the same.
+    def _needs_quiet(self, port: Port) -> bool:
+        """Whether late answers may still come over a line that has just been opened."""
+        return self._opened > 1 or not isinstance(port, SocketPort)
 
-        What then still comes is no answer to anything, and is told as such.
+    def _await_quiet(self, port: Port) -> None:
+        """Read until nothing has come for a while; what comes is no answer to anything.
+
+        Raises InstrumentError where it never ends.
         """
         for _ in range(QUIET_LOOKS):
             self._clock.sleep(QUIET_S)
-            if not self._forget(port):
+            came = self._taken_off(port)
+            if not came:
+                self._must_calm = False
                 return
-
-    def _forget(self, port: Port) -> bool:
-        """Read what has come and forget it; return whether there was anything."""
-        found = False
-        while data := port.read(0.0):
-            found = True
-            self._traced("<", data)
+            self._traced("<", came[:LARGEST_TRACE_BYTES])
             self._traced("-", b"not asked for, forgotten")
+        raise self._fault(
+            f"waited {QUIET_LOOKS * QUIET_S:g} s for an empty line",
+            "it never stops sending",
+            "switch the instrument off and on, and see that nobody else talks to it",
+        )
+
+    def _taken_off(self, port: Port) -> bytes:
+        """Take what has come off the line; raises InstrumentError where there is no end to it."""
+        found = port.read(0.0)
+        while found and (more := port.read(0.0)):
+            found += more
+            if len(found) > self.largest_bytes:
+                raise self._flooded("looked for what had come unasked")
         if found:
             self._wire.received()
         return found
+
+    def _forget_connection(self) -> None:
+        self._last = None
+        self._disconnect()
 
     def _disconnect(self) -> None:
         self._wire.close()
@@ -120,11 +268,11 @@ class ExchangePort(TracedLine, ABC):
     ) -> bytes:
         """Return what came until it was whole, or until no more did; never nothing.
 
-        Raises InstrumentTimeout where nothing comes.
+        Raises InstrumentTimeout where nothing comes, and InstrumentError where there is no end.
         """
         if not self._wire.wait(self._clock.now() + deadline_s):
             try:
-                self._forget(port)
+                port.read(0.0)
             except OSError as error:
                 raise self._broken(attempted, error) from error
             raise self._silent(attempted, "no answer came", deadline_s)
@@ -134,16 +282,19 @@ class ExchangePort(TracedLine, ABC):
             while left_s > 0:
                 came = port.read(self._clock.real_timeout_s(left_s))
                 answer += came
-                if not came or is_whole(answer) or len(answer) > LARGEST_ANSWER_BYTES:
+                if not came or is_whole(answer):
                     break
+                if len(answer) > self.largest_bytes:
+                    raise self._flooded(attempted)
                 left_s = until_s - self._clock.now()
         except OSError as error:
-            raise self._broken(attempted, error) from error
+            raise self._broken(attempted, error, answer) from error
         finally:
             if answer:
-                self._traced("<", answer)
+                self._traced("<", answer[:LARGEST_TRACE_BYTES])
         if not answer:
             raise self._silent(attempted, "no answer came", deadline_s)
+        self._wire.received()
         return answer
 
     def _silent(self, attempted: str, what: str, deadline_s: float) -> InstrumentError:
@@ -153,11 +304,25 @@ class ExchangePort(TracedLine, ABC):
     def _wrong(self, attempted: str, came_back: str) -> InstrumentError:
         return self._fault(attempted, came_back, self.when_wrong)
 
-    def _broken(self, attempted: str, error: OSError) -> InstrumentError:
-        """Close the line, which broke, and return the error that tells it."""
-        self._disconnect()
+    def _doubtful(self, attempted: str, came_back: str) -> InstrumentError:
+        return self._fault(attempted, came_back, self.when_wrong, AnswerInDoubt)
+
+    def _flooded(self, attempted: str) -> InstrumentError:
+        self._must_calm = True
         return self._fault(
             attempted,
-            f"the line broke ({one_line(error)})",
-            "check the cable and the instrument's power, then start again",
+            f"more than {self.largest_bytes} bytes came without the end of an answer",
+            "switch the instrument off and on, check its address and the settings of its line",
+        )
+
+    def _broken(self, attempted: str, error: OSError, answer: bytes = b"") -> InstrumentError:
+        """Close the line, which broke, and return the error of that."""
+        self._disconnect()
+        text = answer.decode("ascii", "backslashreplace")
+        only = f"only {shortened(text)!r} came and " if answer else ""
+        return self._fault(
+            attempted,
+            f"{only}the line broke ({one_line(error)})",
+            "check that nobody else uses the instrument, its cable and its power",
+            LineBroken,
         )

@@ -14,6 +14,10 @@ from station.errors import InstrumentError
 
 LOOK_S = 0.005
 READ_SLICE_S = 0.2
+MOST_FRAMES = 500_000
+"""That nobody takes, about 100 MB: the oldest are dropped, which their own numbers show."""
+LONGEST_SILENCE_S = 10.0
+"""Real time without a sign of life of the reading thread."""
 
 F = TypeVar("F")
 
@@ -35,6 +39,7 @@ class KeptFrames(TracedLine, ABC, Generic[F]):
         self._kind_of = kind_of
         self._frames: deque[F] = deque()
         self._frames_lock = Lock()
+        self._dropped = 0
         self._closing = Event()
         self._dead: str | None = None
         self._reader = Thread(target=self._keep_reading, name=f"{place.name} reader", daemon=True)
@@ -94,8 +99,10 @@ class KeptFrames(TracedLine, ABC, Generic[F]):
         """Keep what has come, or comes within a real time; return whether there was anything."""
 
     def _keep_reading(self) -> None:
-        while not self._closing.is_set() and self._dead is None:
-            self._read(READ_SLICE_S)
+        with self._clock.pulse(f"the reader of {self._place.name}", LONGEST_SILENCE_S) as pulse:
+            while not self._closing.is_set() and self._dead is None:
+                self._read(READ_SLICE_S)
+                pulse.beat()
 
     def _must_live(self) -> None:
         """Raise InstrumentError when the line is gone."""
@@ -107,6 +114,15 @@ class KeptFrames(TracedLine, ABC, Generic[F]):
     def _keep(self, frames: Iterable[F]) -> None:
         with self._frames_lock:
             self._frames.extend(frames)
+            too_many = len(self._frames) - MOST_FRAMES
+            if too_many <= 0:
+                return
+            for _ in range(too_many):
+                self._frames.popleft()
+            self._dropped += too_many
+            first = self._dropped == too_many
+        if first:
+            self._place.note("frames-dropped", kept=MOST_FRAMES)
 
     def _broken(self, why: str) -> InstrumentError:
         return self._fault(f"used {self.line}", f"the line broke ({why})", self.when_broken)

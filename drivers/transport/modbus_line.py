@@ -20,12 +20,13 @@ from pymodbus.pdu.register_message import (
 )
 
 from drivers.roles import Place
-from drivers.transport.exchange_port import EXCHANGE_DEADLINE_S, ExchangePort
+from drivers.transport.exchange_port import EXCHANGE_DEADLINE_S, QUIET_S, ExchangePort
 from drivers.transport.modbus_refusal import ModbusRefusal
+from drivers.transport.retry import NEVER, Repeatable
 from drivers.transport.serial_port import (
     Framing,
     Port,
-    SocketPort,
+    connected,
     framing_of,
     one_line,
     open_port,
@@ -50,10 +51,20 @@ class ModbusLine(ExchangePort):
     and read until it is quiet, so that no late answer is taken for the next.
     """
 
+    largest_bytes = 1024
     when_silent = "check that the instrument is on, its cable is seated, and its Modbus address"
     when_wrong = "check the cable, the line's settings, and that nobody else asks as we do"
 
-    def __init__(self, place: Place, unit: int, framing: Framing) -> None:
+    def __init__(
+        self,
+        place: Place,
+        unit: int,
+        framing: Framing,
+        repeatable: Repeatable = NEVER,
+        witness: Sequence[tuple[int, int]] = (),
+    ) -> None:
+        self._witness = tuple(witness)
+        self._known: list[list[int]] | None = None
         self._framing = framing_of(place, framing)
         self._unit = unit
         parts = urlsplit(place.address)
@@ -66,7 +77,7 @@ class ModbusLine(ExchangePort):
         # pymodbus' own log says every fault again, in its own words.
         logging.getLogger("pymodbus").setLevel(logging.CRITICAL)
         address = f"{self._host}:{self._tcp_port}" if self._tcp else wire_address(place.address)
-        super().__init__(place, address)
+        super().__init__(place, address, repeatable)
 
     def read(self, address: int, count: int = 1) -> list[int]:
         """Return `count` registers from `address` on.
@@ -75,7 +86,7 @@ class ModbusLine(ExchangePort):
         half a second of run time.
         """
         request = ReadHoldingRegistersRequest(address=address, count=count)
-        reply = self._exchange(request, f"read register {address}")
+        reply = self._ask(request, f"read {address}", f"read register {address}")
         if len(reply.registers) != count:
             raise self._wrong(
                 f"read register {address}",
@@ -91,33 +102,54 @@ class ModbusLine(ExchangePort):
         else:
             request = WriteMultipleRegistersRequest(address=address, registers=list(values))
         attempted = f"write {', '.join(map(str, values))} to register {address}"
-        reply = self._exchange(request, attempted)
+        reply = self._ask(request, f"write {address}", attempted)
         echo = reply.registers == list(values) if len(values) == 1 else reply.count == len(values)
         if reply.address != address or not echo:
             raise self._wrong(attempted, "the answer is to another request")
 
-    def _exchange(self, request: ModbusPDU, attempted: str) -> ModbusPDU:
-        with self._lock:
-            port = self._ready()
-            self._keep_silence()
-            self._transaction = self._transaction % LAST_TRANSACTION + 1
-            request.dev_id, request.transaction_id = self._unit, self._transaction
-            try:
-                self._send(port, attempted, self._framer.buildFrame(request))
-                reply = self._read(port, attempted)
-                self._wire.received()
-                self._silent_from_s = self._clock.now()
-                if isinstance(reply, ExceptionResponse):
-                    refusal = ModbusRefusal(self._place, attempted, reply.exception_code)
-                    self._traced("!", str(refusal).encode())
-                elif reply.function_code == request.function_code:
-                    return reply
-                else:
-                    raise self._wrong(attempted, "the answer is to another request")
-            except BaseException:  # whoever comes next must not read this answer as its own
-                self._disconnect()
-                raise
-        raise refusal
+    def tell(self, address: int, value: int) -> None:
+        """Send that a register is written and wait for no answer: a last attempt."""
+        request = WriteSingleRegisterRequest(address=address, registers=[value])
+        self._transaction = self._transaction % LAST_TRANSACTION + 1
+        request.dev_id, request.transaction_id = self._unit, self._transaction
+        frame = self._framer.buildFrame(request)
+        attempted = f"write {value} to register {address}"
+        self._blindly(lambda port: self._send(port, attempted, frame), QUIET_S)
+        self._must_calm = True  # the answer that comes all the same is nobody's
+
+    def echoes_identity(self) -> bool:
+        """Whether answers are those to the last questions, by reading `witness` once more.
+
+        By TCP every answer bears the number of its question. On a serial line one of the same
+        length could be that to another: `witness` names registers, each with its count, whose
+        values together are nobody else's.
+        """
+        if self._tcp or not self._witness:
+            return True
+        found = [self.read(address, count) for address, count in self._witness]
+        if self._known is None:
+            before, found = found, [self.read(address, count) for address, count in self._witness]
+            self._known = found if before == found else None
+        return found == self._known
+
+    def _ask(self, request: ModbusPDU, message: str, attempted: str) -> ModbusPDU:
+        reply = self._exchange(message, lambda port: self._once(port, request, attempted))
+        if isinstance(reply, ExceptionResponse):
+            refusal = ModbusRefusal(self._place, attempted, reply.exception_code)
+            self._traced("!", str(refusal).encode())
+            raise refusal
+        return reply
+
+    def _once(self, port: Port, request: ModbusPDU, attempted: str) -> ModbusPDU:
+        self._keep_silence()
+        self._transaction = self._transaction % LAST_TRANSACTION + 1
+        request.dev_id, request.transaction_id = self._unit, self._transaction
+        self._send(port, attempted, self._framer.buildFrame(request))
+        reply = self._reply(port, attempted)
+        self._silent_from_s = self._clock.now()
+        if isinstance(reply, ExceptionResponse) or reply.function_code == request.function_code:
+            return reply
+        raise self._wrong(attempted, "the answer is to another request")
 
     def _keep_silence(self) -> None:
         """Leave the silence between two frames that a serial line needs."""
@@ -126,7 +158,7 @@ class ModbusLine(ExchangePort):
             if left_s > 0:
                 self._clock.sleep(left_s)
 
-    def _read(self, port: Port, attempted: str) -> ModbusPDU:
+    def _reply(self, port: Port, attempted: str) -> ModbusPDU:
         """Return the one answer, which is whole, has its check sum, and is to the last request."""
         used, reply = 0, None
 
@@ -149,7 +181,7 @@ class ModbusLine(ExchangePort):
             return open_port(self._place.address, self._framing)
         if not self._host:
             raise ValueError(f"write {SCHEME}://host:port")
-        return SocketPort(self._host, self._tcp_port)
+        return connected(self._host, self._tcp_port)
 
     def _decoded(self, answer: bytes, attempted: str) -> tuple[int, ModbusPDU | None]:
         """Return how much of an answer was used, and what it is; None for what is not to us."""

@@ -1,9 +1,10 @@
 """Say again what may be said twice, where one lost answer must not decide; the rest once.
 
 A driver declares which of its messages do no harm when the instrument gets them twice: its
-`repeatable`. That is used on the way to rest, where a lost answer must not end in a coil that is
-cut off at full current, and by whoever watches a level. In a step nothing is said again: there the
-first fault ends the run.
+`repeatable`. On the way to rest, where a lost answer must not end in a coil that is cut off at full
+current, and by whoever watches a level, such a message is said again whatever went wrong with it.
+In a step it is said again only where its line broke, or where its answer was not the only one that
+came (`ExchangePort`). Any other fault, and each one of any other message, ends the run at once.
 """
 
 from __future__ import annotations
@@ -26,10 +27,11 @@ class Repeatable:
     Each pattern is a regular expression for one whole command, upper and lower case alike, without
     the colon before it. A message of several commands, joined by `;`, is repeatable when each of
     them is and starts from the root again (`:` or `*`): what a relative header means depends on
-    the one before it.
+    the one before it. An instrument without such headers has `rooted` False.
     """
 
-    def __init__(self, *patterns: str) -> None:
+    def __init__(self, *patterns: str, rooted: bool = True) -> None:
+        self._rooted = rooted
         self._pattern = re.compile("|".join(f"(?:{one})" for one in patterns), re.IGNORECASE)
         self._known: dict[str, bool] = {}
 
@@ -45,9 +47,13 @@ class Repeatable:
 
     def _all_match(self, message: str) -> bool:
         first, *others = message.split(";")
-        rooted = all(one.lstrip().startswith((":", "*")) for one in others)
+        rooted = not self._rooted or all(one.lstrip().startswith((":", "*")) for one in others)
         commands = [one.strip().removeprefix(":") for one in (first, *others)]
         return rooted and all(self._pattern.fullmatch(one) for one in commands)
+
+
+NEVER = Repeatable(r"(?!)")
+"""Nothing may be said twice."""
 
 
 def repeated(repeatable: Repeatable, message: str, exchange: Callable[[], Answer]) -> Answer:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import select
 import socket
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any, Protocol
@@ -18,6 +18,7 @@ from station.errors import InstrumentError
 CONNECT_DEADLINE_S = 2.0
 WRITE_DEADLINE_S = 0.5
 LARGEST_READ_BYTES = 1 << 16
+MOST_LEFT_BYTES = 1 << 20
 
 
 @dataclass(frozen=True)
@@ -48,10 +49,15 @@ class Port(Protocol):
 
 
 class SocketPort:
-    """`socket://host:port`, without the pauses in which pyserial opens and closes its own."""
+    """A TCP connection, without the pauses in which pyserial opens and closes its own.
 
-    def __init__(self, host: str, port: int) -> None:
-        self._socket = socket.create_connection((host, port), CONNECT_DEADLINE_S)
+    `give_back` closes a connection that somebody else has opened.
+    """
+
+    def __init__(
+        self, connection: socket.socket, give_back: Callable[[], None] | None = None
+    ) -> None:
+        self._socket, self._give_back = connection, give_back
         self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         self._socket.setblocking(False)
 
@@ -78,10 +84,27 @@ class SocketPort:
                     raise TimeoutError("the other side takes no more bytes") from None
 
     def close(self) -> None:
-        """Give the port back."""
+        """Give the port back, once the other side has been sent everything.
+
+        A connection that is closed with bytes unread is reset, and what was sent last is lost.
+        """
         with suppress(OSError):
-            self._socket.shutdown(socket.SHUT_RDWR)
-        self._socket.close()
+            self._socket.shutdown(socket.SHUT_WR)
+            for _ in range(MOST_LEFT_BYTES // LARGEST_READ_BYTES):
+                if not self._socket.recv(LARGEST_READ_BYTES):
+                    break
+        if self._give_back is None:
+            self._socket.close()
+            return
+        try:
+            self._give_back()
+        except Exception as error:  # VISA libraries have errors of their own
+            raise OSError(str(error)) from error
+
+
+def connected(host: str, port: int) -> SocketPort:
+    """Return the port of `socket://host:port`; raises OSError."""
+    return SocketPort(socket.create_connection((host, port), CONNECT_DEADLINE_S))
 
 
 class DevicePort:
@@ -101,6 +124,8 @@ class DevicePort:
 
     def read(self, timeout_s: float) -> bytes:
         """Return what has come, or what comes first within a real time; empty for nothing."""
+        if timeout_s <= 0.0:
+            return bytes(self._port.read(self._port.in_waiting))
         self._port.timeout = timeout_s
         first = bytes(self._port.read(1))
         return first + bytes(self._port.read(self._port.in_waiting)) if first else b""
@@ -123,7 +148,7 @@ def open_port(address: str, framing: Framing) -> Port:
     if parts.scheme == "socket":
         if not parts.hostname or not parts.port:
             raise ValueError("write socket://host:port")
-        return SocketPort(parts.hostname, parts.port)
+        return connected(parts.hostname, parts.port)
     name = address
     if address.upper().startswith("ASRL"):
         name = address[4:].split("::")[0]

@@ -17,6 +17,8 @@ from drivers.transport.serial_port import (
     wire_address,
 )
 
+LONGEST_FRAME = 1 << 16
+
 
 class Split(NamedTuple):
     """What is found in bytes: whole frames by kind, the beginning of one, and bytes of none."""
@@ -84,7 +86,8 @@ class SerialStream(KeptFrames[StreamFrame]):
             return False
         self._traced("<", data)
         found = self._split(self._pending + data)
-        self._pending = found.rest
+        # The beginning of a frame is short; bytes without end must not be kept.
+        self._pending = found.rest[-LONGEST_FRAME:]
         arrival_s = self._clock.now()
         self._keep(StreamFrame(kind, payload, arrival_s) for kind, payload in found.frames)
         if found.skipped:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -15,13 +17,20 @@ from .findings import (
     Nuisance,
     Path,
 )
-from .flags import data_flags, jump_flags, result_flags
+from .flags import (
+    data_flags,
+    frozen_flags,
+    jump_flags,
+    result_flags,
+    scale_drift_flags,
+    step_flags,
+)
 from .identifiability import Identifiability, judge
 from .model import COEFFICIENTS, FIELD_POWER, UNITS, accelerations, model_columns
-from .nuisances import FEWEST_LEFT, unit_of
+from .nuisances import FEWEST_LEFT, KI_DRIFT, STEP, unit_of
 from .published import finite_memory_path, published_values
 from .rows import Rows
-from .screening import screen
+from .screening import frozen_temperature, screen
 from .solution import solve_rows
 from .solved import Solution
 
@@ -46,6 +55,10 @@ def analyse(
     raises nothing for poor data: what they do not determine is None and flagged.
     """
     settings = settings or AnalysisSettings()
+    frozen = np.zeros(len(dataset), dtype=bool)
+    if dataset.temperature_degC is not None:
+        frozen = frozen_temperature(dataset.temperature_degC)
+        dataset = replace(dataset, temperature_degC=None) if frozen.any() else dataset
     usable, left_out = screen(dataset)
     found = judge(
         dataset.plane[usable],
@@ -70,16 +83,21 @@ def analyse(
         left_out = tuple(
             sorted((*left_out, *(LeftOut(int(row), reason) for row in far)), key=lambda x: x.row)
         )
-    estimates = _estimates(found, solution)
+    estimates = _estimates(found, solution, rows.temperature_degC)
     path = _path(dataset, usable, found, settings)
     drift = solution.drift_order if solution is not None else 0
     lag_one = solution.lag_one_correlation if solution is not None else None
-    flags = data_flags(dataset, left_out, settings)
+    flags = [*frozen_flags(frozen), *data_flags(dataset, left_out, settings)]
     counted = int(used.sum() if solution is not None else usable.sum())
     flags += result_flags(found, estimates, drift, lag_one, counted, settings, as_planned)
     if solution is not None and solution.jump is not None:
         off = [int(row) for row in np.flatnonzero(usable)[solution.jump.rows]]
         flags += jump_flags(dataset, off, solution.jump)
+    if solution is not None and KI_DRIFT in solution.names:
+        flags += scale_drift_flags()
+    if solution is not None and solution.step_row is not None:
+        step_V = float(solution.coefficients[solution.names.index(STEP)])
+        flags += step_flags(int(np.flatnonzero(usable)[solution.step_row]), step_V)
     count = found.rank if solution is not None else 0
     return AccelerometerAnalysis(
         identifiability=found,
@@ -125,9 +143,17 @@ def _as_planned(rows: Rows, found: Identifiability) -> bool:
     return bool(singular[-1] > SMALLEST_SINGULAR)
 
 
-def _estimates(found: Identifiability, solution: Solution | None) -> tuple[Estimate, ...]:
-    """Return all thirteen in order, null where they are folded or nothing could be solved."""
+def _estimates(
+    found: Identifiability, solution: Solution | None, temperature_degC: Array | None
+) -> tuple[Estimate, ...]:
+    """Return all thirteen in order, null where they are folded or nothing could be solved.
+
+    They hold at the mean temperature of the rows, which the temperature terms are taken from.
+    """
     values: dict[str, float] = {}
+    at: dict[str, object] = {}
+    if temperature_degC is not None and len(temperature_degC):
+        at = {"conditions": {"temperature": f"{float(np.mean(temperature_degC)):.2f} degC"}}
     if solution is not None:
         values = {name: float(solution.coefficients[j]) for j, name in enumerate(found.kept)}
     estimates = []
@@ -146,7 +172,7 @@ def _estimates(found: Identifiability, solution: Solution | None) -> tuple[Estim
                 float(solution.degrees_of_freedom),
                 METHOD,
                 _sensitivities(name, values),
-                {"terms": dict(found.terms[name])},
+                {"terms": dict(found.terms[name]), **at},
             )
         )
     return tuple(estimates)

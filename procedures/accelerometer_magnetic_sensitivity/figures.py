@@ -8,12 +8,9 @@ import numpy as np
 from procedures.accelerometer_magnetic_sensitivity import plots
 from procedures.accelerometer_magnetic_sensitivity.dataset import AccelerometerDataset
 from procedures.accelerometer_magnetic_sensitivity.findings import AccelerometerAnalysis
-from procedures.accelerometer_magnetic_sensitivity.identifiability import (
-    combination_text,
-    describe,
-)
+from procedures.accelerometer_magnetic_sensitivity.identifiability import describe
 from procedures.accelerometer_magnetic_sensitivity.model import COEFFICIENTS
-from station.findings import Findings
+from station.findings import Findings, combination_text
 from station.report.drawing import STYLE
 from station.report.numbers import NOTHING, format_number, format_with_uncertainty
 from station.report.parts import Part, Plot, Table
@@ -111,10 +108,17 @@ def _coefficients(analysis: AccelerometerAnalysis, document: ResultDocument) -> 
     return Table(
         "Coefficients, and what is not identifiable",
         " ".join(describe(found))
-        + " U is the expanded uncertainty; the last column is the finite-memory solution.",
+        + " U is the expanded uncertainty; the last column is the finite-memory solution."
+        + _held_at(document),
         ["", "what is measured", "value", "U (95 %)", "unit", "limit", "finite memory"],
         rows,
     )
+
+
+def _held_at(document: ResultDocument) -> str:
+    """Return the sentence on the temperature that the coefficients hold at."""
+    at = next((one.estimate.holds_at for one in document.results if one.estimate.holds_at), "")
+    return f" All hold at {at}, the mean temperature of the rows." if at else ""
 
 
 def _nuisances(analysis: AccelerometerAnalysis, dataset: AccelerometerDataset) -> Table:

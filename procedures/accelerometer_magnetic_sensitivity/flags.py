@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from station.findings import Estimate, Flag
 
@@ -17,6 +18,7 @@ from .nuisances import ARCSEC_PER_RAD
 
 MAGNETIC = ("Km", "Kmm", "Kim", "Kom", "Kpm")
 MOST_LISTED = 12
+Mask = NDArray[np.bool_]
 
 
 def data_flags(
@@ -108,6 +110,39 @@ def jump_flags(dataset: AccelerometerDataset, rows: Sequence[int], jump: Jump) -
             details={"row": rows[0], "rows": len(rows), "jump_arcsec": more_arcsec},
         )
     ]
+
+
+def frozen_flags(frozen: Mask) -> list[Flag]:
+    """Return the flag of a thermometer that stands still, by the rows in which it does."""
+    rows = np.flatnonzero(frozen)
+    if not len(rows):
+        return []
+    frozen_said = (
+        f"The temperature repeats itself to the last digit in {len(rows)} rows, from row {rows[0]} "
+        "on, counted from 0: the thermometer or its recorder stood still. No reading of it is "
+        "used, and what warmed the device counts as drift."
+    )
+    details = {"count": len(rows), "row": int(rows[0]), "what": "thermometer"}
+    return [Flag("frozen", frozen_said, details=details)]
+
+
+def scale_drift_flags() -> list[Flag]:
+    """Return the flag of a scale factor that drifted while no thermometer was read."""
+    scale_said = (
+        "The scale factor drifted, and no temperature says why: a term linear in time, of zero "
+        "mean over the rows, was fitted and removed."
+    )
+    return [Flag("drift-removed", scale_said, details={"term": "Ki"})]
+
+
+def step_flags(row: int, step_V: float) -> list[Flag]:
+    """Return the flag of an output that steps at a row of the dataset."""
+    step_said = (
+        f"From row {row} on, counted from 0, the output reads {1e6 * step_V:+.4g} µV more than "
+        "before at the same angle and field; the solution takes the step for one of the output and "
+        "removes it, K0 being the mean. Look at the voltmeter, its input, and the device."
+    )
+    return [Flag("output-step", step_said, details={"row": row, "step_V": step_V})]
 
 
 def result_flags(

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from procedures.estimation.orthogonal import split_columns
+from station.findings import combination_text
 
 from .model import COEFFICIENTS, Names, accelerations, field_scales, model_columns
 
@@ -87,16 +88,6 @@ def judge(
 
 def _tidy(value: float) -> float:
     return float(f"{value:.12g}")
-
-
-def combination_text(terms: Mapping[str, float]) -> str:
-    """Return a combination as people write it: `K0 + Kpp`, `Kii − Kpp`, `Km + 0.05 Kmm`."""
-    text = ""
-    for name, share in terms.items():
-        size = "" if abs(abs(share) - 1.0) < 1e-9 else f"{abs(share):.4g} "
-        sign = ("−" if share < 0 else "") if not text else (" − " if share < 0 else " + ")
-        text += f"{sign}{size}{name}"
-    return text
 
 
 def describe(found: Identifiability) -> tuple[str, ...]:

@@ -31,11 +31,22 @@ same, and what is left out is in the uncertainty."""
 
 ARCSEC_PER_RAD = 3600.0 * 180.0 / np.pi
 OFFSET, JUMP, KO, KP = "encoder offset", "encoder jump", "Ko", "Kp"
+STEP = "output step"
 K0_T, KI_T = "K0_T", "Ki_T"
+KI_DRIFT = "Ki drift"
+"""Of the scale factor, linear in time, where no thermometer says what warmed it."""
 USUAL = {K0_T: 30e-6, KI_T: 100e-6}
 """Per degC and in parts of Ki: the temperature terms of quartz accelerometers with a flexure, 20 to
 50 µg and 80 to 150 ppm."""
-UNITS = {OFFSET: "arcsec", JUMP: "arcsec", KO: "V/g", KP: "V/g", K0_T: "V/degC", KI_T: "V/g/degC"}
+UNITS = {
+    KI_DRIFT: "V/g",
+    OFFSET: "arcsec",
+    JUMP: "arcsec",
+    KO: "V/g",
+    KP: "V/g",
+    K0_T: "V/degC",
+    KI_T: "V/g/degC",
+}
 
 
 def drift_name(order: int) -> str:
@@ -68,6 +79,7 @@ def slow_terms(
 
     Temperature is taken from its mean over the rows, so that K0 and Ki are values at the mean
     temperature; each drift column has zero mean over the rows, so that it takes nothing of K0.
+    Without a temperature the scale factor may drift, too.
     """
     names: list[str] = []
     columns: list[Array] = []
@@ -76,6 +88,9 @@ def slow_terms(
         names += [K0_T, KI_T]
         columns += [warmer, input_g * warmer]
     drift = legendre_columns(time_s, max_order, float(time_s[0]), float(time_s[-1]))
+    if temperature_degC is None and max_order > 0:
+        names.append(KI_DRIFT)
+        columns.append(input_g * (drift[:, 1] - float(np.mean(drift[:, 1]))))
     for order in range(1, max_order + 1):
         names.append(drift_name(order))
         columns.append(drift[:, order] - float(np.mean(drift[:, order])))

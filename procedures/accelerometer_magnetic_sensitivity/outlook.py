@@ -11,12 +11,12 @@ from procedures.accelerometer_magnetic_sensitivity.expected import (
     expected_uncertainty,
 )
 from procedures.accelerometer_magnetic_sensitivity.identifiability import (
-    combination_text,
     describe,
     listed,
 )
 from procedures.accelerometer_magnetic_sensitivity.model import UNITS
 from procedures.accelerometer_magnetic_sensitivity.parameters import AccelerometerParameters
+from station.findings import combination_text
 from station.report.numbers import format_number
 
 T_PER_MT = 1e-3

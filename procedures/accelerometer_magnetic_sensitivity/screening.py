@@ -17,6 +17,9 @@ WILD_TEMPERATURE_K = 5.0
 """From the median of the rows around it: no accelerometer warms up so fast."""
 WILD_SPREADS = 20.0
 NEIGHBOURS = 5
+FEWEST_FROZEN = 10
+USUALLY_NEW = 0.5
+"""Of the other readings: a thermometer that repeats itself anyway is coarse, and not frozen."""
 
 
 def screen(dataset: AccelerometerDataset) -> tuple[Mask, tuple[LeftOut, ...]]:
@@ -74,3 +77,20 @@ def wild_temperature(temperature_degC: Array) -> Mask:
     spread = float(np.nanmedian(off))
     wild = ~finite | (off > max(WILD_TEMPERATURE_K, WILD_SPREADS * spread))
     return np.asarray(wild, dtype=np.bool_)
+
+
+def frozen_temperature(temperature_degC: Array) -> Mask:
+    """Return which readings (n,) repeat the one before to the last digit, ten and more in a row.
+
+    A thermometer that stands still measures nothing, and what warms the device goes unseen.
+    """
+    frozen = np.zeros(len(temperature_degC), dtype=bool)
+    if len(frozen) < FEWEST_FROZEN:
+        return frozen
+    new = np.append(True, temperature_degC[1:] != temperature_degC[:-1])
+    starts = np.flatnonzero(new)
+    for start, length in zip(starts, np.diff(np.append(starts, len(new))), strict=True):
+        if length >= FEWEST_FROZEN:
+            frozen[start : start + length] = True
+    others = new[~frozen]
+    return frozen if not len(others) or float(others.mean()) > USUALLY_NEW else frozen & False

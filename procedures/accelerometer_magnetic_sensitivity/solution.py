@@ -29,6 +29,7 @@ from .nuisances import (
 )
 from .rows import Rows
 from .solved import Solution, Solved
+from .steps_of_output import steps_to_try
 from .suspicion import may_be_off
 from .turned_model import ROUNDS, TurnedModel
 
@@ -52,11 +53,14 @@ def solve_rows(rows: Rows, kept_names: tuple[str, ...], settings: AnalysisSettin
     first = _solve(rows, kept_names, settings)
     found = first.solution
     suspects = Suspects.of(rows.plane, rows.theta_rad)
-    if OFFSET not in found.names or not may_be_off(first, rows.output_V, suspects, settings):
-        return found
     model = TurnedModel(rows, kept_names)
     whole = np.ones(len(rows.time_s), dtype=bool)
-    solutions, tried = [found], set()
+    solutions = [found]
+    steps = steps_to_try(first, model.with_misalignment(0.0), rows.output_V, suspects)
+    solutions += [_solve(rows, kept_names, settings, step_row=row).solution for row in steps]
+    if OFFSET not in found.names or not may_be_off(first, rows.output_V, suspects, settings):
+        return _best(solutions, len(whole))
+    tried = set()
     for slow in (first.slow[:, :0], first.slow) if first.slow.shape[1] else (first.slow,):
 
         def columns_at(added_rad: Array, slow: Array = slow) -> Array:
@@ -67,8 +71,13 @@ def solve_rows(rows: Rows, kept_names: tuple[str, ...], settings: AnalysisSettin
                 if jump.rows.tobytes() not in tried:
                     tried.add(jump.rows.tobytes())
                     solutions.append(_solve(rows, kept_names, settings, jump).solution)
+    return _best(solutions, len(whole))
+
+
+def _best(solutions: list[Solution], rows: int) -> Solution:
+    """Return the solution that the information criterion prefers."""
     squares = [one.sum_of_squares for one in solutions]
-    return solutions[choose_by_information(squares, [one.price for one in solutions], len(whole))]
+    return solutions[choose_by_information(squares, [one.price for one in solutions], rows)]
 
 
 def _solve(
@@ -76,9 +85,13 @@ def _solve(
     kept_names: tuple[str, ...],
     settings: AnalysisSettings,
     jump: Jump | None = None,
+    step_row: int | None = None,
 ) -> Solved:
-    """Solve with the encoder off in the rows of a jump, which begins at the jump's angle."""
-    model = TurnedModel(rows, kept_names, None if jump is None else jump.rows)
+    """Solve with the encoder off in the rows of a jump, which begins at the jump's angle.
+
+    Or with an output that steps at a row.
+    """
+    model = TurnedModel(rows, kept_names, None if jump is None else jump.rows, step_row)
     angles = {} if jump is None else {JUMP: jump.angle_rad}
     begin, data = model.correction_rad(angles), rows.output_V
     start = model.with_misalignment(begin)
@@ -122,6 +135,7 @@ def _solve(
     if jump is not None:
         jump = replace(jump, angle_rad=angles[JUMP])
     solution = _solution(model, design, data, fit, kept, names, solved_rad, lost, warmth, jump)
+    solution = replace(solution, step_row=step_row)
     return Solved(solution, design, model.slope, terms.columns)
 
 

@@ -22,7 +22,8 @@ many places one always explains something."""
 class Solution:
     """Coefficients of the kept columns first, then nuisance terms, `names` in that order.
 
-    Offset and jump of the encoder are in arcsec; `jump` says in which rows it is off. `kept`
+    Offset and jump of the encoder are in arcsec; `jump` says in which rows it is off, `step_row`
+    from which row on the output has stepped. `kept`
     (rows,) are the rows that count; `covariance` holds the scale of the noise.
     """
 
@@ -36,6 +37,7 @@ class Solution:
     condition: float
     not_separable: tuple[str, ...]
     jump: Jump | None
+    step_row: int | None = None
 
     @property
     def sum_of_squares(self) -> float:
@@ -52,6 +54,7 @@ class Solution:
     def price(self) -> int:
         """For how many columns it counts: each row left out is one that it explains."""
         place = 0 if self.jump is None else PLACE + (JUMP not in self.names)
+        place += 0 if self.step_row is None else PLACE
         return len(self.names) + place + int(np.sum(~self.kept))
 
     @property

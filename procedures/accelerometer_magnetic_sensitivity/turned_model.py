@@ -16,7 +16,17 @@ from .model import (
     model_columns,
     model_columns_by_angle,
 )
-from .nuisances import INDEPENDENT_PART, JUMP, KO, KP, OFFSET, USUAL, Candidates, has_warmed
+from .nuisances import (
+    INDEPENDENT_PART,
+    JUMP,
+    KO,
+    KP,
+    OFFSET,
+    STEP,
+    USUAL,
+    Candidates,
+    has_warmed,
+)
 from .rows import Rows
 
 Array = NDArray[np.float64]
@@ -30,11 +40,23 @@ LARGE_RAD = 3e-4
 class TurnedModel:
     """The columns of the model at an encoder offset, and which alignment terms go with them."""
 
-    def __init__(self, rows: Rows, kept_names: tuple[str, ...], off: Mask | None = None) -> None:
-        """Take the rows, and in which of them the encoder is `off`."""
+    def __init__(
+        self,
+        rows: Rows,
+        kept_names: tuple[str, ...],
+        off: Mask | None = None,
+        step_row: int | None = None,
+    ) -> None:
+        """Take the rows, in which of them the encoder is `off`, and where the output steps."""
         self.rows = rows
         self.slope = np.zeros(len(rows.time_s))
         self._off = self.slope.copy() if off is None else off.astype(np.float64)
+        count = len(rows.time_s)
+        self._step: Array = np.zeros((count, 0))
+        if step_row is not None:
+            # Of zero mean over the rows, as drift is: K0 stays their mean.
+            after = (np.arange(count) >= step_row).astype(np.float64)
+            self._step = np.asarray(after - after.mean())[:, None]
         self.names = kept_names
         self._places = [COEFFICIENTS.index(name) for name in kept_names]
         self._guess = np.zeros(len(COEFFICIENTS))
@@ -58,7 +80,8 @@ class TurnedModel:
             still, other = self.columns(0.0), self.rows.accelerations()[:, 1:]
             self._misalignment = list(independent_of(still, other, INDEPENDENT_PART))
         other = self.rows.accelerations(offset_rad)[:, 1:]
-        return np.column_stack((self.columns(offset_rad), other[:, self._misalignment]))
+        columns = (self.columns(offset_rad), other[:, self._misalignment], self._step)
+        return np.column_stack(columns)
 
     def without_large_offset(self, begin_rad: Array, inside: Mask) -> Array:
         """Return the correction of the encoder's angle with a large offset already in it.
@@ -110,7 +133,8 @@ class TurnedModel:
                 name for j, name in enumerate(known) if j not in taken and np.any(other[:, j])
             )
         places = [known.index(name) for name in self._alignment]
-        return (*self.names, *self._alignment), np.column_stack((columns, other[:, places]))
+        names = (*self.names, *self._alignment, *(STEP,) * self._step.shape[1])
+        return names, np.column_stack((columns, other[:, places], self._step))
 
     def unfitted_warmth(self, usable: Candidates, taken: tuple[str, ...], kept: Mask) -> Array:
         """Return the columns (kept rows, m), in V, of a warming that too few rows could fit.

@@ -5,9 +5,12 @@ Source: fog-scale-factor-temperature document, steps 3 and 4. NumPy and SciPy on
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from .axis_turns import AxisTurns
+from .checks import check_flags, looks_like_radians, stated_turn_ppm, unit_flags
 from .dataset import AXES, Array, FogDataset, Mask, TurnTable
 from .driving import evaluate_drive
 from .findings import AnalysisSettings, AxisFit, FogAnalysis, PublishedFit, Verified
@@ -32,29 +35,41 @@ def analyse(dataset: FogDataset, settings: AnalysisSettings | None = None) -> Fo
     fits: dict[str, AxisFit] = {}
     published: dict[str, PublishedFit] = {}
     for axis, turns in tables.items():
-        fits[axis] = fit_axis(turns, settings, floor_ppm)
+        bias = dataset.gyro_bias_deg_per_h or 0.0
+        fits[axis] = fit_axis(turns, settings, floor_ppm, bias)
         published[axis] = published_fit(turns, dataset.initial_order)
     verified: dict[str, Verified] = {}
     if dataset.verification is not None:
         for axis, turns in axis_tables(dataset, dataset.verification).items():
-            found = verify_axis(turns, fits[axis]) if axis in fits else None
+            bias = dataset.gyro_bias_deg_per_h or 0.0
+            found = verify_axis(turns, fits[axis], bias) if axis in fits else None
             if found is not None:
                 verified[axis] = found
+                fits[axis] = _held_against(fits[axis], found)
     curves = {axis: fit.curve for axis, fit in fits.items() if fit.curve is not None}
     driven = evaluate_drive(dataset.drive, curves) if dataset.drive and curves else None
-    flags = []
+    flags = unit_flags(dataset)
     for axis, fit in fits.items():
         flags += data_flags(tables[axis], fit, settings)
         flags += fit_flags(fit, dataset, settings)
+        flags += check_flags(fit, stated_turn_ppm(dataset, tables[axis]), settings)
         flags += verification_flags(verified.get(axis))
     flags += drive_flags(driven, curves)
     return FogAnalysis(fits, published, verified, driven, tuple(flags))
+
+
+def _held_against(fit: AxisFit, verified: Verified) -> AxisFit:
+    """Return the curve of an axis with what its verification does not find in it as uncertainty."""
+    if fit.curve is None or verified.beyond_ppm == 0.0:
+        return fit
+    return replace(fit, curve=fit.curve.checked(verified.beyond_ppm))
 
 
 def axis_tables(dataset: FogDataset, table: TurnTable) -> dict[str, AxisTurns]:
     """Return the turns of each axis that occurs, in the order x, y, z."""
     error_deg = turn_errors_deg(table, dataset.turn_sense, dataset.full_attitude)
     usable = np.isfinite(error_deg) & (table.duration_s > 0.0) & believable_temperatures(table)
+    usable &= not looks_like_radians(table, dataset.full_attitude)
     found = {}
     for axis in AXES:
         own = table.axis == axis

@@ -42,7 +42,7 @@ class Band:
         """Return the combined standard uncertainty, shape (n,)."""
         own = self.curve.standard_uncertainty_ppm(temperature_degC)
         by_bias = self.curve.error_by_bias_ppm(temperature_degC) * self.gyro_bias_deg_per_h
-        return np.asarray(np.hypot(own, by_bias))
+        return np.asarray(np.hypot(np.hypot(own, by_bias), self.curve.check_ppm(temperature_degC)))
 
     def expanded_ppm(self, temperature_degC: Array) -> Array:
         """Return U: 95 % at each temperature by itself, shape (n,)."""

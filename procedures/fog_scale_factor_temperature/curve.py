@@ -6,7 +6,7 @@ normal equations of condition 4e13 at order 4 between -40 and 60 degC, these of 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import minimize_scalar
@@ -14,6 +14,7 @@ from scipy.optimize import minimize_scalar
 from .dataset import Array
 
 GRID = 2001
+CHECKED = 201
 
 
 def chebyshev_columns(
@@ -30,7 +31,9 @@ class Curve:
     """Coefficients in ppm, lowest order first, of Chebyshev polynomials over a domain in degC.
 
     `covariance` (k, k) in ppm^2 is type A; `by_bias` (k,) are the coefficients that a gyro bias of
-    1 deg/h would make, zero where turns of both senses have told it from the scale factor.
+    1 deg/h would make, zero where turns of both senses have told it from the scale factor.`check`
+    is what checks of the curve add to its uncertainty: temperatures that rise and standard
+    uncertainties in ppm there.
     """
 
     domain_degC: tuple[float, float]
@@ -38,6 +41,7 @@ class Curve:
     covariance: Array
     degrees_of_freedom: float
     by_bias: Array
+    check: tuple[Array, Array] | None = None
 
     @property
     def order(self) -> int:
@@ -65,6 +69,17 @@ class Curve:
         """Return its type A standard uncertainty in ppm, shape (n,)."""
         columns = self.columns(temperature_degC)
         return np.asarray(np.sqrt(np.einsum("ij,jk,ik->i", columns, self.covariance, columns)))
+
+    def check_ppm(self, temperature_degC: Array) -> Array:
+        """Return the standard uncertainty that checks of the curve add, in ppm, shape (n,)."""
+        if self.check is None:
+            return np.zeros(np.shape(temperature_degC))
+        return np.asarray(np.interp(self.clamped(temperature_degC), *self.check))
+
+    def checked(self, added_ppm: Array | float) -> Curve:
+        """Return the curve with more uncertainty: at `CHECKED` even temperatures, or at all."""
+        grid = self.temperatures_degC(CHECKED)
+        return replace(self, check=(grid, np.hypot(self.check_ppm(grid), added_ppm)))
 
     def error_by_bias_ppm(self, temperature_degC: Array) -> Array:
         """Return what a gyro bias of 1 deg/h adds to the error, in ppm, shape (n,)."""

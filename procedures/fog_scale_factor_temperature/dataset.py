@@ -96,6 +96,8 @@ class FogDataset:
     full_attitude: bool
     gyro_bias_deg_per_h: float | None = None
     heading_resolution_deg: float = 0.0
+    angle_random_walk_deg_per_sqrt_h: float | None = None
+    turntable_accuracy_arcsec: float | None = None
     reference_temperature_degC: float = 20.0
     initial_order: int = 4
     temperature_range_degC: tuple[float, float] | None = None

@@ -89,6 +89,7 @@ def evaluate_drive(drive: Drive, curves: Mapping[str, Curve]) -> Driven:
         turned = drive.rate_deg_per_s[:-1, 2] * steps_s / PPM
         share = turned @ curves["z"].columns(heat[:-1])
         model = float(np.sqrt(share @ curves["z"].covariance @ share))
+        model = float(np.hypot(model, turned @ curves["z"].check_ppm(heat[:-1])))
         by_bias = float(share @ curves["z"].by_bias)
     return Driven(
         time_s=drive.time_s,

@@ -22,6 +22,7 @@ from procedures.fog_scale_factor_temperature.from_import import (
     conditions_of,
     dataset_of_import,
 )
+from procedures.fog_scale_factor_temperature.gaps import WIDE, within
 from procedures.fog_scale_factor_temperature.parameters import PUBLISHED_SOAK_H, FogParameters
 from station.faults import FaultList
 from station.findings import (
@@ -40,7 +41,9 @@ if TYPE_CHECKING:
     from station.record.folder import RunFolder
 
 BIAS = "gyro_bias"
+CHECKS = "checks"
 BAND_POINTS = 21
+WIDEST_DEGC = WIDE * AnalysisSettings().temperature_gap_degC
 
 
 def findings_of_run(folder: RunFolder, parameters: FogParameters, bench: Bench) -> Findings:
@@ -91,7 +94,10 @@ def to_findings(
     published: list[Published] = []
     asked = dataset.reference_temperature_degC
     for axis, fit in analysis.fits.items():
-        estimates += [_at_reference(fit, dataset), _largest(fit)]
+        estimates += [
+            _at_reference(fit, dataset, WIDEST_DEGC),
+            _largest(fit, WIDEST_DEGC),
+        ]
         paper = analysis.published[axis].curve
         at = paper is not None and paper.holds(asked)
         published.append(
@@ -116,6 +122,13 @@ def to_findings(
                 BIAS, "gyro bias during the turn", dataset.gyro_bias_deg_per_h, "deg/h", source
             )
         )
+    inputs += [
+        InputQuantity(
+            f"{CHECKS}_{axis}", f"what checks of the curve of {axis} show", 1.0, "1", "these data"
+        )
+        for axis, fit in analysis.fits.items()
+        if fit.curve is not None and fit.curve.check is not None
+    ]
     flags = [*analysis.flags, *flags]
     return Findings(estimates, published, flags, inputs, Detail(analysis, dataset))
 
@@ -157,6 +170,10 @@ def _estimate(
     value = _value(curve, temperature_degC)
     sign = -1.0 if magnitude and value < 0.0 else 1.0
     by_bias = sign * float(curve.error_by_bias_ppm(at)[0])
+    check = float(curve.check_ppm(at)[0])
+    sensitivities = {BIAS: by_bias} if by_bias else {}
+    if check:
+        sensitivities[f"{CHECKS}_{fit.axis}"] = check
     return Estimate(
         name,
         fit.axis,
@@ -165,12 +182,12 @@ def _estimate(
         float(curve.standard_uncertainty_ppm(at)[0]),
         curve.degrees_of_freedom,
         "weighted",
-        {BIAS: by_bias} if by_bias else {},
+        sensitivities,
         extra,
     )
 
 
-def _at_reference(fit: AxisFit, dataset: FogDataset) -> Estimate:
+def _at_reference(fit: AxisFit, dataset: FogDataset, widest_degC: float) -> Estimate:
     asked = dataset.reference_temperature_degC
     curve = fit.curve
     rows = [] if curve is None else rejected_rows(fit)
@@ -184,14 +201,16 @@ def _at_reference(fit: AxisFit, dataset: FogDataset) -> Estimate:
     band = Band(curve, dataset.gyro_bias_deg_per_h or 0.0)
     extra |= {"order": curve.order, "turn_noise": fit.noise_ppm, "band": band_data(band)}
     found = _estimate("scale_factor_error", fit, asked, False, extra)
-    if curve.holds(asked):
+    if curve.holds(asked) and not within(fit.gaps_degC, asked, widest_degC):
         return found
     return undetermined(found.name, found.axis, found.unit, found.method, found.extra)
 
 
-def _largest(fit: AxisFit) -> Estimate:
+def _largest(fit: AxisFit, widest_degC: float) -> Estimate:
     at = 0.0 if fit.curve is None else fit.curve.largest_at_degC()
     extra = {} if fit.curve is None else {"temperature": at}
+    if any(until - since > widest_degC for since, until in fit.gaps_degC):
+        return undetermined("largest_scale_factor_error", fit.axis, "ppm", "weighted")
     return _estimate("largest_scale_factor_error", fit, at, True, extra)
 
 

@@ -16,7 +16,8 @@ class AnalysisSettings:
     """Thresholds of the flags and choices of the estimator, each with its default.
 
     `outlier` is in robust standard deviations of a turn, `gap` in nominal intervals between sets,
-    `model_too_stiff` a correlation, `temperature_gap_degC` a stretch without a turn.
+    `model_too_stiff` a correlation, `temperature_gap_degC` a stretch without a turn,
+    `noise_beyond_statement` the noise of a turn over the stated one.
     """
 
     outlier: float = 5.0
@@ -24,6 +25,26 @@ class AnalysisSettings:
     model_too_stiff: float = 0.3
     highest_order: int = 20
     temperature_gap_degC: float = 10.0
+    noise_beyond_statement: float = 3.0
+
+
+@dataclass(frozen=True)
+class Misfit:
+    """What the curve does not follow: `size_ppm` is the largest that it leaves.
+
+    Where it is not `sure` chance makes it now and then.
+    `kink` says whether the slope changes at `at_degC`, by `slope_ppm_per_degC`; else it is a bump
+    whose standard deviation is `width_degC`. `left_ppm` (n,) is what the curve leaves at the
+    `CHECKED` even temperatures of its range.
+    """
+
+    sure: bool
+    kink: bool
+    at_degC: float
+    width_degC: float
+    slope_ppm_per_degC: float
+    size_ppm: float
+    left_ppm: Array
 
 
 @dataclass(frozen=True)
@@ -35,7 +56,8 @@ class AxisFit:
     wandering bias leave of it. `curve` is None where the turns do not determine one. `noise_ppm` is
     the standard deviation of a turn, by the scatter of the sets that tell their bias.
     `walk_deg_per_h_per_sqrt_h` and `bias_deg_per_h` are None where turns of one sense cannot tell
-    them.
+    them. `misfit` is what the curve does not follow, `gaps_degC` are the stretches of temperature
+    without a turn, each from and until, that are wider than `temperature_gap_degC`.
     """
 
     axis: str
@@ -51,6 +73,8 @@ class AxisFit:
     sets: int = 0
     walk_deg_per_h_per_sqrt_h: float | None = None
     bias_deg_per_h: float | None = None
+    misfit: Misfit | None = None
+    gaps_degC: tuple[tuple[float, float], ...] = ()
 
 
 @dataclass(frozen=True)
@@ -67,8 +91,9 @@ class Verified:
 
     `before_ppm` and `after_ppm` (n,) have the bias taken off where turns of both senses tell it;
     `u_ppm` (n,) is the type A uncertainty of `after_ppm`, `by_bias_ppm` (n,) what a bias of 1 deg/h
-    would add. `worst` is the place of the largest magnitude after compensation; `outside` counts
-    turns that lie more than a degree outside the calibrated range.
+    would add. `beyond_ppm` is the rms of `after_ppm` that all this does not explain, zero where it
+    may be chance. `worst` is the place of the largest magnitude after compensation; `outside`
+    counts turns that lie more than a degree outside the calibrated range.
     """
 
     axis: str
@@ -79,6 +104,7 @@ class Verified:
     by_bias_ppm: Array
     worst: int
     outside: int
+    beyond_ppm: float = 0.0
 
 
 @dataclass(frozen=True)

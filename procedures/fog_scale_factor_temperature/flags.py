@@ -13,6 +13,7 @@ from .axis_turns import AxisTurns
 from .curve import Curve
 from .dataset import FogDataset
 from .findings import AnalysisSettings, AxisFit, Driven, Verified
+from .gaps import WIDE, within
 
 MOST_LISTED = 12
 PAIRED_HEAP, SINGLE_HEAP = 3, 4
@@ -101,8 +102,10 @@ def _gaps(turns: AxisTurns, settings: AnalysisSettings) -> list[Flag]:
             "gap",
             f"Sets of turns about {turns.axis} are missing: {gaps} longer intervals than "
             f"{settings.gap:g} times the usual {nominal_s:g} s; the widest stretch of temperature "
-            f"without a turn is {widest_degC:.1f} degC. The curve is the less certain there, as "
-            "its uncertainty says.",
+            f"without a turn is {widest_degC:.1f} degC. In a stretch of more than "
+            f"{settings.temperature_gap_degC:g} degC the curve's uncertainty holds what higher "
+            f"orders may make; in one of more than {WIDE * settings.temperature_gap_degC:g} degC "
+            "nothing is told.",
             turns.axis,
             {
                 "count": max(gaps, 1),
@@ -123,7 +126,7 @@ def fit_flags(fit: AxisFit, dataset: FogDataset, settings: AnalysisSettings) -> 
                 f"The turns about {fit.axis} do not determine a curve: too few of them, or at too "
                 "few temperatures.",
                 fit.axis,
-                {"coefficients": ["scale_factor_error"]},
+                {"coefficients": ["scale_factor_error", "largest_scale_factor_error"]},
             )
         ]
     flags = []
@@ -139,6 +142,13 @@ def fit_flags(fit: AxisFit, dataset: FogDataset, settings: AnalysisSettings) -> 
                 {"temperature_degC": asked},
             )
         )
+    if within(fit.gaps_degC, asked, WIDE * settings.temperature_gap_degC):
+        gap_said = (
+            f"No turn about {fit.axis} was made within {settings.temperature_gap_degC:g} degC and "
+            f"more around the reference temperature of {asked:g} degC: no value is given."
+        )
+        details = {"coefficients": ["scale_factor_error"], "temperature_degC": asked}
+        flags.append(Flag("not-identifiable", gap_said, fit.axis, details))
     lag = fit.lag_one_correlation
     if lag is not None and lag > stiffness(settings, fit.sets):
         flags.append(
@@ -154,17 +164,31 @@ def fit_flags(fit: AxisFit, dataset: FogDataset, settings: AnalysisSettings) -> 
 
 
 def verification_flags(verified: Verified | None) -> list[Flag]:
-    """Return the flag of a verification ramp that went beyond the calibrated range."""
-    if verified is None or not verified.outside:
+    """Return the flags of a verification ramp that denies the curve, or went beyond its range."""
+    if verified is None:
         return []
+    flags = []
+    if verified.beyond_ppm > 0.0:
+        rms = float(np.sqrt(np.mean(verified.after_ppm**2)))
+        denied_said = (
+            f"The verification ramp contradicts the curve of {verified.axis}: after compensation "
+            f"its turns are {rms:.3g} ppm rms off, of which {verified.beyond_ppm:.3g} ppm are no "
+            "noise. The curve's uncertainty holds that; hysteresis, a thermometer that lags, or a "
+            "gyro that changed."
+        )
+        details: dict[str, object] = {"statement": "verification", "rms_ppm": rms}
+        flags.append(Flag("contradicts-statement", denied_said, verified.axis, details))
+    if not verified.outside:
+        return flags
     return [
+        *flags,
         Flag(
             "extrapolation",
             f"{verified.outside} verification turns about {verified.axis} were made outside the "
             "calibrated range; there the compensation holds the value at the end of the range.",
             verified.axis,
             {"count": verified.outside},
-        )
+        ),
     ]
 
 

@@ -86,6 +86,8 @@ def dataset_of_import(raw: RawDataset, conditions: Conditions) -> FogDataset:
         full_attitude=full,
         gyro_bias_deg_per_h=conditions.gyro_bias_deg_per_h,
         heading_resolution_deg=conditions.heading_resolution_deg,
+        angle_random_walk_deg_per_sqrt_h=conditions.angle_random_walk_deg_per_sqrt_h,
+        turntable_accuracy_arcsec=conditions.turntable_accuracy_arcsec,
         reference_temperature_degC=conditions.reference_temperature_degC,
         initial_order=conditions.initial_order,
         temperature_range_degC=conditions.temperature_range_degC,

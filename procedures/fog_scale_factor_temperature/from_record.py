@@ -38,6 +38,8 @@ def dataset_of_run(folder: RunFolder, parameters: FogParameters, bench: Bench) -
         full_attitude=True,
         gyro_bias_deg_per_h=parameters.gyro_bias_deg_per_h,
         heading_resolution_deg=parameters.heading_resolution_deg,
+        angle_random_walk_deg_per_sqrt_h=parameters.angle_random_walk_deg_per_sqrt_h,
+        turntable_accuracy_arcsec=parameters.turntable_accuracy_arcsec,
         reference_temperature_degC=parameters.reference_temperature_degC,
         initial_order=parameters.initial_order,
         temperature_range_degC=parameters.temperature_range_degC,
@@ -48,11 +50,16 @@ def dataset_of_run(folder: RunFolder, parameters: FogParameters, bench: Bench) -
 
 
 def turn_table(folder: RunFolder, name: str) -> TurnTable:
-    """Return the finished turns of one ramp in the order in which they were made."""
+    """Return the finished turns of one ramp in the order in which they were made.
+
+    Where a turn is left out, so are the others of its set about its axis: only together do they
+    cancel the gyro's bias.
+    """
+    apart = {unit.rpartition(" ")[0] for unit in folder.left_out}
     units = [
         (unit, details)
         for unit, details in folder.finished_units().items()
-        if unit.split(" ")[0] == name
+        if unit.split(" ")[0] == name and unit.rpartition(" ")[0] not in apart
     ]
     rows = [reading(folder, unit, details) for unit, details in units]
 

@@ -10,13 +10,23 @@ from .axis_problem import AxisProblem, Solved
 from .axis_turns import AxisTurns
 from .curve import Curve
 from .findings import AnalysisSettings, AxisFit
+from .gaps import gaps_of, unknown_in_gaps_ppm
+from .misfit import misfit_of
 from .rejection import reject
 from .sets import noise_of_sets
 from .turning import SECONDS_PER_HOUR
 
 
-def fit_axis(turns: AxisTurns, settings: AnalysisSettings, floor_ppm: float = 0.0) -> AxisFit:
-    """Return the model of one axis; `floor_ppm` is the least deviation that is called noise."""
+def fit_axis(
+    turns: AxisTurns,
+    settings: AnalysisSettings,
+    floor_ppm: float = 0.0,
+    gyro_bias_deg_per_h: float = 0.0,
+) -> AxisFit:
+    """Return the model of one axis; `floor_ppm` is the least deviation that is called noise.
+
+    `gyro_bias_deg_per_h` is what the bias may change by where turns of one sense cannot tell it.
+    """
     problem = AxisProblem(turns, settings, floor_ppm)
     kept, solved = reject(problem)
     sensing = turns.sensing
@@ -48,6 +58,9 @@ def fit_axis(turns: AxisTurns, settings: AnalysisSettings, floor_ppm: float = 0.
     if problem.paired:
         left = problem.data - design[:, biases:] @ fit.coefficients[biases:]
         noise, free = noise_of_sets(turns, kept, left, solved.order + 1) or (noise, free)
+    bias_ppm = 0.0
+    if not problem.paired:
+        bias_ppm = gyro_bias_deg_per_h * float(np.mean(turns.by_bias_ppm))
     curve = Curve(
         solved.domain_degC,
         fit.coefficients[biases:],
@@ -55,6 +68,12 @@ def fit_axis(turns: AxisTurns, settings: AnalysisSettings, floor_ppm: float = 0.
         free,
         by_bias,
     )
+    misfit = misfit_of(problem, kept, solved, noise, free, bias_ppm)
+    if misfit is not None:
+        curve = curve.checked(misfit.left_ppm)
+    gaps = gaps_of(problem, kept)
+    if gaps:
+        curve = curve.checked(unknown_in_gaps_ppm(problem, kept, solved, noise, gaps))
     return AxisFit(
         turns.axis,
         turns.rows,
@@ -69,6 +88,8 @@ def fit_axis(turns: AxisTurns, settings: AnalysisSettings, floor_ppm: float = 0.
         len(np.unique(turns.set_number[kept])),
         _walk(turns, solved) if problem.paired else None,
         float(fit.coefficients[0]) if problem.paired else None,
+        misfit,
+        gaps,
     )
 
 

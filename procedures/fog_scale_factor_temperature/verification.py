@@ -16,9 +16,15 @@ from .sets import sets_that_tell_the_bias
 from .turning import PPM
 
 OUTSIDE_DEGC = 1.0
+FEWEST = 6
+CALM = 0.95
+DISAGREES = 2.0
+"""Rms over its uncertainty. Ramps in other directions differ by the lag of a thermometer, too."""
 
 
-def verify_axis(turns: AxisTurns, fit: AxisFit) -> Verified | None:
+def verify_axis(
+    turns: AxisTurns, fit: AxisFit, gyro_bias_deg_per_h: float = 0.0
+) -> Verified | None:
     """Return the errors of an axis' verification turns; None without turns or without a model.
 
     In a set with turns of both senses, or with a wait, the bias is taken off; among such sets a
@@ -40,16 +46,34 @@ def verify_axis(turns: AxisTurns, fit: AxisFit) -> Verified | None:
     after = compensated_ppm(curve, heat, before)
     low, high = curve.domain_degC
     outside = (heat < low - OUTSIDE_DEGC) | (heat > high + OUTSIDE_DEGC)
+    u = np.hypot(own_u, curve.standard_uncertainty_ppm(heat))
+    by_bias = own_bias - curve.error_by_bias_ppm(heat)
+    explained = np.hypot(np.hypot(u, curve.check_ppm(heat)), by_bias * gyro_bias_deg_per_h)
     return Verified(
         turns.axis,
         heat,
         before,
         after,
-        np.hypot(own_u, curve.standard_uncertainty_ppm(heat)),
-        own_bias - curve.error_by_bias_ppm(heat),
+        u,
+        by_bias,
         int(np.argmax(np.abs(after))),
         int(outside.sum()),
+        _beyond_ppm(after[~outside], explained[~outside]),
     )
+
+
+def _beyond_ppm(after: Array, explained: Array) -> float:
+    """Return the rms that the uncertainties do not explain; zero where it may be chance.
+
+    The wild turns of a ramp are none of the curve's: the largest twentieth does not count.
+    """
+    if len(after) < FEWEST or not bool(np.all(explained > 0.0)):
+        return 0.0
+    calm = np.argsort(np.abs(after / explained))[: int(np.ceil(CALM * len(after)))]
+    square, usual = float(np.mean(after[calm] ** 2)), float(np.mean(explained[calm] ** 2))
+    if square <= (DISAGREES**2) * usual:
+        return 0.0
+    return float(np.sqrt(square - usual))
 
 
 def compensated_ppm(curve: Curve, temperature_degC: Array, error_ppm: Array) -> Array:

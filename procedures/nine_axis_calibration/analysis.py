@@ -68,7 +68,7 @@ def analyse(
     published = published_values(dataset, turned)
     estimates = (
         *bias_estimates(bias, freedom, wider),
-        *scale_estimates(axes, means),
+        *scale_estimates(axes, means, dataset.prior),
     )
     flags = (
         *frozen_flags(*frozen),
@@ -196,10 +196,14 @@ def _biases(
 
 
 def _gyro_gain(gain: Array, gain_u: Array, prior: Prior) -> GyroGain:
-    """Return the measured gains; an ideal gyro's, with the prior of its misalignment, where not."""
+    """Return the measured gains; an ideal gyro's, with the prior of its misalignment, where not.
+
+    Towards the axes of a position a measured misalignment is as sure as mounting and table are.
+    """
     scale = np.where(np.isfinite(np.diag(gain)), np.diag(gain), 1.0)
     cross = np.array([gain[pair] / scale[pair[0]] for pair in PAIRS])
-    size = np.array([gain_u[pair] / abs(scale[pair[0]]) for pair in PAIRS])
+    noise = np.array([gain_u[pair] / abs(scale[pair[0]]) for pair in PAIRS])
+    size = np.sqrt(noise**2 + prior.mounting_rad**2 + prior.table_axes_rad**2)
     known = np.isfinite(cross)
     return GyroGain(
         scale,

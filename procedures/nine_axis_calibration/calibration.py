@@ -18,6 +18,7 @@ from procedures.nine_axis_calibration.dataset import AXES
 from procedures.nine_axis_calibration.findings import (
     ASYMMETRY,
     BIAS,
+    FRAME,
     SCALE_FACTOR,
     NineAxisAnalysis,
 )
@@ -128,6 +129,7 @@ def calibration_data(
         "asymmetry": _list(correction.asymmetry),
         "inverse_gain": [_list(row) for row in correction.inverse],
         "misalignment_measured": correction.cross,
+        "frame": FRAME if correction.cross else None,
     }
     if document is not None:
         data["results"] = [

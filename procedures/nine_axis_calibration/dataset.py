@@ -18,7 +18,9 @@ class Prior:
 
     `heading_rad` is common to all positions, `relative_heading_rad` and `tilt_rad` (of each of the
     two horizontal axes) are each position's own. `misalignment_rad` is that of a gyro's input axis
-    towards another one where the rates did not measure it.
+    towards another one where the rates did not measure it. `mounting_rad` is how far a sensor axis
+    that should lie along the table's leans from it, about each of two axes, as it was mounted;
+    `table_axes_rad` is what the table's axes add to that.
     """
 
     heading_rad: float
@@ -26,6 +28,8 @@ class Prior:
     tilt_rad: float
     accelerometer_bias_g: float
     misalignment_rad: float = 0.0
+    mounting_rad: float = 0.0
+    table_axes_rad: float = 0.0
 
 
 @dataclass(frozen=True)

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from station.findings import Estimate, undetermined
 
 from .attitude import PAIRS, BiasSolution
-from .dataset import AXES
-from .findings import ASYMMETRY, BIAS, MISALIGNMENT, NONLINEARITY, SCALE_FACTOR, UNITS
+from .dataset import AXES, Prior
+from .findings import ASYMMETRY, BIAS, FRAME, MISALIGNMENT, NONLINEARITY, SCALE_FACTOR, UNITS
 from .scale import ScaleSolution, Value
 from .turning import AxisMeans
 
@@ -48,7 +48,7 @@ def bias_estimates(bias: BiasSolution | None, freedom: Array, wider: float) -> l
 
 
 def scale_estimates(
-    axes: Mapping[int, ScaleSolution | None], means: Mapping[int, AxisMeans]
+    axes: Mapping[int, ScaleSolution | None], means: Mapping[int, AxisMeans], prior: Prior
 ) -> list[Estimate]:
     """Return all results of the turned axes, name by name."""
     found = [_scale(axis, one, means[axis]) for axis, one in axes.items()]
@@ -58,7 +58,7 @@ def scale_estimates(
             extra = _rates(one) if name == NONLINEARITY and one is not None else {}
             method = "least-squares" if name == ASYMMETRY else _method(one)
             found.append(_relative(name, axis, value, one, method, extra))
-    found += [_misalignment(axes, *pair) for pair in PAIRS if pair[1] in axes]
+    found += [_misalignment(axes, *pair, prior) for pair in PAIRS if pair[1] in axes]
     return found
 
 
@@ -134,12 +134,19 @@ def _rates(one: ScaleSolution) -> dict[str, object]:
     }
 
 
-def _misalignment(axes: Mapping[int, ScaleSolution | None], gyro: int, axis: int) -> Estimate:
-    """Return what a gyro reads of another axis' rate, over its own scale factor, as an angle."""
+def _misalignment(
+    axes: Mapping[int, ScaleSolution | None], gyro: int, axis: int, prior: Prior
+) -> Estimate:
+    """Return what a gyro reads of another axis' rate, over its own scale factor, as an angle.
+
+    It is the angle to the table's axis as the sensor was mounted on it: what mounting and table
+    lean is whole in it, one for one, and no record can tell it from the sensor's own.
+    """
+    frame = {"frame": FRAME}
     name = AXES[gyro] + AXES[axis]
     one, own = axes[axis], axes.get(gyro)
     if one is None or gyro not in one.cross:
-        return undetermined(MISALIGNMENT, name, UNITS[MISALIGNMENT], "weighted")
+        return undetermined(MISALIGNMENT, name, UNITS[MISALIGNMENT], "weighted", frame)
     scale = own.scale_factor.value if own is not None else 1.0
     value = one.cross[gyro]
     return Estimate(
@@ -150,4 +157,9 @@ def _misalignment(axes: Mapping[int, ScaleSolution | None], gyro: int, axis: int
         ARCSEC_PER_RAD * value.standard_uncertainty / abs(scale),
         one.degrees_of_freedom,
         "weighted",
+        {
+            "prior_mounting": ARCSEC_PER_RAD * prior.mounting_rad,
+            "prior_table_axes": ARCSEC_PER_RAD * prior.table_axes_rad,
+        },
+        frame,
     )

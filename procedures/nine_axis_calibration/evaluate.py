@@ -60,6 +60,10 @@ def prior_inputs(prior: Prior, source: str) -> Iterator[InputQuantity]:
         "tilt": f"tilt of each position, {prior.tilt_rad * ARCMIN_PER_RAD:.3g} arcmin",
         "accelerometer_bias": f"accelerometer biases, {prior.accelerometer_bias_g:.3g} g",
         "misalignment": "misalignment of the gyros' input axes",
+        "mounting": "mounting of the sensor on the table, "
+        f"{prior.mounting_rad * ARCMIN_PER_RAD:.3g} arcmin",
+        "table_axes": "axes of the table, "
+        f"{prior.table_axes_rad * ARCMIN_PER_RAD * 60.0:.3g} arcsec",
     }
     for name, text in described.items():
         yield InputQuantity(f"prior_{name}", text, 1.0, "1", source)

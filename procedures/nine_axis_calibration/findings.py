@@ -21,6 +21,8 @@ Array = NDArray[np.float64]
 
 BIAS, SCALE_FACTOR, ASYMMETRY = "bias", "scale_factor", "asymmetry"
 NONLINEARITY, MISALIGNMENT = "nonlinearity", "misalignment"
+FRAME = "mounting"
+"""What misalignments are angles to: the table's axes, as the sensor was mounted between them."""
 UNITS = {
     BIAS: "deg/h",
     SCALE_FACTOR: "1",

@@ -66,6 +66,33 @@ def data_flags(
             details = {"count": len(rates), "rates": rates}
             flags.append(Flag("part-turns", part_said, AXES[axis], details))
         flags += _rates(axis, one)
+        flags += _encoder(axis, one)
+    return flags
+
+
+def _encoder(axis: int, one: AxisMeans) -> list[Flag]:
+    """Return the flags on readings of the angle, and on a table that was not at its rate."""
+    flags = []
+    if one.wild_readings:
+        wild_said = (
+            f"Left out, for they do not fit the turn: {one.wild_readings} readings of the table's "
+            f"angle with {AXES[axis]} up."
+        )
+        details: dict[str, object] = {"count": one.wild_readings, "what": "encoder"}
+        flags.append(Flag("outliers-rejected", wild_said, AXES[axis], details))
+    rates = sorted(
+        {float(rate) for rate, count in zip(one.commanded, one.unsteady, strict=True) if count},
+        key=lambda rate: (abs(rate), -rate),
+    )
+    if rates:
+        count = sum(one.unsteady)
+        unsteady_said = (
+            f"Left out, for by its encoder the table was not at its rate: {samples(count)} of "
+            f"{AXES[axis]} at {listed_numbers(rates)} deg/s. Spin-up and braking belong into no "
+            "record."
+        )
+        details = {"count": count, "rates": rates}
+        flags.append(Flag("unsteady-rate", unsteady_said, AXES[axis], details))
     return flags
 
 
@@ -95,8 +122,10 @@ def _outliers(
         if axis in means:
             own = [one for one in dataset.turns if one.axis == axis]
             turning = sum(
-                int(np.sum(np.isfinite(one.rate_deg_per_s[:, axis]) & ~kept))
-                for one, kept in zip(own, means[axis].kept, strict=True)
+                int(np.sum(np.isfinite(one.rate_deg_per_s[:, axis]) & ~kept)) - unsteady
+                for one, kept, unsteady in zip(
+                    own, means[axis].kept, means[axis].unsteady, strict=True
+                )
                 if bool(kept.any())
             )
         if at_rest + turning:

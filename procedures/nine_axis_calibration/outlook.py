@@ -17,12 +17,15 @@ PPM = 1e6
 
 def prior_of(model: PriorModel) -> Prior:
     """Return the prior of a plan or dataset as the analysis takes it."""
+    mounting = model.tilt_arcmin if model.mounting_arcmin is None else model.mounting_arcmin
     return Prior(
         heading_rad=math.radians(model.heading_arcmin / 60.0),
         relative_heading_rad=math.radians(model.relative_heading_arcmin / 60.0),
         tilt_rad=math.radians(model.tilt_arcmin / 60.0),
         accelerometer_bias_g=model.accelerometer_bias_g,
         misalignment_rad=math.radians(model.misalignment_arcmin / 60.0),
+        mounting_rad=math.radians(mounting / 60.0),
+        table_axes_rad=math.radians(model.table_axes_arcsec / 3600.0),
     )
 
 
@@ -61,4 +64,12 @@ def outlook(parameters: NineAxisParameters) -> tuple[str, ...]:
         f"{format_number(PPM * expected.published_scale_factor, 2)} ppm as published, or where the "
         "rates differ beyond noise",
         f"asymmetry: u = {format_number(PPM * expected.asymmetry, 2)} ppm",
+        f"misalignment: u = {format_number(_leans_arcsec(parameters), 2)} arcsec, in the frame of "
+        "the mounting; noise adds next to nothing",
     )
+
+
+def _leans_arcsec(parameters: NineAxisParameters) -> float:
+    """Return what mounting and table leave open of a misalignment."""
+    prior = prior_of(parameters.prior)
+    return 3600.0 * math.degrees(math.hypot(prior.mounting_rad, prior.table_axes_rad))

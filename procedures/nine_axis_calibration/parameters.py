@@ -43,10 +43,16 @@ class Turn:
         return self.turns * FULL_TURN_DEG / abs(self.rate_deg_per_s)
 
 
+TABLE_AXES_ARCSEC = 10.0
+"""What the axes of a good table lean, and what they stop beside their angle, unless given."""
+
+
 class Prior(StrictModel):
     """Standard uncertainties of the set-up, known beforehand.
 
     `heading` is common to all positions; `relative_heading` and `tilt` are each position's own.
+    `mounting` is how far the sensor, as it was mounted, leans from the table's axes, about each of
+    two axes, like `tilt` unless given; `table_axes` is what the table's axes lean themselves.
     """
 
     heading_arcmin: Angle
@@ -54,6 +60,8 @@ class Prior(StrictModel):
     tilt_arcmin: Angle
     accelerometer_bias_g: Annotated[float, Unit("g"), Field(gt=0, le=0.1)]
     misalignment_arcmin: Annotated[float, Unit("arcmin"), Field(ge=0, le=600)] = 0.0
+    mounting_arcmin: Annotated[float, Unit("arcmin"), Field(ge=0, le=600)] | None = None
+    table_axes_arcsec: Annotated[float, Unit("arcsec"), Field(ge=0, le=3600)] = TABLE_AXES_ARCSEC
 
 
 class PlanPrior(Prior):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.stats import chi2
@@ -34,6 +34,8 @@ class AxisMeans:
     was not recorded; `covariance` (3, r, r) is that of each gyro's means; `rate` (r,) the mean true
     rate, signed, and `commanded` (r,) its nominal value. `turns` (r,) is how far the record went
     round, `part` whether that is no whole number; `kept` the turned axis' samples that were used.
+    `wild_readings` is how many of the encoder's readings did not fit the turns, `unsteady` (r,) in
+    how many samples the table was not at its rate; neither is used.
     """
 
     output: Array
@@ -45,6 +47,8 @@ class AxisMeans:
     kept: tuple[Mask, ...]
     noise: Array
     degrees_of_freedom: float
+    wild_readings: int = 0
+    unsteady: tuple[int, ...] = ()
 
 
 def axis_means(
@@ -58,6 +62,7 @@ def axis_means(
     """
     interval_s = interval_of([one.time_s for one in records])
     encoders = [unwrap(one, interval_s) for one in records]
+    records = [_steady(*one) for one in zip(records, encoders, strict=True)]
     axis = records[0].axis
     recorded = [g for g in range(3) if any(_is_there(one, g) for one in records)]
     count = len(records)
@@ -85,7 +90,27 @@ def axis_means(
     rest = np.abs(turns - np.rint(turns))
     part = (rest > PART_TURN) | (np.rint(turns) < 1.0)
     commanded = np.array([one.commanded_deg_per_s for one in records])
-    return AxisMeans(output, covariance, rate, commanded, turns, part, tuple(kept), noise, freedom)
+    return AxisMeans(
+        output,
+        covariance,
+        rate,
+        commanded,
+        turns,
+        part,
+        tuple(kept),
+        noise,
+        freedom,
+        sum(one.wild for one in encoders),
+        tuple(int(one.unsteady.sum()) for one in encoders),
+    )
+
+
+def _steady(record: TurnRecord, encoder: Encoder) -> TurnRecord:
+    """Return a record without the outputs from while the table was not at its rate."""
+    if not bool(encoder.unsteady.any()):
+        return record
+    outputs = np.where(encoder.unsteady[:, None], np.nan, record.rate_deg_per_s)
+    return replace(record, rate_deg_per_s=outputs)
 
 
 def _is_there(record: TurnRecord, gyro: int) -> bool:
@@ -174,9 +199,10 @@ def _gyro(
 
 
 def _follow(values: Array, encoder: Encoder, *, own: bool) -> tuple[Array, bool]:
-    """Return what is judged for wild samples, and whether the table's wander was taken off it.
+    """Return what is judged for wild samples, and whether each sample's own rate counts.
 
-    It is where that makes it quieter: where the table wanders more than its encoder scatters.
+    The table's wander is taken off where that makes the samples quieter: where the table wanders
+    more than its encoder scatters.
     """
     finite = np.isfinite(values)
     if not own or not np.isfinite(encoder.mean_rate_deg_per_s) or not bool(finite.any()):
@@ -184,14 +210,14 @@ def _follow(values: Array, encoder: Encoder, *, own: bool) -> tuple[Array, bool]
     gain = float(np.median(values[finite])) / encoder.mean_rate_deg_per_s
     without = values - gain * (encoder.rate_deg_per_s - encoder.mean_rate_deg_per_s)
     wanders = robust_sigma(without[finite]) < robust_sigma(values[finite])
-    return (np.asarray(without), True) if wanders else (values, False)
+    return (np.asarray(without), True) if wanders else (values, bool(encoder.unsteady.any()))
 
 
 def _mean_rate(encoder: Encoder, good: Mask, *, wanders: bool) -> float:
     """Return the true rate over the used samples.
 
-    Where the table wanders it is the mean of the used samples' own rates; else that of the whole
-    record, which needs two readings of the encoder only.
+    Where the table wanders, or was not always at its rate, it is the mean of the used samples' own
+    rates; else that of the whole record, which needs two readings of the encoder only.
     """
     if not wanders or bool(good.all()) or not bool(good.any()):
         return encoder.mean_rate_deg_per_s

@@ -64,6 +64,8 @@ def findings_of_run(folder: RunFolder, parameters: RlgParameters, bench: Bench) 
     absent = [undetermined(QUANTITY, axis, UNIT, METHOD) for axis in missing]
     flags = [
         Flag("not-identifiable", f"{axis} was not measured to its end: the run ended before.", axis)
+        if not folder.left_out
+        else Flag("not-identifiable", f"{axis} has no record that is whole.", axis)
         for axis in missing
     ]
     flags += [*overload_flags(folder, measured), *target_flags(findings, parameters)]

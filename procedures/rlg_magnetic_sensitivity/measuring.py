@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 from procedures.rlg_magnetic_sensitivity.parameters import COIL_OF_AXIS, RlgParameters
-from procedures.rlg_magnetic_sensitivity.records import PlannedRecord
+from procedures.rlg_magnetic_sensitivity.records import PlannedRecord, reading_back_s
 from procedures.rlg_magnetic_sensitivity.warming import GYRO
 
 if TYPE_CHECKING:
@@ -120,8 +120,9 @@ def transform(run: Run, planned: PlannedRecord) -> None:
     from procedures.rlg_magnetic_sensitivity.from_record import segment_of_unit
     from procedures.rlg_magnetic_sensitivity.published import plotted_spectrum
 
-    segment = segment_of_unit(run.read_back(), planned.unit, run.parameters, run.bench)
-    run.handed_on[planned.unit] = segment, plotted_spectrum(segment)
+    with run.clock.allow(reading_back_s(planned.most, run.parameters.sample_interval_s)):
+        segment = segment_of_unit(run.read_back(), planned.unit, run.parameters, run.bench)
+        run.handed_on[planned.unit] = segment, plotted_spectrum(segment)
 
 
 def draw(run: Run, planned: PlannedRecord) -> None:

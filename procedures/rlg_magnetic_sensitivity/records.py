@@ -52,6 +52,14 @@ class PlannedRecord:
         return min(max(blocks, self.samples), self.most)
 
 
+def reading_back_s(samples: int, interval_s: float) -> float:
+    """Return the real time in s that a busy computer may need to look through a record.
+
+    A step that does so gives no other sign of life meanwhile.
+    """
+    return 30.0 + 5e-6 * samples + 1e-3 * samples * interval_s
+
+
 def sensitivity_records(parameters: RlgParameters) -> tuple[PlannedRecord, ...]:
     """Return the records that the results come from, in their order."""
     if parameters.excitation == "simultaneous":

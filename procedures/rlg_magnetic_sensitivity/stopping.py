@@ -10,7 +10,11 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from procedures.rlg_magnetic_sensitivity.records import PlannedRecord, sensitivity_records
+from procedures.rlg_magnetic_sensitivity.records import (
+    PlannedRecord,
+    reading_back_s,
+    sensitivity_records,
+)
 from station.console import span
 
 if TYPE_CHECKING:
@@ -87,7 +91,8 @@ class Patience:
         samples = int(facts["samples"])
         if self._stop is None or samples >= self._planned.most:
             return None
-        standings = standings_of(self._run, self._planned, facts)
+        with self._run.clock.allow(reading_back_s(samples, self._run.parameters.sample_interval_s)):
+            standings = standings_of(self._run, self._planned, facts)
         self._standing = ", ".join(self._told(one) for one in standings)
         if is_enough(standings, self._stop):
             self._run.progress.say(f"    {self._planned.unit}: enough: {self._standing}")

@@ -7,7 +7,11 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from procedures.rlg_magnetic_sensitivity.parameters import RlgParameters
-from procedures.rlg_magnetic_sensitivity.records import all_records, sensitivity_records
+from procedures.rlg_magnetic_sensitivity.records import (
+    all_records,
+    reading_back_s,
+    sensitivity_records,
+)
 from station.errors import ConditionNotReached
 
 if TYPE_CHECKING:
@@ -63,7 +67,9 @@ def warm_up(run: Run) -> None:
         elapsed_s = run.clock.now() - began_s
         if elapsed_s < rule.window_s:
             continue
-        record = gyro_record(run.read_back(), WARM_UP, parameters)
+        rows = round(elapsed_s / parameters.sample_interval_s)
+        with run.clock.allow(reading_back_s(rows, parameters.sample_interval_s)):
+            record = gyro_record(run.read_back(), WARM_UP, parameters)
         recent = record.time_s > record.time_s[-1] - rule.window_s
         rate_deg_per_h = record.rate_deg_per_h[recent]
         slope, u = slope_with_uncertainty(record.time_s[recent], rate_deg_per_h)

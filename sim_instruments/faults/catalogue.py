@@ -5,8 +5,8 @@ from __future__ import annotations
 from importlib.metadata import entry_points
 from typing import Any
 
-from sim_instruments.faults.lasting import EVERYWHERE
-from sim_instruments.faults.wire import WIRE_FAULTS
+from sim_instruments.faults.lasting import EVERYWHERE, Chatter
+from sim_instruments.faults.wire import LINES, MODBUS, WIRE_FAULTS
 
 
 def wire_faults(protocol: str) -> list[str]:
@@ -16,7 +16,8 @@ def wire_faults(protocol: str) -> list[str]:
 
 def possible_faults(protocol: str, simulator: Any) -> list[str]:
     """Return the faults of a simulated instrument; its class names its own `lasting_faults`."""
-    return [*wire_faults(protocol), *EVERYWHERE, *getattr(simulator, "lasting_faults", ())]
+    everywhere = (*EVERYWHERE, Chatter.kind) if protocol in LINES | MODBUS else EVERYWHERE
+    return [*wire_faults(protocol), *everywhere, *getattr(simulator, "lasting_faults", ())]
 
 
 def applicable_faults(protocol: str, driver: str) -> list[str]:

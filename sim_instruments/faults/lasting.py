@@ -42,6 +42,19 @@ class PortGone(LastingFault):
     kind = "port-gone"
 
 
+class Chatter(LastingFault):
+    """The instrument says a line every `interval`, 20 ms unless said, asked or not."""
+
+    kind = "chatter"
+    options = ("interval",)
+
+    def __init__(self, trigger: Trigger, truth: Truth) -> None:
+        super().__init__(trigger, truth)
+        self.interval_s = truth.quantity("interval", "s") if "interval" in truth else 0.02
+        if self.interval_s <= 0:
+            raise SimulationError(f"{truth.where}.interval: must be positive")
+
+
 class Frozen(LastingFault):
     """What is measured keeps the last value, while time stamps and numbers go on."""
 
@@ -229,6 +242,7 @@ LASTING_FAULTS: dict[str, type[LastingFault]] = {
     fault.kind: fault
     for fault in (
         PortGone,
+        Chatter,
         Frozen,
         Overload,
         Compliance,

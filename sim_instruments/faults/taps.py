@@ -16,6 +16,7 @@ class Outgoing(NamedTuple):
 
     reply: Reply | None
     drops: bool = False
+    resets: bool = False
 
 
 class LineTap:
@@ -37,7 +38,7 @@ class LineTap:
             return Outgoing(None)
         answer = execute(line)
         live = faults.live()
-        reply, drops = self.parted(answer), False
+        reply, drops, resets = self.parted(answer), False, False
         for fault in live:
             if reply is None:
                 if fault.needs_reply or not fault.drops_line:
@@ -46,9 +47,10 @@ class LineTap:
                 continue
             if fault.trigger.meets(now_s, message):
                 drops = drops or fault.drops_line
+                resets = resets or fault.resets_line
                 reply = reply and fault.change(reply, self.parted(self._previous))
         self._previous = answer or self._previous
-        return Outgoing(None if drops else reply, drops)
+        return Outgoing(None if drops else reply, drops, resets)
 
     def named(self, line: bytes) -> str:
         """Return a message as the text that faults are matched against."""

@@ -23,6 +23,9 @@ MODBUS = MODBUS_TCP | MODBUS_RTU
 FRAMES = frozenset({"frames"})
 """Binary frames with a checksum, most of them sent unasked."""
 
+PLACES = ("ahead", "before", "behind", "after")
+"""Of a stray line among the replies."""
+
 MEASURED = re.compile(rb"[+-]?\d+\.(?:\d+E[+-]?\d+|\d{6}(?![\dE]))")
 """How instruments write what they measured: with an exponent, or six decimals.
 
@@ -32,11 +35,18 @@ Counts, states and versions look otherwise.
 
 @dataclass(frozen=True)
 class Reply:
-    """What goes out: the bytes, the end of the line, and how much later."""
+    """What goes out: the bytes, the end of the line, and how much later.
+
+    `ahead` goes out at once, before the reply; `afterwards` holds what goes out so much later, in
+    s, and nobody waits for; `flood` is how many bytes without an end take the place of the reply.
+    """
 
     body: bytes
     end: bytes = b""
     delay_s: float = 0.0
+    ahead: bytes = b""
+    afterwards: tuple[tuple[float, bytes], ...] = ()
+    flood: int = 0
 
 
 class WireFault:
@@ -51,6 +61,8 @@ class WireFault:
     """A message that is met never reaches the instrument."""
     drops_line: ClassVar[bool] = False
     """The connection ends with the message that is met."""
+    resets_line: ClassVar[bool] = False
+    """The connection is reset (TCP RST) with the message that is met."""
 
     def __init__(self, trigger: Trigger, rng: np.random.Generator, truth: Truth) -> None:
         self.trigger = trigger
@@ -207,6 +219,91 @@ class DroppedConnection(WireFault):
         return None
 
 
+class StrayLine(WireFault):
+    """A line that nobody asked for: `text`, `+0.000000E+00` unless said.
+
+    `where` is `ahead`, unless said: at once, while the reply follows `delay` later (1 ms unless
+    said), so that whoever does not look takes one for the other. Else `before` or `behind` the
+    reply, in one piece with it, or `after`: `delay` later than the reply.
+    """
+
+    kind = "stray-line"
+    protocols = LINES
+    options = ("text", "where", "delay")
+
+    def __init__(self, trigger: Trigger, rng: np.random.Generator, truth: Truth) -> None:
+        super().__init__(trigger, rng, truth)
+        self._text = truth.text("text").encode() if "text" in truth else b"+0.000000E+00"
+        self._where = truth.text("where") if "where" in truth else PLACES[0]
+        if self._where not in PLACES:
+            raise SimulationError(f"{truth.where}.where: must be one of {', '.join(PLACES)}")
+        self._delay_s = truth.quantity("delay", "s") if "delay" in truth else 1e-3
+        if self._delay_s <= 0:
+            raise SimulationError(f"{truth.where}.delay: must be positive")
+
+    def change(self, reply: Reply, previous: Reply | None) -> Reply | None:
+        """Return the reply with a line too many."""
+        line = self._text + (reply.end or b"\r")
+        if self._where == "before":
+            return replace(reply, body=line + reply.body)
+        if self._where == "behind":
+            return replace(reply, end=reply.end + line)
+        if self._where == "after":
+            return replace(reply, afterwards=(*reply.afterwards, (self._delay_s, line)))
+        return replace(reply, ahead=reply.ahead + line, delay_s=reply.delay_s + self._delay_s)
+
+
+class DuplicateReply(WireFault):
+    """The reply comes twice, in one piece, or the second one `delay` later."""
+
+    kind = "duplicate-reply"
+    protocols = LINES | MODBUS
+    options = ("delay",)
+
+    def __init__(self, trigger: Trigger, rng: np.random.Generator, truth: Truth) -> None:
+        super().__init__(trigger, rng, truth)
+        self._delay_s = truth.quantity("delay", "s") if "delay" in truth else 0.0
+        if self._delay_s < 0:
+            raise SimulationError(f"{truth.where}.delay: must not be negative")
+
+    def change(self, reply: Reply, previous: Reply | None) -> Reply | None:
+        """Return the reply and itself again."""
+        again = reply.body + reply.end
+        if not self._delay_s:
+            return replace(reply, end=reply.end + again)
+        return replace(reply, afterwards=(*reply.afterwards, (self._delay_s, again)))
+
+
+class Flood(WireFault):
+    """In place of the reply come `bytes` without an end of line, 100 million unless said."""
+
+    kind = "flood"
+    protocols = LINES | MODBUS
+    options = ("bytes",)
+
+    def __init__(self, trigger: Trigger, rng: np.random.Generator, truth: Truth) -> None:
+        super().__init__(trigger, rng, truth)
+        self._bytes = truth.integer("bytes", 1) if "bytes" in truth else 100_000_000
+
+    def change(self, reply: Reply, previous: Reply | None) -> Reply | None:
+        """Return a flood."""
+        return replace(reply, flood=self._bytes)
+
+
+class Reset(WireFault):
+    """The message is carried out, then the connection is reset (TCP RST) in place of a reply."""
+
+    kind = "reset"
+    protocols = LINES | MODBUS
+    needs_reply = False
+    drops_line = True
+    resets_line = True
+
+    def change(self, reply: Reply, previous: Reply | None) -> Reply | None:
+        """Return nothing."""
+        return None
+
+
 WIRE_FAULTS: dict[str, type[WireFault]] = {
     fault.kind: fault
     for fault in (
@@ -221,5 +318,9 @@ WIRE_FAULTS: dict[str, type[WireFault]] = {
         LostCommand,
         LostFrame,
         DroppedConnection,
+        StrayLine,
+        DuplicateReply,
+        Flood,
+        Reset,
     )
 }

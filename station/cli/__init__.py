@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import sys
+from contextlib import suppress
 from typing import NoReturn
 
 SHOW_TRACEBACK = "STATION_TRACEBACK"
@@ -18,6 +19,9 @@ def main() -> None:
     """Run the command line and exit with the contract's code."""
     for name, value in ONE_BLAS_THREAD.items():
         os.environ.setdefault(name, value)
+    from station.console import take_over_streams
+
+    take_over_streams()
     from station.cli.app import app
     from station.console import tell
     from station.errors import EXIT_ABORTED, EXIT_FAULT, EXIT_WRONG_INPUT, StationError
@@ -47,6 +51,9 @@ def main() -> None:
 
 def _exit(error: str, code: int) -> NoReturn:
     """Exit; a program that asked for a document gets one in every case."""
+    from station.errors import StationError
+
     if "--json" in sys.argv:
-        print(json.dumps({"error": error, "exit_code": code}))
+        with suppress(StationError):  # standard output itself is what is wrong
+            print(json.dumps({"error": error, "exit_code": code}))
     sys.exit(code)

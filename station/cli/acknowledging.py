@@ -7,21 +7,22 @@ from dataclasses import asdict
 
 from station.errors import InputError
 from station.lookup import BENCHES, find
-from station.safety.acknowledgement import acknowledge
+from station.safety.acknowledgement import acknowledge, addresses_in
 
 
 def acknowledge_bench(name: str, *, as_json: bool) -> None:
     """Take back the refusal of a bench whose interlock tripped, and say what it was.
 
-    Only the file's place counts, so that a bench file with a fault can be acknowledged too.
+    Only the file's place and the addresses in it count, so that a bench file with a fault can be
+    acknowledged too.
     """
     bench = find(BENCHES, name)
     try:
-        trip = acknowledge(bench)
+        trip = acknowledge(bench, addresses_in(bench))
     except OSError as error:
         raise InputError(
-            f"the acknowledgement cannot be written: {error}; make the folder of XDG_STATE_HOME "
-            "writable"
+            f"the acknowledgement cannot be written: {error}; make that folder writable for "
+            "everybody who uses the bench"
         ) from error
     if as_json:
         told = asdict(trip) if trip else None

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
+from queue import Empty, SimpleQueue
+from threading import Thread
+from typing import Any, TypeVar, cast
 
 from station.clock import RealClock, boot_seconds
 from station.console import span, tell
 from station.control.client import NoAnswer, ask
-from station.errors import EXIT_DONE, EXIT_FAULT, EXIT_WRONG_INPUT
+from station.errors import EXIT_DONE, EXIT_FAULT, EXIT_WRONG_INPUT, StationError
 from station.guardian.at_work import AtWork, guardian_at_work
 from station.guardian.log import guardian_events, latest_safe_state
 from station.locks import is_held
@@ -21,8 +23,16 @@ from station.status import RUN_STARTED, Status, read_status, remaining_s
 
 REPEATS_EVERY_S = 10.0
 """Real time between two words of progress."""
-LOOKS_EVERY_S = 0.1
+LOOKS_EVERY_S = 0.25
 GUARDIAN_WITHIN_S = 30.0
+DISK_WITHIN_S = 15.0
+"""Real time for what reads a run folder and asks its process, which has 5 s twice."""
+LINGERS_S = 10.0
+LINGERS = (
+    "its process made the bench safe but does not end: its disk or a library holds it up; end it "
+    "by hand when the disk answers again"
+)
+Result = TypeVar("Result")
 EXITS = {"paused": EXIT_DONE, "refused": EXIT_FAULT, "ended": EXIT_WRONG_INPUT}
 
 
@@ -99,20 +109,86 @@ def abort_run(run: Path, timeout_s: float, *, as_json: bool) -> int:
     if guardian is not None:
         return end_guardian(run, guardian, timeout_s, as_json=as_json)
     try:
-        tell(str(ask(run, "abort").get("said")))
+        tell(str(within(DISK_WITHIN_S, lambda: ask(run, "abort")).get("said")))
     except NoAnswer as error:
         tell(str(error))
+    message, outcomes, ended = wait_for_end(run, timeout_s)
+    return say_how_it_ended(run, message, outcomes, as_json=as_json, ended=ended)
+
+
+End = tuple[str, list[dict[str, Any]] | None, bool]
+"""What is said of a run, how its bench was left (None: nobody knows), and whether it has ended."""
+
+
+def wait_for_end(run: Path, timeout_s: float) -> End:
+    """Wait until a run has ended and its bench was made safe, or for `timeout_s` of real time.
+
+    A disk that answers nothing may be why it does not end: what the run itself read back counts.
+    """
     until_s = boot_seconds() + timeout_s
-    while is_held(run / LOCK) and boot_seconds() < until_s:
+    gone_s = safe_s = None
+    outcomes: list[dict[str, Any]] | None = None
+    while (now_s := boot_seconds()) < until_s:
+        end = look_at_end(run)
+        if end is not None and end[1] is not None:
+            return end
+        if end is not None:  # died instead of ending: its guardian is at the bench
+            gone_s = gone_s or now_s
+            until_s = min(until_s, gone_s + GUARDIAN_WITHIN_S)
+        else:
+            outcomes = read_back_by(run) or outcomes
+            safe_s = safe_s or (None if outcomes is None else now_s)
+            if safe_s is not None and now_s - safe_s > LINGERS_S:
+                return LINGERS, outcomes, False
         RealClock().sleep(LOOKS_EVERY_S)
-    # A process that died instead of ending leaves the bench to its guardian.
-    until_s = min(until_s, boot_seconds() + GUARDIAN_WITHIN_S)
-    while (outcomes := left_safe(run)) is None and boot_seconds() < until_s:
-        RealClock().sleep(LOOKS_EVERY_S)
-    message = read_status(run).message
-    if is_held(run / LOCK):
-        message, outcomes = f"not ended within {timeout_s:g} s ({message})", None
-    return say_how_it_ended(run, message, outcomes, as_json=as_json)
+    return look_at_end(run) or (f"not ended within {timeout_s:g} s", None, False)
+
+
+def look_at_end(run: Path) -> End | None:
+    """Return how a run has ended; None while its process lives, or where its disk is silent."""
+
+    def look() -> End | None:
+        if is_held(run / LOCK):
+            return None
+        return read_status(run).message, left_safe(run), True
+
+    try:
+        return within(DISK_WITHIN_S, look)
+    except NoAnswer:
+        return None
+
+
+def read_back_by(run: Path) -> list[dict[str, Any]] | None:
+    """Return how the bench was left, as the run's process says it; None where it says nothing."""
+    try:
+        word = within(DISK_WITHIN_S, lambda: ask(run, "status"))
+    except StationError:  # it has just ended, or does not answer
+        return None
+    outcomes: list[dict[str, Any]] | None = word.get("safe_state")
+    return outcomes
+
+
+def within(seconds: float, body: Callable[[], Result]) -> Result:
+    """Return what `body` does, or raise what it raises; it may have to wait for a disk for ever.
+
+    Raises NoAnswer after `seconds` of real time, and leaves it alone.
+    """
+    answers: SimpleQueue[tuple[Result | None, BaseException | None]] = SimpleQueue()
+
+    def work() -> None:
+        try:
+            answers.put((body(), None))
+        except BaseException as error:  # raised where somebody waits for it
+            answers.put((None, error))
+
+    Thread(target=work, name="disk", daemon=True).start()
+    try:
+        result, error = answers.get(timeout=seconds)
+    except Empty:
+        raise NoAnswer(f"the disk of the run folder did not answer within {seconds:g} s") from None
+    if error is not None:
+        raise error
+    return cast(Result, result)
 
 
 def end_guardian(run: Path, guardian: AtWork, timeout_s: float, *, as_json: bool) -> int:
@@ -140,12 +216,17 @@ def left_safe(run: Path) -> list[dict[str, Any]] | None:
 
 
 def say_how_it_ended(
-    run: Path, message: str, outcomes: list[dict[str, Any]] | None, *, as_json: bool
+    run: Path,
+    message: str,
+    outcomes: list[dict[str, Any]] | None,
+    *,
+    as_json: bool,
+    ended: bool = True,
 ) -> int:
     """Say how the bench was left; return 0 where every instrument was read back as safe, else 3."""
     unverified = [one for one in outcomes or () if not one["verified"]]
     safe = outcomes is not None and not unverified
-    exit_code = EXIT_DONE if safe else EXIT_FAULT
+    exit_code = EXIT_DONE if safe and ended else EXIT_FAULT
     if as_json:
         data = {"run": str(run), "message": message, "bench_safe": safe}
         print_json({**data, "safe_state": outcomes or []}, exit_code)
@@ -156,7 +237,10 @@ def say_how_it_ended(
     if safe:
         print("the bench is safe, read back from every instrument that can harm")
     elif outcomes is None:
-        tell("NOT VERIFIED: no word of how the bench was left; look at it now")
+        tell(
+            "NOT VERIFIED: no word of how the bench was left; go to it now, and switch off by hand "
+            "what is on"
+        )
     for one in unverified:
         tell(f"NOT VERIFIED: {one['instrument']} could not be proven safe; switch it off by hand")
     return exit_code

@@ -4,15 +4,23 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from station.console import tell
 from station.record.folder import EXPORTS, RunFolder
+from station.record.integrity import MOST_FLAGS, sentence_of
 
 
 def export_run(path: Path, format: str) -> None:
     """Write the raw data of a run into its `exports` folder, and print the path of what it wrote.
 
     HDF5 and MAT are one file each, CSV is a folder with a file for each source and unit of work.
+    Damaged blocks are passed over and named; their units count as unfinished. Raises DamagedRecord
+    where plan, bench or log is not the one of the run.
     """
     folder = RunFolder(path)
+    folder.damage.refuse_altered()
+    folder.leave_out(folder.damage.units)
+    for part in folder.damage.parts[:MOST_FLAGS]:
+        tell(sentence_of(part))
     exports = path / EXPORTS
     name = path.resolve().name
     if format == "hdf5":

@@ -13,9 +13,11 @@ def print_document(document: ResultDocument) -> None:
         estimate, combined = result.estimate, result.combined
         expanded = combined.expanded_uncertainty if combined else None
         value, uncertainty = format_with_uncertainty(estimate.value, expanded)
-        line = f"{estimate.name} {estimate.axis or '':<3} {value:>10}"
+        line = f"{estimate.measures} {estimate.axis or '':<3} {value:>10}"
         if combined:
             line += f" ± {uncertainty} {estimate.unit} (k = {combined.coverage_factor:.2f})"
+        if estimate.holds_at:
+            line += f" at {estimate.holds_at}"
         other = published.get((estimate.name, estimate.axis))
         if other is not None and other.value is not None:
             line += f"   as published {format_like(other.value, value)}"

@@ -6,15 +6,14 @@ import json
 import os
 import sys
 from collections.abc import Sequence
-from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 from station.bench import role_of
 from station.cli.printing import print_document
 from station.cli.validating import read_bench_named, read_plan_for
-from station.console import tell
-from station.errors import InputError
+from station.console import OutputLost, tell
+from station.errors import EXIT_ABORTED, EXIT_FAULT, EXIT_INTERLOCK, InputError
 from station.record.folder import REPORT
 from station.results import SCHEMA
 from station.roles import safe_states
@@ -22,6 +21,10 @@ from station.runner.execute import Request, execute
 from station.runner.outcome import Outcome
 from station.runner.whole_bench import except_for
 from station.yaml.reading import read_yaml
+
+SERVED_WRONG = (
+    OSError, ValueError, KeyError, IndexError, TypeError, AttributeError, RecursionError,
+)  # fmt: skip
 
 
 def run_plan(
@@ -60,8 +63,12 @@ def may_ask(*, non_interactive: bool) -> bool:
 def told(outcome: Outcome, procedure: str, *, as_json: bool) -> int:
     """Say how a run ended and print its results; return the exit code."""
     say(outcome)
-    with suppress(BrokenPipeError):  # nobody reads on; the run is what it is
+    try:
         print_outcome(outcome, procedure, as_json=as_json)
+    except OutputLost as error:
+        tell(f"{error}; the run folder has them")
+        ended = outcome.exit_code in (EXIT_ABORTED, EXIT_INTERLOCK)
+        return outcome.exit_code if ended else EXIT_FAULT
     return outcome.exit_code
 
 
@@ -86,8 +93,11 @@ def read_served(path: Path) -> dict[str, Any]:
     """Return where a `station sim` in another process serves, from a file with its first line."""
     try:
         head = json.loads(path.read_text(encoding="utf-8").splitlines()[0])
-        return {**head, "instruments": dict(head["instruments"]), "clock": dict(head["clock"])}
-    except (OSError, ValueError, KeyError, IndexError, TypeError) as error:
+        clock = {name: float(head["clock"][name]) for name in ("speed", "epoch_unix")}
+        instruments = {name: {**one} for name, one in head["instruments"].items()}
+        all(one["address"] for one in instruments.values())
+        return {**head, "instruments": instruments, "clock": {**head["clock"], **clock}}
+    except SERVED_WRONG as error:
         raise InputError(
             f"{path} does not hold the first line of `station sim` ({error}); "
             "start it as `station sim BENCH > FILE`"
@@ -117,7 +127,7 @@ def say(outcome: Outcome) -> None:
         if one.skipped:
             tell(f"{one.instrument}: {one.skipped}")
     exceptions = except_for(outcome.left_out)
-    if outcome.safe and not outcome.unsafe:
+    if (outcome.safe or outcome.outside) and not outcome.unsafe:
         tell(f"the bench is safe, read back from every instrument that can harm{exceptions}")
     elif exceptions:
         tell(f"every instrument that can harm was read back{exceptions}")
@@ -143,5 +153,6 @@ def document_of(outcome: Outcome, procedure: str) -> dict[str, Any]:
         "exit_code": outcome.exit_code,
         "error": outcome.error,
         "safe_state": [one.to_data() for one in outcome.safe],
+        "outside": [one.to_data() for one in outcome.outside],
         "left_out": [one.to_data() for one in outcome.left_out],
     }

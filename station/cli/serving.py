@@ -13,6 +13,7 @@ from station import registry
 from station.cli.validating import read_bench_named
 from station.clock import RealClock
 from station.errors import InputError
+from station.runner.signals import wishes
 from station.runner.simulation import serve_bench
 
 
@@ -31,9 +32,8 @@ def serve(bench_name: str, procedure: str, speed: float) -> None:
     if not sys.stdin.isatty():
         Thread(target=answer_lines, args=(simulation,), name="faults", daemon=True).start()
     ended = Event()
-    for name in ("SIGINT", "SIGTERM", "SIGHUP"):
-        if hasattr(signal, name):
-            signal.signal(getattr(signal, name), lambda *_: ended.set())
+    for number in wishes():
+        signal.signal(number, lambda *_: ended.set())
     head = {
         "instruments": simulation.instruments,
         "clock": {"speed": clock.speed, "epoch_unix": clock.epoch_unix},

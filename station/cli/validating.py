@@ -5,13 +5,14 @@ from __future__ import annotations
 import json
 import sys
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 from station import registry
 from station.bench import Bench, read_bench
 from station.console import span
 from station.errors import EXIT_DONE, EXIT_WRONG_INPUT
-from station.faults import listed
+from station.faults import MOST_FAULTS, listed, shortened, shown
 from station.lookup import BENCHES, PLANS, find
 from station.plan import Plan, read_plan
 from station.plan.resolved import resolved_data, resolved_text
@@ -60,6 +61,19 @@ def outlook_of(plan: Plan, bench: Bench) -> dict[str, Any]:
         "determines": list(procedure.outlook(plan.parameters)),
         "warnings": [one.sentence for one in warned],
     }
+
+
+def first_of(faults: Sequence[Fault]) -> list[dict[str, Any]]:
+    """Return the first faults as data, and one that counts the others."""
+    short = [
+        replace(one, where=shortened(one.where), what=shortened(one.what))
+        for one in faults[:MOST_FAULTS]
+    ]
+    more = len(faults) - MOST_FAULTS
+    if more > 0:
+        last = faults[MOST_FAULTS]
+        short.append(replace(last, where="file", what=f"and {more} more faults", hint=None))
+    return [vars(one) for one in short]
 
 
 def limits_never_held(plan: Plan, measured: Mapping[str, tuple[str, ...]]) -> Iterator[Fault]:
@@ -116,15 +130,15 @@ def validate_plans(
     # Several plans may share a base, a --set or the bench, and with it a fault.
     faults = list(dict.fromkeys(faults))
     if as_json:
-        document: dict[str, Any] = {"valid": not faults, "faults": [vars(one) for one in faults]}
+        document: dict[str, Any] = {"valid": not faults, "faults": first_of(faults)}
         if resolved:
             document["resolved"] = [resolved_data(plan) for plan in plans]
         if bench is not None and not faults:
             document["outlook"] = [outlook_of(plan, bench) for plan in plans]
         print(json.dumps(document, indent=1, ensure_ascii=False))
     else:
-        for fault in faults:
-            print(fault, file=sys.stderr)
+        for line in shown(faults):
+            print(line, file=sys.stderr)
         if resolved:
             print("---\n".join(resolved_text(plan) for plan in plans), end="")
         if bench is not None and not faults:

@@ -2,6 +2,7 @@
 
 from station.clock.base import Attendant, Clock, ClockError, ClockStopped, ParticipantThread, Wire
 from station.clock.host import boot_seconds, system_clock_synchronised, utc_now, utc_today
+from station.clock.pulse import Pulse, Quiet
 from station.clock.real import RealClock
 from station.clock.virtual import VirtualClock
 
@@ -11,6 +12,8 @@ __all__ = [
     "ClockError",
     "ClockStopped",
     "ParticipantThread",
+    "Pulse",
+    "Quiet",
     "RealClock",
     "VirtualClock",
     "Wire",

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from contextlib import AbstractContextManager
+from contextlib import AbstractContextManager, nullcontext
 from threading import Thread
 from typing import Protocol
+
+from station.clock.pulse import Pulse, Quiet
 
 
 class ClockError(Exception):
@@ -196,6 +198,28 @@ class Clock(ABC):
         process may lose.
         """
         return run_seconds
+
+    def pulse(self, name: str, longest_silence_s: float) -> Pulse:
+        """Return the sign of life of this thread, which asking for the time and sleeping give.
+
+        `longest_silence_s` is real time. Virtual time, which sees itself when it stands still,
+        looks at none.
+        """
+        return Pulse(name, longest_silence_s)
+
+    def allow(self, seconds: float) -> AbstractContextManager[None]:
+        """Declare that until exit this thread's signs of life may take `seconds` of real time."""
+        return nullcontext()
+
+    def expect(self, seconds: float) -> None:  # noqa: B027  (as `pulse`)
+        """Declare that this thread's very next sign of life may take `seconds` of real time."""
+
+    def quiet_pulses(self) -> tuple[Quiet, ...]:
+        """Return who has given no sign of life for longer than it may, as far as looks show it."""
+        return ()
+
+    def raise_interruption(self) -> None:  # noqa: B027  (virtual time does so where it passes)
+        """Raise what `interrupt` asks for where the main thread comes back from a long wait."""
 
     @abstractmethod
     def interrupt(self, error: BaseException | None) -> None:

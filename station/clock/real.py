@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext
-from threading import Event, Lock, current_thread, main_thread
+from threading import Event, Lock, current_thread, get_ident, main_thread
 
 from station.clock.base import Attendant, Clock, ClockStopped, ParticipantThread, Wire
+from station.clock.pulse import Pulse, Pulses, Quiet
 
 INTERRUPT_SLICE_S = 0.05
+PULSE_SLICE_S = 1.0
+"""Who sleeps gives a sign of life at least so often."""
 REAL_PATIENCE_S = 0.5
 LONGEST_IN_MEMORY_S = 0.0737
 """Real time; no multiple of a reading period, as the other period of looking."""
@@ -74,25 +78,29 @@ class RealClock(Clock):
         self._stopped = Event()
         self._interruption: BaseException | None = None
         self._wire = RealWire()
+        self._pulses = Pulses()
+        self._pulse_of: dict[int, Pulse] = {}
 
     def now(self) -> float:
         """Return run time in s."""
+        if (pulse := self._pulse_of.get(get_ident())) is not None:
+            pulse.beats += 1
         return (time.monotonic() - self._monotonic_zero) * self.speed
 
     def sleep_until(self, time_s: float) -> None:
         """Sleep until run time `time_s`, or raise what `interrupt` or `stop` asks for."""
         main = current_thread() is main_thread()
+        pulsing = get_ident() in self._pulse_of
         while True:
-            if main and self._interruption is not None:
-                error, self._interruption = self._interruption, None
-                raise error
+            if main:
+                self.raise_interruption()
             left = (time_s - self.now()) / self.speed
             if left <= 0:
                 return
             if main:
                 # In slices: a signal handler may only set an attribute, it cannot notify.
                 time.sleep(min(left, INTERRUPT_SLICE_S))
-            elif self._stopped.wait(left):
+            elif self._stopped.wait(min(left, PULSE_SLICE_S) if pulsing else left):
                 raise ClockStopped
 
     def participant(self, name: str) -> AbstractContextManager[None]:
@@ -115,8 +123,9 @@ class RealClock(Clock):
 
     @contextmanager
     def waiting_for_person(self) -> Iterator[None]:
-        """Do nothing: real time goes on."""
-        yield
+        """Expect no sign of life of this thread; real time goes on."""
+        with self.allow(math.inf):
+            yield
 
     def real_timeout_s(self, run_seconds: float) -> float:
         """Return the same span in real time, at least half a second where time runs faster."""
@@ -129,6 +138,41 @@ class RealClock(Clock):
     def holding_s(self, run_seconds: float) -> float:
         """Return the same span, but less than 0.1 s of real time."""
         return min(run_seconds, LONGEST_IN_MEMORY_S * self.speed)
+
+    def pulse(self, name: str, longest_silence_s: float) -> Pulse:
+        """Return the sign of life of this thread; a later one takes the place of an earlier."""
+        pulse = Pulse(name, longest_silence_s)
+        if (before := self._pulse_of.get(get_ident())) is not None:
+            before.end()
+        self._pulse_of[get_ident()] = pulse
+        self._pulses.add(pulse)
+        return pulse
+
+    def allow(self, seconds: float) -> AbstractContextManager[None]:
+        """Declare that until exit this thread's signs of life may take `seconds` of real time."""
+        pulse = self._pulse_of.get(get_ident())
+        return nullcontext() if pulse is None else pulse.allow(seconds)
+
+    def expect(self, seconds: float) -> None:
+        """Declare that this thread's very next sign of life may take `seconds` of real time."""
+        if (pulse := self._pulse_of.get(get_ident())) is not None:
+            pulse.expect(seconds)
+
+    def quiet_pulses(self) -> tuple[Quiet, ...]:
+        """Return who has given no sign of life for longer than it may, as far as looks show it."""
+        return self._pulses.look(time.monotonic())
+
+    @property
+    def interrupted(self) -> bool:
+        """Whether an interruption waits for the main thread to take it up."""
+        return self._interruption is not None
+
+    def raise_interruption(self) -> None:
+        """Raise what `interrupt` asks for, in the main thread."""
+        if self._interruption is not None and current_thread() is main_thread():
+            error, self._interruption = self._interruption, None
+            if error is not None:
+                raise error
 
     def interrupt(self, error: BaseException | None) -> None:
         """End the main thread's sleep, now or next, with `error`."""

@@ -79,6 +79,24 @@ class Stand:
         (self.opened if port is None else self.strangers).append(instrument)
         return instrument
 
+    def stray(self, where: str, text: str, nth: int = 1) -> bool:
+        """Have a line that nobody asked for come at the n-th message from now on, once.
+
+        `where`: `ahead` of the reply, `before` or `behind` it in one piece, or `after` it. False
+        where the instrument is not simulated by a bench that can do so.
+        """
+        inject = getattr(self.simulation, "inject", None)
+        if inject is None:
+            return False
+        fault = {"fault": "stray-line", "where": where, "text": text, "nth": nth}
+        try:
+            inject({"instrument": self.name, **fault})
+        except Exception as error:  # the simulator's own, which is no class of the station
+            if "cannot have the fault" in str(error) or "no simulated instrument" in str(error):
+                return False
+            raise
+        return True
+
     def close(self) -> None:
         """Bring whatever may be energised to rest, and give every line back."""
         for instrument in self.opened:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import Any
 
 import pytest
@@ -16,6 +16,9 @@ from station.roles import Role
 
 ANSWERS_WITHIN_S = 5.0
 """Run time for opening a line and one question, each exchange being at most half a second."""
+
+SETTLES_S = 0.2
+"""Run time after which whatever belongs to an exchange has come."""
 
 NONSENSE = {
     "bytes": b"\x00\xff\xfe\x81\n",
@@ -141,3 +144,18 @@ def test_nonsense_is_told_clearly(stand: Stand, kind: str) -> None:
     with HostileServer(stand.clock, answer, can=is_can(stand.address)) as server, no_thread_left():
         error_of(stand, server.port)
         stand.close()
+
+
+@pytest.mark.parametrize("where", ["ahead", "before", "behind", "after"])
+def test_a_line_that_nobody_asked_for_is_no_answer(
+    stand: Stand, instrument: Any, where: str
+) -> None:
+    """One stray line makes nobody else of the instrument, nor does it stay on the line."""
+    known = instrument.identify()
+    if not stand.stray(where, "0"):
+        pytest.skip("its simulator sends no stray lines")
+    for _ in range(3):
+        with suppress(InstrumentError):
+            assert instrument.identify() == known, "a stray line is taken for its identity"
+        stand.clock.sleep(SETTLES_S)
+    assert instrument.identify() == known, "the line does not come into step again"

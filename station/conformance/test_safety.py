@@ -7,6 +7,7 @@ from typing import Any
 import pytest
 
 from station.conformance.stand import Stand
+from station.safety.safe_state import make_bench_safe
 
 pytestmark = pytest.mark.energises
 
@@ -26,3 +27,16 @@ def test_it_can_be_made_safe_again_and_again(stand: Stand, made_safe: Any) -> No
     for _ in range(3):
         made_safe.make_safe(stand.clock.now() + stand.within_s)
         assert made_safe.read_safety().safe
+
+
+@pytest.mark.parametrize("where", ["ahead", "before", "behind", "after"])
+@pytest.mark.parametrize("nth", [1, 2, 3, 5, 8])
+def test_a_line_that_nobody_asked_for_does_not_keep_it_from_rest(
+    stand: Stand, made_safe: Any, where: str, nth: int
+) -> None:
+    """In two attempts, as at the end of a run, its rest is read back all the same."""
+    made_safe.identify()
+    if not stand.stray(where, "0", nth):
+        pytest.skip("its simulator sends no stray lines")
+    (outcome,) = make_bench_safe({stand.name: made_safe}, [("", stand.within_s)], stand.clock)
+    assert outcome.verified, outcome.read_back

@@ -8,26 +8,30 @@ from __future__ import annotations
 
 import _thread
 import signal
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from threading import Event, Lock, main_thread
 from types import TracebackType
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from station.clock import Clock
 from station.console import tell
 from station.control.channel import Channel, Incoming
 from station.control.pausing import ask_devices
 from station.errors import Aborted
+from station.runner.signals import wishes
 
 if TYPE_CHECKING:
     from station.runner.run import Run
+    from station.safety.safe_state import SafeOutcome
 
 LOOKS_EVERY_S = 0.1
 """Real time between two looks of a paused run."""
 ENDED_FROM_OUTSIDE = "the run was ended by `station abort`"
 ENDS_FIRST = "the run ends first"
+RECEIVED = "the request was received: the run ends at its next wait, and then makes the bench safe"
+ENDS_ALREADY = "the run is ending already: it makes the bench safe"
 
 
 class PauseRequest:
@@ -72,6 +76,7 @@ class Control:
         self._ending = False
         self._abort: Aborted | None = None
         self._person_asked = False
+        self._made_safe: list[dict[str, Any]] | None = None
 
     def __enter__(self) -> Control:
         try:
@@ -99,6 +104,10 @@ class Control:
             self._waiting.clear()
             if self._abort is not None:
                 self._clock.interrupt(None)
+
+    def made_safe(self, outcomes: Sequence[SafeOutcome]) -> None:
+        """Let others know how the bench was left, whatever becomes of the log."""
+        self._made_safe = [one.to_data() for one in outcomes]
 
     @contextmanager
     def asking(self) -> Iterator[None]:
@@ -197,18 +206,19 @@ class Control:
                         devices=dict(self._paused or {}),
                         pause_requested=any(not one.withdrawn for one in self._waiting),
                         ending=self._ending,
+                        safe_state=self._made_safe,
                     )
                 case other:
                     incoming.answer(outcome="unknown", said=f"nobody knows how to {other!r}")
 
     def _wish_to_abort(self, incoming: Incoming) -> None:
         if self._ending:
-            incoming.answer(outcome="ending", said="the run has ended; the bench is made safe")
+            incoming.answer(outcome="ending", said=ENDS_ALREADY)
             return
         self._abort = Aborted(ENDED_FROM_OUTSIDE)
         self._clock.interrupt(self._abort)
         self._wakes.set()
-        incoming.answer(outcome="ending", said="the run ends; the bench is made safe")
+        incoming.answer(outcome="ending", said=RECEIVED)
         if self._person_asked:
             end_prompt()
 
@@ -240,8 +250,8 @@ def in_words(words: Mapping[str, str]) -> str:
 
 def end_prompt() -> None:
     """Wake the main thread from a read of the terminal, as Ctrl-C does."""
-    ident = main_thread().ident
-    if ident is not None and hasattr(signal, "pthread_kill"):
-        signal.pthread_kill(ident, signal.SIGINT)
+    ident, known = main_thread().ident, wishes()
+    if ident is not None and known and hasattr(signal, "pthread_kill"):
+        signal.pthread_kill(ident, known[0])
     else:  # heard when the read ends: Windows wakes it for a key only
         _thread.interrupt_main()

@@ -9,13 +9,13 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from station.record.raw import ARRIVAL, read_blocks
+from station.record.raw_damage import raw_files, segment_of, source_of
 
 if TYPE_CHECKING:
     from station.record.folder import RunFolder
@@ -126,33 +126,24 @@ class Recording:
 
 def sources(folder: RunFolder) -> list[str]:
     """Return the sources that recorded anything, in order of name."""
-    return sorted({source_of(path) for path in (folder.path / "raw").glob("*.mcap")})
-
-
-def source_of(path: Path) -> str:
-    """Return the source that a raw file, `<source>-<segment>.mcap`, belongs to."""
-    return path.stem.rpartition("-")[0]
-
-
-def segment_of(path: Path) -> int:
-    """Return the number of the process that wrote a raw file."""
-    return int(path.stem.rpartition("-")[2])
+    return sorted({source_of(path.name) for path in raw_files(folder.path)})
 
 
 def blocks_of(folder: RunFolder, source: str) -> Iterator[tuple[Recording, NDArray[Any]]]:
     """Yield the blocks of a source, each with the unit of work it belongs to, as recorded.
 
-    Of a unit that a resumed run measured again, only the segment that finished it is given.
+    Damaged blocks are passed over; a unit that the folder leaves out counts as unfinished. Of a
+    unit that a resumed run measured again, only the segment that finished it is given.
     """
-    finished = folder.finished_units()
+    finished = {one.details["unit"]: one.details for one in folder.events_of("unit-finished")}
     known: dict[str, Recording] = {}
-    files = sorted((folder.path / "raw").glob("*.mcap"))
-    for path in (file for file in files if source_of(file) == source):
+    for path in (file for file in raw_files(folder.path) if source_of(file.name) == source):
         for unit, described, rows in read_blocks(path):
-            if unit in finished and int(finished[unit].get("segment", 0)) != segment_of(path):
+            if unit in finished and int(finished[unit].get("segment", 0)) != segment_of(path.name):
                 continue
             if unit not in known:
-                known[unit] = recording(source, unit, unit in finished, described, rows)
+                whole = unit in finished and unit not in folder.left_out
+                known[unit] = recording(source, unit, whole, described, rows)
             if len(rows):
                 yield known[unit], rows
 

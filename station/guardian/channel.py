@@ -15,6 +15,11 @@ MOST_FILES = 100
 """Open files that go with one message; the system takes 253."""
 
 
+def line_of(message: Mapping[str, Any]) -> bytes:
+    """Return a message as a line."""
+    return json.dumps(message).encode() + b"\n"
+
+
 class Channel:
     """One end of a stream socket: a JSON object a line, open files beside it (not on Windows)."""
 
@@ -29,9 +34,13 @@ class Channel:
 
     def send(self, message: Mapping[str, Any], files: Sequence[int] = ()) -> bool:
         """Send a message; False, at once, where nobody takes it."""
+        data = {**message, "files": len(files)} if files else message
+        return self.send_line(line_of(data), files)
+
+    def send_line(self, line: bytes, files: Sequence[int] = ()) -> bool:
+        """As `send`, of a message that is made already."""
         if self.ended:
             return False
-        line = json.dumps({**message, "files": len(files)} if files else message).encode() + b"\n"
         try:
             sent = socket.send_fds(self.end, [line], files) if files else self.end.send(line)
         except BlockingIOError:  # whoever is there has not read for long

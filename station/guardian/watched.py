@@ -19,6 +19,7 @@ from typing import Any
 from station.clock import Clock, RealClock
 from station.console import tell
 from station.errors import StationError
+from station.guardian.channel import line_of
 from station.guardian.messages import (
     BEAT,
     BEATS_EVERY_S,
@@ -27,7 +28,6 @@ from station.guardian.messages import (
     LOCKS,
     LOOKS_EVERY_S,
     PEER,
-    QUIET,
     TAKE_OVER,
     WATCH,
     Instructions,
@@ -39,6 +39,8 @@ from station.runner.instrument_locks import InstrumentLocks
 
 RESOLVED_BENCH = "bench.resolved.yaml"
 ENDS_WITHIN_S, KILLED_WITHIN_S = 5.0, 2.0
+A_BEAT = line_of(said(BEAT))
+"""Made once: where there is no memory left the run may still live."""
 TAKES_WITHIN_S = 5.0
 """How long the thread that talks to the guardians may take for anything that is asked of it."""
 STARTS_AGAIN_EVERY_S, SAYS_EVERY_S = 10.0, 30.0
@@ -66,7 +68,8 @@ class Guardian:
     are ready, their drivers in memory, within 20 s; with `wait` False only `wait_ready` does.
     `bench` is the resolved bench file, by default the run folder's; `instruments` are those that
     the run uses, by default all of the bench. What becomes of a guardian is said by `on_lost` and
-    noted by `note`, in a thread of this object's own.
+    noted by `note`, in a thread of this object's own. A sign of life is given only where
+    `may_beat` says that the run lives.
     """
 
     def __init__(
@@ -81,11 +84,13 @@ class Guardian:
         wait: bool = True,
         on_lost: Callable[[str], None] = tell,
         note: Callable[..., None] = no_event,
+        may_beat: Callable[[], bool] = lambda: True,
     ) -> None:
         if not isinstance(clock, RealClock):
             raise GuardianFailed("a bench that is simulated in this process ends with it")
         self._say = on_lost
         self._note = note
+        self._may_beat = may_beat
         self._instructions = Instructions(
             folder=str(folder.resolve()),
             bench=str((bench or folder / RESOLVED_BENCH).resolve()),
@@ -102,7 +107,6 @@ class Guardian:
         """Whether it is known that both are ready, or why not."""
         self._failed = ""
         self._ended = False
-        self._quiet = ""
         self._due: SimpleQueue[tuple[Callable[[], None], Event]] = SimpleQueue()
         self._woken, self._wake = socket.socketpair()
         self._wake.setblocking(False)
@@ -186,10 +190,6 @@ class Guardian:
         """Have this process killed and the bench made safe, at once."""
         self._in_thread(lambda: self._tell_all(said(TAKE_OVER, why=why)))
 
-    def _why_quiet(self) -> str:
-        """Return what of this process stands still, so that no sign of life may go out."""
-        return ""
-
     def _in_thread(self, what: Callable[[], None]) -> bool:
         """Do something in the thread that talks to the guardians; whether it was done in time."""
         return self._ask(what).wait(TAKES_WITHIN_S)
@@ -228,12 +228,10 @@ class Guardian:
                 self._woken.recv(1)
 
     def _beat(self) -> None:
-        quiet = self._why_quiet()
-        if quiet != self._quiet:
-            self._quiet = quiet
-            self._tell_all(said(QUIET, why=quiet))
-        if not quiet:
-            self._tell_all(said(BEAT))
+        if self._may_beat():
+            for one in self._there():
+                if one.ready:
+                    one.channel.send_line(A_BEAT)
 
     def _look_after(self, rank: int) -> None:
         """Take what a guardian says, and replace it where it is lost."""

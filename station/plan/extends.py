@@ -10,7 +10,7 @@ from functools import lru_cache
 from pathlib import Path
 
 from station.faults import FaultList, listed, nearest
-from station.lookup import PLANS, available, find
+from station.lookup import PLANS, available, find, is_there
 from station.yaml.document import Document, Where
 from station.yaml.reading import read_yaml
 
@@ -61,7 +61,7 @@ def base_path(plan: Document) -> Path:
         raise FaultList([plan.fault((EXTENDS,), what)])
     folder = plan.path.parent
     for file in (folder / name, folder / f"{name}{_SUFFIX}"):
-        if file.is_file():
+        if is_there(file):
             return file
     wanted = name.removesuffix(_SUFFIX)
     named = [known for known, _ in available(PLANS)]

@@ -19,10 +19,16 @@ def new_folder(parent: Path, name: str) -> Path:
 
     Raises RecordError when the parent cannot be written.
     """
+    try:
+        parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:  # a file, or a link that leads nowhere
+        raise RecordError(
+            f"cannot make the folder {parent}: {error.strerror}; choose another place with --output"
+        ) from error
     for number in range(1, MOST_OF_ONE_NAME):
         path = parent / numbered(name, number)
         try:
-            path.mkdir(parents=True)
+            path.mkdir()
         except FileExistsError:
             continue
         except OSError as error:
@@ -74,3 +80,14 @@ def moved(folder: Path, parent: Path, name: str) -> Path:
 def numbered(name: str, number: int) -> str:
     """Return `name`, `name-2`, `name-3` …"""
     return name if number == 1 else f"{name}-{number}"
+
+
+def raw_file(folder: Path, source: str, segment: int) -> Path:
+    """Return the raw file of a source that one process of a run writes."""
+    return folder / RAW / f"{source}-{segment:03d}.mcap"
+
+
+def next_segment(raw: Path) -> int:
+    """Return the number after those of the raw files that are there, 0 where there are none."""
+    numbers = [int(path.stem.rpartition("-")[2]) for path in raw.glob("*-[0-9][0-9][0-9].mcap")]
+    return max(numbers, default=-1) + 1

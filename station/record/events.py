@@ -10,10 +10,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from station.errors import RecordError
+from station.errors import DamagedRecord
 from station.record.files import AppendOnlyFile
 
 FIRST_HASH = "0" * 64
+RESUMED = "resumed"
+"""The event with which another process goes on with a run."""
 
 
 @dataclass(frozen=True)
@@ -65,7 +67,7 @@ class EventLog:
 def read_events(path: Path) -> Iterator[Event]:
     """Yield the events of a log; a last line cut short by a crash is left out.
 
-    Raises RecordError when a line does not follow the one before it. A change of the last line
+    Raises DamagedRecord when a line does not follow the one before it. A change of the last line
     is not seen here: nothing follows it that holds its hash. The manifest covers it.
     """
     return (event for event, _ in checked_lines(path, path.read_bytes()))
@@ -80,13 +82,13 @@ def checked_lines(path: Path, log: bytes) -> Iterator[tuple[Event, str]]:
         try:
             data = json.loads(line)
             said, time_s, kind = data.pop("previous"), float(data.pop("t_s")), data.pop("event")
-        except (ValueError, KeyError, AttributeError, TypeError) as error:
-            raise RecordError(
+        except (ValueError, KeyError, AttributeError, TypeError, RecursionError) as error:
+            raise DamagedRecord(
                 f"{path}:{number}: the log was altered: this line is no event"
             ) from error
         if said != previous:
             which = f"line {number - 1} is not" if number > 1 else "the first line is not"
-            raise RecordError(
+            raise DamagedRecord(
                 f"{path}:{number}: the log was altered: {which} the one that was written"
             )
         previous = hashlib.sha256(line).hexdigest()

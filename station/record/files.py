@@ -24,6 +24,11 @@ class AppendOnlyFile:
             raise not_written(path, error) from error
         self._whole = path.stat().st_size
 
+    @property
+    def size(self) -> int:
+        """How many bytes of the file are whole."""
+        return self._whole
+
     def append(self, piece: bytes) -> None:
         """Write all of `piece`, or nothing and raise RecordError."""
         left = memoryview(piece)

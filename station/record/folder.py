@@ -4,31 +4,37 @@ from __future__ import annotations
 
 import json
 import re
-import sys
 from collections import deque
-from collections.abc import Callable, Hashable, Iterator, Mapping
+from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping
+from contextlib import suppress
+from datetime import datetime
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from station.clock import Clock, utc_now
-from station.errors import RecordError
+from station.console import tell
+from station.errors import DamagedRecord, RecordError
 from station.locks import FileLock
-from station.record.creation import EVENTS, RAW, folder_with_head
-from station.record.events import Event, EventLog, read_events
+from station.record.creation import EVENTS, RAW, folder_with_head, next_segment, raw_file
+from station.record.events import RESUMED, Event, EventLog, read_events
 from station.record.files import write_whole_file
 from station.record.manifest import LOCK, write_manifest
+from station.record.presence import Presence
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from station.record.integrity import Damage
     from station.record.raw import RawFile, RawIndex
 
 RUN = "run.json"
 RESULTS = "results.json"
 REPORT = "report.html"
 EXPORTS = "exports"
-RESUMED = "resumed"
 MOST_LATER = 1000
+REVISIONS = "revisions"
+FACTS = ("started_utc", "station", "python", "packages", "host", "system")
 PIECE_ROWS = 2**19
 """Rows that are read at once; what is longer is read in pieces."""
 
@@ -74,6 +80,7 @@ class RunRecord:
         """What is told the name of each unit of work when it is finished."""
         self._clock = clock
         self._lock = run_lock(self.path)
+        self.presence = Presence(path)
         self._events = EventLog(self.path / EVENTS)
         self._raw: dict[str, RawFile] = {}
         self.segment = next_segment(path / RAW)
@@ -84,8 +91,12 @@ class RunRecord:
 
         It survives the death of the process at once; `durable` waits until the disk has it too.
         """
+        if durable:
+            self.presence.check()
         self.write_later()
         self._events.append(self._clock.now(), kind, details, durable=durable)
+        # A disk that stood still may have kept the thread from hearing that the run is to end.
+        self._clock.raise_interruption()
 
     def later(self, kind: str, **details: Any) -> None:
         """Keep an event of this moment, from any thread, until the run's own writes it."""
@@ -100,7 +111,11 @@ class RunRecord:
 
     def note(self, kind: str, **details: Any) -> None:
         """Append an event, or say on standard error that it could not be written."""
-        self._try(lambda: self.event(kind, **details))
+        self.note_at(self._clock.now(), kind, **details)
+
+    def note_at(self, time_s: float, kind: str, **details: Any) -> None:
+        """As `note`, of something that was at run time `time_s`."""
+        self._try(lambda: self._events.append(time_s, kind, details, durable=True))
 
     def write_text(self, name: str, text: str) -> None:
         """Write a text file of the folder, whole and on disk, or not at all."""
@@ -112,6 +127,7 @@ class RunRecord:
 
     def block(self, source: str, unit: str, columns: Mapping[str, str], rows: NDArray[Any]) -> None:
         """Append a block of raw rows of `source` that belongs to `unit`."""
+        self.presence.check()
         if source not in self._raw:
             from station.record.raw import RawFile
 
@@ -122,7 +138,8 @@ class RunRecord:
         """Bring a unit's raw data to disk, then say that it is finished."""
         for file in self._raw.values():
             file.sync()
-        self.event("unit-finished", unit=unit, segment=self.segment, **details)
+        sizes = {source: file.size for source, file in self._raw.items()}
+        self.event("unit-finished", unit=unit, segment=self.segment, raw_bytes=sizes, **details)
         for told in self.after_unit:
             told(unit)
 
@@ -143,7 +160,7 @@ class RunRecord:
             write()
         except (RecordError, OSError) as error:
             self.faults.append(str(error))
-            print(f"not recorded: {error}", file=sys.stderr)
+            tell(f"not recorded: {error}")
 
 
 class RunFolder:
@@ -163,19 +180,53 @@ class RunFolder:
         self._rows: dict[tuple[str, str], NDArray[Any]] = {}
         self._indices: dict[Path, RawIndex] = {}
         self._found: dict[Hashable, Any] = {}
+        self.left_out: frozenset[str] = frozenset()
+        """Finished units of work that count as not measured, since their data are damaged."""
+
+    @cached_property
+    def damage(self) -> Damage:
+        """What of the folder is not any more what the run wrote; looked for when first asked."""
+        from station.record.integrity import damage_of
+
+        return damage_of(self)
 
     def finished_units(self) -> dict[str, dict[str, Any]]:
-        """Return the details of each finished unit of work, in the order they were finished."""
+        """Return the details of each finished unit of work, in the order they were finished.
+
+        Those that are left out are not among them.
+        """
         return {
             event.details["unit"]: event.details
             for event in self.events
-            if event.kind == "unit-finished"
+            if event.kind == "unit-finished" and event.details["unit"] not in self.left_out
         }
 
+    def leave_out(self, units: Iterable[str]) -> None:
+        """Have finished units of work count as not measured."""
+        self.left_out |= frozenset(units)
+
     def run_facts(self) -> dict[str, Any]:
-        """Return run.json: what differs from one execution to the next."""
-        facts: dict[str, Any] = json.loads((self.path / RUN).read_text(encoding="utf-8"))
+        """Return run.json: what differs from one execution to the next.
+
+        Raises DamagedRecord where it does not say what every run says.
+        """
+        try:
+            facts: dict[str, Any] = json.loads((self.path / RUN).read_text(encoding="utf-8"))
+            datetime.fromisoformat(facts["started_utc"])
+            lacks = [key for key in FACTS if key not in facts]
+        except (OSError, ValueError, KeyError, TypeError, RecursionError):
+            lacks = ["started_utc"]
+        if lacks:
+            raise DamagedRecord(f"{self.path / RUN} was altered: it does not say {lacks[0]}")
         return facts
+
+    def index(self, file: Path) -> RawIndex:
+        """Return where the blocks of a raw file stand; the file is gone through once."""
+        from station.record.raw import RawIndex
+
+        if file not in self._indices:
+            self._indices[file] = RawIndex(file)
+        return self._indices[file]
 
     def events_of(self, kind: str) -> Iterator[Event]:
         """Yield the events of one kind."""
@@ -204,24 +255,20 @@ class RunFolder:
         What is one piece is kept for who asks again; of a longer record nothing is. Raises
         RecordError when there are no rows.
         """
-        import numpy as np
-
         if (source, unit) in self._rows:
             yield self._rows[source, unit]
             return
-        waiting: list[NDArray[Any]] = []
-        number = count = 0
-        for block in self._blocks_of(source, unit):
-            if count >= PIECE_ROWS:
-                yield np.concatenate(waiting)
-                waiting.clear()
-                number, count = number + 1, 0
-            waiting.append(block)
-            count += len(block)
-        last = np.concatenate(waiting)
-        if number == 0:
-            self._rows[source, unit] = last
-        yield last
+        from station.record.raw import joined
+
+        pieces = joined(self._blocks_of(source, unit), PIECE_ROWS)
+        first, more = next(pieces), next(pieces, None)
+        if more is None:
+            self._rows[source, unit] = first
+        yield first
+        del first
+        if more is not None:
+            yield more
+            yield from pieces
 
     def once(self, name: Hashable, find: Callable[[], Found]) -> Found:
         """Return what `find` found when it was asked for by this name for the first time."""
@@ -243,12 +290,8 @@ class RunFolder:
         raise RecordError(f"{self.path}: no raw data of {source} for {unit}")
 
     def _index(self, source: str, segment: int) -> RawIndex | None:
-        from station.record.raw import RawIndex
-
         file = raw_file(self.path, source, segment)
-        if file not in self._indices and file.is_file():
-            self._indices[file] = RawIndex(file)
-        return self._indices.get(file)
+        return self.index(file) if file.is_file() else None
 
     def _segments_of(self, unit: str) -> list[int]:
         """Return where to look for a unit's rows: this process's own, then where it was finished.
@@ -261,25 +304,33 @@ class RunFolder:
             return [*own, int(finished.get("segment", 0))]
         return [*own, *reversed(range(next_segment(self.path / RAW)))]
 
-    def new_revision(self) -> Path:
-        """Return a fresh folder for a re-analysis; earlier ones stay as they are."""
-        parent = self.path / "revisions"
-        parent.mkdir(exist_ok=True)
-        number = len([path for path in parent.iterdir() if path.is_dir()])
-        revision = parent / f"{number:03d}"
-        revision.mkdir()
+    def own_revision(self) -> Path:
+        """Return the folder of the run's own analysis, 000; no other one takes this number."""
+        revision = self.path / REVISIONS / "000"
+        revision.mkdir(parents=True, exist_ok=True)
         return revision
 
+    def new_revision(self) -> Path:
+        """Return a fresh folder for a re-analysis, from 001 on; earlier ones stay as they are.
 
-def raw_file(folder: Path, source: str, segment: int) -> Path:
-    """Return the raw file of a source that one process of a run writes."""
-    return folder / RAW / f"{source}-{segment:03d}.mcap"
-
-
-def next_segment(raw: Path) -> int:
-    """Return the number after those of the raw files that are there, 0 where there are none."""
-    numbers = [int(path.stem.rpartition("-")[2]) for path in raw.glob("*-[0-9][0-9][0-9].mcap")]
-    return max(numbers, default=-1) + 1
+        Raises RecordError where it cannot be made.
+        """
+        parent = self.path / REVISIONS
+        try:
+            parent.mkdir(exist_ok=True)
+            taken = [int(path.name) for path in parent.iterdir() if path.name.isdecimal()]
+            number = max(taken, default=0) + 1
+            while True:
+                with suppress(FileExistsError):  # another analysis was faster
+                    revision = parent / f"{number:03d}"
+                    revision.mkdir()
+                    return revision
+                number += 1
+        except OSError as error:
+            raise RecordError(
+                f"cannot make a folder in {parent}: {error.strerror or error}; choose another "
+                "place for the results with --output"
+            ) from error
 
 
 def run_lock(folder: Path) -> FileLock:

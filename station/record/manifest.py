@@ -6,6 +6,7 @@ import hashlib
 import json
 from pathlib import Path
 
+from station.errors import DamagedRecord
 from station.record.files import write_whole_file
 
 MANIFEST = "manifest.json"
@@ -21,12 +22,21 @@ def file_hash(path: Path) -> str:
 
 
 def covered_files(folder: Path) -> dict[str, str]:
-    """Return the files that a folder's manifest names, with their SHA-256; none without one."""
+    """Return the files that a folder's manifest names, with their SHA-256; none without one.
+
+    Raises DamagedRecord where the manifest itself cannot be read.
+    """
     manifest = folder / MANIFEST
     if not manifest.is_file():
         return {}
-    files: dict[str, str] = json.loads(manifest.read_text(encoding="utf-8"))["files"]
-    return files
+    try:
+        files = json.loads(manifest.read_text(encoding="utf-8"))["files"]
+        right = all(isinstance(digest, str) for digest in files.values())
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
+        right = False
+    if not right:
+        raise DamagedRecord(f"{manifest} was altered: it is no list of files with their SHA-256")
+    return dict(files)
 
 
 def write_manifest(folder: Path) -> None:

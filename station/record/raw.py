@@ -10,27 +10,23 @@ memory until the file's end.
 from __future__ import annotations
 
 import io
-import struct
 import zlib
-from array import array
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from functools import lru_cache
 from pathlib import Path
 from typing import IO, Any
 
 import numpy as np
 from mcap.data_stream import RecordBuilder
-from mcap.exceptions import McapError
-from mcap.reader import NonSeekingReader
-from mcap.records import Channel, Chunk, DataEnd, Footer, Header, Message, Schema
-from mcap.writer import MCAP0_MAGIC
+from mcap.records import Channel, Chunk, McapRecord, Message
+from mcap.stream_reader import StreamReader
 from numpy.typing import NDArray
 
+from station.errors import DamagedRecord
+from station.record.blocks import CHUNK, END, HEAD, NANOSECONDS, SCHEMA, Scan, block_at, scan
 from station.record.files import AppendOnlyFile, sync_folder
 
 ARRIVAL = "arrival_time_s"
-NANOSECONDS = 1_000_000_000
-SCHEMA = Schema(id=1, name="npy", encoding="", data=b"")
 
 
 class RawFile:
@@ -43,9 +39,7 @@ class RawFile:
         self._channels: dict[str, int] = {}
         self._sequence = 0
         self._to_sync = True
-        head = RecordBuilder()
-        Header(profile="", library="").write(head)
-        self._file.append(MCAP0_MAGIC + head.end())
+        self._file.append(HEAD)
         sync_folder(path.parent)
 
     def write(self, unit: str, rows: NDArray[Any]) -> None:
@@ -71,6 +65,11 @@ class RawFile:
         self._sequence += 1
         self._to_sync = True
 
+    @property
+    def size(self) -> int:
+        """How many bytes were written."""
+        return self._file.size
+
     def sync(self) -> None:
         """Wait until the disk has all that was written."""
         if self._to_sync:
@@ -79,11 +78,8 @@ class RawFile:
 
     def close(self) -> None:
         """Write the file's end and close it."""
-        end = RecordBuilder()
-        DataEnd(data_section_crc=0).write(end)
-        Footer(summary_start=0, summary_offset_start=0, summary_crc=0).write(end)
         try:
-            self._file.append(end.end() + MCAP0_MAGIC)
+            self._file.append(END)
             self._file.sync()
         finally:
             self._file.close()
@@ -137,31 +133,41 @@ def row_type(header: bytes) -> tuple[np.dtype[Any], int]:
 class RawIndex:
     """Where in a raw file the rows of each unit of work stand; the file is gone through once.
 
-    A file without its end (a crash, a full disk) is read up to its last whole block. A block takes
-    16 bytes of memory here, however many rows it has.
+    A file without its end (a crash, a full disk) is read up to its last whole block. A damaged
+    block is passed over; `scan.parts` names each.
     """
 
     def __init__(self, path: Path) -> None:
         self._path = path
-        self._places: dict[str, array[int]] = {}
-        with path.open("rb") as file:
-            for channel, message in whole_messages(file):
-                unit = channel.topic.split("/", 1)[1]
-                length = len(message.data)
-                # One block is one chunk, chunks are read whole, and the rows end the chunk.
-                places = self._places.setdefault(unit, array("q"))
-                places.extend((file.tell() - length, length))
+        self.scan: Scan = scan(path)
 
     def __contains__(self, unit: str) -> bool:
-        return unit in self._places
+        return unit in self.scan.places
 
     def blocks(self, unit: str, every: int = 1) -> Iterator[NDArray[Any]]:
-        """Yield the blocks of a unit of work, or every so-manieth, as they were written."""
-        places = self._places.get(unit, array("q"))
+        """Yield the blocks of a unit of work, or every so-manieth, as they were written.
+
+        Raises DamagedRecord where a block is not any more what it was when the file was indexed.
+        """
+        if unit not in self.scan.places:
+            return
+        began, length = self.scan.places[unit]
         with self._path.open("rb") as file:
-            for k in range(0, len(places), 2 * every):
-                file.seek(places[k])
-                yield decoded(file.read(places[k + 1]))
+            for at, size in zip(began[::every], length[::every], strict=True):
+                yield decoded(message_of(file, at, size, self._path).data)
+
+
+def joined(blocks: Iterable[NDArray[Any]], rows: int) -> Iterator[NDArray[Any]]:
+    """Yield blocks put together, `rows` and a block's more at most; one piece at least."""
+    waiting: list[NDArray[Any]] = []
+    count = 0
+    for block in blocks:
+        if count >= rows:
+            yield np.concatenate(waiting)
+            waiting, count = [], 0
+        waiting.append(block)
+        count += len(block)
+    yield np.concatenate(waiting)
 
 
 def read_raw(path: Path, unit: str) -> Iterator[NDArray[Any]]:
@@ -170,21 +176,37 @@ def read_raw(path: Path, unit: str) -> Iterator[NDArray[Any]]:
 
 
 def read_blocks(path: Path) -> Iterator[tuple[str, dict[str, str], NDArray[Any]]]:
-    """Yield all blocks of a file in the order they were written.
+    """Yield all whole blocks of a file in the order they were written.
 
-    Each comes with its unit of work and with what the driver says of each column. A file without
-    its end is read up to its last whole block, and never more of it than a block at a time.
+    Each comes with its unit of work and with what the driver says of each column. Never more of
+    the file than a block at a time is read.
     """
+    found = scan(path)
+    ordered = sorted(
+        (at, size, unit)
+        for unit, (began, length) in found.places.items()
+        for at, size in zip(began, length, strict=True)
+    )
+    described: dict[str, dict[str, str]] = {}
     with path.open("rb") as file:
-        for channel, message in whole_messages(file):
-            yield channel.topic.split("/", 1)[1], channel.metadata, decoded(message.data)
+        for at, size, unit in ordered:
+            block = records_of(file, at, size, path)
+            for one in block:
+                if isinstance(one, Channel):
+                    described[unit] = one.metadata
+                elif isinstance(one, Message):
+                    yield unit, described[unit], decoded(one.data)
+                    break
 
 
-def whole_messages(file: IO[bytes]) -> Iterator[tuple[Channel, Message]]:
-    """Yield the messages of an open file, each with its channel, up to the last whole one."""
-    reader = NonSeekingReader(file, validate_crcs=True)
-    try:
-        for _, channel, message in reader.iter_messages(log_time_order=False):
-            yield channel, message
-    except (McapError, struct.error, ValueError):
-        return
+def message_of(file: IO[bytes], at: int, size: int, path: Path) -> Message:
+    """Return the message of a block whose check sum holds; raises DamagedRecord."""
+    return next(one for one in records_of(file, at, size, path) if isinstance(one, Message))
+
+
+def records_of(file: IO[bytes], at: int, size: int, path: Path) -> Iterator[McapRecord]:
+    """Yield the records of a block whose check sum holds; raises DamagedRecord."""
+    if block_at(file, at, at + size) is None:
+        raise DamagedRecord(f"{path} changed while it was read, at byte {at}; try again")
+    file.seek(at + CHUNK.size)
+    yield from StreamReader(io.BytesIO(file.read(size - CHUNK.size)), skip_magic=True).records

@@ -26,7 +26,7 @@ from station.report.numbers import (
     is_numeric_column,
 )
 from station.report.parts import Part, Plot, Table
-from station.results import Result, ResultDocument
+from station.results import LIMIT_WITHOUT_RESULT, Result, ResultDocument
 
 RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 BADGES = {
@@ -86,16 +86,18 @@ def _badge(document: ResultDocument, context: ReportContext) -> dict[str, str]:
     """Return the verdict as a person would say it: mark, words and one sentence why."""
     mark, words = BADGES[document.verdict]
     asked = [result for result in document.results if result.limit is not None]
+    lacking = sum(flag.code == LIMIT_WITHOUT_RESULT for flag in document.flags)
     inside = sum(result.decision.verdict == "pass" for result in asked)
     outside = sum(result.decision.verdict == "fail" for result in asked)
-    if not asked:
+    if not asked and not lacking:
         why = "No limit was given; the values stand for themselves."
     else:
-        undecided = len(asked) - inside - outside
+        count = len(asked) + lacking
+        undecided = count - inside - outside
         counts = [(inside, "within"), (outside, "outside"), (undecided, "undecided")]
-        told = ", ".join(f"{count} {word}" for count, word in counts if count)
-        noun = "result has a limit" if len(asked) == 1 else "results have a limit"
-        why = f"{len(asked)} {noun}: {told}."
+        told = ", ".join(f"{number} {word}" for number, word in counts if number)
+        noun = "result has a limit" if count == 1 else "results have a limit"
+        why = f"{count} {noun}: {told}."
     if not context.bench_safe:
         why += " The bench's safe state was not verified, so this run cannot pass."
     return {"verdict": document.verdict, "mark": mark, "words": words, "why": why}
@@ -111,7 +113,8 @@ def _result_rows(results: Sequence[Result]) -> list[dict[str, str]]:
         expanded = combined.expanded_uncertainty if combined else None
         rows.append(
             {
-                "name": _plain(estimate.name),
+                "name": _plain(estimate.measures),
+                "at": estimate.holds_at,
                 "axis": estimate.axis or "",
                 "value": value,
                 "u": standard,
@@ -148,7 +151,7 @@ def _published_rows(document: ResultDocument) -> list[dict[str, str]]:
                     in_u = f"{(published.value - value) / u:+.1f}".replace("-0.0", "+0.0")
         rows.append(
             {
-                "name": _plain(published.name),
+                "name": _plain(result.estimate.measures if result else published.name),
                 "axis": published.axis or "",
                 "published": published_text,
                 "value": text,
@@ -193,7 +196,7 @@ def _budgets(results: Sequence[Result]) -> list[dict[str, Any]]:
         aligned = _aligned([*rows, {"contribution": total}], ("contribution",))
         budgets.append(
             {
-                "name": _plain(result.estimate.name),
+                "name": _plain(result.estimate.measures),
                 "axis": result.estimate.axis or "",
                 "unit": result.estimate.unit,
                 "total": aligned[-1]["contribution"],

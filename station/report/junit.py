@@ -14,6 +14,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 from station.report.result_table import published_by_key
+from station.results import LIMIT_WITHOUT_RESULT
 
 if TYPE_CHECKING:
     from station.record.folder import RunFolder
@@ -51,6 +52,9 @@ def junit_of(folder: RunFolder, document: ResultDocument) -> str:
     for flag in document.flags:
         if flag.code == UNSAFE:
             name = f"{UNSAFE} {flag.details['instrument']}"
+            add_error(suite, document.procedure, name, flag.code, flag.message)
+        if flag.code == LIMIT_WITHOUT_RESULT:
+            name = f"{flag.details['name']} {flag.axis or ''}".strip()
             add_error(suite, document.procedure, name, flag.code, flag.message)
     if not any(event.details["complete"] for event in folder.events_of("run-ended")):
         said = "the run did not go through all its steps; what it measured is evaluated here"

@@ -9,6 +9,7 @@ from station import registry
 from station.bench import Bench
 from station.fields import to_yaml_data
 from station.findings import Findings
+from station.record.events import Event
 from station.record.folder import RunFolder
 from station.recorded import left_unverified, read_plan_and_bench
 from station.report.context import (
@@ -58,7 +59,7 @@ def report_of_run(folder: RunFolder, document: ResultDocument, findings: Finding
                 one["took_s"],
             )
             for event in folder.events_of("safe-state")
-            for one in event.details["outcomes"]
+            for one in rest_of(event)
         ),
         assumptions=procedure.assumptions,
         versions=tuple(version_rows(facts)),
@@ -67,6 +68,12 @@ def report_of_run(folder: RunFolder, document: ResultDocument, findings: Finding
     )
     parts = procedure.report(findings, document)
     return render_html(document, context, parts)
+
+
+def rest_of(event: Event) -> list[dict[str, Any]]:
+    """Return how the instruments of a run came to rest, and how those outside it were read."""
+    used = [one for one in event.details["outcomes"] if one.get("used", True)]
+    return [*used, *event.details.get("outside", ())]
 
 
 def time_of_day(iso: str | None) -> str | None:

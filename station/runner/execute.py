@@ -20,6 +20,7 @@ from station.plan import Plan
 from station.plan.resolved import resolved_text
 from station.procedure import Procedure, Prompt
 from station.record.folder import EXPORTS, RUN, RunFolder, RunRecord, json_text
+from station.record.integrity import hash_of_data
 from station.runner.outcome import Outcome
 from station.runner.preflight import look_before_a_run, watch_system_clock
 from station.runner.progress import Progress, how_long
@@ -29,7 +30,7 @@ from station.runner.session import BenchSession
 from station.runner.signals import wishes_held
 from station.runner.trace import Trace
 from station.runner.walking import Walk
-from station.safety.acknowledgement import refuse_until_acknowledged
+from station.safety.acknowledgement import addresses_of, refuse_until_acknowledged
 from station.status import RUN_STARTED, what_is_planned
 from station.versions import versions
 from station.yaml.writing import yaml_text
@@ -59,7 +60,7 @@ def execute(request: Request) -> Outcome:
     """
     plan, bench = request.plan, request.bench
     procedure = registry.procedure(plan.procedure)
-    refuse_until_acknowledged(bench.path)
+    refuse_until_acknowledged(bench.path, [] if request.served else addresses_of(bench))
     with BenchSession(bench, plan.procedure, request.served) as session:
         clock = session.clock
         operator = Operator(
@@ -93,7 +94,16 @@ def execute(request: Request) -> Outcome:
 
 
 def conclude(record: RunRecord, outcome: Outcome, *, report: bool) -> None:
-    """Evaluate what was measured, seal the folder, and set the exit code that says it all."""
+    """Evaluate what was measured, seal the folder, and set the exit code that says it all.
+
+    A folder that is no longer there is left alone: nothing is made in its place.
+    """
+    try:
+        record.presence.check()
+    except RecordError as error:
+        if outcome.error is None:
+            outcome.error, outcome.exit_code = str(error), EXIT_FAULT
+        return
     with wishes_held():
         with suppress(RecordError):  # a full disk was told when the run met it
             note_end(record)
@@ -164,10 +174,7 @@ def hashes_of(contents: Mapping[str, bytes]) -> dict[str, str]:
 def content_hashes(plan: Plan, bench: Bench) -> dict[str, str]:
     """Return the SHA-256 of what the resolved plan and bench say, whatever file it stands in."""
     contents = {"plan": plan.to_yaml_data(), "bench": bench.to_yaml_data()}
-    return {
-        name: hashlib.sha256(json.dumps(data, sort_keys=True, default=str).encode()).hexdigest()
-        for name, data in contents.items()
-    }
+    return {name: hash_of_data(data) for name, data in contents.items()}
 
 
 def export(record: RunRecord) -> None:

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 PROGRAM_BYTES = 180_000_000
 """The program with its libraries, and a report of the usual length."""
-HELD_ROW_BYTES = 400
+HELD_ROW_BYTES = 250
 """What a recorded row takes in an evaluation that holds all rows at once."""
 GROUP_LIMIT = Path("/sys/fs/cgroup/memory.max")
 MEMORY_TABLE = Path("/proc/meminfo")

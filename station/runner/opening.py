@@ -60,6 +60,13 @@ class Place:
     shared: Mapping[str, Opened] = field(default_factory=dict)
     """The instruments over whose lines this one is reached, opened, by name."""
 
+    noter: Callable[[str, Mapping[str, Any]], None] | None = None
+
+    def note(self, kind: str, **details: Any) -> None:
+        """Have an event written to the run's log; nothing happens where there is no run."""
+        if self.noter is not None:
+            self.noter(kind, details)
+
     def publish(self, quantity: str, value: Value, unit: str = "") -> None:
         """Put up a reading for interlocks and panel; nothing happens where nobody looks."""
         if self.publisher is not None:
@@ -132,6 +139,7 @@ def open_one(
         tracer,
         publisher,
         {one: opened[one] for one in entry.shares},
+        readings.noter(name) if readings else None,
     )
     try:
         if locks is not None and address:

@@ -23,6 +23,9 @@ class Outcome:
     document: ResultDocument | None = None
     error: str | None = None
     safe: list[SafeOutcome] = field(default_factory=list)
+    """Of what the run used; and of what it did not use, where that is not at rest."""
+    outside: list[SafeOutcome] = field(default_factory=list)
+    """How everything else on the bench that can harm was read."""
     left_out: list[LeftOut] = field(default_factory=list)
     """What can harm and was not read back: another run holds it, or it does not answer."""
     left_to: str = ""

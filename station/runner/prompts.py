@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 from station.clock import Clock
+from station.console import tell
 from station.errors import Aborted, UnansweredPrompt
 from station.procedure import Prompt
 from station.runner.signals import wishes_end_a_prompt
@@ -69,9 +70,8 @@ class Operator:
         if not self._interactive:
             self.check([prompt])
         with self._clock.waiting_for_person(), wishes_end_a_prompt():
-            print(f"\n>> {prompt.text}", file=sys.stderr)
-            print(f"   [{prompt.id}] Enter when done, or type abort: ", file=sys.stderr, end="")
-            sys.stderr.flush()
+            tell(f"\n>> {prompt.text}")
+            tell(f"   [{prompt.id}] Enter when done, or type abort: ", end="")
             text = sys.stdin.readline()
         if not text or text.strip().lower() == "abort":
             raise Aborted(f"the operator ended the run at the prompt {prompt.id}")

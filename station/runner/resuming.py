@@ -19,10 +19,12 @@ from station.guardian.at_work import guardian_at_work
 from station.plan import Plan
 from station.procedure import Procedure, Prompt
 from station.record.creation import EVENTS
-from station.record.folder import RESULTS, RESUMED, RUN, RunFolder, RunRecord
-from station.record.manifest import covered_files, file_hash
+from station.record.events import RESUMED
+from station.record.folder import RESULTS, RUN, RunFolder, RunRecord
+from station.record.integrity import sentence_of
+from station.record.manifest import covered_files
 from station.recorded import read_plan_and_bench, used_instruments
-from station.runner.execute import all_prompts, conclude, content_hashes
+from station.runner.execute import all_prompts, conclude
 from station.runner.outcome import Outcome
 from station.runner.preflight import watch_system_clock
 from station.runner.progress import Progress, how_long
@@ -31,7 +33,7 @@ from station.runner.run import Past, Run
 from station.runner.session import RESUME, BenchSession
 from station.runner.trace import Trace
 from station.runner.walking import Walk
-from station.safety.acknowledgement import refuse_until_acknowledged
+from station.safety.acknowledgement import addresses_of, refuse_until_acknowledged
 from station.safety.bounds import bound_faults
 from station.status import RUN_STARTED
 from station.versions import versions
@@ -40,6 +42,10 @@ AS_BEFORE = Prompt(
     RESUME,
     "The run goes on where it stopped. Check that the device under test, its cables and the "
     "instruments are as they were.",
+)
+STAYS_OUT = (
+    "What is damaged is not measured again, since what it was measured under may be gone: the "
+    "verdict will be inconclusive at best."
 )
 SOFTWARE = ("station", "git_commit", "python", "packages")
 SAME_INSTRUMENT = ("driver", "serial", "settings", "limits", "calibration")
@@ -67,8 +73,10 @@ def resume(request: ResumeRequest) -> Outcome:
     """
     refuse_while_guarded(request.folder)
     folder = RunFolder(request.folder)
+    if next(folder.events_of(RUN_STARTED), None) is None:
+        raise InputError(f"{folder.path} never began; start it with `station run`")
+    folder.damage.refuse_altered()
     plan, recorded_bench = read_plan_and_bench(folder)
-    refuse_what_was_altered(folder, plan, recorded_bench)
     bench = request.bench or recorded_bench
     if beyond := list(bound_faults(bench.document)):
         raise FaultList(beyond)
@@ -76,7 +84,7 @@ def resume(request: ResumeRequest) -> Outcome:
     refuse_another_bench(folder, recorded_bench, bench)
     facts = folder.run_facts()
     bench_file = bench.path if request.bench else Path(facts.get("bench_file", bench.path))
-    refuse_until_acknowledged(bench_file)
+    refuse_until_acknowledged(bench_file, [] if request.served else addresses_of(bench))
     if is_measured(folder):
         return evaluate_only(folder, report=request.report)
     stopped_s = folder.events[-1].time_s
@@ -109,6 +117,8 @@ def resume(request: ResumeRequest) -> Outcome:
             add_software(record, facts)
             for line in sentences(record.path, procedure, plan, past, silent_s, changed):
                 progress.say(line)
+            for part in folder.damage.parts:
+                progress.say(f"WARNING: {sentence_of(part)} {STAYS_OUT}")
             progress.say(f"bench {bench.name}, {how_long(expected_s, clock)} for a whole run")
             record.after_unit.append(progress.unit_finished)
             watch_system_clock(record, clock)
@@ -144,23 +154,6 @@ def evaluate_only(folder: RunFolder, *, report: bool) -> Outcome:
     else:
         conclude(record, outcome, report=report)
     return outcome
-
-
-def refuse_what_was_altered(folder: RunFolder, plan: Plan, bench: Bench) -> None:
-    """Raise InputError where plan, bench or a file is not the one the run began with."""
-    began = next(folder.events_of(RUN_STARTED), None)
-    if began is None:
-        raise InputError(f"{folder.path} never began; start it with `station run`")
-    now = content_hashes(plan, bench)
-    for name, digest in began.details.get("sha256", {}).items():
-        if name not in now:  # a file that the plan named, copied into the folder
-            path = folder.path / name
-            now[name] = file_hash(path) if path.is_file() else ""
-        if now[name] != digest:
-            raise InputError(
-                f"the {name} in {folder.path} was changed since the run began: what is left would "
-                "not be measured as what there is; start a new run with `station run`"
-            )
 
 
 def refuse_another_bench(folder: RunFolder, recorded: Bench, bench: Bench) -> None:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from station.clock import Clock
 from station.errors import InputError
 from station.procedure import Prompt, Step
+from station.readings import Readings
 from station.record.folder import RunFolder, RunRecord
 from station.runner.progress import Progress
 from station.runner.prompts import Operator
@@ -21,6 +22,14 @@ if TYPE_CHECKING:
 
 Role = TypeVar("Role")
 WAIT_SLICE_S = 1.0
+SENTENCES = {
+    "line-resynchronised": "something came that was not asked for; its line was brought into step",
+    "line-reopened": "its line broke and was opened again",
+    "frames-dropped": "more came than was taken; the oldest frames were dropped",
+}
+"""What the operator reads of the first event of a kind of an instrument; all are in the log."""
+COMPUTES_WITHIN_S = 120.0
+"""Real time that a step may work on what was recorded, without a sign of life."""
 
 
 @dataclass(frozen=True)
@@ -61,6 +70,9 @@ class Run:
         """What other terminals ask of this run, None where nobody can."""
         self._operator = operator
         self._step_began_s = clock.now()
+        self.readings = Readings(clock)
+        """What drivers published last, and what they noted."""
+        self._said: set[tuple[str, str]] = set()
 
     @property
     def parameters(self) -> Any:
@@ -86,7 +98,9 @@ class Run:
         self.progress.step(step.number, step.title, step.duration_s(self.parameters))
         self._step_began_s = self.clock.now()
         self.record.event("step-started", durable=False, step=step.number, title=step.title)
+        self.clock.expect(COMPUTES_WITHIN_S)  # libraries are loaded where they are first used
         step.body(self)
+        self.log_notes()
         self.record.event("step-finished", durable=False, step=step.number)
 
     def is_finished(self, unit: str) -> bool:
@@ -122,7 +136,24 @@ class Run:
     def say_progress(self, detail: str = "") -> None:
         """Say how much of the present step's bench time is over, and how it stands."""
         self.record.write_later()
+        self.log_notes()
         self.progress.at(self.clock.now() - self._step_began_s, detail)
+
+    def log_notes(self) -> None:
+        """Write what drivers noted of their lines to the log; the operator reads each kind once."""
+        notes, dropped = self.readings.take_notes()
+        for one in notes:
+            self.record.note(
+                one.kind,
+                instrument=one.instrument,
+                noted_s=round(one.time_s, 6),
+                **one.details,
+            )
+            if (one.instrument, one.kind) not in self._said:
+                self._said.add((one.instrument, one.kind))
+                self.progress.say(f"{one.instrument}: {SENTENCES.get(one.kind, one.kind)}")
+        if dropped:
+            self.record.note("notes-dropped", count=dropped)
 
     def ask(self, prompt_id: str, text: str) -> str:
         """Ask the operator for an act or an answer; both are recorded.
@@ -151,5 +182,9 @@ class Run:
         self._step_began_s += self.clock.now() - began_s
 
     def read_back(self) -> RunFolder:
-        """Return the folder as it is on disk now: nothing is analysed from memory."""
+        """Return the folder as it is on disk now: nothing is analysed from memory.
+
+        What is computed from it may take its time.
+        """
+        self.clock.expect(COMPUTES_WITHIN_S)
         return RunFolder(self.record.path, self.record.segment)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import signal
-import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType, TracebackType
@@ -38,6 +37,8 @@ def wishes_held() -> Iterator[None]:
 
     def heard(number: int, frame: FrameType | None) -> None:
         tell(f"{signal.Signals(number).name}: the results are being written, a moment")
+        if number == signal.SIGINT:  # the bench is safe: nobody has to wait for a disk that hangs
+            signal.signal(number, signal.default_int_handler)
 
     before = {number: signal.signal(number, heard) for number in wishes()}
     try:
@@ -48,8 +49,12 @@ def wishes_held() -> Iterator[None]:
 
 
 def wishes() -> list[int]:
-    """Return the signals by which a person ends a run; SIGHUP is unknown on Windows."""
-    return [int(getattr(signal, name)) for name in WISHES if hasattr(signal, name)]
+    """Return the signals by which a person ends a run; SIGHUP is unknown on Windows.
+
+    What was to be ignored when the process began stays so: `nohup`, a shell's background.
+    """
+    known = [getattr(signal, name) for name in WISHES if hasattr(signal, name)]
+    return [int(one) for one in known if signal.getsignal(one) is not signal.SIG_IGN]
 
 
 class AbortSignals:
@@ -58,6 +63,8 @@ class AbortSignals:
     def __init__(self, clock: Clock) -> None:
         self.hurry = Hurry(clock)
         self._clock = clock
+        self.heard = 0
+        """How many wishes came to the main thread."""
         self._making_safe = False
         self._before: dict[int, Any] = {}
 
@@ -81,13 +88,14 @@ class AbortSignals:
         self._clock.interrupt(None)
 
     def _heard(self, number: int, frame: FrameType | None) -> None:
+        self.heard += 1
         # The clock's watchdog sends SIGINT too: to a thread that is stuck where no clock can see.
         self._clock.raise_failure()
         name = signal.Signals(number).name
         if self._making_safe:
-            sys.stderr.write(
+            tell(
                 f"\n{name}: the bench is being made safe; that is never skipped, its waits are "
-                "cut short\n"
+                "cut short"
             )
             self.hurry.ask()
             return

@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
-import sys
+from collections import Counter
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
-from threading import Lock
+from queue import Full, Queue
+from threading import Thread
 from typing import TextIO
 
-from station.clock import Clock
+from station.clock import Clock, RealClock
+from station.console import tell
 
 FOLDER = "trace"
+MOST_WAITING = 20_000
+"""Messages that wait for the disk."""
+ENDS_WITHIN_S = 5.0
 HEAD = """\
 # {name}: what went over its wire. Run time in s; > sent, < received, ! a fault, - a remark.
 # \\n is a line feed, \\r a carriage return, \\\\ a backslash, \\x00 any other byte in hexadecimal.
@@ -30,16 +36,22 @@ def readable(data: bytes) -> str:
 class Trace:
     """One text file per instrument below `trace/` of a run folder, one line per message.
 
-    It survives the death of the process message by message. It is no part of the record: where it
-    cannot be written, this is said once on standard error and the run goes on without it.
+    A thread writes them, message by message, so that no disk holds up an instrument. It is no part
+    of the record: where it cannot be written, or not fast enough, this is said on standard error
+    and the run goes on without.
     """
 
     def __init__(self, run_folder: Path, clock: Clock) -> None:
         self.folder = run_folder / FOLDER
         self._clock = clock
+        # Virtual time waits for whoever works; real time, and what flows meanwhile, does not.
+        self._waits = not isinstance(clock, RealClock)
+        self._lines: Queue[tuple[str, str] | None] = Queue(MOST_WAITING)
+        self._lost: Counter[str] = Counter()
         self._files: dict[str, TextIO] = {}
-        self._lock = Lock()
         self._failed = False
+        self._thread = Thread(target=self._write_on, name="trace", daemon=True)
+        self._thread.start()
 
     def of(self, instrument: str) -> Callable[[str, bytes], None]:
         """Return what an instrument's driver tells of its wire: a direction and the bytes."""
@@ -47,25 +59,41 @@ class Trace:
         def tell(direction: str, data: bytes) -> None:
             # Words of ours, unlike bytes of the wire, may hold any letter.
             text = data.decode("utf-8") if direction in "!-" else readable(data)
-            with self._lock:
-                self._write(instrument, f"{self._clock.now():13.6f} {direction} {text}\n")
+            self._put(instrument, f"{self._clock.now():13.6f} {direction} {text}\n")
 
         return tell
 
     def close(self) -> None:
-        """Close the files; what is told afterwards is not kept."""
-        with self._lock:
-            for file in self._files.values():
-                try:
-                    file.close()
-                except OSError as error:
-                    self._give_up(error)
-            self._files.clear()
-            self._failed = True
+        """Close the files, within 5 s of real time; what is told afterwards is not kept."""
+        with suppress(Full):
+            self._lines.put(None, timeout=ENDS_WITHIN_S)
+            self._thread.join(ENDS_WITHIN_S)
+        self._failed = True
 
-    def _write(self, instrument: str, line: str) -> None:
+    def _put(self, instrument: str, line: str) -> None:
         if self._failed:
             return
+        if lost := self._lost[instrument]:
+            line = f"{line[:13]} - {lost} messages are left out here: the disk was too slow\n{line}"
+        try:
+            self._lines.put((instrument, line), block=self._waits)
+            self._lost[instrument] = 0
+        except Full:
+            if not self._lost.total():
+                tell("the trace leaves out messages: its disk does not take them as they come")
+            self._lost[instrument] += 1
+
+    def _write_on(self) -> None:
+        try:
+            while (due := self._lines.get()) is not None:
+                if not self._failed:
+                    self._write(*due)
+        finally:
+            for file in self._files.values():
+                with suppress(OSError):
+                    file.close()
+
+    def _write(self, instrument: str, line: str) -> None:
         try:
             if instrument not in self._files:
                 self.folder.mkdir(exist_ok=True)
@@ -73,11 +101,6 @@ class Trace:
                 self._files[instrument] = path.open("w", encoding="utf-8", buffering=1)
                 self._files[instrument].write(HEAD.format(name=instrument))
             self._files[instrument].write(line)
-        except OSError as error:  # an instrument that is being made safe must not fail over this
-            self._give_up(error)
-
-    def _give_up(self, error: OSError) -> None:
-        if not self._failed:
+        except OSError as error:
             self._failed = True
-            why = error.strerror or error
-            print(f"the trace ends here, it cannot be written: {why}", file=sys.stderr)
+            tell(f"the trace ends here, it cannot be written: {error.strerror or error}")

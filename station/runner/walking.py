@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+import math
 import os
 import traceback
+from collections.abc import Iterable
 from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from station.clock import ClockError
+from station.clock import ClockError, RealClock
 from station.console import tell
 from station.control.requests import Control
 from station.errors import EXIT_FAULT, InterlockTripped, StationError
 from station.guardian.watched import Guardian
-from station.readings import Readings
+from station.runner.folder_watch import FolderWatch
 from station.runner.instrument_locks import InstrumentLocks
 from station.runner.opening import Found, open_instruments
 from station.runner.outcome import Outcome
@@ -21,16 +23,23 @@ from station.runner.run import Run
 from station.runner.session import BenchSession
 from station.runner.signals import AbortSignals
 from station.runner.staying_awake import StayingAwake
+from station.runner.stillness import Stillness
 from station.runner.trace import Trace
 from station.runner.whole_bench import BenchReading, Bystanders, read_used
-from station.safety.acknowledgement import remember_trip
+from station.safety.acknowledgement import refuse_identified, remember_trip
 from station.safety.interlocks.monitor import Monitor
 from station.safety.interlocks.reading import interlocks_of, watched_in_a_run
-from station.safety.safe_state import make_bench_safe
+from station.safety.safe_state import MadeSafe, make_bench_safe
 
 if TYPE_CHECKING:
     from station.procedure import Procedure, Prompt
     from station.safety.safe_state import SafeOutcome
+
+
+BALLAST_BYTES = 16_000_000
+"""Memory that is given back when a run fails, so that making the bench safe has some."""
+READS_THE_REST_WITHIN_S = 20.0
+"""Real time to read what the plan did not use, which bounds itself at half of that."""
 
 
 class Walk:
@@ -55,11 +64,12 @@ class Walk:
         self._session = session
         self._bench_file = bench_file
         self._trace = trace
-        self._readings = Readings(run.clock)
+        self._readings = run.readings
         self._found: dict[str, Found] = {}
         self._guardian: Guardian | None = None
         self._awake: StayingAwake | None = None
         self._monitor: Monitor | None = None
+        self._trip: InterlockTripped | None = None
         holder = f"the run {run.record.path.resolve()} (process {os.getpid()})"
         self._locks = InstrumentLocks(holder, session.world)
         self._bystanders = Bystanders(
@@ -70,14 +80,29 @@ class Walk:
             None if session.here else self._locks,
             trace,
         )
+        self._stillness: Stillness | None = None
+        self._folder_watch: FolderWatch | None = None
+        self._making_safe = run.clock.lock("the safe state")
+        self._ballast = bytearray(BALLAST_BYTES)
+        self._failed_s = 0.0
 
     def go(self, outcome: Outcome) -> None:
-        """Do every step; the bench comes to rest in every case. `outcome` says how it went."""
+        """Do every step; the bench comes to rest in every case. `outcome` says how it went.
+
+        Until that is read back nothing is written and nothing said: the disk, the terminal or the
+        memory may be what ended the run.
+        """
         run = self._run
+        failure: Exception | None = None
         with ExitStack() as stack:
             stack.enter_context(run.clock.participant("run"))
             signals = stack.enter_context(AbortSignals(run.clock))
             run.control = stack.enter_context(Control(run.record.path, run.clock))
+            if isinstance(run.clock, RealClock):
+                self._stillness = stack.enter_context(
+                    Stillness(run.clock, signals, lambda: self._make_safe(signals))
+                )
+                self._folder_watch = stack.enter_context(FolderWatch(run.record, run.clock))
             try:
                 self._guard()
                 self._open()
@@ -88,25 +113,55 @@ class Walk:
                     run.do(step)
                 outcome.exit_code = 0
             except Exception as error:  # a bug in a step must still leave a safe bench
-                self._failed(outcome, error)
+                self._ballast.clear()
+                self._failed_s = run.clock.now()
+                failure = error
             finally:
+                if self._folder_watch is not None:
+                    self._folder_watch.end()
                 signals.hold()
                 run.control.hold()
+                if self._stillness is not None:
+                    self._stillness.run_ends()
                 if self._monitor is not None:
                     self._monitor.stop()
                 outcome.safe = self._make_safe(signals)
-                self._read_the_rest(outcome)
+                read = self._read_the_rest(outcome)
                 run.clock.interrupt(None)
-                self._look_again(outcome)
-                read = BenchReading(outcome.safe, outcome.left_out)
-                run.record.note("safe-state", **read.to_data())
-                if self._guardian is not None and not outcome.left_unsafe:
-                    self._guardian.dismiss()
-                self._close(outcome)
-                run.record.note("run-ended", complete=outcome.error is None)
-                run.record.close()
+                self._conclude(outcome, failure, read)
         if outcome.unsafe:
             outcome.exit_code = EXIT_FAULT
+
+    def _conclude(self, outcome: Outcome, failure: Exception | None, read: BenchReading) -> None:
+        """Write how the run ended, and give everything back; the bench is as it will be.
+
+        The guardian stays until all of that is done: a disk that stands still ends no run.
+        """
+        run = self._run
+        for cause in [] if failure is None else self._causes(failure):
+            self._failed(outcome, cause)
+        run.log_notes()
+        self._remember_trip()
+        run.record.note("safe-state", **read.to_data())
+        self._close()
+        run.record.note("run-ended", complete=outcome.error is None)
+        run.record.close()
+        if self._stillness is not None:
+            self._stillness.end()
+        if self._guardian is not None:
+            self._let_guardian_go(self._guardian, outcome)
+        self._locks.release()  # a guardian that goes on has them, too
+
+    def _let_guardian_go(self, guardian: Guardian, outcome: Outcome) -> None:
+        """Dismiss the guardian from what was proven safe; else it is to go on.
+
+        What the run did not use is none of its business either.
+        """
+        if not outcome.left_unsafe:
+            guardian.dismiss()
+            return
+        names = ", ".join(one.instrument for one in outcome.left_unsafe)
+        outcome.left_to = guardian.hand_over(f"the run could not verify as safe: {names}")
 
     def _guard(self) -> None:
         """Start the process that makes the bench safe if this one dies.
@@ -128,6 +183,7 @@ class Walk:
                 world=self._session.world,
                 on_lost=self._run.progress.say,
                 note=self._run.record.later,
+                may_beat=self._stillness.may_beat if self._stillness else lambda: True,
             )
 
     def _open(self) -> None:
@@ -149,7 +205,20 @@ class Walk:
         run.instruments = {name: one.instrument for name, one in self._found.items()}
         for name, one in self._found.items():
             run.record.event("identified", instrument=name, **vars(one.identity))
+        if self._session.real:
+            refuse_identified(self._bench_file, self._said(self._found))
         self._read_before()
+
+    def _said(self, names: Iterable[str]) -> dict[str, tuple[str, str]]:
+        """Return what instruments say of themselves: address to model and serial number."""
+        entries = self._run.bench.instruments
+        said = {}
+        for name in names:
+            for one in entries[name].shares or (name,):
+                identity = self._found[one].identity if one in self._found else None
+                known = (identity.model, identity.serial) if identity else ("", "")
+                said[entries[one].address or ""] = known
+        return said
 
     def _ask_for_driver(self, prompt_id: str, text: str) -> str:
         return self._run.ask_again(prompt_id, text, of="driver")
@@ -173,6 +242,8 @@ class Walk:
             self._run.record.event("sleep-allowed", message=said)
         self._monitor.check_once()
         self._monitor.start()
+        if self._stillness is not None:
+            self._stillness.begin()
 
     def _read_before(self) -> None:
         """Read everything that can harm, and refuse what is energised outside the plan.
@@ -182,65 +253,78 @@ class Walk:
         run = self._run
         others = self._bystanders.read(run.instruments, run.clock)
         used = read_used(run.instruments, run.clock)
-        read = BenchReading([*used, *others.read], others.left_out)
+        read = BenchReading(used, others.outside, others.left_out)
         run.record.event("bench-read", **read.to_data())
         for one in others.left_out:
             run.progress.say(f"WARNING: not read before the run: {one.said}")
         read.refuse_energised()
 
-    def _read_the_rest(self, outcome: Outcome) -> None:
+    def _read_the_rest(self, outcome: Outcome) -> BenchReading:
         """Read what the plan did not use: it may have been energised meanwhile."""
-        others = self._bystanders.read(self._run.instruments)
-        outcome.safe += others.read
-        outcome.left_out += others.left_out
+        with self._run.clock.allow(READS_THE_REST_WITHIN_S):
+            others = self._bystanders.read(self._run.instruments)
+        read = BenchReading(outcome.safe, others.outside, others.left_out)
+        outcome.safe = [*outcome.safe, *read.energised]
+        outcome.outside, outcome.left_out = list(read.outside), list(read.left_out)
+        return read
 
     def _make_safe(self, signals: AbortSignals) -> list[SafeOutcome]:
+        """Bring the bench to rest from this thread; others that want to wait for that."""
         run = self._run
-        return make_bench_safe(run.instruments, run.bench.safe_order(), run.clock, signals.hurry)
+        with run.clock.allow(math.inf):  # whoever is at it gives signs of life
+            self._making_safe.__enter__()
+        try:
+            order = run.bench.safe_order()
+            outcomes = make_bench_safe(run.instruments, order, run.clock, signals.hurry)
+            if run.control is not None:
+                run.control.made_safe(outcomes)
+            return outcomes
+        finally:
+            self._making_safe.__exit__(None, None, None)
 
-    def _close(self, outcome: Outcome) -> None:
+    def _close(self) -> None:
         if self._monitor is not None:
             self._monitor.wait_until_stopped()
         for one in self._found.values():
             with suppress(Exception):  # a line that is gone keeps no other from being closed
                 one.instrument.close()
-        if self._guardian is not None and outcome.left_unsafe:
-            names = ", ".join(one.instrument for one in outcome.left_unsafe)
-            why = f"the run could not verify as safe: {names}"
-            outcome.left_to = self._guardian.hand_over(why)
-        self._locks.release()
         if self._awake is not None:
             self._awake.end()
         if self._trace is not None:
             self._trace.close()
 
     def _failed(self, outcome: Outcome, error: Exception) -> None:
-        """Note what ended the run; where an interlock tripped, that was it."""
-        if self._monitor is not None and self._monitor.trip is not None:
-            error = self._monitor.trip
+        """Note what ended the run."""
         if isinstance(error, InterlockTripped):
             self._tripped(error)
         known = isinstance(error, StationError | ClockError)
         outcome.error = str(error) if known else f"a fault of the program: {error!r}"
         outcome.exit_code = error.exit_code if isinstance(error, StationError) else EXIT_FAULT
-        trace = "".join(traceback.format_exception(error))
-        self._run.record.note(
-            "failed", message=outcome.error, exit_code=outcome.exit_code, traceback=trace
+        self._run.record.note_at(
+            self._failed_s,
+            "failed",
+            message=outcome.error,
+            exit_code=outcome.exit_code,
+            traceback="".join(traceback.format_exception(error)),
         )
 
-    def _look_again(self, outcome: Outcome) -> None:
-        """Let an open chain be what ended a run that failed for want of an instrument.
+    def _causes(self, failure: Exception) -> list[Exception]:
+        """Return what ended a run that failed, the last of which counts.
 
-        An emergency stop cuts power: the run may fail of that before the chain is looked at.
+        Where an interlock tripped, that was it. An emergency stop cuts power: the run may fail of
+        that before the chain is looked at.
         """
-        if outcome.exit_code == EXIT_FAULT and self._monitor and self._monitor.trip is None:
+        if self._monitor is None:
+            return [failure]
+        if self._monitor.trip is not None:
+            return [self._monitor.trip]
+        if getattr(failure, "exit_code", EXIT_FAULT) == EXIT_FAULT:
             with suppress(Exception):  # that the bench is safe must be told, whatever this says
                 self._monitor.look_at_chains()
-            if self._monitor.trip is not None:
-                self._failed(outcome, self._monitor.trip)
+        return [failure] if self._monitor.trip is None else [failure, self._monitor.trip]
 
     def _tripped(self, trip: InterlockTripped) -> None:
-        """Record a trip, and keep the bench from being used until a person acknowledges it."""
+        """Record a trip; the bench is refused because of it once it is at rest."""
         self._run.record.note(
             "interlock-tripped",
             interlock=trip.name,
@@ -249,7 +333,25 @@ class Walk:
             limit=trip.limit,
             tripped_s=round(trip.time_s, 6),
         )
+        self._trip = trip
+
+    def _remember_trip(self) -> None:
+        """Keep the bench from being used until a person acknowledges what tripped.
+
+        A real one is known by its instruments: those that can harm, and those the interlock sees.
+        """
+        trip, instruments = self._trip, None
+        if trip is None:
+            return
+        if self._session.real:
+            concerned = {
+                name for name, one in self._found.items() if isinstance(one.instrument, MadeSafe)
+            }
+            for interlock in self._interlocks:
+                if interlock.name == trip.name:
+                    concerned |= interlock.instruments
+            instruments = self._said(sorted(concerned))
         try:
-            remember_trip(self._bench_file, trip, self._run.record.path)
+            remember_trip(self._bench_file, trip, self._run.record.path, instruments)
         except OSError as error:
             tell(f"the trip could not be noted ({error}): this bench will not be refused")

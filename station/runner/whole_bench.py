@@ -20,6 +20,7 @@ from station.errors import Aborted, BenchEnergised, InstrumentError
 from station.locks import LockHeld
 from station.runner.instrument_locks import InstrumentLocks
 from station.runner.opening import LOOK, Found, open_one, take_lock
+from station.safety.interlocks.quantities import ENERGISED, quantities_of
 from station.safety.safe_state import Hurried, MadeSafe, SafeOutcome, can_harm
 
 if TYPE_CHECKING:
@@ -47,39 +48,64 @@ class LeftOut:
 
 @dataclass(frozen=True)
 class BenchReading:
-    """How the instruments that can harm stand: those that were read, and those left out."""
+    """How the instruments that can harm stand: the run's, those outside it, those left out."""
 
-    read: Sequence[SafeOutcome] = ()
+    used: Sequence[SafeOutcome] = ()
+    outside: Sequence[SafeOutcome] = ()
     left_out: Sequence[LeftOut] = ()
+
+    @property
+    def energised(self) -> list[SafeOutcome]:
+        """What the run does not use and is not at rest."""
+        return [one for one in self.outside if not one.verified]
 
     def refuse_energised(self) -> None:
         """Raise BenchEnergised that names every instrument outside the plan that is energised."""
-        energised = [
-            f"{one.instrument}, which this plan does not use: {one.read_back}"
-            for one in self.read
-            if not one.verified and not one.used
-        ]
-        if energised:
-            raise BenchEnergised(energised)
+        if self.energised:
+            raise BenchEnergised(
+                [
+                    f"{one.instrument}, which this plan does not use: {one.read_back}"
+                    for one in self.energised
+                ]
+            )
 
     def to_data(self) -> dict[str, Any]:
-        """Return the reading as plain data."""
+        """Return the reading as plain data; whoever looks for what is unsafe reads `outcomes`."""
         return {
-            "outcomes": [one.to_data() for one in self.read],
+            "outcomes": [one.to_data() for one in (*self.used, *self.energised)],
+            "outside": [one.to_data() for one in self.outside],
             "left_out": [one.to_data() for one in self.left_out],
         }
 
 
 def read_used(instruments: Mapping[str, object], clock: Clock) -> list[SafeOutcome]:
-    """Read back the opened instruments that can harm; raises InstrumentError."""
+    """Read whether the run's instruments that can harm are energised or move; nothing is refused.
+
+    The steps bring them to rest before they use them, and the end of the run proves that they are.
+    Raises InstrumentError.
+    """
     outcomes = []
     for name, instrument in instruments.items():
         if isinstance(instrument, MadeSafe):
             began_s = clock.now()
-            reading = instrument.read_safety()
-            took_s = clock.now() - began_s
-            outcomes.append(SafeOutcome(name, reading.safe, reading.read_back, took_s))
+            rests, said = state_of(name, instrument)
+            outcomes.append(SafeOutcome(name, rests, said, clock.now() - began_s))
     return outcomes
+
+
+def state_of(name: str, instrument: MadeSafe) -> tuple[bool, str]:
+    """Return whether an open instrument is at rest, and in words how it stands.
+
+    By its output and its motion, as interlocks look at them; by its whole rest where it has none.
+    """
+    read = getattr(instrument, "read_quantity", None)
+    states = sorted(set(ENERGISED) & set(quantities_of(name)))
+    if read is None or not states:
+        reading = instrument.read_safety()
+        return reading.safe, reading.read_back
+    found = {state: str(read(state)) for state in states}
+    rests = all(found[state] != ENERGISED[state] for state in states)
+    return rests, ", ".join(f"{state} {word}" for state, word in found.items())
 
 
 def bystanders_of(bench: Bench, used: Collection[str]) -> list[str]:
@@ -137,7 +163,7 @@ class Bystanders:
             elif name not in found:
                 said = f"{name}: it did not answer within {WITHIN_S:g} s"
                 left_out.append(LeftOut(name, SILENT, said))
-        return BenchReading(read, left_out)
+        return BenchReading(outside=read, left_out=left_out)
 
     def _at_once(self, names: Sequence[str], waiting: Clock) -> dict[str, Any]:
         """Read in threads, those with one address one after the other; nothing waits for ever.
@@ -158,11 +184,17 @@ class Bystanders:
                     for name in due.get_nowait():
                         answers.put((name, self._read_one(name)))
 
-        for number in range(min(MOST_AT_ONCE, len(by_address))):
-            Thread(target=work, name=f"reads the bench {number + 1}", daemon=True).start()
+        readers = [
+            Thread(target=work, name=f"reads the bench {number + 1}", daemon=True)
+            for number in range(min(MOST_AT_ONCE, len(by_address)))
+        ]
+        with suppress(RuntimeError):  # no memory for more: those that began do the work
+            for reader in readers:
+                reader.start()
         found: dict[str, Any] = {}
         real = RealClock()
-        while len(found) < len(names) and real.now() < WITHIN_S:
+        began = any(reader.ident for reader in readers)
+        while began and len(found) < len(names) and real.now() < WITHIN_S:
             try:
                 with suppress(Hurried):
                     waiting.sleep(0.0)

@@ -1,4 +1,10 @@
-"""A tripped interlock is remembered, bench by bench, until a person has acknowledged it."""
+"""A tripped interlock is remembered until a person has acknowledged it.
+
+On a real bench it is remembered for the instruments, by their addresses and by what they say of
+themselves, whatever bench file names them and whoever runs it. The instruments of a simulated bench
+have no fixed addresses and one set of serial numbers: there it is remembered for the user and the
+bench file.
+"""
 
 from __future__ import annotations
 
@@ -7,15 +13,25 @@ import hashlib
 import json
 import os
 import sys
-from dataclasses import asdict, dataclass
+from collections.abc import Collection, Iterator, Mapping
+from contextlib import suppress
+from dataclasses import asdict, dataclass, fields
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from station.clock import utc_now
 from station.errors import InterlockTripped, NotAcknowledged
+from station.faults import FaultList
+from station.safety import trip_notes
+from station.safety.trip_notes import Note, address_key, identity_key, system_places
+from station.yaml.reading import read_yaml
+
+if TYPE_CHECKING:
+    from station.bench import Bench
 
 APPLICATION = "inertial-station"
 HISTORY = "acknowledged.jsonl"
+TRIPPED = "tripped"
 
 
 @dataclass(frozen=True)
@@ -45,17 +61,51 @@ def state_folder() -> Path:
     return Path.home() / ".local" / "state" / APPLICATION
 
 
+def places() -> tuple[Path, ...]:
+    """Return every place in which a trip of instruments may be noted, the first to be used first.
+
+    The user's own stands last: it is where no place of the system can be written.
+    """
+    return (*system_places(), state_folder())
+
+
 def place_of(bench: Path) -> Path:
-    """Return the file that remembers a trip on the bench of this bench file."""
+    """Return the file that remembers a trip for a user and this bench file."""
     whole = str(bench.resolve())
     digest = hashlib.sha256(whole.encode()).hexdigest()[:12]
-    return state_folder() / "tripped" / f"{bench.stem}-{digest}.json"
+    return state_folder() / TRIPPED / f"{bench.stem}-{digest}.json"
 
 
-def remember_trip(bench: Path, trip: InterlockTripped, run: Path) -> None:
-    """Remember that the bench may not be used until somebody has looked; raises OSError."""
-    place = place_of(bench)
-    place.parent.mkdir(parents=True, exist_ok=True)
+def addresses_of(bench: Bench) -> list[str]:
+    """Return the addresses of a bench's instruments; none of a simulated bench."""
+    if bench.simulation is not None:
+        return []
+    return [entry.address for entry in bench.instruments.values() if entry.address]
+
+
+def addresses_in(bench: Path) -> list[str]:
+    """Return the addresses in a bench file as far as it can be read, whatever else is wrong."""
+    try:
+        data = read_yaml(bench).data
+        if data.get("simulation") is not None:
+            return []
+        entries = dict(data["instruments"]).values()
+        return [str(one["address"]) for one in entries if one.get("address")]
+    except (FaultList, OSError, LookupError, TypeError, ValueError, AttributeError):
+        return []
+
+
+def remember_trip(
+    bench: Path,
+    trip: InterlockTripped,
+    run: Path,
+    instruments: Mapping[str, tuple[str, str]] | None = None,
+) -> None:
+    """Remember that the bench may not be used until somebody has looked; raises OSError.
+
+    `instruments` are those of a real bench that the trip concerns: address to model and serial
+    number, as they said them. None remembers it for the bench file.
+    """
     tripped = Trip(
         str(bench.resolve()),
         trip.name,
@@ -63,49 +113,133 @@ def remember_trip(bench: Path, trip: InterlockTripped, run: Path) -> None:
         utc_now().isoformat(timespec="seconds"),
         str(run.resolve()),
     )
-    text = json.dumps(asdict(tripped), indent=1, ensure_ascii=False)
+    text = json.dumps(asdict(tripped), indent=1, ensure_ascii=False) + "\n"
+    keys = list(keys_of(instruments or {}))
+    if keys:
+        trip_notes.write(places(), keys, trip_notes.digest(text), text)
+        return
+    place = place_of(bench)
+    place.parent.mkdir(parents=True, exist_ok=True)
     being_written = place.with_suffix(".new")
-    being_written.write_text(text + "\n", encoding="utf-8")
+    being_written.write_text(text, encoding="utf-8")
     being_written.replace(place)
 
 
-def unacknowledged(bench: Path) -> Trip | None:
-    """Return the trip on this bench that nobody has acknowledged, or None."""
-    place = place_of(bench)
+def keys_of(instruments: Mapping[str, tuple[str, str]]) -> Iterator[str]:
+    """Yield the keys of instruments: address to model and serial number."""
+    for address, (model, serial) in instruments.items():
+        if address:
+            yield address_key(address)
+        identity = identity_key(model, serial)
+        if identity is not None:
+            yield identity
+
+
+def trip_in(text: str | None, where: Path) -> Trip:
+    """Return the trip of a note; one that cannot be read is still a note."""
+    names = [one.name for one in fields(Trip)]
+    data = trip_notes.whole(text)
+    if data is None or not set(names) <= set(data):
+        return Trip("", "unknown", f"a trip whose note in {where} cannot be read", "", "")
+    return Trip(**{name: str(data[name]) for name in names})
+
+
+def notes_of_file(bench: Path) -> list[Path]:
+    """Return what remembers a trip of this bench file, by whatever name it was run."""
+    own = place_of(bench)
+    found = [own] if own.exists() else []
+    for other in sorted(own.parent.glob("*.json")) if own.parent.is_dir() else ():
+        with suppress(OSError):
+            named = trip_in(other.read_text(encoding="utf-8", errors="replace"), other).bench
+            if other != own and named and bench.samefile(named):
+                found.append(other)
+    return found
+
+
+def read_note(note: Path) -> Trip:
+    """Return the trip of a bench file's note."""
     try:
-        return Trip(**json.loads(place.read_text(encoding="utf-8")))
-    except FileNotFoundError:
-        return None
-    except (ValueError, TypeError, OSError) as error:
-        # A note that cannot be read is still a note: the bench stays refused.
-        return Trip(str(bench), "unknown", f"{place} cannot be read ({error})", "", "")
+        return trip_in(note.read_text(encoding="utf-8", errors="replace"), note)
+    except OSError:
+        return trip_in(None, note)
 
 
-def refuse_until_acknowledged(bench: Path) -> None:
+def notes_of_instruments(addresses: Collection[str]) -> list[Note]:
+    """Return the notes that nobody has acknowledged on what is at these addresses."""
+    return list(trip_notes.find(places(), [address_key(one) for one in addresses]))
+
+
+def unacknowledged(bench: Path, addresses: Collection[str] = ()) -> Trip | None:
+    """Return the trip on a bench file, or on these addresses, that nobody has acknowledged."""
+    for path in notes_of_file(bench):
+        return read_note(path)
+    for note in notes_of_instruments(addresses):
+        return trip_in(note.text, note.place)
+    return None
+
+
+def refuse_until_acknowledged(bench: Path, addresses: Collection[str] = ()) -> None:
     """Raise NotAcknowledged where an interlock has tripped on this bench and nobody has looked."""
-    trip = unacknowledged(bench)
+    trip = unacknowledged(bench, addresses)
     if trip is not None:
-        raise NotAcknowledged(
-            f"the bench {bench.stem} may not be used, nothing was opened or energised: "
-            f"{trip.message} ({trip.tripped_utc}, {trip.run}); find the cause, then "
-            f"`station acknowledge {bench}`"
-        )
+        raise refusal(bench, trip)
 
 
-def acknowledge(bench: Path) -> Trip | None:
-    """Take back the refusal of a bench and note who did so; None where nothing had tripped."""
-    trip = unacknowledged(bench)
-    if trip is None:
+def refuse_identified(bench: Path, instruments: Mapping[str, tuple[str, str]]) -> None:
+    """Raise NotAcknowledged where one of these instruments tripped at another address.
+
+    `instruments`: address to model and serial number. The trip is noted for the address too, so
+    that the bench can be acknowledged by this file.
+    """
+    for address, said in instruments.items():
+        key = identity_key(*said)
+        for note in trip_notes.find(places(), [key] if key else []):
+            trip = trip_in(note.text, note.place)
+            with suppress(OSError):
+                trip_notes.write((note.place,), [address_key(address)], note.trip, note.text or "")
+            raise refusal(bench, trip)
+
+
+def refusal(bench: Path, trip: Trip) -> NotAcknowledged:
+    """Return the error of a bench that may not be used."""
+    elsewhere = trip.bench and trip.bench != str(bench.resolve())
+    by = f", on the same instruments by {trip.bench}" if elsewhere else ""
+    return NotAcknowledged(
+        f"the bench {bench.stem} may not be used, nothing was opened or energised: "
+        f"{trip.message} ({trip.tripped_utc}, {trip.run}{by}); find the cause, then "
+        f"`station acknowledge {bench}`"
+    )
+
+
+def acknowledge(bench: Path, addresses: Collection[str] = ()) -> Trip | None:
+    """Take back the refusal of a bench and note who did so; None where nothing had tripped.
+
+    Raises OSError where that cannot be written.
+    """
+    files = notes_of_file(bench)
+    notes = notes_of_instruments(addresses)
+    trips = [*map(read_note, files), *(trip_in(one.text, one.place) for one in notes)]
+    if not trips:
         return None
+    lines = [acknowledgement(trip) for trip in dict.fromkeys(trips)]
+    state_folder().mkdir(parents=True, exist_ok=True)
+    with (state_folder() / HISTORY).open("a", encoding="utf-8") as history:
+        history.writelines(f"{line}\n" for line in lines)
+    for path in files:
+        path.unlink(missing_ok=True)
+    for note in {one.trip: one for one in notes}.values():
+        trip_notes.acknowledge(note, acknowledgement(trip_in(note.text, note.place)) + "\n")
+    return trips[0]
+
+
+def acknowledgement(trip: Trip) -> str:
+    """Return a trip, and who acknowledges it now, as a line of JSON."""
     line: dict[str, Any] = {
         **asdict(trip),
         "acknowledged_utc": utc_now().isoformat(timespec="seconds"),
         "by": user_name(),
     }
-    with (state_folder() / HISTORY).open("a", encoding="utf-8") as history:
-        history.write(json.dumps(line, ensure_ascii=False) + "\n")
-    place_of(bench).unlink(missing_ok=True)
-    return trip
+    return json.dumps(line, ensure_ascii=False)
 
 
 def user_name() -> str:

@@ -42,6 +42,11 @@ _INFINITY = re.compile(r"([-+]?)\.(?:inf|Inf|INF)")
 _NOT_A_NUMBER = re.compile(r"\.(?:nan|NaN|NAN)")
 
 
+MOST_BYTES = 500_000
+"""What people write has some kB; beyond this the file is not what it is taken for."""
+DEEPEST = 40
+
+
 def plain_scalar(text: str) -> str | int | float | bool | None:
     """Return what an unquoted word means in YAML 1.2."""
     if _NULL.fullmatch(text):
@@ -68,10 +73,14 @@ class _Loader(yaml.SafeLoader):
         super().__init__(text)
         self.file = file
         self.refused: list[Fault] = []
+        self.depth = 0
 
     def compose_node(self, parent: Node | None, index: int) -> Node | None:
         """Compose a node; note what we refuse and go on as if it were not there."""
         event: Any = self.peek_event()  # type: ignore[no-untyped-call]
+        if self.depth >= DEEPEST:
+            self._refuse(event, f"the keys are nested more than {DEEPEST} deep")
+            raise FaultList(self.refused)
         if isinstance(event, yaml.AliasEvent):
             self.get_event()  # type: ignore[no-untyped-call]
             self._refuse(event, f"'*{event.anchor}' is an alias; write the value out")
@@ -85,7 +94,9 @@ class _Loader(yaml.SafeLoader):
             tag = event.tag.replace("tag:yaml.org,2002:", "!!")
             self._refuse(event, f"'{tag}' is a tag; leave it out, quotes make text of a word")
             event.tag = None
+        self.depth += 1
         node: Node | None = super().compose_node(parent, index)
+        self.depth -= 1
         return node
 
     def _refuse(self, event: Any, what: str) -> None:
@@ -139,13 +150,17 @@ def _mark(node: Node) -> Mark:
     return Mark(node.start_mark.line + 1, node.start_mark.column + 1)
 
 
-def read_text(path: Path) -> str:
+def read_text(path: Path, most_bytes: int | None = None) -> str:
     """Return the text of a file in UTF-8, with or without byte order mark; raises FaultList."""
     try:
-        raw = path.read_bytes()
-    except OSError as error:
-        what = f"the file cannot be read: {error.strerror or error}"
+        with path.open("rb") as file:
+            raw = file.read() if most_bytes is None else file.read(most_bytes + 1)
+    except (OSError, ValueError) as error:  # a name that holds a NUL is a ValueError
+        what = f"the file cannot be read: {getattr(error, 'strerror', None) or error}"
         raise FaultList([Fault(str(path), 1, 1, "file", what)]) from None
+    if most_bytes is not None and len(raw) > most_bytes:
+        what = f"the file has more than {most_bytes // 1000} kB; it is no plan, bench or dataset"
+        raise FaultList([Fault(str(path), 1, 1, "file", what)])
     try:
         return raw.decode("utf-8-sig")
     except UnicodeDecodeError as error:
@@ -161,7 +176,7 @@ def read_yaml(path: Path) -> Document:
 
     Raises FaultList with everything that is wrong with the file as YAML.
     """
-    return read_yaml_text(read_text(path), path)
+    return read_yaml_text(read_text(path, MOST_BYTES), path)
 
 
 def read_yaml_text(text: str, path: Path) -> Document:

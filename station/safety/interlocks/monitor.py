@@ -19,6 +19,8 @@ from station.safety.interlocks.sight import Sight
 
 REACTS_WITHIN_S = 1.5
 """Run time that a run has to react to a trip; longer than any of its waits is in one piece."""
+LONGEST_SILENCE_S = 10.0
+"""Real time without a sign of life of the thread that watches."""
 MOST_LOOKS_OF_PATIENCE = 10.0
 ROUNDING_S = 1e-9
 
@@ -137,6 +139,10 @@ class Monitor:
         return self._stopped
 
     def _watch(self, turn: int) -> None:
+        with self._clock.pulse("the watching of the interlocks", LONGEST_SILENCE_S):
+            self._watch_until_stopped(turn)
+
+    def _watch_until_stopped(self, turn: int) -> None:
         try:
             while self.trip is None:
                 self._clock.sleep_until(min(watch.due_s for watch in self._watches))

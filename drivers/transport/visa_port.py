@@ -1,0 +1,113 @@
+"""The bytes of a VISA resource.
+
+PyVISA opens and closes every resource. Of a bare TCP connection that PyVISA-py made, the bytes are
+taken from the connection itself: PyVISA-py's own read goes on beyond its deadline as long as bytes
+come, takes a closed connection for silence, and its write waits for ever.
+"""
+
+from __future__ import annotations
+
+import math
+import socket
+from contextlib import suppress
+from typing import Any
+
+import pyvisa
+from pyvisa import constants
+
+from drivers.roles import Place
+from drivers.transport.serial_port import CONNECT_DEADLINE_S, Port, SocketPort
+
+LARGEST_CHUNK_BYTES = 1 << 16
+TIMEOUT = constants.StatusCode.error_timeout
+
+
+def resource_manager(library: str) -> pyvisa.ResourceManager:
+    """Return the resource manager of a VISA library, `@py` or the path of the vendor's."""
+    # PyVISA keeps one a library and makes a new one where somebody closed it.
+    return pyvisa.ResourceManager(library)
+
+
+def is_socket(resource_name: str) -> bool:
+    """Whether a resource is a bare TCP connection, where nothing but the bytes ends an answer."""
+    parts = resource_name.split("::")
+    return len(parts) == 4 and parts[-1].upper() == "SOCKET"
+
+
+def wire_address(resource_name: str) -> str:
+    """Return `host:port` of a socket resource, else the resource name itself."""
+    parts = resource_name.split("::")
+    return f"{parts[1]}:{parts[2]}" if is_socket(resource_name) else resource_name
+
+
+def visa_port(place: Place, answer_end: str) -> Port:
+    """Open a resource, with the library of the bench file's `visa_library`; raises OSError."""
+    library = str(place.settings.get("visa_library", "@py"))
+    try:
+        resource: Any = resource_manager(library).open_resource(
+            place.address,
+            open_timeout=int(1000 * CONNECT_DEADLINE_S),
+            read_termination=answer_end,
+        )
+    except Exception as error:  # pyvisa-py raises bare Exception for a refused connection
+        raise OSError(str(error)) from error
+    session = getattr(resource.visalib, "sessions", {}).get(resource.session)
+    connection = getattr(session, "interface", None)
+    if is_socket(place.address) and isinstance(connection, socket.socket):
+        return SocketPort(connection, resource.close)
+    return VisaPort(resource, bare=is_socket(place.address))
+
+
+class VisaPort:
+    """A resource whose library reads: the vendor's, or PyVISA-py for anything but a bare TCP line.
+
+    What lies on the line can be looked for where bytes end an answer: on serial lines and bare TCP
+    connections. GPIB, USB, VXI-11 and HiSLIP keep answers and questions together themselves.
+    """
+
+    def __init__(self, resource: Any, *, bare: bool) -> None:
+        self._resource, self._bare = resource, bare
+        self._timeout_ms = math.nan
+        resource.chunk_size = LARGEST_CHUNK_BYTES
+        if bare:
+            # What came of an answer without its end is then given out, and can be shown.
+            with suppress(pyvisa.errors.Error):
+                attribute = constants.ResourceAttribute.suppress_end_enabled
+                resource.set_visa_attribute(attribute, False)
+
+    def read(self, timeout_s: float) -> bytes:
+        """Return what has come, or what comes first within a real time; empty for nothing."""
+        try:
+            if timeout_s > 0.0:
+                return self._read(timeout_s)
+            waiting = int(getattr(self._resource, "bytes_in_buffer", 0))
+            if waiting:
+                return bytes(self._resource.read_bytes(waiting, break_on_termchar=True))
+            return self._read(0.0) if self._bare else b""
+        except (pyvisa.errors.Error, OSError) as error:
+            raise OSError(str(error)) from error
+
+    def write(self, data: bytes) -> None:
+        """Put bytes on the line."""
+        try:
+            self._resource.write_raw(data)
+        except (pyvisa.errors.Error, OSError) as error:
+            raise OSError(str(error)) from error
+
+    def close(self) -> None:
+        """Give the resource back."""
+        with suppress(pyvisa.errors.Error, OSError):
+            self._resource.close()
+
+    def _read(self, timeout_s: float) -> bytes:
+        timeout_ms = 1000 * timeout_s
+        if timeout_ms != self._timeout_ms:  # it is nearly always the same, and setting it is slow
+            self._resource.timeout = self._timeout_ms = timeout_ms
+        try:
+            # One call of the library, which ends with the answer, its chunk, or its time.
+            data, _ = self._resource.visalib.read(self._resource.session, LARGEST_CHUNK_BYTES)
+        except pyvisa.errors.VisaIOError as error:
+            if error.error_code == TIMEOUT:
+                return b""
+            raise
+        return bytes(data)

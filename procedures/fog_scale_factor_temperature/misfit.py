@@ -1,0 +1,202 @@
+"""Local structure that the curve does not follow: a kink, or a feature narrower than its waves.
+
+A polynomial that follows a curve leaves noise. What it leaves of a feature or a kink is local and
+hardly correlates neighbours over the whole range, so each shape is held against the residuals by
+itself: kinks and bumps of several widths at the temperature of every set, each less what the
+polynomial takes of it. Rows that were left out count where their set agrees within itself: a
+knocked turn disagrees with its partner, a feature of the gyro does not.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.special import stdtrit
+
+from procedures.estimation.linear import combine
+from procedures.estimation.orthogonal import orthogonal_part, project, solve_by_qr, thin_qr
+
+from .axis_problem import AxisProblem, Solved
+from .curve import CHECKED, chebyshev_columns
+from .dataset import Array, Index, Mask
+from .findings import Misfit
+from .wandering_bias import Walk, deleted_residuals
+
+CHANCE = 1e-3
+"""How often noise alone makes a misfit of any shape, at most."""
+WIDTHS = (0.6, 1.2, 2.4)
+"""Of a bump, its standard deviation over the usual step of temperature from set to set."""
+OWN_PART = 1e-3
+"""Of a shape; what the polynomial follows to here shows nothing."""
+AGREE = 8.0
+"""Noises of a turn within which the turns of a set say the same."""
+PERHAPS, BETTER = 0.0, 10.0
+"""Of the information criterion: so much more a kink explains than the polynomial's waves do, that
+it may be one and is in the uncertainty, and that it is one."""
+KINK_COLUMNS = 2
+"""A kink counts for its size and its place."""
+BY_BIAS = 2.0
+LONE_SETS = 3
+"""As many neighbouring sets of one turn each, all off in one sense, are no knocks."""
+
+
+def misfit_of(
+    problem: AxisProblem,
+    kept: Mask,
+    solved: Solved,
+    noise: float,
+    freedom: float,
+    bias_ppm: float = 0.0,
+) -> Misfit | None:
+    """Return the shape that explains the residuals best, where noise alone seldom would; else None.
+
+    `noise` is that of a turn in ppm, with its degrees of freedom; `bias_ppm` is what a bias that
+    turns of one sense cannot tell may change by within its specification.
+    """
+    if noise <= 0.0 or freedom < 3.0:
+        return None
+    rows = kept | agreeing(problem, kept, solved)
+    turns = problem.turns
+    heat = turns.temperature_degC
+    centres = _centres(problem, rows)
+    if len(centres) < 4:
+        return None
+    steps = np.diff(centres)
+    widths = np.array(WIDTHS) * float(np.median(steps[steps > 0.0]))
+    columns = _shapes(heat[rows], centres, widths) * turns.turns[rows][:, None]
+    design, biases = problem.design(solved.domain_degC, solved.order)
+    walk = Walk(problem.course.of(rows), solved.ratio)
+    basis = thin_qr(walk.whiten(design[rows]))[0]
+    left = orthogonal_part(basis, combine(walk.factor, problem.data[rows]))
+    white = walk.whiten(columns)
+    whole = np.einsum("ij,ij->j", white, white)
+    white = white - np.einsum("ij,jk->ik", basis, np.einsum("ij,ik->jk", basis, white))
+    own = np.einsum("ij,ij->j", white, white)
+    told = own > OWN_PART**2 * whole
+    own = np.where(told, own, 1.0)
+    along = np.where(told, np.einsum("ij,i->j", white, left), 0.0)
+    score = np.abs(along) / np.sqrt(own) / noise
+    best, order, sure = int(np.argmax(score)), solved.order, True
+    if score[best] < -float(stdtrit(freedom, 0.5 * CHANCE / len(score))):
+        kinks = walk.whiten(columns[:, : len(centres)])
+        data = combine(walk.factor, problem.data[rows])
+        kink = _kink(walk.whiten(design[rows]), biases, kinks, data)
+        if kink is None:
+            return None
+        best, order, gain = kink
+        sure = gain >= BETTER
+    inner = walk.whiten(design[rows][:, : biases + order + 1])
+    both = np.column_stack((inner, walk.whiten(columns[:, best : best + 1])))
+    better = solve_by_qr(both, combine(walk.factor, problem.data[rows])).coefficients
+    grid = np.linspace(*solved.domain_degC, CHECKED)
+    followed = chebyshev_columns(grid, solved.domain_degC, solved.order)
+    amount = float(better[-1])
+    other = combine(followed[:, : order + 1], better[biases:-1])
+    other = other + amount * _shapes(grid, centres, widths)[:, best]
+    off = other - combine(followed, solved.fit.coefficients[biases:])
+    if float(np.max(np.abs(off))) <= BY_BIAS * bias_ppm:
+        return None
+    kind, place = divmod(best, len(centres))
+    return Misfit(
+        sure=sure,
+        kink=kind == 0,
+        at_degC=float(centres[place]),
+        width_degC=0.0 if kind == 0 else float(widths[kind - 1]),
+        slope_ppm_per_degC=amount if kind == 0 else 0.0,
+        size_ppm=float(np.max(np.abs(off))),
+        left_ppm=np.abs(off),
+    )
+
+
+def _kink(design: Array, biases: int, kinks: Array, data: Array) -> tuple[int, int, float] | None:
+    """Return the kink, and the order beside it, that explain the data better than the curve does.
+
+    Also by how much. A polynomial follows a kink by many waves, none of which stands out of the
+    noise; by the information criterion one kink and a lower order say more. None where they do not.
+    """
+    rows = len(data)
+
+    def criterion(square: float, columns: int) -> float:
+        return float(rows * np.log(max(square, 1e-300) / rows) + columns * np.log(rows))
+
+    def squares(columns: Array) -> Array:
+        gains = project(thin_qr(columns)[0], data) ** 2
+        return np.asarray(float(data @ data) - np.cumsum(gains))
+
+    whole = criterion(float(squares(design)[-1]), design.shape[1])
+    limit = whole - PERHAPS
+    found = None
+    for place in range(kinks.shape[1]):
+        ordered = np.column_stack((design[:, :biases], kinks[:, place], design[:, biases:]))
+        if float(np.linalg.norm(ordered[:, biases])) <= 0.0:
+            continue
+        left = squares(ordered)
+        for order in range(1, design.shape[1] - biases):
+            count = biases + order + 1 + KINK_COLUMNS
+            value = criterion(float(left[biases + 1 + order]), count)
+            if value < limit:
+                found, limit = (place, order, whole - value), value
+    return found
+
+
+def _centres(problem: AxisProblem, rows: Mask) -> Array:
+    """Return the temperatures of the sets, rising."""
+    turns = problem.turns
+    own = rows & turns.sensing
+    numbers, place = np.unique(turns.set_number[own], return_inverse=True)
+    heat = np.bincount(place, turns.temperature_degC[own], len(numbers)) / np.bincount(place)
+    return np.unique(heat)
+
+
+def _shapes(heat: Array, centres: Array, widths: Array) -> Array:
+    """Return kinks, then bumps of each width, at all centres: (n, centres x (1 + widths))."""
+    apart = heat[:, None] - centres[None, :]
+    bumps = [np.exp(-0.5 * (apart / width) ** 2) for width in widths]
+    return np.column_stack((np.maximum(apart, 0.0), *bumps))
+
+
+def agreeing(problem: AxisProblem, kept: Mask, solved: Solved) -> Mask:
+    """Return the rows of sets with rejected turns whose turns all say the same, (rows,)."""
+    turns = problem.turns
+    found = np.zeros(len(kept), dtype=bool)
+    rejected = problem.candidates & turns.sensing & ~kept
+    if not bool(rejected.any()) or solved.fit.noise <= 0.0:
+        return found
+    design, _ = problem.design(solved.domain_degC, solved.order)
+    inside = problem.candidates
+    off = np.zeros(len(kept))
+    off[inside] = deleted_residuals(
+        design[inside],
+        problem.data[inside],
+        problem.course.of(inside),
+        solved.ratio,
+        kept[inside],
+    )
+    off = off / max(solved.fit.noise, problem.floor_ppm) * np.sign(turns.turns)
+    sets = [
+        np.flatnonzero(inside & turns.sensing & (turns.set_number == n))
+        for n in np.unique(turns.set_number[inside & turns.sensing])
+    ]
+    sets.sort(key=lambda own: float(turns.temperature_degC[own].mean()))
+    for own in sets if problem.paired else ():
+        both = len(own) > 1 and float(np.ptp(turns.turns[own])) > 1.0
+        if both and bool(rejected[own].any()) and float(np.ptp(off[own])) <= AGREE:
+            found[own] = True
+    for run in () if problem.paired else _runs(sets, rejected, off):
+        found[run] = True
+    return found
+
+
+def _runs(sets: list[Index], rejected: Mask, off: Array) -> list[Index]:
+    """Return the rows of neighbouring sets that were all rejected and are off in one sense."""
+    runs: list[Index] = []
+    run: list[Index] = []
+    for own in (*sets, None):
+        out = own is not None and bool(rejected[own].all())
+        alike = not run or (own is not None and bool(np.all(off[own] * off[run[-1]][0] > 0.0)))
+        if out and alike and own is not None:
+            run.append(own)
+            continue
+        if len(run) >= LONE_SETS:
+            runs.append(np.concatenate(run))
+        run = [own] if out and own is not None else []
+    return runs

@@ -1,0 +1,335 @@
+"""Go through a raw file block by block, past whatever in it is damaged.
+
+Everything in a raw file has a second witness: a block's records their check sum, its lengths each
+other, its times each other, beginning and end of the file what every raw file begins and ends with.
+What disagrees is a damaged part; the next whole block is looked for behind it.
+"""
+
+from __future__ import annotations
+
+import io
+import math
+import os
+import re
+import struct
+import zlib
+from array import array
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import IO
+
+from mcap.data_stream import RecordBuilder
+from mcap.exceptions import McapError
+from mcap.records import Channel, DataEnd, Footer, Header, Message, Schema
+from mcap.stream_reader import StreamReader
+from mcap.writer import MCAP0_MAGIC
+
+NANOSECONDS = 1_000_000_000
+
+
+def _head() -> bytes:
+    records = RecordBuilder()
+    Header(profile="", library="").write(records)
+    return bytes(MCAP0_MAGIC + records.end())
+
+
+def _end() -> bytes:
+    records = RecordBuilder()
+    DataEnd(data_section_crc=0).write(records)
+    Footer(summary_start=0, summary_offset_start=0, summary_crc=0).write(records)
+    return bytes(records.end() + MCAP0_MAGIC)
+
+
+def _schema() -> bytes:
+    records = RecordBuilder()
+    SCHEMA.write(records)
+    return bytes(records.end())
+
+
+SCHEMA = Schema(id=1, name="npy", encoding="", data=b"")
+SCHEMA_RECORD = _schema()
+HEAD, END = _head(), _end()
+"""With what every raw file begins, and ends where its process came to its end."""
+
+CHUNK = struct.Struct("<BQQQQIIQ")
+"""Kind, length, first and last time, size, check sum, compression (none), length of the records."""
+CHUNK_KIND, MESSAGE_KIND, CHANNEL_KIND = 6, 5, 4
+BEFORE_RECORDS = CHUNK.size - 9
+MESSAGE = struct.Struct("<BQHIQQ")
+"""Kind, length, channel, number, time of the log, time of publication; the rows follow."""
+CHANNEL = struct.Struct("<BQHHI")
+"""Kind, length, channel, schema, length of its topic; the topic follows."""
+MOST_OF_A_NAME = 1 << 12
+FEW = 4
+CHUNK_BEGINS = re.compile(rb"\x06.{8}(.{8})\1(.{8}).{4}\x00\x00\x00\x00\2", re.DOTALL)
+WINDOW = 1 << 20
+NEVER = (math.inf, -math.inf)
+"""The times of what belongs to no unit of work."""
+
+DAMAGED_BLOCK = "a block's check sum or length does not hold"
+DAMAGED_HEAD = "its first bytes are not those of a raw file"
+DAMAGED_END = "its last bytes are not those of a raw file"
+NAMELESS = "the block that names its unit of work is damaged"
+CUT = "it ends within a block"
+
+
+@dataclass(frozen=True)
+class Part:
+    """A part of a file that cannot be believed, and the run times between which it was written.
+
+    `units` are those that it says itself, and those of the whole blocks around it where that is
+    not sure.
+    """
+
+    began: int
+    length: int
+    what: str
+    from_s: float
+    to_s: float
+    units: tuple[str, ...] = ()
+
+
+@dataclass
+class Scan:
+    """What a raw file holds: where the whole blocks of each unit of work stand, and what is bad."""
+
+    places: dict[str, tuple[array[int], array[int]]] = field(default_factory=dict)
+    """By unit where its blocks begin, and how long they are, in bytes."""
+    parts: list[Part] = field(default_factory=list)
+    size: int = 0
+    whole_bytes: int = 0
+    """Where the last whole block ends."""
+    last_s: float = float("-inf")
+    """The run time of the last whole block, in s."""
+    sealed: bool = False
+    """Whether the file was brought to its end by the process that wrote it."""
+
+    def add(self, unit: str, began: int, length: int) -> None:
+        """Add a whole block."""
+        if unit not in self.places:
+            self.places[unit] = (array("q"), array("q"))
+        starts, lengths = self.places[unit]
+        starts.append(began)
+        lengths.append(length)
+        self.whole_bytes = began + length
+
+    def take_over(self, parts: list[Part]) -> None:
+        """Add damaged parts; those that follow each other nameless become one."""
+        for part in parts:
+            last = self.parts[-1] if self.parts else None
+            if (
+                last is not None
+                and last.what == part.what == NAMELESS
+                and last.began + last.length == part.began
+            ):
+                length = last.length + part.length
+                units = tuple(dict.fromkeys((*last.units, *part.units)))
+                self.parts[-1] = Part(last.began, length, NAMELESS, last.from_s, part.to_s, units)
+            else:
+                self.parts.append(part)
+
+
+@dataclass(frozen=True)
+class _Found:
+    """A whole block as it stands in a file; `named` is the unit of work that it announces."""
+
+    length: int
+    channel: int
+    time_ns: int
+    named: str | None
+
+
+@dataclass(frozen=True)
+class _Loose:
+    """A damaged part, with time and channel of its block where these can be read."""
+
+    began: int
+    length: int
+    what: str
+    time_ns: int | None = None
+    channel: int | None = None
+    named: str | None = None
+
+
+def scan(path: Path) -> Scan:
+    """Return the blocks and the damaged parts of a raw file; each block's check sum is proven.
+
+    The file is read once, a block at a time. Raises OSError where it cannot be.
+    """
+    found = Scan()
+    units: dict[int, str] = {}
+    guessed: dict[int, str] = {}
+    loose: list[_Loose] = []
+    last: str | None = None
+    with path.open("rb") as file:
+        found.size = os.fstat(file.fileno()).st_size
+        if file.read(len(HEAD)) != HEAD and found.size:
+            found.parts.append(Part(0, len(HEAD), DAMAGED_HEAD, *NEVER))
+        file.seek(max(found.size - len(END), 0))
+        tail = file.read()
+        found.sealed = tail == END
+        end = found.size - len(END) if found.sealed else found.size
+        at = min(len(HEAD), end)
+        while at < end:
+            block = block_at(file, at, end)
+            if block is None:
+                one = _damaged(file, at, end)
+                loose.append(one)
+                if one.named is not None and one.channel is not None:
+                    guessed[one.channel] = one.named
+                at += one.length
+                continue
+            if block.named is not None:
+                units[block.channel] = block.named
+            if block.channel in units:
+                time_s = block.time_ns / NANOSECONDS
+                around = (last, units[block.channel])
+                found.take_over([_bounded(one, found, time_s, units, around) for one in loose])
+                loose.clear()
+                found.add(units[block.channel], at, block.length)
+                last, found.last_s = units[block.channel], time_s
+            else:
+                name = guessed.get(block.channel)
+                loose.append(_Loose(at, block.length, NAMELESS, block.time_ns, None, name))
+            at += block.length
+    found.take_over([_bounded(one, found, math.inf, units, (last,)) for one in loose])
+    if found.parts and found.parts[-1].what == CUT and _is_end(tail, found):
+        found.parts[-1] = Part(end - len(END), len(END), DAMAGED_END, *NEVER)
+    return found
+
+
+def _is_end(tail: bytes, found: Scan) -> bool:
+    """Whether what stands behind the last block is a file's end, but for a few bytes."""
+    alike = sum(one == right for one, right in zip(tail, END, strict=False))
+    return found.parts[-1].length == len(END) and alike >= len(END) - FEW
+
+
+def _bounded(
+    one: _Loose,
+    found: Scan,
+    after_s: float,
+    units: Mapping[int, str],
+    around: tuple[str | None, ...],
+) -> Part:
+    """Return a damaged part with its times and units: its own, or those around it."""
+    time_s = math.nan if one.time_ns is None else one.time_ns / NANOSECONDS
+    said = units.get(one.channel) if one.channel is not None else None
+    if one.what == NAMELESS:  # all but its name is proven, its time too
+        guessed = () if one.named is None else (one.named,)
+        return Part(one.began, one.length, one.what, time_s, time_s, guessed)
+    beside = tuple(dict.fromkeys(unit for unit in (said, one.named, *around) if unit is not None))
+    if not found.sealed and one.began + one.length == found.size and one.time_ns is None:
+        return Part(one.began, one.length, CUT, found.last_s, math.inf, beside)
+    if found.last_s <= time_s <= after_s:
+        sure = beside if said is None else (said,)
+        return Part(one.began, one.length, one.what, time_s, time_s, sure)
+    return Part(one.began, one.length, one.what, found.last_s, after_s, beside)
+
+
+def block_at(file: IO[bytes], at: int, end: int) -> _Found | None:
+    """Return the whole block that begins at a byte of a file and ends before `end`, or None."""
+    file.seek(at)
+    head = file.read(CHUNK.size)
+    if len(head) < CHUNK.size:
+        return None
+    kind, length, first_ns, last_ns, size, crc, compression, inner = CHUNK.unpack(head)
+    right = kind == CHUNK_KIND and length == inner + BEFORE_RECORDS and size == inner
+    if not right or first_ns != last_ns or compression or at + CHUNK.size + inner > end:
+        return None
+    records = file.read(inner)
+    if len(records) != inner or zlib.crc32(records) != crc:
+        return None
+    return _message_in(records, first_ns)
+
+
+def _message_in(records: bytes, time_ns: int) -> _Found | None:
+    """Return the message of proven records where its times are those of its chunk."""
+    length = CHUNK.size + len(records)
+    if records[:1] == bytes([MESSAGE_KIND]) and len(records) >= MESSAGE.size:
+        _, inner, channel, _, logged_ns, published_ns = MESSAGE.unpack_from(records)
+        if inner + 9 == len(records) and logged_ns == published_ns == time_ns:
+            return _Found(length, channel, time_ns, None)
+        return None
+    named = None
+    try:
+        for one in StreamReader(io.BytesIO(records), skip_magic=True).records:
+            if isinstance(one, Channel):
+                named = one.topic.split("/", 1)[1]
+            elif isinstance(one, Message):
+                right = one.log_time == one.publish_time == time_ns
+                return _Found(length, one.channel_id, time_ns, named) if right else None
+    except (McapError, struct.error, ValueError, IndexError):
+        return None
+    return None
+
+
+def _damaged(file: IO[bytes], at: int, end: int) -> _Loose:
+    """Return how far the damage at a byte reaches, and time and channel where they can be read.
+
+    A block whose lengths agree, two of the three, ends where they say. Else all is damaged as far
+    as the next whole block.
+    """
+    file.seek(at)
+    head = file.read(CHUNK.size + MOST_OF_A_NAME)
+    if len(head) < CHUNK.size:
+        return _Loose(at, end - at, DAMAGED_BLOCK)
+    _, length, _, _, size, _, _, inner = CHUNK.unpack_from(head)
+    lengths = (length - BEFORE_RECORDS, size, inner)
+    likely, count = Counter(lengths).most_common(1)[0]
+    stops = at + CHUNK.size + likely
+    if count < 2 or likely <= 0 or stops > end or not _may_begin(file, stops, end):
+        stops = next_block(file, at + 1, end)
+        if stops - at - CHUNK.size not in lengths:
+            return _Loose(at, stops - at, DAMAGED_BLOCK)
+    return _Loose(at, stops - at, DAMAGED_BLOCK, *_said(head))
+
+
+def _may_begin(file: IO[bytes], at: int, end: int) -> bool:
+    """Whether a block may begin at a byte, or the file end there."""
+    file.seek(at)
+    return at == end or file.read(1) == bytes([CHUNK_KIND])
+
+
+def _said(head: bytes) -> tuple[int | None, int | None, str | None]:
+    """Return what a damaged block says of itself: its time, its channel, the unit it announces.
+
+    The time is the one that two of its four copies agree on.
+    """
+    _, _, first_ns, last_ns, *_ = CHUNK.unpack_from(head)
+    times, channel, named = [first_ns, last_ns], None, None
+    records = head[CHUNK.size :]
+    if records[:1] == bytes([MESSAGE_KIND]) and len(records) >= MESSAGE.size:
+        _, _, channel, _, *more = MESSAGE.unpack_from(records)
+        times += more
+    else:
+        channel, named = _announced(records)
+    time_ns, count = Counter(times).most_common(1)[0]
+    return (time_ns if count >= 2 else None), channel, named
+
+
+def _announced(records: bytes) -> tuple[int | None, str | None]:
+    """Return the channel and the unit that damaged records announce, None where none is read."""
+    at = len(SCHEMA_RECORD) if records[:1] == SCHEMA_RECORD[:1] else 0
+    if len(records) < at + CHANNEL.size:
+        return None, None
+    kind, _, channel, _, length = CHANNEL.unpack_from(records, at)
+    topic = records[at + CHANNEL.size : at + CHANNEL.size + length].decode("utf-8", "replace")
+    if kind != CHANNEL_KIND or "/" not in topic:
+        return None, None
+    return channel, topic.split("/", 1)[1]
+
+
+def next_block(file: IO[bytes], at: int, end: int) -> int:
+    """Return where the first whole block at or behind a byte begins, `end` where there is none."""
+    while at < end:
+        file.seek(at)
+        window = file.read(min(WINDOW, end - at))
+        for match in CHUNK_BEGINS.finditer(window):
+            if block_at(file, at + match.start(), end) is not None:
+                return at + match.start()
+        if len(window) <= CHUNK.size:
+            break
+        at += len(window) - CHUNK.size + 1
+    return end

@@ -1,0 +1,31 @@
+"""Whether a run folder is still where it was made, and the same one."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from station.errors import RecordError
+
+
+class Presence:
+    """A folder as it was when this began; raises OSError where there is none."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._identity = self._seen()
+
+    def check(self) -> None:
+        """Raise RecordError where another folder, or none, is at its place."""
+        try:
+            if self._seen() == self._identity:
+                return
+        except OSError:
+            pass
+        raise RecordError(
+            f"the run folder {self._path} was removed, moved or unmounted while the run went on; "
+            "what was recorded is in it, wherever it is now"
+        )
+
+    def _seen(self) -> tuple[int, int]:
+        facts = self._path.stat()
+        return facts.st_dev, facts.st_ino
