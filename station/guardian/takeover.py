@@ -21,7 +21,7 @@ from station.errors import EXIT_DONE, EXIT_FAULT
 from station.guardian.at_work import LEAVE, AtWork, WordOfWork
 from station.guardian.log import SAFE_STATE
 from station.guardian.messages import DONE, WAITS, Instructions
-from station.guardian.notes import Notes, Words
+from station.guardian.notes import Background, Notes, Words
 from station.guardian.other_process import OtherProcess, end_all
 from station.guardian.peer import Peer
 from station.guardian.rehearsal import rehearse
@@ -38,6 +38,8 @@ PAUSES_S = (0.0, 0.0, 3.0, 5.0, 10.0)
 The second follows at once: the first met what was on the line.
 """
 SLICE_S = 0.1
+SAYS_WITHIN_S = 1.0
+"""Who holds the locks is written where a disk may hang; nothing waits for that."""
 NUMBER = re.compile(r"[-+]?\d+(\.\d+)?")
 
 
@@ -58,6 +60,7 @@ class Takeover:
         self._locks = InstrumentLocks(f"the guardian of {self._folder}", instructions.world)
         self._reopening = Reopening(self._bench, self._addresses, self._clock, self._locks)
         self._at_work = WordOfWork(instructions.folder)
+        self._saying = Background("who holds the locks")
         self._harmless: set[str] = set()
         self._rehearsed: set[str] = set()
         self._leave = Event()
@@ -112,6 +115,7 @@ class Takeover:
                 "the run's process does not end and may keep instruments from answering"
             )
         outcomes = self._until_safe(wanted, notes)
+        self._saying.finish(SAYS_WITHIN_S)
         self._locks.release()
         self._at_work.end()
         peer.say(DONE)
@@ -158,9 +162,13 @@ class Takeover:
 
     def _say_who_holds(self, waits_for: Sequence[str] = ()) -> None:
         """Let whoever is refused an instrument, or asks how the run stands, read why."""
-        self._at_work.say(waits_for)
         sentence = AtWork(os.getpid(), tuple(waits_for)).sentence()
-        self._locks.say(f"{sentence}; run folder {self._folder}")
+
+        def say() -> None:
+            self._at_work.say(waits_for)
+            self._locks.say(f"{sentence}; run folder {self._folder}")
+
+        self._saying.do(say)
 
     def _allow(self, instruments: int) -> None:
         """Declare how long the next attempt may take, with its pause: then the peer takes over."""
