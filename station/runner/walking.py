@@ -66,6 +66,9 @@ class Walk:
         self._trace = trace
         self._readings = run.readings
         self._found: dict[str, Found] = {}
+        needed = procedure.instruments(run.parameters)
+        self._interlocks = watched_in_a_run(interlocks_of(run.bench), needed)
+        self._needed = {*needed, *(name for one in self._interlocks for name in one.instruments)}
         self._guardian: Guardian | None = None
         self._awake: StayingAwake | None = None
         self._monitor: Monitor | None = None
@@ -153,10 +156,7 @@ class Walk:
         self._locks.release()  # a guardian that goes on has them, too
 
     def _let_guardian_go(self, guardian: Guardian, outcome: Outcome) -> None:
-        """Dismiss the guardian from what was proven safe; else it is to go on.
-
-        What the run did not use is none of its business either.
-        """
+        """Dismiss the guardian from what was proven safe; else it is to go on."""
         if not outcome.left_unsafe:
             guardian.dismiss()
             return
@@ -169,16 +169,13 @@ class Walk:
         Raises GuardianFailed. A bench that is simulated in this process ends with it.
         """
         if not self._session.here:
-            needed = self._procedure.instruments(self._run.parameters)
-            looked_at = watched_in_a_run(interlocks_of(self._run.bench), needed)
-            watched = {name for one in looked_at for name in one.instruments}
             self._awake = StayingAwake()
             self._guardian = Guardian(
                 self._run.record.path,
                 None,
                 self._session.addresses,
                 self._run.clock,
-                instruments=sorted({*needed, *watched}),
+                instruments=sorted(self._needed),
                 wait=False,
                 world=self._session.world,
                 on_lost=self._run.progress.say,
@@ -189,12 +186,9 @@ class Walk:
     def _open(self) -> None:
         """Open and identify what the plan needs and what its interlocks look at."""
         run, bench = self._run, self._run.bench
-        needed = self._procedure.instruments(run.parameters)
-        self._interlocks = watched_in_a_run(interlocks_of(bench), needed)
-        watched = {name for one in self._interlocks for name in one.instruments}
         self._found = open_instruments(
             bench,
-            {*needed, *watched},
+            self._needed,
             self._session.addresses,
             run.clock,
             self._ask_for_driver,
@@ -238,8 +232,7 @@ class Walk:
             names = [name for name in self._found if not entries[name].shares]
             self._guardian.watch(names, self._locks)
         if self._awake is not None and (why := self._awake.refused()):
-            said = f"the computer may go to sleep during the run: {why}"
-            self._run.record.event("sleep-allowed", message=said)
+            self._run.record.event("sleep-allowed", message=f"the computer may go to sleep: {why}")
         self._monitor.check_once()
         self._monitor.start()
         if self._stillness is not None:
