@@ -5,7 +5,7 @@ from __future__ import annotations
 import ast
 import importlib.util
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 from tables import code, table
@@ -200,6 +200,13 @@ def flags_of(path: Path) -> Iterator[tuple[str, str]]:
         for target in node.targets
         if isinstance(target, ast.Name)
     }
+    returned = {
+        body.name: end.value
+        for body in ast.walk(tree)
+        if isinstance(body, ast.FunctionDef)
+        for end in body.body
+        if isinstance(end, ast.Return) and end.value is not None
+    }
     for node in ast.walk(tree):
         if not (isinstance(node, ast.Call) and isinstance(node.func, ast.Name)):
             continue
@@ -207,9 +214,20 @@ def flags_of(path: Path) -> Iterator[tuple[str, str]]:
             continue
         first, *others = node.args
         if isinstance(first, ast.Constant) and isinstance(first.value, str):
-            texts = [named.get(one.id, one) if isinstance(one, ast.Name) else one for one in others]
+            texts = [meant(one, named, returned) for one in others]
             said = [text for text in map(sentence_of, texts) if " " in text]
             yield first.value, said[0] if said else ""
+
+
+def meant(
+    node: ast.expr, named: Mapping[str, ast.expr], returned: Mapping[str, ast.expr]
+) -> ast.expr:
+    """Return what a name, or the call of a function of the same file, stands for."""
+    if isinstance(node, ast.Name):
+        return named.get(node.id, node)
+    if isinstance(node, ast.Call) and isinstance(node.func, ast.Name):
+        return returned.get(node.func.id, node)
+    return node
 
 
 def sentence_of(node: ast.expr) -> str:
