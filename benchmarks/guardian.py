@@ -152,7 +152,7 @@ def ended(
     }
     if not (run.folder / "guardian.jsonl").is_file():
         return {**line, "guardian_acted": False, "kept": line["at_rest"]}
-    last = run.guardian_log()[-1]
+    last = run.made_safe()
     since_s = [bench.report()["coils"][axis]["at_zero_since_s"] for axis in axes]
     verified_s = (last["t_s"] - signal_s) / bench.speed
     safe_state_s = sum(one["took_s"] for one in last.get("outcomes", ())) / bench.speed

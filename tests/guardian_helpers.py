@@ -138,6 +138,10 @@ class GuardedRun:
             if event["event"] == "safe-state"
         ]
 
+    def made_safe(self) -> dict[str, Any]:
+        """Return the last that the guardian noted of the safe state."""
+        return [one for one in self.guardian_log() if one["event"] == "safe-state"][-1]
+
     def guardian_log(self) -> list[dict[str, Any]]:
         """Return the events of the guardian."""
         log = self.folder / "guardian.jsonl"

@@ -35,6 +35,7 @@ from station.yaml.writing import yaml_text
 if sys.platform != "linux":
     pytest.skip("SIGKILL, SIGSTOP and /proc; not verified elsewhere", allow_module_level=True)
 
+SAFE = "the bench is safe, read back from every instrument that can harm: coil_supply.x output off"
 HALF_PERIOD_S = 1.0
 SETTLES_S = 0.3
 """Half a period of 0.5 Hz, the longest wait for a zero of the sine, and what follows it."""
@@ -58,7 +59,7 @@ def standing_still(
 
 def verified_after_s(run: GuardedRun, bench: World, killed_s: float) -> float:
     """Return the real time from the end of a run to the verified safe state, from the log."""
-    last = run.guardian_log()[-1]
+    last = run.made_safe()
     assert last["event"] == "safe-state"
     assert all(one["verified"] for one in last["outcomes"]), last
     return (last["t_s"] - bench.bench_s(killed_s)) / bench.speed
@@ -86,7 +87,9 @@ def killed(bench: World, tmp_path_factory: pytest.TempPathFactory) -> Killed:
 def test_a_killed_run_leaves_its_coil_at_zero_and_its_output_off(killed: Killed) -> None:
     assert killed.at_rest
     assert killed.after_s < 2.0 + HALF_PERIOD_S + SETTLES_S
-    told = "the bench is safe, read back from every instrument: coil_supply.x output off"
+    told = (
+        "the bench is safe, read back from every instrument that can harm: coil_supply.x output off"
+    )
     assert told in killed.said
 
 
@@ -102,8 +105,8 @@ def test_the_guardian_writes_a_chained_log_that_a_manifest_covers(
     killed: Killed, tmp_path: Path
 ) -> None:
     folder = shutil.copytree(killed.run.folder, tmp_path / "run")
-    gone, made_safe = guardian_events(folder)
-    assert (gone.kind, made_safe.kind) == ("runner-gone", "safe-state")
+    gone, made_safe, read = guardian_events(folder)
+    assert (gone.kind, made_safe.kind, read.kind) == ("runner-gone", "safe-state", "bench-read")
     assert made_safe.details["after_events"] == len(whole_events(folder))
     write_manifest(folder)
     manifest = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))
@@ -119,7 +122,7 @@ def test_what_ends_a_terminal_does_not_end_the_guardian(bench: World, tmp_path: 
     run.end_by(signal.SIGKILL)
     run.wait_for_guardian()
     assert bench.at_rest("xy")
-    names = [one["instrument"] for one in run.guardian_log()[-1]["outcomes"]]
+    names = [one["instrument"] for one in run.made_safe()["outcomes"]]
     assert names == list(COILS), "what cannot harm is left alone"
 
 

@@ -10,6 +10,7 @@ from station.record.events import Event, read_events
 
 GUARDIAN_LOG = "guardian.jsonl"
 SAFE_STATE = "safe-state"
+BENCH_READ = "bench-read"
 
 
 def guardian_events(folder: Path) -> tuple[Event, ...]:
@@ -51,5 +52,6 @@ def last_word_of_guardian(
     run_events: Sequence[Event], of_guardian: Sequence[Event]
 ) -> Event | None:
     """Return the last event of the guardian where it came after everything that the run did."""
-    last = of_guardian[-1] if of_guardian else None
+    acts = [event for event in of_guardian if event.kind != BENCH_READ]
+    last = acts[-1] if acts else None
     return last if last and last.details["after_events"] >= len(run_events) else None

@@ -17,9 +17,9 @@ from typing import Any
 from station import registry
 from station.bench import read_bench
 from station.clock import RealClock
-from station.errors import EXIT_DONE, EXIT_FAULT
+from station.errors import EXIT_DONE, EXIT_FAULT, StationError
 from station.guardian.at_work import LEAVE, AtWork, WordOfWork
-from station.guardian.log import SAFE_STATE
+from station.guardian.log import BENCH_READ, SAFE_STATE
 from station.guardian.messages import DONE, WAITS, Instructions
 from station.guardian.notes import Background, Notes, Words
 from station.guardian.other_process import OtherProcess, end_all
@@ -28,6 +28,7 @@ from station.guardian.rehearsal import rehearse
 from station.guardian.reopening import OPENS_WITHIN_S, Reopening
 from station.guardian.watching import Duty
 from station.runner.instrument_locks import InstrumentLocks
+from station.runner.whole_bench import BenchReading, Bystanders, except_for
 from station.safety.safe_state import ATTEMPTS, MadeSafe, SafeOutcome, make_bench_safe
 
 ENDS_WITHIN_S = 10.0
@@ -61,12 +62,22 @@ class Takeover:
         self._reopening = Reopening(self._bench, self._addresses, self._clock, self._locks)
         self._at_work = WordOfWork(instructions.folder)
         self._saying = Background("who holds the locks")
+        self._bystanders = Bystanders(
+            self._bench,
+            self._addresses,
+            self._clock,
+            f"the guardian of {self._folder}",
+            self._locks,
+        )
         self._harmless: set[str] = set()
         self._rehearsed: set[str] = set()
         self._leave = Event()
         self._real = RealClock()
         self._until_s = 0.0
         self.prepare(instructions.instruments or self._bench.instruments)
+        for entry in self._bench.instruments.values():
+            with suppress(StationError):  # what the run does not use is named where it is read
+                registry.load(registry.DRIVERS, entry.driver)
 
     def hold(self, names: list[str], files: list[int]) -> None:
         """Hold a lock together with the run: it is free when both are gone."""
@@ -115,14 +126,17 @@ class Takeover:
                 "the run's process does not end and may keep instruments from answering"
             )
         outcomes = self._until_safe(wanted, notes)
+        others = self._bystanders.read(wanted)
+        notes.note(BENCH_READ, **others.to_data())
         self._saying.finish(SAYS_WITHIN_S)
         self._locks.release()
         self._at_work.end()
         peer.say(DONE)
         beating.set()
-        self._words.tell(summary(list(outcomes.values())))
+        self._words.tell(summary(list(outcomes.values()), others))
         notes.close()
-        return EXIT_DONE if all(map(is_verified, outcomes.values())) else EXIT_FAULT
+        rests = all(map(is_verified, outcomes.values())) and not others.energised
+        return EXIT_DONE if rests else EXIT_FAULT
 
     def _until_safe(self, wanted: Sequence[str], notes: Notes) -> dict[str, SafeOutcome]:
         """Try until everything is verified, or a person ends it."""
@@ -218,11 +232,19 @@ def shape_of(outcomes: Mapping[str, SafeOutcome]) -> str:
     return NUMBER.sub("#", "; ".join(told))
 
 
-def summary(outcomes: Sequence[SafeOutcome]) -> str:
-    """Return what an operator must know of how the bench was left."""
-    unverified = [one for one in outcomes if not one.verified]
+def summary(outcomes: Sequence[SafeOutcome], others: BenchReading | None = None) -> str:
+    """Return what an operator must know of how the bench was left.
+
+    `others` is what was read of the instruments that the run did not use.
+    """
+    others = others or BenchReading()
+    unverified = [one for one in (*outcomes, *others.energised) if not one.verified]
+    exceptions = except_for(others.left_out)
     if not unverified:
         said = "; ".join(f"{one.instrument} {one.read_back}" for one in outcomes)
-        return f"the bench is safe, read back from every instrument: {said or 'nothing can harm'}"
+        return (
+            f"the bench is safe, read back from every instrument that can harm{exceptions}: "
+            f"{said or 'nothing can harm'}"
+        )
     said = "".join(f"\n  - {one.instrument}: {one.read_back}" for one in unverified)
     return f"NOT VERIFIED as safe; go to the bench and switch off by hand:{said}"
