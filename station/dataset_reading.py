@@ -22,7 +22,7 @@ from station.validation import check_model
 from station.yaml.reading import Document, read_text, read_yaml
 
 DATASET_FILE = "dataset.yaml"
-LARGEST = 1e30
+LARGEST = 1e38
 """Nothing that is measured is larger in its unit, and its powers can still be computed."""
 MOST_FAULTS = 20
 BLOCK_LINES, BLOCK_CHARACTERS = 20_000, 1_000_000

@@ -122,7 +122,7 @@ _HABITS = {
     '"': "arcsec", "°c/min": "degC/min", "k/min": "degC/min", "deg/√h": "deg/sqrt(h)",
 }  # fmt: skip
 
-LARGEST, SMALLEST = 1e15, 1e-30
+LARGEST, SMALLEST = 1e18, 1e-30
 BEYOND = "beyond anything that a bench can set or measure"
 
 _NUMBER = re.compile(r"[+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?")

@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 import yaml
 from command_line import station
+from small_disk import small_disk
 
 from station import registry
 from station.bench import Bench, read_bench
@@ -171,9 +172,10 @@ def test_a_faulty_plan_is_told_with_its_faults(tmp_path: Path) -> None:
 
 
 def test_a_disk_too_small_is_warned_of(tmp_path: Path) -> None:
-    done = station(tmp_path, "run", NAME, "--dry-run", "--set", "parameters.duration=1e15 s")
+    with small_disk(tmp_path / "disk") as disk:
+        done = station(tmp_path, "run", NAME, "--dry-run", "--output", str(disk))
     assert done.returncode == 0, done.stderr
-    assert "WARNING: the disk of runs is too small for this plan" in done.stderr
+    assert f"WARNING: the disk of {disk} is too small for this plan" in done.stderr
 
 
 def test_the_disk_space_foretold_is_what_a_run_takes(tmp_path: Path) -> None:

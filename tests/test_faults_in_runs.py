@@ -55,7 +55,7 @@ ENDS_WITH_A_SENTENCE = [
     (entry(SUPPLY, "list-refused", at="0 s"), "'CURR:MODE LIST': it refused with -221"),
     (
         entry(SUPPLY, "dropped-connection", command="OUTP ON"),
-        "'OUTP ON;:SYST:ERR?': no answer came and the other side closed the connection; check",
+        "'OUTP ON;:SYST:ERR?': the line broke (the other side closed the connection); check",
     ),
     (
         entry(BOARD, "dropped-connection", command=COMMAND),
@@ -64,7 +64,10 @@ ENDS_WITH_A_SENTENCE = [
     (entry(GAUSSMETER, "wrong-terminator", command="SENS:AVER"), "gaussmeter: sent 'SENS:AVER"),
     (entry(GAUSSMETER, "previous-reply", **WHILE_RECORDING), "its time stamps run backwards"),
     (entry(GAUSSMETER, "nan", **WHILE_RECORDING), "gaussmeter: read its buffer: '2026-"),
-    (entry(GAUSSMETER, "port-gone", **WHILE_RECORDING), "gaussmeter: sent 'FETC:BUFF:DC?'"),
+    (
+        entry(GAUSSMETER, "port-gone", **WHILE_RECORDING),
+        "'FETC:BUFF:DC?': the line broke (the other",
+    ),
     (entry(BOARD, "lost-frame", command=COMMAND), "no acknowledgement came within 0.5 s"),
     (entry(BOARD, "partial", command=COUNTS, **WHILE_RECORDING), "is none of its messages"),
     (entry(BOARD, "silent", **WHILE_RECORDING), "gyro_acquisition: record NA: no sample came"),

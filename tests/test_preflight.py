@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 from command_line import PLAN, station
+from small_disk import small_disk
 
 from station.clock import RealClock, VirtualClock, system_clock_synchronised
 from station.lookup import BENCHES, find
@@ -94,13 +95,12 @@ def test_a_simulated_bench_described_wrongly_is_told_with_its_file(
 
 
 def test_a_disk_too_small_for_the_plan_is_said_before_the_run_begins(tmp_path: Path) -> None:
-    done = station(
-        tmp_path, "run", NAME, "--non-interactive", "--set", "parameters.duration=1e15 s"
-    )
+    with small_disk(tmp_path / "disk") as disk:
+        done = station(tmp_path, "run", NAME, "--non-interactive", "--output", str(disk))
+        assert list(disk.iterdir()) == []
     assert done.returncode == 3
-    assert "the disk of runs is too small for this plan: it needs about" in done.stderr
+    assert f"the disk of {disk} is too small for this plan: it needs about" in done.stderr
     assert "choose another disk with --output" in done.stderr
-    assert list(tmp_path.iterdir()) == []
 
 
 def test_an_output_that_is_no_folder_is_said_before_the_run_begins(tmp_path: Path) -> None:

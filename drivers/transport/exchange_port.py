@@ -107,7 +107,7 @@ class ExchangePort(TracedLine, ABC):
             while True:
                 tries -= 1
                 try:
-                    port = self._ready()
+                    port = self._ready(message)
                     answer = once(port)
                     self._nothing_behind(port, message)
                     self._last = message, answer
@@ -124,8 +124,8 @@ class ExchangePort(TracedLine, ABC):
                     self._forget_connection()
                     raise
 
-    def _ready(self) -> Port:
-        """Return the port, opened again after a fault, with nothing on it."""
+    def _ready(self, message: str) -> Port:
+        """Return the port, opened again after a fault, with nothing on it before a message."""
         port = self._port
         if port is None:
             port = self._open()
@@ -135,7 +135,7 @@ class ExchangePort(TracedLine, ABC):
         try:
             came = self._taken_off(port)
         except OSError as error:
-            raise self._broken("looked for what had come unasked", error) from error
+            raise self._broken(f"send {shortened(message)!r}", error) from error
         if came or self._must_calm:
             port = self._in_step_again(port, came)
         return port
