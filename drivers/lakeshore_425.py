@@ -81,10 +81,11 @@ class Lakeshore425:
         self._turned = False
         self._range_T = RANGES_T[-1]
         self._gives_tesla = False
-        self._free_s = -math.inf
         self._readings = 0
         self._turn = place.clock.lock(f"{place.name} turn")
-        self._line = SerialLine(place, FRAMING, request_end="\r\n", repeatable=self.repeatable)
+        self._line = SerialLine(
+            place, FRAMING, request_end="\r\n", repeatable=self.repeatable, pause_s=PAUSE_S
+        )
 
     @property
     def averaging_s(self) -> float:
@@ -208,21 +209,11 @@ class Lakeshore425:
         """Return the answer to a query, and the run time in the middle of the exchange."""
         clock = self.place.clock
         with self._turn:
-            self._wait()
+            self._line.keep_pause()
             asked_s = clock.now()
-            try:
-                answer = self._line.query(message)
-                return answer, 0.5 * (asked_s + clock.now())
-            finally:
-                self._free_s = clock.now() + PAUSE_S
+            answer = self._line.query(message)
+            return answer, 0.5 * (asked_s + clock.now())
 
     def _tell(self, message: str) -> None:
         with self._turn:
-            self._wait()
             self._line.write(message)
-            self._free_s = self.place.clock.now() + PAUSE_S
-
-    def _wait(self) -> None:
-        """Leave the instrument the time that it needs between two lines."""
-        if self.place.clock.now() < self._free_s:
-            self.place.clock.sleep_until(self._free_s)

@@ -8,6 +8,7 @@ it is a fault. A harmless question whose line broke is asked again over a new co
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from contextlib import suppress
@@ -49,6 +50,8 @@ class ExchangePort(TracedLine, ABC):
     when_silent = "check that the instrument is on, and its cable"
     when_wrong = "check the cable, and that nobody else talks to the instrument"
     largest_bytes = LARGEST_ANSWER_BYTES
+    pause_s = 0.0
+    """Run time that an instrument needs after a message or an answer before the next message."""
 
     def __init__(self, place: Place, wire: str, repeatable: Repeatable = NEVER) -> None:
         super().__init__(place)
@@ -58,6 +61,7 @@ class ExchangePort(TracedLine, ABC):
         self._port: Port | None = None
         self._opened = 0
         self._must_calm = False
+        self._free_s = -math.inf
         self._last: tuple[str, object] | None = None
         """The last question and its answer, which is in doubt where something comes after it."""
         self.doubts = 0
@@ -255,11 +259,18 @@ class ExchangePort(TracedLine, ABC):
             with suppress(OSError):
                 port.close()
 
+    def keep_pause(self) -> None:
+        """Leave the instrument the time that it needs before the next message."""
+        if self.pause_s and self._clock.now() < self._free_s:
+            self._clock.sleep_until(self._free_s)
+
     def _send(self, port: Port, attempted: str, data: bytes) -> None:
+        self.keep_pause()
         try:
             self._wire.sent(len(data))
             self._traced(">", data)
             port.write(data)
+            self._free_s = self._clock.now() + self.pause_s
         except OSError as error:
             raise self._broken(attempted, error) from error
 
@@ -295,6 +306,7 @@ class ExchangePort(TracedLine, ABC):
         if not answer:
             raise self._silent(attempted, "no answer came", deadline_s)
         self._wire.received()
+        self._free_s = self._clock.now() + self.pause_s
         return answer
 
     def _silent(self, attempted: str, what: str, deadline_s: float) -> InstrumentError:

@@ -30,9 +30,11 @@ class SerialLine(TextLine):
         ignores_empty: bool = False,
         repeatable: Repeatable = NEVER,
         identity: str = "*IDN?",
+        pause_s: float = 0.0,
     ) -> None:
         self._framing = framing_of(place, framing)
         self._ignores_empty = ignores_empty
+        self.pause_s = pause_s
         super().__init__(
             place,
             wire_address(place.address),
