@@ -199,6 +199,7 @@ def open_on_nothing(handle: int) -> int | None:
         if found != handle:
             os.dup2(found, handle)
             os.close(found)
+        os.set_inheritable(handle, True)  # as a standard stream is: the guardian has it, too
         return handle
     return None
 

@@ -164,10 +164,13 @@ def test_a_run_without_memory_leaves_a_safe_bench(bench: World, tmp_path: Path, 
         kib = next(line for line in status.splitlines() if line.startswith("VmSize")).split()[1]
         size = int(kib) * 1024 + room
         resource.prlimit(process.pid, resource.RLIMIT_AS, (size, size))
-        at_rest_after_s(bench, 120.0)
-        process.communicate(timeout=120)
+        # It may have all the memory that it needs, and goes on: then it can be ended.
+        time.sleep(5.0)
+        process.send_signal(signal.SIGINT)
+        at_rest_after_s(bench, 60.0)
+        process.communicate(timeout=60)
     # 5 where it was the watching of the interlocks that had none.
-    assert process.returncode in (3, 5, -signal.SIGKILL)
+    assert process.returncode in (3, 4, 5, -signal.SIGKILL)
     last = [one for one in events_of(tmp_path / "runs") if one["event"] == "safe-state"][-1]
     assert all(one["verified"] for one in last["outcomes"])
 

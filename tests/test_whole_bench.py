@@ -124,8 +124,10 @@ def test_a_resumed_run_reads_the_whole_bench_too(tmp_path: Path, served: World) 
 @contextmanager
 def held_by_another(folder: Path, instrument: str) -> Iterator[None]:
     """Hold an instrument's lock as another run does."""
-    address = head_of(folder)["instruments"][instrument]["address"]
-    locks = InstrumentLocks("the run of somebody else")
+    head = head_of(folder)
+    address = head["instruments"][instrument]["address"]
+    world = f"served since {head['clock']['epoch_unix']}"
+    locks = InstrumentLocks("the run of somebody else", world)
     locks.take(instrument, address)
     try:
         yield

@@ -49,13 +49,13 @@ def lock_place(what: str) -> Path:
 class InstrumentLocks:
     """The instruments that this process has; instruments on one bus share its lock.
 
-    `holder` is what another process reads of this one. `world` sets the instruments of a simulated
-    bench apart from those of another that report the same serial numbers.
+    `holder` is what another process reads of this one. `world` sets the instruments of a served
+    simulated bench apart from those of another, at the same port or with the same serial number.
     """
 
     def __init__(self, holder: str, world: str = "") -> None:
         self._holder = holder
-        self._world = world
+        self.world = world
         self._held: dict[Path, FileLock] = {}
         self._addresses: set[str] = set()
 
@@ -66,7 +66,7 @@ class InstrumentLocks:
         """
         if address not in self._addresses:
             for form in sorted(forms_of(address)):
-                self._take(name, f"take {address}", form)
+                self._take(name, f"take {address}", self._here(form))
             self._addresses.add(address)
 
     def take_identity(self, name: str, identity: Identity) -> None:
@@ -77,7 +77,11 @@ class InstrumentLocks:
         """
         if identity.serial.strip(NO_SERIAL):
             who = " ".join(f"{identity.maker} {identity.model} {identity.serial}".split())
-            self._take(name, f"take {who}", f"identity {who.lower()} {self._world}")
+            self._take(name, f"take {who}", self._here(f"identity {who.lower()}"))
+
+    def _here(self, what: str) -> str:
+        """Return what a lock stands for in this world: a port may be another bench's tomorrow."""
+        return f"{what} {self.world}".rstrip()
 
     def to_hand_on(self) -> Iterator[tuple[list[str], list[int]]]:
         """Yield what is held for `handed_on` in another process: names and open files."""
@@ -102,7 +106,7 @@ class InstrumentLocks:
     def holds(self, address: str) -> bool:
         """Whether this process has what is at an address."""
         return address in self._addresses or any(
-            lock_place(form) in self._held for form in forms_of(address)
+            lock_place(self._here(form)) in self._held for form in forms_of(address)
         )
 
     def release(self) -> None:

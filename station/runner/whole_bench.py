@@ -226,7 +226,7 @@ class Bystanders:
         address = self._address(name)
         locks = None
         if self.own is not None and address and not self.own.holds(address):
-            locks = InstrumentLocks(f"{LOOK} by {self.holder}")
+            locks = InstrumentLocks(f"{LOOK} by {self.holder}", self.own.world)
         try:
             if locks is not None:
                 take_lock(locks, name, address)
