@@ -19,6 +19,7 @@ from station.guardian.log import (
     SAFE_STATE,
     guardian_events,
     last_word_of_guardian,
+    latest_left_out,
     latest_safe_state,
 )
 from station.locks import is_held
@@ -83,11 +84,14 @@ class Status:
     run_time_s: float
     remaining_s: float | None
     bench_safe: bool | None
+    left_out: tuple[dict[str, str], ...]
+    """What can harm and was not read back at the end, or before the steps: instrument and why."""
     message: str
 
     def to_data(self) -> dict[str, Any]:
         """Return the status as plain data."""
-        return {**asdict(self), "units_finished": list(self.units_finished)}
+        lists = {"units_finished": list(self.units_finished), "left_out": list(self.left_out)}
+        return {**asdict(self), **lists}
 
 
 def newest_run(parent: Path) -> Path:
@@ -133,6 +137,7 @@ def read_status(folder: Path) -> Status:
         run_time_s=round(now_s, 3),
         remaining_s=remaining_s(planned, events, now_s) if planned else None,
         bench_safe=all(one["verified"] for one in safe) if safe else None,
+        left_out=tuple(latest_left_out(events, of_guardian)),
         message=last_message(events, of_guardian, guardian_at_work(folder)),
     )
 

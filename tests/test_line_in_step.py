@@ -232,6 +232,24 @@ def test_a_line_that_breaks_once_costs_nothing_where_asking_does_no_harm(
     assert not notes
 
 
+@pytest.mark.parametrize("kind", ["visa", "serial"])
+def test_another_instrument_behind_a_line_that_broke_is_not_asked(kind: str) -> None:
+    who = [IDENTITY]
+
+    def says(client: socket.socket, asked: str) -> None:
+        if asked == "A?" and who == [IDENTITY]:
+            who[0] = "KEPCO,another"
+            reset(client, b"")
+        else:
+            client.sendall(f"{who[0] if asked == '*IDN?' else asked}\n".encode())
+
+    with line_to(says, kind) as (line, device, _):
+        assert line.query("*IDN?") == IDENTITY
+        with pytest.raises(InstrumentError, match="'KEPCO,another' came back instead of"):
+            line.query("A?")
+        assert device.asked == ["*IDN?", "A?", "*IDN?"]
+
+
 def test_a_line_that_always_breaks_is_opened_again_twice() -> None:
     with line_to(lambda client, _: reset(client, b"")) as (line, device, notes):
         with pytest.raises(InstrumentError, match="the line broke"):

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 from pymodbus.framer import FramerRTU
+from pymodbus.pdu import DecodePDU
 from watlow_stand import NAME, Stand, controller
 
 from drivers.transport.modbus_line import ModbusLine
@@ -253,6 +254,33 @@ def test_an_answer_to_nothing_that_was_asked_is_none(answer: bytes, says: str) -
         place = Place(NAME, f"modbus-tcp://127.0.0.1:{server.port}", clock, {}, {})
         modbus = ModbusLine(place, 1, FRAMING)
         assert says in told(lambda: modbus.read(100))
+        modbus.close()
+    clock.stop()
+
+
+@pytest.mark.parametrize("first", [True, False])
+def test_a_frame_too_many_in_one_piece_with_the_answer_is_in_doubt(first: bool) -> None:
+    def frame(value: int) -> bytes:
+        return FramerRTU(DecodePDU(False)).encode(struct.pack(">BBH", 3, 2, value), 1, 0)
+
+    def answer(data: bytes) -> bytes:
+        asked.append(data)
+        if len(asked) > 1:
+            return frame(77)
+        return frame(0) + frame(77) if first else frame(77) + frame(0)
+
+    asked: list[bytes] = []
+    clock = VirtualClock()
+    with clock.participant("test"), HostileServer(clock, answer) as server:
+        place = Place(NAME, f"socket://127.0.0.1:{server.port}", clock, {}, {})
+        modbus = ModbusLine(place, 1, FRAMING, Repeatable(r"read \d+"))
+        assert modbus.read(107) == [77]
+        assert modbus.doubts == 1
+        assert len(asked) == 2
+        asked.clear()
+        modbus_once = ModbusLine(place, 1, FRAMING)
+        assert "more than one answer came" in told(lambda: modbus_once.read(107))
+        modbus_once.close()
         modbus.close()
     clock.stop()
 

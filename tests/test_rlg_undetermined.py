@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from rlg_records import TRUTH, analysed, off_in_u, record
 
 from procedures.rlg_magnetic_sensitivity.dataset import Drive, Segment
+from procedures.rlg_magnetic_sensitivity.spectrum_plot import spectrum
 
 Array = NDArray[np.float64]
 
@@ -94,3 +95,10 @@ def test_axes_driven_alike_but_a_quarter_turn_apart_can_be() -> None:
     analysis = analysed(replace(segment, field_mT=field, rate_deg_per_h=rate))
     assert analysis.estimates[0].value == pytest.approx(0.05, abs=2e-3)
     assert analysis.estimates[1].value == pytest.approx(-0.03, abs=2e-3)
+
+
+def test_a_record_that_is_short_against_the_field_s_period_is_drawn_all_the_same() -> None:
+    short = cut(record(0), 8)
+    analysis = analysed(short)
+    assert analysis.lines
+    spectrum(analysis.segments[0], analysis.lines, short)

@@ -17,6 +17,7 @@ from guardian_helpers import World, until, world
 
 from station import registry
 from station.bench import read_bench
+from station.cli.controlling import left_safe, say_how_it_ended
 from station.clock import RealClock, VirtualClock
 from station.lookup import BENCHES, find
 from station.runner.instrument_locks import InstrumentLocks
@@ -136,7 +137,7 @@ def held_by_another(folder: Path, instrument: str) -> Iterator[None]:
 
 
 def test_what_another_run_holds_or_does_not_answer_is_left_out_and_named(
-    tmp_path: Path, served: World
+    tmp_path: Path, served: World, capsys: pytest.CaptureFixture[str]
 ) -> None:
     head = head_of(tmp_path)
     with socket.socket() as nobody:
@@ -159,6 +160,10 @@ def test_what_another_run_holds_or_does_not_answer_is_left_out_and_named(
     assert results["verdict"] == "pass"
     (flag,) = [one for one in results["flags"] if one["code"] == "not-read-back"]
     assert flag["instruments"] == [OTHER, "turntable"]
+    told = station(tmp_path, "status", str(run_folder))
+    assert f"that can harm, except {OTHER} (does not answer) and turntable (in use" in told.stdout
+    assert say_how_it_ended(run_folder, "", left_safe(run_folder), as_json=False) == 0
+    assert f"that can harm, except {OTHER} (does not answer) and turn" in capsys.readouterr().out
 
 
 def test_silent_addresses_are_asked_at_once_and_the_whole_is_bounded() -> None:

@@ -133,8 +133,7 @@ class ExchangePort(TracedLine, ABC):
         port = self._port
         if port is None:
             port = self._open()
-            if self.doubts:
-                self._prove(port)
+            self._prove(port)  # behind the address there may be another one by now
             return port
         try:
             came = self._taken_off(port)

@@ -169,6 +169,10 @@ class ModbusLine(ExchangePort):
 
         answer = self._receive(port, attempted, EXCHANGE_DEADLINE_S, is_whole)
         if reply is not None:
+            if self._framer.buildFrame(reply) != answer:
+                # On a serial line the frame that came first may be to another question.
+                self._doubt(answer, attempted)
+                raise self._doubtful(attempted, f"more than one answer came ({shown(answer)})")
             return reply
         if used:
             what = "is to another request" if self._tcp else "has a wrong check sum"

@@ -50,7 +50,9 @@ def _spectrum_panel(
     segment: Segment,
 ) -> None:
     step_Hz = float(frequency_Hz[1])
-    highest_Hz = min(float(frequency_Hz[-1]), SPECTRUM_REACH * max(x.frequency_Hz for x in lines))
+    # Of a record that is short against a period, one step is further than what is wanted.
+    wanted_Hz = max(SPECTRUM_REACH * max(x.frequency_Hz for x in lines), step_Hz)
+    highest_Hz = min(float(frequency_Hz[-1]), wanted_Hz)
     # The mean (k = 0) stands far above everything else and is not part of the picture.
     shown = slice(1, round(highest_Hz / step_Hz) + 1)
     positive = np.maximum(amplitude, 1e-12)

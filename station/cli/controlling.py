@@ -14,10 +14,15 @@ from station.console import span, tell
 from station.control.client import NoAnswer, ask
 from station.errors import EXIT_DONE, EXIT_FAULT, EXIT_WRONG_INPUT, StationError
 from station.guardian.at_work import AtWork, guardian_at_work
-from station.guardian.log import guardian_events, latest_safe_state
+from station.guardian.log import (
+    but_not,
+    guardian_events,
+    latest_left_out,
+    latest_safe_state,
+)
 from station.locks import is_held
 from station.record.creation import EVENTS
-from station.record.events import read_events
+from station.record.events import Event, read_events
 from station.record.manifest import LOCK
 from station.status import RUN_STARTED, Status, read_status, remaining_s
 
@@ -212,7 +217,12 @@ def end_guardian(run: Path, guardian: AtWork, timeout_s: float, *, as_json: bool
 
 def left_safe(run: Path) -> list[dict[str, Any]] | None:
     """Return how each instrument came to rest; None where no log tells it, or not yet."""
-    return latest_safe_state(tuple(read_events(run / EVENTS)), guardian_events(run))
+    return latest_safe_state(*logs_of(run))
+
+
+def logs_of(run: Path) -> tuple[tuple[Event, ...], tuple[Event, ...]]:
+    """Return what a run's log tells, and that of its guardian."""
+    return tuple(read_events(run / EVENTS)), guardian_events(run)
 
 
 def say_how_it_ended(
@@ -227,15 +237,19 @@ def say_how_it_ended(
     unverified = [one for one in outcomes or () if not one["verified"]]
     safe = outcomes is not None and not unverified
     exit_code = EXIT_DONE if safe and ended else EXIT_FAULT
+    # One that has not ended may have no log that can be read; it tells of what it used alone.
+    left_out = latest_left_out(*logs_of(run)) if ended else []
     if as_json:
         data = {"run": str(run), "message": message, "bench_safe": safe}
-        print_json({**data, "safe_state": outcomes or []}, exit_code)
+        told = {"safe_state": outcomes or [], "left_out": left_out}
+        print_json({**data, **told}, exit_code)
         return exit_code
     print(f"the run: {message}")
     for one in outcomes or ():
         print(f"{one['instrument']:<20}{one['read_back']}")
     if safe:
-        print("the bench is safe, read back from every instrument that can harm")
+        whole = f"that can harm{but_not(left_out)}" if ended else "that the run used"
+        print(f"the bench is safe, read back from every instrument {whole}")
     elif outcomes is None:
         tell(
             "NOT VERIFIED: no word of how the bench was left; go to it now, and switch off by hand "

@@ -130,7 +130,8 @@ def say(outcome: Outcome) -> None:
     if (outcome.safe or outcome.outside) and not outcome.unsafe:
         tell(f"the bench is safe, read back from every instrument that can harm{exceptions}")
     elif exceptions:
-        tell(f"every instrument that can harm was read back{exceptions}")
+        others = "every other instrument" if outcome.unsafe else "every instrument"
+        tell(f"{others} that can harm was read back{exceptions}")
     tell(f"run folder: {outcome.folder}")
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -31,6 +31,38 @@ def latest_safe_state(
     None where the bench was not made safe since its instruments were opened last, or where the
     guardian is still at it.
     """
+    latest = _latest(run_events, of_guardian, SAFE_STATE)
+    # A run that opened nothing has nothing to say of what was left before it.
+    telling = [
+        one["outcomes"]
+        for one in latest
+        if any(outcome.get("used", True) for outcome in one["outcomes"])
+    ]
+    return list(telling[-1]) if telling else [] if latest else None
+
+
+def latest_left_out(
+    run_events: Sequence[Event], of_guardian: Sequence[Event]
+) -> list[dict[str, str]]:
+    """Return what can harm and was not read back when a run left its bench: instrument and why."""
+    latest = _latest(run_events, of_guardian, SAFE_STATE, BENCH_READ)
+    told = [one["left_out"] for one in latest if "left_out" in one]
+    return list(told[-1]) if told else []
+
+
+def but_not(left_out: Iterable[Mapping[str, str]]) -> str:
+    """Return the end of a sentence on the whole bench: what it does not hold for, or nothing."""
+    named = [f"{one['instrument']} ({one['why']})" for one in left_out]
+    if not named:
+        return ""
+    head, last = named[:-1], named[-1]
+    return f", except {', '.join(head)} and {last}" if head else f", except {last}"
+
+
+def _latest(
+    run_events: Sequence[Event], of_guardian: Sequence[Event], *kinds: str
+) -> list[Mapping[str, Any]]:
+    """Return what events of some kinds tell since the instruments were opened last."""
     opened = max(
         (n for n, event in enumerate(run_events) if event.kind == "identified"), default=-1
     )
@@ -38,14 +70,10 @@ def latest_safe_state(
     # Between the last line that the run had written, and the next one of a resumed run.
     said += [(event.details["after_events"] - 0.5, event) for event in of_guardian]
     latest = [
-        (place, event.details["outcomes"])
-        for place, event in said
-        if event.kind == SAFE_STATE and place > opened
+        (place, event.details) for place, event in said if event.kind in kinds and place > opened
     ]
     latest.sort(key=lambda one: one[0])
-    # A run that opened nothing has nothing to say of what was left before it.
-    telling = [outcomes for _, outcomes in latest if any(one.get("used", True) for one in outcomes)]
-    return list(telling[-1]) if telling else [] if latest else None
+    return [details for _, details in latest]
 
 
 def last_word_of_guardian(

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 from station import registry
 from station.clock import Clock, RealClock
 from station.errors import Aborted, BenchEnergised, InstrumentError
+from station.guardian.log import but_not
 from station.locks import LockHeld
 from station.runner.instrument_locks import InstrumentLocks
 from station.runner.opening import LOOK, Found, open_one, take_lock
@@ -267,8 +268,4 @@ def why_left_out(error: InstrumentError) -> str:
 
 def except_for(left_out: Iterable[LeftOut]) -> str:
     """Return the end of a sentence on the whole bench: what it does not hold for, or nothing."""
-    named = [f"{one.instrument} ({one.why})" for one in left_out]
-    if not named:
-        return ""
-    head, last = named[:-1], named[-1]
-    return f", except {', '.join(head)} and {last}" if head else f", except {last}"
+    return but_not(one.to_data() for one in left_out)
