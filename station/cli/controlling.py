@@ -14,7 +14,12 @@ from station.console import span, tell
 from station.control.client import NoAnswer, ask
 from station.errors import EXIT_DONE, EXIT_FAULT, EXIT_WRONG_INPUT, StationError
 from station.guardian.at_work import AtWork, guardian_at_work
-from station.guardian.log import guardian_events, latest_safe_state
+from station.guardian.log import (
+    WHAT_WAS_OPENED,
+    guardian_events,
+    latest_safe_state,
+    read_back_from,
+)
 from station.locks import is_held
 from station.record.creation import EVENTS
 from station.record.events import read_events
@@ -215,6 +220,11 @@ def left_safe(run: Path) -> list[dict[str, Any]] | None:
     return latest_safe_state(tuple(read_events(run / EVENTS)), guardian_events(run))
 
 
+def read_from(run: Path) -> str:
+    """Return which instruments were read back as safe at the end of a run, in words."""
+    return read_back_from(tuple(read_events(run / EVENTS)), guardian_events(run))
+
+
 def say_how_it_ended(
     run: Path,
     message: str,
@@ -235,7 +245,7 @@ def say_how_it_ended(
     for one in outcomes or ():
         print(f"{one['instrument']:<20}{one['read_back']}")
     if safe:
-        print("the bench is safe, read back from every instrument that can harm")
+        print(f"the bench is safe, read back from {read_from(run) if ended else WHAT_WAS_OPENED}")
     elif outcomes is None:
         tell(
             "NOT VERIFIED: no word of how the bench was left; go to it now, and switch off by hand "

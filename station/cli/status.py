@@ -31,8 +31,8 @@ def rows(status: Status) -> list[tuple[str, str]]:
     listed = f" ({'… ' if done > MOST_UNITS else ''}{shown})" if done else ""
     found = [
         ("run", status.run),
-        ("procedure", status.procedure or "not told"),
-        ("device", f"{dut['model']} {dut['serial']}" if dut else "not told"),
+        ("procedure", status.procedure or "unknown"),
+        ("device", f"{dut['model']} {dut['serial']}" if dut else "unknown"),
         ("state", SENTENCES[status.state]),
         ("step", f"{status.step}  {status.step_title}" if status.step else "none yet"),
         ("units of work", f"{done}{of} finished{listed}"),
@@ -41,7 +41,7 @@ def rows(status: Status) -> list[tuple[str, str]]:
     if status.state in ("running", "paused") and status.remaining_s is not None:
         found.append(("bench time left", f"about {span(status.remaining_s)}"))
     if status.bench_safe is not None:
-        verified = "safe, read back from every instrument that can harm"
+        verified = f"safe, read back from {status.read_back_from}"
         found.append(("bench", verified if status.bench_safe else "NOT VERIFIED as safe"))
     elif status.state == "interrupted":
         found.append(("bench", "NOT made safe by the run itself; look at it now"))

@@ -10,6 +10,9 @@ from station.record.events import Event, read_events
 
 GUARDIAN_LOG = "guardian.jsonl"
 SAFE_STATE = "safe-state"
+LEFT = "left"
+WHOLE_BENCH = "every instrument that can harm"
+WHAT_WAS_OPENED = "every instrument that the run had opened"
 
 
 def guardian_events(folder: Path) -> tuple[Event, ...]:
@@ -30,6 +33,26 @@ def latest_safe_state(
     None where the bench was not made safe since its instruments were opened last, or where the
     guardian is still at it.
     """
+    event, known = _latest(run_events, of_guardian)
+    return list(event.details["outcomes"]) if event else [] if known else None
+
+
+def read_back_from(run_events: Sequence[Event], of_guardian: Sequence[Event]) -> str:
+    """Return in words which instruments the latest safe state was read back from.
+
+    A run reads the whole bench and names what it could not read; a guardian reads what its run had
+    opened.
+    """
+    event, _ = _latest(run_events, of_guardian)
+    if event is not None and event in of_guardian:
+        return WHAT_WAS_OPENED
+    left_out = event.details.get("left_out", ()) if event else ()
+    listed = " and ".join(f"{one['instrument']} ({one['why']})" for one in left_out)
+    return f"{WHOLE_BENCH}, except {listed}" if listed else WHOLE_BENCH
+
+
+def _latest(run_events: Sequence[Event], of_guardian: Sequence[Event]) -> tuple[Event | None, bool]:
+    """Return the event of the latest safe state of what a run opened, and whether there is any."""
     opened = max(
         (n for n, event in enumerate(run_events) if event.kind == "identified"), default=-1
     )
@@ -37,14 +60,16 @@ def latest_safe_state(
     # Between the last line that the run had written, and the next one of a resumed run.
     said += [(event.details["after_events"] - 0.5, event) for event in of_guardian]
     latest = [
-        (place, event.details["outcomes"])
-        for place, event in said
-        if event.kind == SAFE_STATE and place > opened
+        (place, event) for place, event in said if event.kind == SAFE_STATE and place > opened
     ]
     latest.sort(key=lambda one: one[0])
     # A run that opened nothing has nothing to say of what was left before it.
-    telling = [outcomes for _, outcomes in latest if any(one.get("used", True) for one in outcomes)]
-    return list(telling[-1]) if telling else [] if latest else None
+    telling = [
+        event
+        for _, event in latest
+        if any(one.get("used", True) for one in event.details["outcomes"])
+    ]
+    return telling[-1] if telling else None, bool(latest)
 
 
 def last_word_of_guardian(

@@ -19,7 +19,7 @@ from station.bench import read_bench
 from station.clock import RealClock
 from station.errors import EXIT_DONE, EXIT_FAULT
 from station.guardian.at_work import LEAVE, AtWork, WordOfWork
-from station.guardian.log import SAFE_STATE
+from station.guardian.log import LEFT, SAFE_STATE, WHAT_WAS_OPENED
 from station.guardian.messages import DONE, WAITS, Instructions
 from station.guardian.notes import Notes, Words
 from station.guardian.other_process import OtherProcess, end_all
@@ -140,7 +140,7 @@ class Takeover:
                 self._say_what_is_left(outcomes)
             known = now
             if last:
-                notes.note("left", message="a person ended the guardian")
+                notes.note(LEFT, message="a person ended the guardian")
                 return outcomes
 
     def _say_what_is_left(self, outcomes: Mapping[str, SafeOutcome]) -> None:
@@ -210,11 +210,16 @@ def shape_of(outcomes: Mapping[str, SafeOutcome]) -> str:
     return NUMBER.sub("#", "; ".join(told))
 
 
+def named(instrument: str, read_back: str) -> str:
+    """Return what was read back with the name of its instrument, once."""
+    return f"{instrument}: {read_back.removeprefix(f'{instrument}: ')}"
+
+
 def summary(outcomes: Sequence[SafeOutcome]) -> str:
     """Return what an operator must know of how the bench was left."""
     unverified = [one for one in outcomes if not one.verified]
     if not unverified:
         said = "; ".join(f"{one.instrument} {one.read_back}" for one in outcomes)
-        return f"the bench is safe, read back from every instrument: {said or 'nothing can harm'}"
-    said = "".join(f"\n  - {one.instrument}: {one.read_back}" for one in unverified)
+        return f"the bench is safe, read back from {WHAT_WAS_OPENED}: {said or 'nothing can harm'}"
+    said = "".join(f"\n  - {named(one.instrument, one.read_back)}" for one in unverified)
     return f"NOT VERIFIED as safe; go to the bench and switch off by hand:{said}"
