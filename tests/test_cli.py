@@ -113,7 +113,9 @@ def test_run_refuses_a_faulty_plan_before_anything_happens(tmp_path: Path) -> No
 def test_a_plan_beyond_the_benchs_limits_names_the_limit(tmp_path: Path) -> None:
     (tmp_path / "plan.yaml").write_text(PLAN.replace("1 mT", "2 mT"), encoding="utf-8")
     bench = (Path(__file__).parent.parent / "config/benches/sim.yaml").read_text(encoding="utf-8")
-    (tmp_path / "weak.yaml").write_text(bench.replace("8 A", "5 A"), encoding="utf-8")
+    (tmp_path / "weak.yaml").write_text(
+        bench.replace("8 A", "5 A").replace("8.2 A", "5.2 A"), encoding="utf-8"
+    )
     done = station(tmp_path, "validate", "plan.yaml", "--bench", "weak.yaml")
     assert done.returncode == 2
     assert "needs 6.67 A from coil_supply.x, the bench allows 5 A" in done.stderr
