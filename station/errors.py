@@ -49,7 +49,7 @@ class InstrumentsMissing(StationError):
         listed = "".join(f"\n  - {problem}" for problem in problems)
         count = len(problems)
         noun = "instrument is" if count == 1 else "instruments are"
-        super().__init__(f"{count} {noun} missing or wrong, nothing was energised:{listed}")
+        super().__init__(f"{count} {noun} missing, wrong or in use, nothing was energised:{listed}")
 
 
 class BenchEnergised(StationError):

@@ -16,11 +16,13 @@ from station.control.spans import is_paused, paused_s
 from station.errors import InputError
 from station.guardian.at_work import AtWork, guardian_at_work
 from station.guardian.log import (
+    LEFT,
     SAFE_STATE,
     guardian_events,
     last_word_of_guardian,
     latest_left_out,
     latest_safe_state,
+    read_back_from,
 )
 from station.locks import is_held
 from station.record.creation import EVENTS
@@ -134,7 +136,7 @@ def read_status(folder: Path) -> Status:
             dict.fromkeys(event.details["unit"] for event in of_kind(events, "unit-finished"))
         ),
         units_planned=len(planned["units"]) if planned.get("units") else None,
-        run_time_s=round(now_s, 3),
+        run_time_s=round(now_s - (events[0].time_s if events else 0.0), 3),
         remaining_s=remaining_s(planned, events, now_s) if planned else None,
         bench_safe=all(one["verified"] for one in safe) if safe else None,
         left_out=tuple(latest_left_out(events, of_guardian)),
@@ -214,7 +216,7 @@ def last_message(
     last = last_word_of_guardian(events, of_guardian)
     goes_on = f"; {at_work.sentence()}" if at_work and at_work.waits_for else ""
     if last is not None:
-        return guardian_in_words(last) + goes_on
+        return guardian_in_words(of_guardian, at_work is not None) + goes_on
     if at_work is not None:
         return at_work.sentence()
     failed = of_kind(since_it_went_on(events), "failed")
@@ -224,15 +226,26 @@ def last_message(
     return in_words(told[-1]) if told else "nothing yet"
 
 
-def guardian_in_words(event: Event) -> str:
+def guardian_in_words(of_guardian: Sequence[Event], at_work: bool) -> str:
     """Return how far the guardian of a dead run came, as a short text."""
-    if event.kind != SAFE_STATE:
-        return "the guardian is making the bench safe"
-    outcomes = event.details["outcomes"]
+    last = of_guardian[-1]
+    ended = last.kind == LEFT
+    read = last.kind == SAFE_STATE or ended
+    outcomes = next(
+        (one.details["outcomes"] for one in reversed(of_guardian) if one.kind == SAFE_STATE), None
+    )
+    if not read or outcomes is None:
+        if at_work:
+            return "the guardian is making the bench safe"
+        return "the guardian has ended without a result; switch off by hand what is on"
     unverified = [one for one in outcomes if not one["verified"]]
-    said = "; ".join(f"{one['instrument']} {one['read_back']}" for one in unverified or outcomes)
+    said = "; ".join(
+        f"{one['instrument']} {one['read_back'].removeprefix(one['instrument'] + ': ')}"
+        for one in unverified or outcomes
+    )
     if unverified:
-        return f"the guardian could not verify as safe: {said}"
+        by = ", and was ended by a person" if ended else ""
+        return f"the guardian could not verify as safe{by}: {said}"
     return f"the guardian made the bench safe and read it back: {said}"
 
 

@@ -29,6 +29,7 @@ from station.guardian.watched import Guardian
 from station.lookup import find
 from station.record.folder import RunFolder
 from station.recorded import left_unverified, read_plan_and_bench
+from station.status import read_status
 from station.yaml.writing import yaml_text
 
 if sys.platform != "linux":
@@ -137,6 +138,9 @@ def test_a_person_ends_a_guardian_that_goes_on_trying(bench: World, tmp_path: Pa
     folder = RunFolder(run.folder)
     left = left_unverified(folder, read_plan_and_bench(folder)[1])
     assert "Connection refused" in left["coil_supply.y"]
+    message = read_status(run.folder).message
+    assert "could not verify as safe, and was ended by a person: coil_supply.y sent" in message
+    assert message in aborted.stdout
 
 
 def test_a_run_that_cannot_verify_hands_over_and_the_guardian_goes_on(tmp_path: Path) -> None:

@@ -66,7 +66,7 @@ def test_a_supply_that_drives_too_much_trips_once_its_grace_is_over() -> None:
     assert abs(trip.value) > 8.2
     assert (trip.name, trip.limit) == ("current-limit", "above 8.2 A")
     assert f"the interlock current-limit tripped at {trip.time_s:.3f} s: " in str(trip)
-    assert f"{SUPPLY} current is {trip.value:.4g} A, above 8.2 A, for 0.4 s" in str(trip)
+    assert f"{SUPPLY} current is {trip.value:.4g} A, above 8.2 A (for 0.4 s)" in str(trip)
     # The sine of 0.1 Hz is beyond the limit within a quarter period of 2.5 s, then come 0.4 s.
     assert BEGINS_S < trip.time_s < BEGINS_S + 4.0
 

@@ -51,7 +51,7 @@ def test_a_trip_ends_the_run_with_a_safe_world_and_refuses_the_next_one(
     assert outcome.error is not None
     assert outcome.error.startswith("the interlock coil-y-current tripped at 1")
     assert "coil_supply.y current is" in outcome.error
-    assert "above 8.2 A, for 0.4 s" in outcome.error
+    assert "above 8.2 A (for 0.4 s)" in outcome.error
     assert is_safe(world), world
     assert not outcome.unsafe
     told = event(outcome, "interlock-tripped")

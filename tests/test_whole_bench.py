@@ -24,6 +24,7 @@ from station.runner.instrument_locks import InstrumentLocks
 from station.runner.session import BenchSession
 from station.runner.trace import Trace
 from station.runner.whole_bench import Bystanders, bystanders_of
+from station.status import read_status
 
 USED, OTHER = "coil_supply.x", "coil_supply.z"
 SPEED = 40.0
@@ -156,6 +157,10 @@ def test_what_another_run_holds_or_does_not_answer_is_left_out_and_named(
         (event,) = events_of(tmp_path, kind)
         assert [one["instrument"] for one in event["left_out"]] == [OTHER, "turntable"]
     (run_folder,) = (tmp_path / "runs").iterdir()
+    assert read_status(run_folder).read_back_from == (
+        f"every instrument that can harm, except {OTHER} (does not answer) "
+        "and turntable (in use by the run of somebody else)"
+    )
     results = json.loads((run_folder / "results.json").read_text(encoding="utf-8"))
     assert results["verdict"] == "pass"
     (flag,) = [one for one in results["flags"] if one["code"] == "not-read-back"]

@@ -241,7 +241,7 @@ def scan(
     visa_library: Annotated[str, typer.Option(help="`@py`, or the vendor's library.")] = "@py",
     json: Json = False,
 ) -> None:
-    """Look what is attached; print a draft of a bench file."""
+    """Look for what is attached; print a draft of a bench file."""
     from station.cli.scanning import print_scan
 
     raise typer.Exit(print_scan(host or (), visa_library, served, as_json=json))

@@ -95,7 +95,7 @@ def in_words(extreme: Extreme) -> str:
 def estimated_end(walked: DryRun) -> str:
     """Return when a run that begins now would end, or why that is not told."""
     if walked.speed is None:
-        return "not told: a simulated bench runs on virtual time, where waiting is skipped"
+        return "unknown: a simulated bench runs on virtual time, where waiting is skipped"
     if walked.ends_utc is None:
         return "beyond all calendars"
     faster = "" if walked.speed == 1.0 else f", at {walked.speed:g} times real time"

@@ -32,8 +32,8 @@ def rows(status: Status) -> list[tuple[str, str]]:
     listed = f" ({'… ' if done > MOST_UNITS else ''}{shown})" if done else ""
     found = [
         ("run", status.run),
-        ("procedure", status.procedure or "not told"),
-        ("device", f"{dut['model']} {dut['serial']}" if dut else "not told"),
+        ("procedure", status.procedure or "unknown"),
+        ("device", f"{dut['model']} {dut['serial']}" if dut else "unknown"),
         ("state", SENTENCES[status.state]),
         ("step", f"{status.step}  {status.step_title}" if status.step else "none yet"),
         ("units of work", f"{done}{of} finished{listed}"),

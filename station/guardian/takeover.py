@@ -158,7 +158,7 @@ class Takeover:
                 self._say_what_is_left(outcomes)
             known = now
             if last:
-                notes.note("left", message="a person ended the guardian")
+                notes.note(LEFT, message="a person ended the guardian")
                 return outcomes
 
     def _say_what_is_left(self, outcomes: Mapping[str, SafeOutcome]) -> None:

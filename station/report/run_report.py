@@ -44,7 +44,7 @@ def report_of_run(folder: RunFolder, document: ResultDocument, findings: Finding
         parameters=tuple(flat_rows(to_yaml_data(plan.parameters))),
         bench_name=bench.title or bench.name,
         simulated=simulated,
-        simulation=simulation_sentences(bench) if simulated else (),
+        simulation=simulation_sentences(bench, speed_of(folder)) if simulated else (),
         instruments=tuple(instrument_rows(folder, bench)),
         steps=tuple(step_rows(folder)),
         prompts=tuple(
@@ -97,15 +97,24 @@ def flat_rows(data: Mapping[str, Any], before: str = "") -> Iterator[Row]:
             yield f"{before}{name}", str(value)
 
 
-def simulation_sentences(bench: Bench) -> tuple[str, ...]:
-    """Return what was simulated, in sentences."""
+def speed_of(folder: RunFolder) -> float | None:
+    """Return how many times as fast as real the time of a run went, None where it was virtual."""
+    started = next(iter(folder.events_of("run-started")), None)
+    speed = started.details.get("speed") if started else None
+    return None if speed is None else float(speed)
+
+
+def simulation_sentences(bench: Bench, speed: float | None) -> tuple[str, ...]:
+    """Return what was simulated, in sentences; `speed` is None on virtual time."""
     instruments = ", ".join(f"{name} ({entry.driver})" for name, entry in bench.instruments.items())
     return (
         f"Every instrument was simulated: {instruments}. Each answered the same driver that a real "
         "one would, on its own wire protocol.",
         "The device under test, the coils and their field were computed from the truth that stands "
         "under “simulation” in the bench file; the analysis does not read it.",
-        "Time was virtual: waiting was skipped, nothing else.",
+        "Time was virtual: waiting was skipped, nothing else."
+        if speed is None
+        else f"Time was that of the computer, {speed:g} times as fast.",
         "Physical acts were done by the simulated world. Certificates and due dates are invented.",
     )
 

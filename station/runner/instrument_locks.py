@@ -128,7 +128,7 @@ class InstrumentLocks:
                 name,
                 attempted,
                 f"another process has it ({who})" if who else "another process has it",
-                "wait until that has ended, or end it with `station abort`",
+                "wait until that has ended, or end it with `station abort RUN`",
             ) from error
         except OSError as error:
             raise InstrumentError(

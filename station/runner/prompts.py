@@ -13,6 +13,7 @@ from station.procedure import Prompt
 from station.runner.signals import wishes_end_a_prompt
 
 DONE = "done"
+ABORT = "abort"
 
 
 @dataclass(frozen=True)
@@ -61,7 +62,7 @@ class Operator:
     def ask(self, prompt: Prompt) -> Answer:
         """Put a prompt and return its answer; raises Aborted when the operator says abort."""
         given = self._answers.get(prompt.id)
-        if given is not None and given.strip().lower() == "abort":
+        if given is not None and given.strip().lower() == ABORT:
             raise Aborted(f"the answers file ended the run at the prompt {prompt.id}")
         if prompt.physical and self._act is not None:  # a file saying `done` mounts nothing there
             return Answer(self._act(prompt.id), "simulated world")
@@ -71,8 +72,19 @@ class Operator:
             self.check([prompt])
         with self._clock.waiting_for_person(), wishes_end_a_prompt():
             tell(f"\n>> {prompt.text}")
-            tell(f"   [{prompt.id}] Enter when done, or type abort: ", end="")
-            text = sys.stdin.readline()
-        if not text or text.strip().lower() == "abort":
+            answer = self._typed(f"   [{prompt.id}] Enter when done, or type {ABORT}: ")
+        if answer == ABORT:
             raise Aborted(f"the operator ended the run at the prompt {prompt.id}")
-        return Answer(text.strip() or DONE, "operator")
+        return Answer(DONE, "operator")
+
+    def _typed(self, question: str) -> str:
+        """Return `done` or `abort` as a person types it; anything else is asked again."""
+        while True:
+            tell(question, end="")
+            line = sys.stdin.readline()
+            text = line.strip().lower()
+            if not line or text == ABORT:
+                return ABORT
+            if text in ("", DONE):
+                return DONE
+            tell(f"   '{line.strip()}' is no answer here; the run waits")

@@ -180,7 +180,7 @@ class Monitor:
     def _tripped(self, watch: Watch, judged: Judgement) -> InterlockTripped:
         said = judged.said
         if watch.since_s is not None and watch.interlock.grace_s:
-            said += f", for {self._clock.now() - watch.since_s:.3g} s"
+            said += f" (for {self._clock.now() - watch.since_s:.3g} s)"
         said += watch.eyes.explained(watch.interlock.when.watched)
         return InterlockTripped(
             watch.interlock.name,
