@@ -16,13 +16,13 @@ from station.control.spans import is_paused, paused_s
 from station.errors import InputError
 from station.guardian.at_work import AtWork, guardian_at_work
 from station.guardian.log import (
+    BENCH_READ,
     LEFT,
     SAFE_STATE,
     guardian_events,
     last_word_of_guardian,
     latest_left_out,
     latest_safe_state,
-    read_back_from,
 )
 from station.locks import is_held
 from station.record.creation import EVENTS
@@ -228,7 +228,7 @@ def last_message(
 
 def guardian_in_words(of_guardian: Sequence[Event], at_work: bool) -> str:
     """Return how far the guardian of a dead run came, as a short text."""
-    last = of_guardian[-1]
+    last = [event for event in of_guardian if event.kind != BENCH_READ][-1]
     ended = last.kind == LEFT
     read = last.kind == SAFE_STATE or ended
     outcomes = next(

@@ -12,8 +12,8 @@ from kill_helpers import served_bench
 from plan_runs import run_of, shipped_bench, shipped_plan
 from resume_helpers import warmth_K
 
+from station.cli.analysing import analyse_run
 from station.cli.running import read_served
-from station.evaluation import write_revision
 from station.record.folder import RunFolder
 from station.runner.outcome import Outcome
 
@@ -82,7 +82,7 @@ def test_every_point_is_a_unit_and_a_new_analysis_gives_the_same_bytes(
 ) -> None:
     folder = runs[0][0].folder
     assert len(RunFolder(folder).finished_units()) == 2 * 9 * 3
-    write_revision(RunFolder(folder), RunFolder(folder).new_revision(), report=False)
+    analyse_run(folder, None, compare=False)
     again = (folder / "revisions" / "001" / "results.json").read_bytes()
     assert again == (folder / "results.json").read_bytes()
 

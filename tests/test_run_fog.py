@@ -13,7 +13,7 @@ from plan_runs import run_of, shipped_bench, shipped_plan
 from resume_helpers import raw_hashes
 
 from procedures.fog_scale_factor_temperature.drive_file import PLACE
-from station.evaluation import write_revision
+from station.cli.analysing import analyse_run
 from station.lookup import find
 from station.record.folder import RunFolder
 from station.record.manifest import covered_files, file_hash
@@ -105,7 +105,7 @@ def test_the_drive_of_the_plan_is_in_the_folder_and_its_heading_in_the_results(
 
 def test_a_new_analysis_gives_the_same_bytes(run: tuple[Outcome, dict[str, Any]]) -> None:
     folder = run[0].folder
-    write_revision(RunFolder(folder), RunFolder(folder).new_revision(), report=False)
+    analyse_run(folder, None, compare=False)
     again = (folder / "revisions" / "001" / "results.json").read_bytes()
     assert again == (folder / "results.json").read_bytes()
 

@@ -13,7 +13,8 @@ from fault_truths import nine_axis_scale_factor, number
 
 from station import registry
 from station.bench import read_bench
-from station.evaluation import evaluate_run, write_revision
+from station.cli.analysing import analyse_run
+from station.evaluation import evaluate_run
 from station.lookup import BENCHES, PLANS, find
 from station.plan import read_plan
 from station.record.folder import RunFolder
@@ -143,7 +144,7 @@ def test_every_record_is_whole_turns_with_all_nine_axes(
 
 def test_a_new_analysis_gives_the_same_bytes(run: tuple[Outcome, dict[str, Any]]) -> None:
     folder = run[0].folder
-    write_revision(RunFolder(folder), RunFolder(folder).new_revision(), report=False)
+    analyse_run(folder, None, compare=False)
     again = (folder / "revisions" / "001" / "results.json").read_bytes()
     assert again == (folder / "results.json").read_bytes()
 

@@ -12,7 +12,7 @@ import pytest
 from plan_runs import run_of, shipped_bench, shipped_plan
 from scipy.stats import chi2
 
-from station.evaluation import write_revision
+from station.cli.analysing import analyse_run
 from station.record.folder import RunFolder
 from station.record.raw import read_raw
 from station.runner.outcome import Outcome
@@ -142,7 +142,7 @@ def test_an_analysis_of_the_folder_gives_the_same_results(
 ) -> None:
     folder = runs[1][0].folder
     stored = (folder / "results.json").read_bytes()
-    write_revision(RunFolder(folder), RunFolder(folder).new_revision(), report=False)
+    analyse_run(folder, None, compare=False)
     assert (folder / "results.json").read_bytes() == stored
     assert (folder / "revisions" / "001" / "results.json").read_bytes() == stored
 

@@ -13,7 +13,7 @@ from serf_shots import Cell
 from procedures.serf_nonorthogonality.judging import bad_because
 from procedures.serf_nonorthogonality.parameters import SerfParameters
 from procedures.serf_nonorthogonality.tone import fit_tone
-from station.evaluation import write_revision
+from station.cli.analysing import analyse_run
 from station.record.folder import RunFolder
 from station.runner.outcome import Outcome
 
@@ -107,7 +107,7 @@ def test_a_new_analysis_gives_the_same_bytes(
     runs: list[tuple[Outcome, dict[str, Any]]],
 ) -> None:
     folder = runs[0][0].folder
-    write_revision(RunFolder(folder), RunFolder(folder).new_revision(), report=False)
+    analyse_run(folder, None, compare=False)
     again = (folder / "revisions" / "001" / "results.json").read_bytes()
     assert again == (folder / "results.json").read_bytes()
 

@@ -225,11 +225,6 @@ def logs_of(run: Path) -> tuple[tuple[Event, ...], tuple[Event, ...]]:
     return tuple(read_events(run / EVENTS)), guardian_events(run)
 
 
-def read_from(run: Path) -> str:
-    """Return which instruments were read back as safe at the end of a run, in words."""
-    return read_back_from(tuple(read_events(run / EVENTS)), guardian_events(run))
-
-
 def say_how_it_ended(
     run: Path,
     message: str,

@@ -11,6 +11,8 @@ from station.record.events import Event, read_events
 GUARDIAN_LOG = "guardian.jsonl"
 SAFE_STATE = "safe-state"
 BENCH_READ = "bench-read"
+LEFT = "left"
+"""A person ended a guardian that went on trying."""
 
 
 def guardian_events(folder: Path) -> tuple[Event, ...]:

@@ -19,7 +19,7 @@ from station.bench import read_bench
 from station.clock import RealClock
 from station.errors import EXIT_DONE, EXIT_FAULT, StationError
 from station.guardian.at_work import LEAVE, AtWork, WordOfWork
-from station.guardian.log import BENCH_READ, SAFE_STATE
+from station.guardian.log import BENCH_READ, LEFT, SAFE_STATE
 from station.guardian.messages import DONE, WAITS, Instructions
 from station.guardian.notes import Background, Notes, Words
 from station.guardian.other_process import OtherProcess, end_all
