@@ -87,10 +87,8 @@ def killed(bench: World, tmp_path_factory: pytest.TempPathFactory) -> Killed:
 def test_a_killed_run_leaves_its_coil_at_zero_and_its_output_off(killed: Killed) -> None:
     assert killed.at_rest
     assert killed.after_s < 2.0 + HALF_PERIOD_S + SETTLES_S
-    told = (
-        "the bench is safe, read back from every instrument that can harm: coil_supply.x output off"
-    )
-    assert told in killed.said
+    assert "the bench is safe, read back from every instrument that can harm" in killed.said
+    assert "coil_supply.x output off" in killed.said
 
 
 def test_status_and_analysis_learn_what_the_guardian_did(killed: Killed) -> None:
