@@ -209,7 +209,8 @@ def convergence(analysis: AccelerometerAnalysis) -> Figure:
 def correlation(names: Sequence[str], covariance: Array) -> Figure:
     """Draw the correlation of the determined coefficients as numbers on colours."""
     deviations = np.sqrt(np.diag(covariance))
-    matrix = covariance / np.outer(deviations, deviations)
+    scales = np.outer(deviations, deviations)
+    matrix = np.divide(covariance, scales, out=np.zeros_like(covariance), where=scales > 0.0)
     figure = new_figure(0.9 + 0.3 * len(names))
     axes = figure.add_subplot()
     axes.imshow(matrix, cmap="RdBu_r", vmin=-1.0, vmax=1.0, aspect="auto")

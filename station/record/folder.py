@@ -210,6 +210,8 @@ class RunFolder:
 
         Raises DamagedRecord where it does not say what every run says.
         """
+        if not (self.path / RUN).is_file():
+            raise DamagedRecord(f"{self.path / RUN} is missing, or is no file")
         try:
             facts: dict[str, Any] = json.loads((self.path / RUN).read_text(encoding="utf-8"))
             datetime.fromisoformat(facts["started_utc"])

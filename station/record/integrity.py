@@ -247,6 +247,6 @@ def _unlike(path: Path, name: str, digest: str) -> str | None:
 
 def _file_hash(file: Path) -> str:
     try:
-        return file_hash(file)
+        return file_hash(file) if file.is_file() else ""
     except OSError:
         return ""

@@ -12,6 +12,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from station.lookup import is_there
 from station.record.blocks import CUT, DAMAGED_BLOCK, DAMAGED_END, Part, Scan
 from station.record.creation import RAW
 from station.record.events import RESUMED, Event
@@ -128,8 +129,9 @@ def lost_file(name: str, finished: Sequence[Span]) -> DamagedPart:
 
 
 def raw_files(folder: Path) -> list[Path]:
-    """Return the raw files of a run."""
-    return sorted((folder / RAW).glob("*-[0-9][0-9][0-9].mcap"))
+    """Return the raw files of a run; a pipe, a folder or a link to nowhere is none."""
+    named = (folder / RAW).glob("*-[0-9][0-9][0-9].mcap")
+    return sorted(file for file in named if is_there(file))
 
 
 def source_of(name: str) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from copy import deepcopy
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -95,18 +95,24 @@ class Document:
         The place of the key stays what it is; `moved` changes the places that come along.
         """
         value = deepcopy(source.at(at))
-        self.prune(where)
-        self.at(where[:-1])[where[-1]] = value
+        holder: Any = self.at(where[:-1])
+        key: Any = where[-1]
+        if isinstance(holder, list) or key in holder:
+            for path in paths_below(holder[key], where):
+                self.positions.pop(path, None)
+                self.scalars.pop(path, None)
+                if path != where:
+                    self.key_positions.pop(path, None)
+        holder[key] = value
         depth = len(at)
-        for path, mark in list(source.positions.items()):
-            if path[:depth] == at:
-                self.positions[where + path[depth:]] = moved(mark)
-        for path, mark in list(source.key_positions.items()):
-            if path[:depth] == at and len(path) > depth:
-                self.key_positions[where + path[depth:]] = moved(mark)
-        for path, written in list(source.scalars.items()):
-            if path[:depth] == at:
-                self.scalars[where + path[depth:]] = written
+        for path in list(paths_below(value, at)):
+            here = where + path[depth:]
+            if path in source.positions:
+                self.positions[here] = moved(source.positions[path])
+            if path in source.key_positions and path != at:
+                self.key_positions[here] = moved(source.key_positions[path])
+            if path in source.scalars:
+                self.scalars[here] = source.scalars[path]
 
     def prune(self, where: Where) -> None:
         """Forget the places of everything at and below a path, but not that of its key."""
@@ -155,3 +161,15 @@ def leaves(value: Any, where: Where = ()) -> Iterator[tuple[Where, Any]]:
             yield from leaves(inner, (*where, number))
     else:
         yield where, value
+
+
+def paths_below(value: Any, where: Where) -> Iterator[Where]:
+    """Yield the path of a value and of everything in it."""
+    yield where
+    pairs: Iterable[tuple[Any, Any]] = ()
+    if isinstance(value, dict):
+        pairs = value.items()
+    elif isinstance(value, list):
+        pairs = enumerate(value)
+    for key, one in pairs:
+        yield from paths_below(one, (*where, key))

@@ -7,6 +7,7 @@ an anchor, an alias, a merge key and a tag are faults: a plan says what it means
 
 from __future__ import annotations
 
+import errno
 import re
 from pathlib import Path
 from typing import Any
@@ -153,6 +154,8 @@ def _mark(node: Node) -> Mark:
 def read_text(path: Path, most_bytes: int | None = None) -> str:
     """Return the text of a file in UTF-8, with or without byte order mark; raises FaultList."""
     try:
+        if not path.is_dir() and path.exists() and not path.is_file():
+            raise OSError(errno.EINVAL, "it is a pipe or a device, not a file")
         with path.open("rb") as file:
             raw = file.read() if most_bytes is None else file.read(most_bytes + 1)
     except (OSError, ValueError) as error:  # a name that holds a NUL is a ValueError
