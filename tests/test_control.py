@@ -13,16 +13,20 @@ from dataclasses import dataclass, field
 from multiprocessing import AuthenticationError
 from multiprocessing.connection import Client
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from threading import Event, Thread, Timer
 from threading import enumerate as enumerate_threads
 from typing import Any, TextIO
 
 import pytest
 from campaign_helpers import shipped, undirected_run, whole_events
+from frozen_disk import frozen_disk
+from guardian_helpers import until
 
 from sim_instruments.bench import SimulatedBench
 from station import registry
 from station.clock import Clock, RealClock, VirtualClock
+from station.control.channel import Channel
 from station.control.client import NotRunning, ask, go_on
 from station.control.place import LONGEST_ADDRESS, places
 from station.control.requests import ENDS_ALREADY, RECEIVED, Control
@@ -39,6 +43,7 @@ from station.runner.signals import AbortSignals
 
 LIMITS = {"current": 8.0, "voltage": 30.0, "slew": 2.0, "zero_current": 0.02}
 LONG_S = 20.0
+CLOSES_WITHIN_S = 10.0
 
 
 @dataclass
@@ -197,6 +202,30 @@ def test_the_address_is_short_wherever_the_folders_are(
         assert ask(made.folder, "status")["paused"] is False
         addresses = [place.address for place in places(made.folder)]
     assert all(len(os.fsencode(address)) <= LONGEST_ADDRESS for address in addresses)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="a disk is frozen on Linux")
+def test_a_disk_that_hangs_below_the_channel_holds_up_no_end_of_a_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with frozen_disk(tmp_path) as disk:
+        runtime = disk.folder / "r"
+        runtime.mkdir()
+        with TemporaryDirectory(prefix="s", dir="/tmp") as short:
+            near = Path(short) / "r"
+            near.symlink_to(runtime)
+            monkeypatch.setenv("XDG_RUNTIME_DIR", str(near))
+            channel = Channel(tmp_path, lambda asked: None)
+            assert channel.place.key_file.is_relative_to(near)
+            ends = Thread(target=channel.close, daemon=True)
+            disk.freeze()
+            ends.start()
+            ends.join(CLOSES_WITHIN_S)
+            held_up = ends.is_alive()
+            disk.thaw()
+            ends.join()
+            assert not held_up
+            until(lambda: not channel.place.key_file.exists())
 
 
 def test_what_a_dead_process_left_is_replaced(tmp_path: Path) -> None:

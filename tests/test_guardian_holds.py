@@ -20,6 +20,7 @@ from campaign_helpers import short_plan, station
 from command_line import begun
 from frozen_disk import FrozenDisk, frozen_disk
 from guardian_helpers import ROOT, World, is_alive, start_run, until, world
+from standstill_runs import memory_of
 
 from station.clock import RealClock
 from station.evaluation import flags_of_guardians
@@ -38,6 +39,7 @@ if sys.platform != "linux":
 DOUBLE_DEATH_S = 60.0
 LOST_S = {signal.SIGKILL: 3.0, signal.SIGSTOP: 6.0}
 STARTS_S = 20.0
+LESS_BYTES = 12_000_000
 
 
 @pytest.fixture(scope="module")
@@ -141,6 +143,34 @@ def test_a_person_ends_a_guardian_that_goes_on_trying(bench: World, tmp_path: Pa
     message = read_status(run.folder).message
     assert "could not verify as safe, and was ended by a person: coil_supply.y sent" in message
     assert message in aborted.stdout
+
+
+def test_guardians_that_have_no_room_for_a_thread_make_the_bench_safe_all_the_same(
+    bench: World, tmp_path: Path
+) -> None:
+    run = start_run(bench, tmp_path)
+    for pid in run.guardians:
+        # What a guardian has kept for itself and given back is not enough for a thread's stack.
+        most = memory_of(pid) - LESS_BYTES
+        subprocess.run(["prlimit", f"--pid={pid}", f"--as={most}:"], check=True)
+    run.end_by(signal.SIGKILL)
+    until(lambda: bench.at_rest("x"), DOUBLE_DEATH_S)
+    assert "the bench is safe" in run.wait_for_guardian()
+    assert run.safe_states()[-1] == {"coil_supply.x": True}
+
+
+def test_a_guardian_that_stands_still_keeps_no_instrument_of_a_run_that_is_over(
+    bench: World, tmp_path: Path
+) -> None:
+    run = start_run(bench, tmp_path)
+    _, second = run.guardians
+    os.kill(second, signal.SIGSTOP)
+    run.end_by(signal.SIGKILL)
+    assert "the bench is safe" in run.wait_for_guardian()
+    until(lambda: not is_alive(second), DOUBLE_DEATH_S)
+    with_it = start_run(bench, tmp_path / "next")
+    with_it.end_by(signal.SIGKILL)
+    with_it.wait_for_guardian()
 
 
 def test_a_run_that_cannot_verify_hands_over_and_the_guardian_goes_on(tmp_path: Path) -> None:

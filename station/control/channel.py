@@ -76,15 +76,22 @@ class Channel:
         with suppress(*BROKEN):  # wakes the thread that waits for somebody to come
             Client(self.place.address, self.place.family).close()
         self._thread.join(LEAVES_WITHIN_S)
-        with suppress(OSError):
-            self._listener.close()
-        self.place.remove()
+        # The disk below need not be the run's: one that hangs keeps no run from its last words.
+        removing = Thread(target=self._remove, name="control-remove", daemon=True)
+        with suppress(RuntimeError):
+            removing.start()
+            removing.join(LEAVES_WITHIN_S)
         with self._lock:
             talks = dict(self._talks)
         for thread, incoming in talks.items():
             if incoming is not None:
                 incoming.answer(outcome="ended", said="the run ends first")
             thread.join(LEAVES_WITHIN_S)
+
+    def _remove(self) -> None:
+        with suppress(OSError):
+            self._listener.close()  # removes its file
+        self.place.remove()
 
     def _accept(self) -> None:
         while not self._closed:

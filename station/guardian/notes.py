@@ -31,22 +31,43 @@ SEALED_WITHIN_S = 1800.0
 LOOKS_EVERY_S = 0.1
 
 
+def started(body: Callable[[], None], name: str) -> Thread | None:
+    """Start a thread that ends with its process; None where there is no room for one."""
+    try:
+        thread = Thread(target=body, name=name, daemon=True)
+        thread.start()
+    except (RuntimeError, MemoryError):
+        return None
+    return thread
+
+
 class Background:
-    """Do one thing after the other, in order, in a thread that nobody waits for."""
+    """Do one thing after the other, in order, in a thread that nobody waits for.
+
+    Where the system gives no thread, what is due waits until it does.
+    """
 
     def __init__(self, name: str) -> None:
+        self._name = name
         self._due: SimpleQueue[Callable[[], None] | None] = SimpleQueue()
-        self._thread = Thread(target=self._work, name=name, daemon=True)
-        self._thread.start()
+        self._thread: Thread | None = None
+        self._begin()
 
     def do(self, what: Callable[[], None]) -> None:
         """Do `what` when everything before it is done."""
         self._due.put(what)
+        self._begin()
 
     def finish(self, within_s: float) -> None:
         """Wait until everything is done, or `within_s` of real time have passed."""
         self._due.put(None)
-        self._thread.join(within_s)
+        self._begin()
+        if self._thread is not None:
+            self._thread.join(within_s)
+
+    def _begin(self) -> None:
+        if self._thread is None:
+            self._thread = started(self._work, self._name)
 
     def _work(self) -> None:
         while (what := self._due.get()) is not None:

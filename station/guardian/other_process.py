@@ -82,6 +82,16 @@ def end_all(processes: Sequence[OtherProcess], within_s: float) -> bool:
     return True
 
 
+def let_end(process: OtherProcess, within_s: float) -> None:
+    """Wait in real time until a process has ended by itself, and kill one that does not."""
+    clock = RealClock()
+    until_s = clock.now() + within_s
+    while not process.has_ended() and clock.now() < until_s:
+        clock.sleep(LOOKS_EVERY_S)
+    if not process.has_ended():
+        process.kill()
+
+
 if sys.platform == "win32":
     SYNCHRONIZE, PROCESS_TERMINATE = 0x00100000, 0x0001
 

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from threading import Thread
 
 from station.bench import Bench
 from station.clock import Clock, RealClock
+from station.guardian.notes import started
 from station.runner.instrument_locks import InstrumentLocks
 from station.runner.opening import Probe, open_one
 
@@ -16,7 +16,7 @@ HANGS = "{}: it was not open after {:g} s: its line or the computer's own port f
 
 
 class Opening:
-    """One instrument that is opened in a thread of its own."""
+    """One instrument that is opened in a thread of its own, or here where there is none."""
 
     def __init__(
         self,
@@ -30,12 +30,14 @@ class Opening:
         self._what = (bench, addresses, clock)
         self._locks = locks
         self.probe: Probe | None = None
-        self._thread = Thread(target=self._open, name=f"open {name}", daemon=True)
-        self._thread.start()
+        self._thread = started(self._open, f"open {name}")
+        if self._thread is None:
+            self._open()
 
     def wait(self, within_s: float) -> None:
         """Wait until it is known whether it answers, at most `within_s` of real time."""
-        self._thread.join(max(within_s, 0.0))
+        if self._thread is not None:
+            self._thread.join(max(within_s, 0.0))
 
     def _open(self) -> None:
         try:

@@ -22,16 +22,16 @@ from station.guardian.at_work import LEAVE, AtWork, WordOfWork
 from station.guardian.log import BENCH_READ, LEFT, SAFE_STATE
 from station.guardian.messages import DONE, WAITS, Instructions
 from station.guardian.notes import Background, Notes, Words
-from station.guardian.other_process import OtherProcess, end_all
+from station.guardian.other_process import OtherProcess, end_all, let_end
 from station.guardian.peer import Peer
 from station.guardian.rehearsal import rehearse
 from station.guardian.reopening import OPENS_WITHIN_S, Reopening
 from station.guardian.watching import Duty
 from station.runner.instrument_locks import InstrumentLocks
-from station.runner.whole_bench import BenchReading, Bystanders, except_for
+from station.runner.whole_bench import BenchReading, Bystanders, LeftOut, except_for
 from station.safety.safe_state import ATTEMPTS, MadeSafe, SafeOutcome, make_bench_safe
 
-ENDS_WITHIN_S = 10.0
+ENDS_WITHIN_S, LEAVES_WITHIN_S = 10.0, 5.0
 FIRST_ATTEMPTS = 4
 PAUSES_S = (0.0, 0.0, 3.0, 5.0, 10.0)
 """Real time before each attempt, the last before all that follow, for as long as it takes.
@@ -39,6 +39,8 @@ PAUSES_S = (0.0, 0.0, 3.0, 5.0, 10.0)
 The second follows at once: the first met what was on the line.
 """
 SLICE_S = 0.1
+BALLAST_BYTES = 16_000_000
+"""Memory that is given back when the guardian has to act, so that it has some then."""
 SAYS_WITHIN_S = 1.0
 """Who holds the locks is written where a disk may hang; nothing waits for that."""
 NUMBER = re.compile(r"[-+]?\d+(\.\d+)?")
@@ -74,6 +76,9 @@ class Takeover:
         self._leave = Event()
         self._real = RealClock()
         self._until_s = 0.0
+        # While the run lives there is room for a thread; it says nothing before `_until_s`.
+        self._beating = peer.beat_while(lambda: self._real.now() < self._until_s)
+        self._ballast = bytearray(BALLAST_BYTES)
         self.prepare(instructions.instruments or self._bench.instruments)
         for entry in self._bench.instruments.values():
             with suppress(StationError):  # what the run does not use is named where it is read
@@ -106,12 +111,12 @@ class Takeover:
 
     def take_over(self, duty: Duty, runner: OtherProcess) -> int:
         """End who is in the way, make safe until all is, and return the exit code."""
+        self._ballast.clear()
+        self._until_s = self._real.now() + 2 * ENDS_WITHIN_S
         self._say_who_holds()
         peer = self._peer
         if hasattr(signal, LEAVE):
             signal.signal(getattr(signal, LEAVE), lambda *_: self._leave.set())
-        self._until_s = self._real.now() + 2 * ENDS_WITHIN_S
-        beating = peer.beat_while(lambda: self._real.now() < self._until_s)
         # Serial ports are exclusive, and some instruments serve one client.
         in_the_way = [] if duty.let_go else [runner]
         in_the_way += [peer.process] if peer.process is not None and not peer.can_act else []
@@ -126,14 +131,16 @@ class Takeover:
                 "the run's process does not end and may keep instruments from answering"
             )
         outcomes = self._until_safe(wanted, notes)
-        others = self._bystanders.read(wanted)
+        others = self._read_others(wanted)
         notes.note(BENCH_READ, **others.to_data())
         self._saying.finish(SAYS_WITHIN_S)
         self._locks.release()
         self._at_work.end()
         peer.say(DONE)
-        beating.set()
+        self._beating.set()
         self._words.tell(summary(list(outcomes.values()), others))
+        if peer.process is not None:  # one that stands still would keep the instruments
+            let_end(peer.process, LEAVES_WITHIN_S)
         notes.close()
         rests = all(map(is_verified, outcomes.values())) and not others.energised
         return EXIT_DONE if rests else EXIT_FAULT
@@ -150,7 +157,7 @@ class Takeover:
             self._allow(len(left))
             self._pause(PAUSES_S[min(attempt, len(PAUSES_S) - 1)])
             attempt += 1
-            outcomes |= self._attempt(left)
+            outcomes |= self._attempt_or_say_why(left)
             if (now := shape_of(outcomes)) != known or attempt <= FIRST_ATTEMPTS:
                 told = [outcomes[name].to_data() for name in wanted]
                 notes.note(SAFE_STATE, attempt=attempt, outcomes=told)
@@ -160,6 +167,15 @@ class Takeover:
             if last:
                 notes.note(LEFT, message="a person ended the guardian")
                 return outcomes
+
+    def _read_others(self, names: Sequence[str]) -> BenchReading:
+        """Read what else on the bench can harm, where there is room for the threads of that."""
+        try:
+            return self._bystanders.read(names)
+        except Exception as error:  # what the run used is safe, whatever this says
+            why = f"{self._bench.name}: {error!r}"
+            others = [one for one in self._bench.instruments if one not in names]
+            return BenchReading(left_out=[LeftOut(one, "not read", why) for one in others])
 
     def _say_what_is_left(self, outcomes: Mapping[str, SafeOutcome]) -> None:
         unverified = [name for name, one in outcomes.items() if not one.verified]
@@ -198,6 +214,14 @@ class Takeover:
         until_s = self._real.now() + seconds
         while self._real.now() < until_s and not self._leave.is_set():
             self._real.sleep(SLICE_S)
+
+    def _attempt_or_say_why(self, names: Sequence[str]) -> dict[str, SafeOutcome]:
+        """As `_attempt`; whatever that fails of, as a lack of memory, it is tried again."""
+        try:
+            return self._attempt(names)
+        except Exception as error:
+            said = f"a fault of the program: {error!r}"
+            return {name: SafeOutcome(name, False, said, 0.0) for name in names}
 
     def _attempt(self, names: Sequence[str]) -> dict[str, SafeOutcome]:
         """Open what answers, make it safe, and close it again."""
