@@ -8,12 +8,10 @@ from dataclasses import dataclass
 
 from station.clock import Clock
 from station.console import tell
-from station.errors import Aborted, UnansweredPrompt
+from station.errors import Aborted, InputError, UnansweredPrompt
 from station.procedure import Prompt
+from station.runner.consent import ABORT, DONE, HINT, discard_typed, meaning
 from station.runner.signals import wishes_end_a_prompt
-
-DONE = "done"
-ABORT = "abort"
 
 
 @dataclass(frozen=True)
@@ -44,7 +42,20 @@ class Operator:
         self._act = act
 
     def check(self, prompts: Sequence[Prompt]) -> None:
-        """Raise UnansweredPrompt, naming all of them, when a prompt would stay unanswered."""
+        """Raise UnansweredPrompt, naming all of them, when a prompt would stay unanswered.
+
+        Raises InputError where the answers file holds what is no answer.
+        """
+        unknown = [
+            f"\n  {prompt.id}: {self._answers[prompt.id]}"
+            for prompt in prompts
+            if prompt.id in self._answers and not self._meant(prompt.id)
+        ]
+        if unknown:
+            raise InputError(
+                f"the answers file has entries that are no answer, nothing was energised; write "
+                f"`{DONE}`, or `{ABORT}`:{''.join(unknown)}"
+            )
         if self._interactive:
             return
         missing = [
@@ -61,30 +72,34 @@ class Operator:
 
     def ask(self, prompt: Prompt) -> Answer:
         """Put a prompt and return its answer; raises Aborted when the operator says abort."""
-        given = self._answers.get(prompt.id)
-        if given is not None and given.strip().lower() == ABORT:
+        given = self._meant(prompt.id)
+        if given == ABORT:
             raise Aborted(f"the answers file ended the run at the prompt {prompt.id}")
         if prompt.physical and self._act is not None:  # a file saying `done` mounts nothing there
             return Answer(self._act(prompt.id), "simulated world")
         if given is not None:
-            return Answer(given, "answers file")
+            return Answer(DONE, "answers file")
         if not self._interactive:
             self.check([prompt])
         with self._clock.waiting_for_person(), wishes_end_a_prompt():
             tell(f"\n>> {prompt.text}")
-            answer = self._typed(f"   [{prompt.id}] Enter when done, or type {ABORT}: ")
+            discard_typed()
+            answer = self._typed(f"   [{prompt.id}] {HINT}: ")
         if answer == ABORT:
             raise Aborted(f"the operator ended the run at the prompt {prompt.id}")
         return Answer(DONE, "operator")
+
+    def _meant(self, prompt_id: str) -> str | None:
+        """Return what the answers file means for a prompt; None where it holds no answer to it."""
+        given = self._answers.get(prompt_id)
+        return meaning(given) if given is not None and given.strip() else None
 
     def _typed(self, question: str) -> str:
         """Return `done` or `abort` as a person types it; anything else is asked again."""
         while True:
             tell(question, end="")
             line = sys.stdin.readline()
-            text = line.strip().lower()
-            if not line or text == ABORT:
-                return ABORT
-            if text in ("", DONE):
-                return DONE
+            answer = meaning(line) if line else ABORT  # the terminal is gone
+            if answer is not None:
+                return answer
             tell(f"   '{line.strip()}' is no answer here; the run waits")

@@ -1,0 +1,34 @@
+"""What a person's answer to a prompt means: to go on, to end the run, or nothing that is known."""
+
+from __future__ import annotations
+
+import sys
+from contextlib import suppress
+
+DONE, ABORT = "done", "abort"
+GO_ON = frozenset(("", DONE, "y", "yes"))
+END = frozenset(("no", "n", "q", "quit", ABORT))
+HINT = f"Enter or `{DONE}` to go on, `{ABORT}` to end the run"
+
+
+def meaning(text: str) -> str | None:
+    """Return `done`, `abort`, or None for what is neither: nobody guesses at a safety question."""
+    word = text.strip().lower()
+    if word in GO_ON:
+        return DONE
+    # In doubt towards the end: `abort!` is meant.
+    return ABORT if word.rstrip("!.") in END else None
+
+
+def discard_typed() -> None:
+    """Forget the keys that were pressed before a prompt was shown; they answer something else."""
+    if sys.platform == "win32":
+        import msvcrt
+
+        while msvcrt.kbhit():
+            msvcrt.getwch()
+        return
+    import termios
+
+    with suppress(OSError, ValueError, termios.error):  # no terminal: nothing was typed
+        termios.tcflush(sys.stdin.fileno(), termios.TCIFLUSH)
