@@ -43,7 +43,8 @@ def coarse_frequency(time_s: Array, data: Array, start_Hz: float, reach_Hz: floa
     of the band turn by an eighth at most in a mean: time and memory then go by the band.
     """
     span_s = float(time_s[-1] - time_s[0])
-    steps = int(np.ceil(4.0 * reach_Hz * span_s))
+    # Samples that are far apart in time do not tell more frequencies apart than they are many.
+    steps = int(min(np.ceil(4.0 * reach_Hz * span_s), len(time_s)))
     grid = start_Hz + np.arange(-steps, steps + 1) * (reach_Hz / max(steps, 1))
     grid = grid[grid > 0.25 / span_s]
     if len(grid) == 0:
