@@ -10,13 +10,14 @@ from contextlib import contextmanager, suppress
 import pytest
 
 from drivers.transport.can_line import CanLine, Frame
-from drivers.transport.socketcand import LONGEST_MESSAGE, Message, Socketcand
+from drivers.transport.socketcand import LONGEST_MESSAGE, Socketcand
 from station.clock import RealClock
 from station.errors import InstrumentError
 from station.runner.opening import Place
 
 FRAMES = b"< frame 111 12.500000 0102030405060708 >< frame 00000222 12.6 AA BB >"
-SAID = [Message(0x111, bytes(range(1, 9)), False), Message(0x222, b"\xaa\xbb", False)]
+Said = tuple[int, bytes, bool]
+SAID: list[Said] = [(0x111, bytes(range(1, 9)), False), (0x222, b"\xaa\xbb", False)]
 
 
 class Daemon:
@@ -69,14 +70,16 @@ def daemon(*pieces: bytes, openings: tuple[bytes, ...] = (b"< ok >",)) -> Iterat
         there.close()
 
 
-def heard_at(there: Daemon) -> tuple[list[Message], list[bytes]]:
+def heard_at(there: Daemon) -> tuple[list[Said], list[bytes]]:
     """Return what a client hears until all is said, and what it passed over."""
     passed_over: list[bytes] = []
     bus = Socketcand("127.0.0.1", there.port, "can0", passed_over.append)
-    heard: list[Message] = []
-    while not there.done.is_set() or (more := bus.receive(0.05)):
-        heard += bus.receive(0.01) if not there.done.is_set() else more
-    bus.close()
+    heard: list[Said] = []
+    while (message := bus.recv(0.05)) is not None or not there.done.is_set():
+        if message is not None:
+            data = bytes(message.data)
+            heard.append((message.arbitration_id, data, message.is_error_frame))
+    bus.shutdown()
     return heard, passed_over
 
 

@@ -1,4 +1,4 @@
-"""CAN frames over socketcand: a reader thread that stamps, and requests with a reply frame."""
+"""CAN frames through python-can: a reader thread that stamps, and requests with a reply frame."""
 
 from __future__ import annotations
 
@@ -6,6 +6,8 @@ from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from urllib.parse import urlsplit
+
+import can
 
 from drivers.roles import Place
 from drivers.transport.kept_frames import READ_SLICE_S, KeptFrames
@@ -58,7 +60,8 @@ class CanLine(KeptFrames[Frame]):
         self._traced_frame(">", identifier, data)
         self._wire.sent(1)
         try:
-            self._bus.send(identifier, data)
+            message = can.Message(arbitration_id=identifier, data=data, is_extended_id=False)
+            self._bus.send(message)
         except OSError as error:
             raise self._broken(one_line(error)) from error
 
@@ -66,11 +69,11 @@ class CanLine(KeptFrames[Frame]):
         """Close the connection and end the reader."""
         self._end_reading(2 * READ_SLICE_S)
         with suppress(OSError):
-            self._bus.close()
+            self._bus.shutdown()
 
     def _read(self, within_s: float) -> bool:
         try:
-            messages = self._bus.receive(within_s)
+            messages = self._received(within_s)
         except (OSError, ValueError) as error:
             if not self._closing.is_set():
                 self._dead = one_line(error)
@@ -78,16 +81,25 @@ class CanLine(KeptFrames[Frame]):
             self._wire.close()
             return False
         arrival_s, frames = self._clock.now(), []
-        for identifier, data, is_error in messages:
-            if is_error:
+        for message in messages:
+            identifier, data = message.arbitration_id, bytes(message.data)
+            if message.is_error_frame:
                 self._traced("!", f"error frame {identifier:X}".encode())
                 continue
             self._traced_frame("<", identifier, data)
             if identifier in self._names:
                 frames.append(Frame(identifier, data, arrival_s))
         self._keep(frames)
-        self._wire.picked_up(sum(not one.is_error for one in messages))
+        self._wire.picked_up(sum(not one.is_error_frame for one in messages))
         return bool(messages)
+
+    def _received(self, within_s: float) -> list[can.Message]:
+        """Return all messages that have come, or the first that come within a real time."""
+        message = self._bus.recv(within_s)
+        messages = [] if message is None else [message]
+        while self._bus.waiting:
+            messages.append(self._bus.recv(0.0))
+        return messages
 
     def _passed_over(self, data: bytes) -> None:
         self._traced("!", data[:LONGEST_TRACE] + b": no message of socketcand")

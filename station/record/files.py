@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import json
 import os
+from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
 from station.errors import RecordError
 
@@ -101,3 +104,8 @@ def not_written(path: Path, error: OSError) -> RecordError:
         f"cannot write {path}: {error.strerror or error}; make room on the disk, or choose "
         "another one with --output"
     )
+
+
+def json_text(data: Mapping[str, Any]) -> str:
+    """Return data as the text of a JSON file; numbers must be finite."""
+    return json.dumps(data, indent=1, ensure_ascii=False, allow_nan=False) + "\n"

@@ -18,7 +18,7 @@ from station.errors import DamagedRecord, RecordError
 from station.locks import FileLock
 from station.record.creation import EVENTS, RAW, folder_with_head, next_segment, raw_file
 from station.record.events import RESUMED, Event, EventLog, read_events
-from station.record.files import write_whole_file
+from station.record.files import json_text, write_whole_file
 from station.record.manifest import LOCK, write_manifest
 from station.record.presence import Presence
 
@@ -344,8 +344,3 @@ def run_lock(folder: Path) -> FileLock:
             f"cannot lock {folder / LOCK}: {error.strerror or error}; choose another place, on a "
             "local disk, with --output"
         ) from error
-
-
-def json_text(data: Mapping[str, Any]) -> str:
-    """Return data as the text of a JSON file; numbers must be finite."""
-    return json.dumps(data, indent=1, ensure_ascii=False, allow_nan=False) + "\n"

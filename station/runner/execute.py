@@ -19,7 +19,8 @@ from station.evaluation import conclude_run, exit_code_of
 from station.plan import Plan
 from station.plan.resolved import resolved_text
 from station.procedure import Procedure, Prompt
-from station.record.folder import EXPORTS, RUN, RunFolder, RunRecord, json_text
+from station.record.files import json_text
+from station.record.folder import EXPORTS, RUN, RunFolder, RunRecord
 from station.record.integrity import hash_of_data
 from station.runner.outcome import Outcome
 from station.runner.preflight import look_before_a_run, watch_system_clock
