@@ -72,10 +72,21 @@ def run(*command: str | Path) -> None:
 
 
 @contextmanager
+def disk_or_skip(folder: Path) -> Iterator[LoopDisk]:
+    """Yield a mounted disk for a test, or skip the test where none can be had."""
+    import pytest
+
+    if (why := why_not()) is not None:
+        pytest.skip(why)
+    with loop_disk(folder) as disk:
+        yield disk
+
+
+@contextmanager
 def loop_disk(folder: Path) -> Iterator[LoopDisk]:
     """Yield a mounted disk, and take it away."""
     image, place = folder / "disk.img", folder / "disk"
-    place.mkdir(parents=True)
+    place.mkdir(parents=True, exist_ok=True)
     with image.open("wb") as file:
         file.truncate(SIZE_BYTES)
     run("mkfs.ext4", "-q", "-F", image)

@@ -9,7 +9,6 @@ import subprocess
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -71,53 +70,6 @@ def events_of(output: Path) -> list[dict[str, Any]]:
     logs = [folder / name for name in ("events.jsonl", "guardian.jsonl")]
     lines = [log.read_text(encoding="utf-8").splitlines() for log in logs if log.is_file()]
     return [json.loads(line) for one in lines for line in one]
-
-
-@dataclass(frozen=True)
-class FreezableDisk:
-    """A disk of its own: frozen, whoever writes there is stuck in the kernel."""
-
-    place: Path
-
-    def freeze(self) -> None:
-        """Let it take nothing more."""
-        done("fsfreeze", "-f", self.place)
-
-    def thaw(self) -> None:
-        """Let it go on, where it is frozen."""
-        subprocess.run(["fsfreeze", "-u", self.place], check=False, capture_output=True)
-
-
-@contextmanager
-def freezable_disk(folder: Path) -> Iterator[FreezableDisk]:
-    """Yield a disk that another process thaws in every case; raises OSError where none is had."""
-    image, place = folder / "disk.img", folder / "disk"
-    place.mkdir()
-    with image.open("wb") as file:
-        file.truncate(64_000_000)
-    done("mkfs.ext4", "-q", "-F", image)
-    done("mount", "-o", "loop", image, place)
-    disk = FreezableDisk(place)
-    # Whatever becomes of the test: nobody may stay in the kernel for ever.
-    thaws_at_last = subprocess.Popen(["sh", "-c", 'sleep 150; fsfreeze -u "$0"', str(place)])
-    try:
-        yield disk
-    finally:
-        disk.thaw()
-        thaws_at_last.kill()
-        thaws_at_last.wait()
-        for _ in range(50):  # whoever was stuck there has to end first
-            if subprocess.run(["umount", place], check=False, capture_output=True).returncode == 0:
-                break
-            time.sleep(0.2)
-
-
-def done(*command: str | Path) -> None:
-    """Do a command of the system; raises OSError where it is missing or refuses."""
-    try:
-        subprocess.run(command, check=True, capture_output=True)
-    except subprocess.CalledProcessError as error:
-        raise OSError(f"{command[0]}: {error.stderr!r}") from error
 
 
 def is_stuck(process: subprocess.Popen[str]) -> bool:

@@ -20,8 +20,8 @@ from typing import Any, TextIO
 
 import pytest
 from campaign_helpers import shipped, undirected_run, whole_events
-from frozen_disk import frozen_disk
 from guardian_helpers import until
+from loop_disk import disk_or_skip
 
 from sim_instruments.bench import SimulatedBench
 from station import registry
@@ -208,8 +208,8 @@ def test_the_address_is_short_wherever_the_folders_are(
 def test_a_disk_that_hangs_below_the_channel_holds_up_no_end_of_a_run(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    with frozen_disk(tmp_path) as disk:
-        runtime = disk.folder / "r"
+    with disk_or_skip(tmp_path) as disk:
+        runtime = disk.place / "r"
         runtime.mkdir()
         with TemporaryDirectory(prefix="s", dir="/tmp") as short:
             near = Path(short) / "r"

@@ -18,8 +18,8 @@ from pathlib import Path
 import pytest
 from campaign_helpers import short_plan, station
 from command_line import begun
-from frozen_disk import FrozenDisk, frozen_disk
 from guardian_helpers import ROOT, World, is_alive, start_run, until, world
+from loop_disk import LoopDisk, disk_or_skip
 from standstill_runs import memory_of
 
 from station.clock import RealClock
@@ -193,15 +193,15 @@ def test_a_run_that_cannot_verify_hands_over_and_the_guardian_goes_on(tmp_path: 
 
 
 @pytest.fixture
-def disk(tmp_path: Path) -> Iterator[FrozenDisk]:
-    with frozen_disk(tmp_path) as made:
+def disk(tmp_path: Path) -> Iterator[LoopDisk]:
+    with disk_or_skip(tmp_path) as made:
         yield made
 
 
 def test_a_run_that_cannot_die_keeps_nobody_from_its_instruments(
-    bench: World, disk: FrozenDisk
+    bench: World, disk: LoopDisk
 ) -> None:
-    run = start_run(bench, disk.folder / "runs", "coil_supply.z")
+    run = start_run(bench, disk.place / "runs", "coil_supply.z")
     first, _ = run.guardians
     disk.freeze()
     time.sleep(0.5)

@@ -19,15 +19,13 @@ from pathlib import Path
 import pytest
 from campaign_helpers import only_run, station
 from guardian_helpers import World, until, world
+from loop_disk import LoopDisk, disk_or_skip
 from still_helpers import (
     SLEW_AND_ZERO_S,
     SPEED,
-    FreezableDisk,
     at_rest_after_s,
     begun_run,
-    done,
     events_of,
-    freezable_disk,
     is_driven,
     is_stuck,
     stopped_terminal,
@@ -55,16 +53,13 @@ def bench(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[World]:
 
 
 @pytest.fixture
-def disk(tmp_path: Path) -> Iterator[FreezableDisk]:
-    try:
-        with freezable_disk(tmp_path) as one:
-            yield one
-    except OSError as error:
-        pytest.skip(f"no disk can be frozen here: {error}")
+def disk(tmp_path: Path) -> Iterator[LoopDisk]:
+    with disk_or_skip(tmp_path) as made:
+        yield made
 
 
 def test_a_disk_that_stands_still_leaves_a_safe_bench(
-    bench: World, tmp_path: Path, disk: FreezableDisk
+    bench: World, tmp_path: Path, disk: LoopDisk
 ) -> None:
     with begun_run(bench, tmp_path, disk.place / "runs") as process:
         disk.freeze()
@@ -82,7 +77,7 @@ def test_a_disk_that_stands_still_leaves_a_safe_bench(
 
 
 def test_a_wish_to_end_is_obeyed_on_a_disk_that_stands_still(
-    bench: World, tmp_path: Path, disk: FreezableDisk
+    bench: World, tmp_path: Path, disk: LoopDisk
 ) -> None:
     with begun_run(bench, tmp_path, disk.place / "runs") as process:
         disk.freeze()
@@ -96,7 +91,7 @@ def test_a_wish_to_end_is_obeyed_on_a_disk_that_stands_still(
 
 
 def test_an_abort_on_a_disk_that_stands_still_says_what_was_read_back(
-    bench: World, tmp_path: Path, disk: FreezableDisk
+    bench: World, tmp_path: Path, disk: LoopDisk
 ) -> None:
     with begun_run(bench, tmp_path, disk.place / "runs") as process:
         folder = only_run(disk.place / "runs")
@@ -200,10 +195,10 @@ def test_a_folder_that_is_gone_ends_the_run_at_once(bench: World, tmp_path: Path
 
 
 def test_a_disk_that_is_unmounted_ends_the_run_at_once(
-    bench: World, tmp_path: Path, disk: FreezableDisk
+    bench: World, tmp_path: Path, disk: LoopDisk
 ) -> None:
     with begun_run(bench, tmp_path, disk.place / "runs") as process:
-        done("umount", "--lazy", disk.place)
+        disk.detach()
         at_rest_after_s(bench, 2.0 + SLEW_AND_ZERO_S + BUSY_S)
         _, said = process.communicate(timeout=60)
     assert process.returncode == 3
