@@ -1,8 +1,9 @@
 """Go through a raw file block by block, past whatever in it is damaged.
 
 Everything in a raw file has a second witness: a block's records their check sum, its lengths each
-other, its times each other, beginning and end of the file what every raw file begins and ends with.
-What disagrees is a damaged part; the next whole block is looked for behind it.
+other, its times each other, its number those of the blocks around it, beginning and end of the file
+what every raw file begins and ends with. What disagrees is a damaged part; the next whole block is
+looked for behind it.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ import struct
 import zlib
 from array import array
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import IO
@@ -25,6 +26,8 @@ from mcap.exceptions import McapError
 from mcap.records import Channel, DataEnd, Footer, Header, Message, Schema
 from mcap.stream_reader import StreamReader
 from mcap.writer import MCAP0_MAGIC
+
+from station.record.block_order import BlockOrder
 
 NANOSECONDS = 1_000_000_000
 
@@ -72,6 +75,8 @@ DAMAGED_BLOCK = "a block's check sum or length does not hold"
 DAMAGED_HEAD = "its first bytes are not those of a raw file"
 DAMAGED_END = "its last bytes are not those of a raw file"
 NAMELESS = "the block that names its unit of work is damaged"
+MISPLACED = "a whole block stands where it was not written"
+MISSING = "whole blocks are missing before this byte"
 CUT = "it ends within a block"
 
 
@@ -105,6 +110,8 @@ class Scan:
     """The run time of the last whole block, in s."""
     sealed: bool = False
     """Whether the file was brought to its end by the process that wrote it."""
+    sources: set[str] = field(default_factory=set)
+    """The sources that its blocks say they are of."""
 
     def add(self, unit: str, began: int, length: int) -> None:
         """Add a whole block."""
@@ -133,12 +140,17 @@ class Scan:
 
 @dataclass(frozen=True)
 class _Found:
-    """A whole block as it stands in a file; `named` is the unit of work that it announces."""
+    """A whole block as it stands in a file; `named` is the unit of work that it announces.
+
+    `number` counts the blocks of a file from 0; `source` is announced with the unit.
+    """
 
     length: int
     channel: int
+    number: int
     time_ns: int
-    named: str | None
+    named: str | None = None
+    source: str | None = None
 
 
 @dataclass(frozen=True)
@@ -156,13 +168,26 @@ class _Loose:
 def scan(path: Path) -> Scan:
     """Return the blocks and the damaged parts of a raw file; each block's check sum is proven.
 
-    The file is read once, a block at a time. Raises OSError where it cannot be.
+    The file is read once, a block at a time, and once more where its blocks are not in their order.
+    Raises OSError where it cannot be.
+    """
+    order = BlockOrder()
+    found = _scan(path, order, ())
+    misplaced = order.misplaced()
+    return _scan(path, BlockOrder(), misplaced) if misplaced else found
+
+
+def _scan(path: Path, order: BlockOrder, misplaced: Collection[int]) -> Scan:
+    """Return what a raw file holds; `misplaced` are the bytes where blocks begin that do not count.
+
+    The order of all its whole blocks is added to `order`.
     """
     found = Scan()
     units: dict[int, str] = {}
     guessed: dict[int, str] = {}
     loose: list[_Loose] = []
     last: str | None = None
+    number = -1
     with path.open("rb") as file:
         found.size = os.fstat(file.fileno()).st_size
         if file.read(len(HEAD)) != HEAD and found.size:
@@ -181,15 +206,24 @@ def scan(path: Path) -> Scan:
                     guessed[one.channel] = one.named
                 at += one.length
                 continue
+            order.add(at, block.number, block.time_ns)
+            if block.source is not None:
+                found.sources.add(block.source)
+            if at in misplaced:
+                loose.append(_Loose(at, block.length, MISPLACED))
+                at += block.length
+                continue
             if block.named is not None:
                 units[block.channel] = block.named
             if block.channel in units:
                 time_s = block.time_ns / NANOSECONDS
                 around = (last, units[block.channel])
+                if _lacks(block.number - number - 1, loose):
+                    loose.append(_Loose(at, 0, MISSING))
                 found.take_over([_bounded(one, found, time_s, units, around) for one in loose])
                 loose.clear()
                 found.add(units[block.channel], at, block.length)
-                last, found.last_s = units[block.channel], time_s
+                last, found.last_s, number = units[block.channel], time_s, block.number
             else:
                 name = guessed.get(block.channel)
                 loose.append(_Loose(at, block.length, NAMELESS, block.time_ns, None, name))
@@ -198,6 +232,14 @@ def scan(path: Path) -> Scan:
     if found.parts and found.parts[-1].what == CUT and _is_end(tail, found):
         found.parts[-1] = Part(end - len(END), len(END), DAMAGED_END, *NEVER)
     return found
+
+
+def _lacks(between: int, loose: Sequence[_Loose]) -> bool:
+    """Whether fewer blocks stand between two whole ones than their numbers say.
+
+    Where the length of a block is damaged nobody knows how many there were.
+    """
+    return between > len(loose) and all(one.what != DAMAGED_BLOCK for one in loose)
 
 
 def _is_end(tail: bytes, found: Scan) -> bool:
@@ -219,6 +261,9 @@ def _bounded(
     if one.what == NAMELESS:  # all but its name is proven, its time too
         guessed = () if one.named is None else (one.named,)
         return Part(one.began, one.length, one.what, time_s, time_s, guessed)
+    if one.what in (MISPLACED, MISSING):  # what it says of itself is true of another place
+        known = tuple(dict.fromkeys(unit for unit in around if unit is not None))
+        return Part(one.began, one.length, one.what, found.last_s, after_s, known)
     beside = tuple(dict.fromkeys(unit for unit in (said, one.named, *around) if unit is not None))
     if not found.sealed and one.began + one.length == found.size and one.time_ns is None:
         return Part(one.began, one.length, CUT, found.last_s, math.inf, beside)
@@ -248,18 +293,19 @@ def _message_in(records: bytes, time_ns: int) -> _Found | None:
     """Return the message of proven records where its times are those of its chunk."""
     length = CHUNK.size + len(records)
     if records[:1] == bytes([MESSAGE_KIND]) and len(records) >= MESSAGE.size:
-        _, inner, channel, _, logged_ns, published_ns = MESSAGE.unpack_from(records)
+        _, inner, channel, number, logged_ns, published_ns = MESSAGE.unpack_from(records)
         if inner + 9 == len(records) and logged_ns == published_ns == time_ns:
-            return _Found(length, channel, time_ns, None)
+            return _Found(length, channel, number, time_ns)
         return None
-    named = None
+    source = named = None
     try:
         for one in StreamReader(io.BytesIO(records), skip_magic=True).records:
             if isinstance(one, Channel):
-                named = one.topic.split("/", 1)[1]
+                source, named = one.topic.split("/", 1)
             elif isinstance(one, Message):
-                right = one.log_time == one.publish_time == time_ns
-                return _Found(length, one.channel_id, time_ns, named) if right else None
+                if not one.log_time == one.publish_time == time_ns:
+                    return None
+                return _Found(length, one.channel_id, one.sequence, time_ns, named, source)
     except (McapError, struct.error, ValueError, IndexError):
         return None
     return None
