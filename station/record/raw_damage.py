@@ -13,18 +13,18 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from station.lookup import is_there
-from station.record.blocks import (
+from station.record.blocks import END
+from station.record.creation import RAW
+from station.record.events import RESUMED, Event
+from station.record.scanned import (
     CUT,
     DAMAGED_BLOCK,
     DAMAGED_END,
-    END,
     MISPLACED,
     MISSING,
     Part,
     Scan,
 )
-from station.record.creation import RAW
-from station.record.events import RESUMED, Event
 
 SAME_TIME_S = 1e-8
 CUT_SHORT = "where it ends: what was written behind is missing"
