@@ -17,7 +17,7 @@ from pydantic import Field
 
 from station.faults import Fault, FaultList, listed, nearest
 from station.fields import StrictModel
-from station.lookup import is_there
+from station.lookup import in_place_of_file, is_there
 from station.validation import check_model
 from station.yaml.reading import Document, read_text, read_yaml
 
@@ -101,6 +101,8 @@ def read_dataset(path: Path) -> RawDataset:
         if outside or ".." in text.replace("\\", "/").split("/"):
             what = f"'{text}' lies outside the dataset's folder; copy it into the folder"
             faults.append(document.fault(("files", name), what))
+        elif is_none := in_place_of_file(file.parent / text):
+            faults.append(document.fault(("files", name), f"'{text}' {is_none}"))
         elif not is_there(file.parent / text):
             there = [one.name for one in sorted(file.parent.glob("*.csv"))]
             hint = nearest(text, there)

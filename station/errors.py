@@ -77,6 +77,15 @@ class DamagedRecord(RecordError, InputError):
     exit_code = EXIT_WRONG_INPUT
 
 
+class MissingRows(RecordError):
+    """A finished unit of work without the raw rows that its analysis needs."""
+
+    def __init__(self, unit: str, what: str) -> None:
+        super().__init__(f"{unit}: {what}")
+        self.unit = unit
+        self.what = what
+
+
 class PauseRefused(StationError):
     """An instrument that cannot be left alone now; the run goes on."""
 

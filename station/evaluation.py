@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 from station import registry
 from station.bench import Bench
 from station.console import span
-from station.errors import EXIT_DONE, EXIT_OUTSIDE_LIMIT, EXIT_UNDETERMINED, InputError
+from station.errors import EXIT_DONE, EXIT_OUTSIDE_LIMIT, EXIT_UNDETERMINED, InputError, MissingRows
 from station.faults import FaultList, not_there
 from station.findings import Findings, Flag
 from station.record.events import RESUMED
@@ -26,6 +26,7 @@ from station.results import ResultDocument, conclude
 
 if TYPE_CHECKING:
     from station.dataset_reading import RawDataset
+    from station.plan import Plan
 
 MOST_UNITS = 6
 
@@ -33,28 +34,52 @@ MOST_UNITS = 6
 def evaluate_run(folder: RunFolder) -> tuple[ResultDocument, Findings]:
     """Return the results of a run and what lies behind them, from its folder alone.
 
-    Units of work whose raw data are damaged are left out and named. Raises DamagedRecord where
-    plan, bench, log or a file that the plan named is not the one of the run.
+    Units of work whose raw data are damaged or missing are left out and named. Raises DamagedRecord
+    where plan, bench, log or a file that the plan named is not the one of the run, InputError where
+    the analysis finds no solution.
     """
     damage = folder.damage
     damage.refuse_altered()
     folder.leave_out(damage.units)
     plan, bench = read_plan_and_bench(folder)
     procedure = registry.procedure(plan.procedure)
-    with quiet_numbers():
-        findings = procedure.evaluate_run(folder, plan.parameters, bench)
-    flags = [*findings.flags, *flags_of_run(folder, bench), *damage.flags()]
-    findings = replace(findings, flags=flags)
-    document = conclude(
-        plan.procedure,
-        findings,
-        plan.limits_by_axis(),
-        plan.decision_rule,
-        bench_safe=not left_unverified(folder, bench),
-        data_whole=not damage.parts,
-        measured=procedure.measured_axes(plan.parameters),
-    )
+    try:
+        with quiet_numbers():
+            findings, missing = findings_of_run(folder, plan, bench)
+        flags = [*findings.flags, *flags_of_run(folder, bench), *damage.flags(), *missing]
+        findings = replace(findings, flags=flags)
+        document = conclude(
+            plan.procedure,
+            findings,
+            plan.limits_by_axis(),
+            plan.decision_rule,
+            bench_safe=not left_unverified(folder, bench),
+            data_whole=not damage.parts and not missing,
+            measured=procedure.measured_axes(plan.parameters),
+        )
+    except (ArithmeticError, ValueError) as error:  # LinAlgError is a ValueError
+        raise InputError(
+            f"{folder.path}: the analysis finds no solution in the data of this run ({error}); "
+            "look at them with `station export`"
+        ) from error
     return document, findings
+
+
+def findings_of_run(folder: RunFolder, plan: Plan, bench: Bench) -> tuple[Findings, list[Flag]]:
+    """Return what the procedure finds, and a flag for each finished unit that has no raw data.
+
+    Such a unit is left out, and the others are evaluated again.
+    """
+    procedure, missing = registry.procedure(plan.procedure), list[Flag]()
+    while True:
+        try:
+            return procedure.evaluate_run(folder, plan.parameters, bench), missing
+        except MissingRows as error:
+            if error.unit not in folder.finished_units():
+                raise
+            folder.leave_out([error.unit])
+            message = f"Finished, but {error.what}; left out: {error.unit}."
+            missing.append(Flag("data-damaged", message, details={"units": [error.unit]}))
 
 
 def flags_of_run(folder: RunFolder, bench: Bench) -> list[Flag]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import errno
+import stat
 from importlib.resources import files
 from pathlib import Path
 
@@ -11,6 +13,7 @@ PLANS = "plans"
 BENCHES = "benches"
 _ONE = {PLANS: "plan", BENCHES: "bench"}
 _SUFFIX = ".yaml"
+NO_FILE = "is a pipe or a device, not a file"
 
 
 def find(kind: str, name: str, suffix: str = _SUFFIX) -> Path:
@@ -36,6 +39,27 @@ def is_there(path: Path) -> bool:
     """Whether a path is that of a file; a name that no file system takes is none."""
     try:
         return path.is_file()
+    except (OSError, ValueError):
+        return False
+
+
+def in_place_of_file(path: Path) -> str | None:
+    """Return what stands where a file should be and is none; None where there is nothing."""
+    try:
+        mode = path.stat().st_mode
+    except (OSError, ValueError) as error:  # a name with a NUL is a ValueError
+        if getattr(error, "errno", None) == errno.ELOOP:
+            return "is a link that leads to itself"
+        return "is a link that leads nowhere" if is_link(path) else None
+    if stat.S_ISREG(mode):
+        return None
+    return "is a folder, not a file" if stat.S_ISDIR(mode) else NO_FILE
+
+
+def is_link(path: Path) -> bool:
+    """Whether a path is that of a link; a name that no file system takes is none."""
+    try:
+        return path.is_symlink()
     except (OSError, ValueError):
         return False
 

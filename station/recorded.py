@@ -3,15 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from pathlib import Path
 
 from station import registry
 from station.bench import Bench, bench_of, role_of
+from station.errors import InputError
 from station.guardian.log import SAFE_STATE, guardian_events, latest_safe_state
+from station.lookup import is_there
 from station.plan import Plan, read_plan
+from station.record.creation import EVENTS
 from station.record.folder import RunFolder
 from station.yaml.reading import read_yaml
 
 NEVER_REACHED = "the run ended without making it safe"
+
+
+def read_run(path: Path) -> RunFolder:
+    """Return the run folder that a person named; raises InputError where it is none."""
+    if not is_there(path / EVENTS):
+        raise InputError(f"{path} is no run folder: it holds no {EVENTS}")
+    return RunFolder(path)
 
 
 def read_plan_and_bench(folder: RunFolder) -> tuple[Plan, Bench]:

@@ -12,6 +12,7 @@ import pytest
 from made_runs import made_run
 
 from station.cli.validating import read_bench_named, read_plan_for
+from station.dataset_reading import read_dataset
 from station.errors import DamagedRecord
 from station.faults import FaultList
 from station.record.folder import RunFolder
@@ -78,7 +79,37 @@ def test_a_pipe_in_place_of_an_input_is_named(name: str, copy: Path) -> None:
     file = copy / name
     piped(file)
     said = RunFolder(copy).damage.altered
-    assert not said or any(name in one for one in said)
+    assert any(name in one for one in said)
+
+
+@pytest.mark.parametrize(
+    ("way", "said"),
+    [
+        ("pipe", "is a pipe or a device, not a file"),
+        ("device", "is a pipe or a device, not a file"),
+        ("folder", "is a folder, not a file"),
+        ("loop", "is a link that leads to itself"),
+        ("nowhere", "is a link that leads nowhere"),
+    ],
+)
+def test_what_stands_in_the_place_of_a_table_is_named(way: str, said: str, tmp_path: Path) -> None:
+    (tmp_path / "dataset.yaml").write_text(
+        "dataset: 1\nprocedure: rlg-magnetic-sensitivity\n"
+        "files: {samples: samples.csv}\nconditions: {}\n",
+        encoding="utf-8",
+    )
+    (tmp_path / "sample.csv").write_text("time_s\n0\n", encoding="utf-8")
+    file = tmp_path / "samples.csv"
+    if way == "pipe":
+        os.mkfifo(file)
+    elif way == "folder":
+        file.mkdir()
+    else:
+        file.symlink_to({"device": "/dev/zero", "loop": "samples.csv"}.get(way, "nowhere"))
+    with pytest.raises(FaultList) as raised:
+        read_dataset(tmp_path)
+    assert f"'samples.csv' {said}" in str(raised.value)
+    assert "did you mean" not in str(raised.value)
 
 
 def test_a_pipe_for_the_facts_of_a_run_is_refused(copy: Path) -> None:

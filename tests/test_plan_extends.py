@@ -240,12 +240,6 @@ def test_a_wrong_set_is_told_by_its_number_and_place(given: str, fault: str) -> 
     assert faults_of("plan.yaml", "title=first", given) == [fault]
 
 
-def test_a_graft_takes_lists_and_mappings_with_all_their_places() -> None:
-    write("base.yaml", BASE)
-    write("plan.yaml", "extends: base\nparameters:\n  axes: [NA]\n  frequency: 0.2\n")
-    assert [fault.partition(": ")[0] for fault in faults_of("plan.yaml")] == ["plan.yaml:4:14"]
-
-
 def test_many_keys_are_laid_over_another_in_linear_time() -> None:
     keys = "".join(f"key_{n}: [{n}, {{a: {n}}}]\n" for n in range(10_000))
     write("base.yaml", BASE)

@@ -12,7 +12,7 @@ from procedures.fog_scale_factor_temperature.check import CHAMBER, NAVIGATOR
 from procedures.fog_scale_factor_temperature.dataset import AXES, FogDataset, TurnTable
 from procedures.fog_scale_factor_temperature.drive_file import PLACE, drive_in
 from procedures.fog_scale_factor_temperature.parameters import FogParameters
-from station.errors import RecordError
+from station.errors import MissingRows
 
 if TYPE_CHECKING:
     from station.bench import Bench
@@ -88,7 +88,7 @@ def reading(folder: RunFolder, unit: str, details: dict[str, Any]) -> dict[str, 
     before = arrival_s <= float(details["before_s"]) - SHORT_OF_MOTION_S
     after = (arrival_s >= float(details["rests_s"]) + 1.0) & (arrival_s <= details["after_s"])
     if not before.any() or not after.any():
-        raise RecordError(f"{unit}: the navigator said nothing while the table rested")
+        raise MissingRows(unit, "the navigator said nothing while the table rested")
     return {
         "before_s": float(arrival_s[before].mean()),
         "after_s": float(arrival_s[after].mean()),

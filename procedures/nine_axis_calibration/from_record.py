@@ -28,7 +28,7 @@ from procedures.nine_axis_calibration.sensing import (
     SECONDS_PER_HOUR,
 )
 from procedures.nine_axis_calibration.tracking import SHORT_S, track
-from station.errors import RecordError
+from station.errors import MissingRows
 
 if TYPE_CHECKING:
     from station.bench import Bench
@@ -84,7 +84,7 @@ def static_record(
     rows, time_s = outputs(folder, unit, details, interval_s)
     inside = (time_s >= details["from_s"] + interval_s) & (time_s <= details["until_s"])
     if not inside.any():
-        raise RecordError(f"{unit}: the sensor said nothing while it was at rest")
+        raise MissingRows(unit, "the sensor said nothing while it was at rest")
     return StaticRecord(
         position=int(details[POSITION]),
         time_s=time_s[inside],
@@ -105,7 +105,7 @@ def turn_record(
     count = round(whole_s / interval_s)
     place = np.flatnonzero(inside & (time_s <= until_s))
     if not len(place):
-        raise RecordError(f"{unit}: the sensor said nothing while the table's angle was read")
+        raise MissingRows(unit, "the sensor said nothing while the table's angle was read")
     place = place[time_s[place] < time_s[place[0]] + (count - 0.5) * interval_s]
     return TurnRecord(
         axis=AXES.index(details["axis"]),
@@ -133,7 +133,7 @@ def readings(
     if inside.any():
         inside &= took_s <= USUAL * float(np.median(took_s[inside])) + SHORT_S
     if int(inside.sum()) < 2:
-        raise RecordError(f"{unit}: the table's angle was not read while it turned")
+        raise MissingRows(unit, "the table's angle was not read while it turned")
     middle_s = 0.5 * (asked_s + answered_s)
     return middle_s[inside], UP_SENSE * table["angle_deg"][inside], took_s[inside]
 
@@ -150,7 +150,7 @@ def outputs(
     near = (arrival_s >= details["from_s"]) & (arrival_s <= details["until_s"] + LATE_S)
     rows = rows[near]
     if len(rows) < 2:
-        raise RecordError(f"{unit}: the sensor said nothing")
+        raise MissingRows(unit, "the sensor said nothing")
     number = unwrapped(rows["counter"])
     return rows, align(number, rows[ARRIVAL], interval_s).run_time_s(number)
 

@@ -5,8 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 from station.console import tell
-from station.record.folder import EXPORTS, RunFolder
+from station.record.folder import EXPORTS
 from station.record.integrity import MOST_FLAGS, sentence_of
+from station.recorded import read_run
 
 
 def export_run(path: Path, format: str) -> None:
@@ -16,7 +17,7 @@ def export_run(path: Path, format: str) -> None:
     Damaged blocks are passed over and named; their units count as unfinished. Raises DamagedRecord
     where plan, bench or log is not the one of the run.
     """
-    folder = RunFolder(path)
+    folder = read_run(path)
     folder.damage.refuse_altered()
     folder.leave_out(folder.damage.units)
     for part in folder.damage.parts[:MOST_FLAGS]:

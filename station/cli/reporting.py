@@ -7,6 +7,7 @@ from pathlib import Path
 from station.evaluation import evaluate_run
 from station.record.files import write_whole_file
 from station.record.folder import EXPORTS, REPORT, RunFolder
+from station.recorded import read_run
 
 FILE_OF_FORMAT = {"html": REPORT, "csv": "results.csv", "junit": "results.junit.xml"}
 
@@ -17,7 +18,7 @@ def remake_report(path: Path, format: str) -> None:
     Prints the path of what was written.
     """
     file = path / EXPORTS / FILE_OF_FORMAT[format]
-    text = report_text(RunFolder(path), format)
+    text = report_text(read_run(path), format)
     file.parent.mkdir(exist_ok=True)
     write_whole_file(file, text.encode())
     print(file)

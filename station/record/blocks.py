@@ -1,8 +1,9 @@
 """Go through a raw file block by block, past whatever in it is damaged.
 
 Everything in a raw file has a second witness: a block's records their check sum, its lengths each
-other, its times each other, beginning and end of the file what every raw file begins and ends with.
-What disagrees is a damaged part; the next whole block is looked for behind it.
+other, its times each other, its number those of the blocks around it, beginning and end of the file
+what every raw file begins and ends with. What disagrees is a damaged part; the next whole block is
+looked for behind it.
 """
 
 from __future__ import annotations
@@ -13,10 +14,9 @@ import os
 import re
 import struct
 import zlib
-from array import array
 from collections import Counter
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import IO
 
@@ -25,6 +25,20 @@ from mcap.exceptions import McapError
 from mcap.records import Channel, DataEnd, Footer, Header, Message, Schema
 from mcap.stream_reader import StreamReader
 from mcap.writer import MCAP0_MAGIC
+
+from station.record.block_order import BlockOrder
+from station.record.scanned import (
+    CUT,
+    DAMAGED_BLOCK,
+    DAMAGED_END,
+    DAMAGED_HEAD,
+    MISPLACED,
+    MISSING,
+    NAMELESS,
+    NEVER,
+    Part,
+    Scan,
+)
 
 NANOSECONDS = 1_000_000_000
 
@@ -65,80 +79,21 @@ MOST_OF_A_NAME = 1 << 12
 FEW = 4
 CHUNK_BEGINS = re.compile(rb"\x06.{8}(.{8})\1(.{8}).{4}\x00\x00\x00\x00\2", re.DOTALL)
 WINDOW = 1 << 20
-NEVER = (math.inf, -math.inf)
-"""The times of what belongs to no unit of work."""
-
-DAMAGED_BLOCK = "a block's check sum or length does not hold"
-DAMAGED_HEAD = "its first bytes are not those of a raw file"
-DAMAGED_END = "its last bytes are not those of a raw file"
-NAMELESS = "the block that names its unit of work is damaged"
-CUT = "it ends within a block"
-
-
-@dataclass(frozen=True)
-class Part:
-    """A part of a file that cannot be believed, and the run times between which it was written.
-
-    `units` are those that it says itself, and those of the whole blocks around it where that is
-    not sure.
-    """
-
-    began: int
-    length: int
-    what: str
-    from_s: float
-    to_s: float
-    units: tuple[str, ...] = ()
-
-
-@dataclass
-class Scan:
-    """What a raw file holds: where the whole blocks of each unit of work stand, and what is bad."""
-
-    places: dict[str, tuple[array[int], array[int]]] = field(default_factory=dict)
-    """By unit where its blocks begin, and how long they are, in bytes."""
-    parts: list[Part] = field(default_factory=list)
-    size: int = 0
-    whole_bytes: int = 0
-    """Where the last whole block ends."""
-    last_s: float = float("-inf")
-    """The run time of the last whole block, in s."""
-    sealed: bool = False
-    """Whether the file was brought to its end by the process that wrote it."""
-
-    def add(self, unit: str, began: int, length: int) -> None:
-        """Add a whole block."""
-        if unit not in self.places:
-            self.places[unit] = (array("q"), array("q"))
-        starts, lengths = self.places[unit]
-        starts.append(began)
-        lengths.append(length)
-        self.whole_bytes = began + length
-
-    def take_over(self, parts: list[Part]) -> None:
-        """Add damaged parts; those that follow each other nameless become one."""
-        for part in parts:
-            last = self.parts[-1] if self.parts else None
-            if (
-                last is not None
-                and last.what == part.what == NAMELESS
-                and last.began + last.length == part.began
-            ):
-                length = last.length + part.length
-                units = tuple(dict.fromkeys((*last.units, *part.units)))
-                self.parts[-1] = Part(last.began, length, NAMELESS, last.from_s, part.to_s, units)
-            else:
-                self.parts.append(part)
 
 
 @dataclass(frozen=True)
 class _Found:
-    """A whole block as it stands in a file; `named` is the unit of work that it announces."""
+    """A whole block as it stands in a file; `named` is the unit of work that it announces.
+
+    `number` counts the blocks of a file from 0; `source` is announced with the unit.
+    """
 
     length: int
     channel: int
+    number: int
     time_ns: int
-    named: str | None
+    named: str | None = None
+    source: str | None = None
 
 
 @dataclass(frozen=True)
@@ -156,13 +111,26 @@ class _Loose:
 def scan(path: Path) -> Scan:
     """Return the blocks and the damaged parts of a raw file; each block's check sum is proven.
 
-    The file is read once, a block at a time. Raises OSError where it cannot be.
+    The file is read once, a block at a time, and once more where its blocks are not in their order.
+    Raises OSError where it cannot be.
+    """
+    order = BlockOrder()
+    found = _scan(path, order, ())
+    misplaced = order.misplaced()
+    return _scan(path, BlockOrder(), misplaced) if misplaced else found
+
+
+def _scan(path: Path, order: BlockOrder, misplaced: Collection[int]) -> Scan:
+    """Return what a raw file holds; `misplaced` are the bytes where blocks begin that do not count.
+
+    The order of all its whole blocks is added to `order`.
     """
     found = Scan()
     units: dict[int, str] = {}
     guessed: dict[int, str] = {}
     loose: list[_Loose] = []
     last: str | None = None
+    number = -1
     with path.open("rb") as file:
         found.size = os.fstat(file.fileno()).st_size
         if file.read(len(HEAD)) != HEAD and found.size:
@@ -181,15 +149,24 @@ def scan(path: Path) -> Scan:
                     guessed[one.channel] = one.named
                 at += one.length
                 continue
+            order.add(at, block.number, block.time_ns)
+            if block.source is not None:
+                found.sources.add(block.source)
+            if at in misplaced:
+                loose.append(_Loose(at, block.length, MISPLACED))
+                at += block.length
+                continue
             if block.named is not None:
                 units[block.channel] = block.named
             if block.channel in units:
                 time_s = block.time_ns / NANOSECONDS
                 around = (last, units[block.channel])
+                if _lacks(block.number - number - 1, loose):
+                    loose.append(_Loose(at, 0, MISSING))
                 found.take_over([_bounded(one, found, time_s, units, around) for one in loose])
                 loose.clear()
                 found.add(units[block.channel], at, block.length)
-                last, found.last_s = units[block.channel], time_s
+                last, found.last_s, number = units[block.channel], time_s, block.number
             else:
                 name = guessed.get(block.channel)
                 loose.append(_Loose(at, block.length, NAMELESS, block.time_ns, None, name))
@@ -198,6 +175,14 @@ def scan(path: Path) -> Scan:
     if found.parts and found.parts[-1].what == CUT and _is_end(tail, found):
         found.parts[-1] = Part(end - len(END), len(END), DAMAGED_END, *NEVER)
     return found
+
+
+def _lacks(between: int, loose: Sequence[_Loose]) -> bool:
+    """Whether fewer blocks stand between two whole ones than their numbers say.
+
+    Where the length of a block is damaged nobody knows how many there were.
+    """
+    return between > len(loose) and all(one.what != DAMAGED_BLOCK for one in loose)
 
 
 def _is_end(tail: bytes, found: Scan) -> bool:
@@ -219,6 +204,9 @@ def _bounded(
     if one.what == NAMELESS:  # all but its name is proven, its time too
         guessed = () if one.named is None else (one.named,)
         return Part(one.began, one.length, one.what, time_s, time_s, guessed)
+    if one.what in (MISPLACED, MISSING):  # what it says of itself is true of another place
+        known = tuple(dict.fromkeys(unit for unit in around if unit is not None))
+        return Part(one.began, one.length, one.what, found.last_s, after_s, known)
     beside = tuple(dict.fromkeys(unit for unit in (said, one.named, *around) if unit is not None))
     if not found.sealed and one.began + one.length == found.size and one.time_ns is None:
         return Part(one.began, one.length, CUT, found.last_s, math.inf, beside)
@@ -248,18 +236,19 @@ def _message_in(records: bytes, time_ns: int) -> _Found | None:
     """Return the message of proven records where its times are those of its chunk."""
     length = CHUNK.size + len(records)
     if records[:1] == bytes([MESSAGE_KIND]) and len(records) >= MESSAGE.size:
-        _, inner, channel, _, logged_ns, published_ns = MESSAGE.unpack_from(records)
+        _, inner, channel, number, logged_ns, published_ns = MESSAGE.unpack_from(records)
         if inner + 9 == len(records) and logged_ns == published_ns == time_ns:
-            return _Found(length, channel, time_ns, None)
+            return _Found(length, channel, number, time_ns)
         return None
-    named = None
+    source = named = None
     try:
         for one in StreamReader(io.BytesIO(records), skip_magic=True).records:
             if isinstance(one, Channel):
-                named = one.topic.split("/", 1)[1]
+                source, named = one.topic.split("/", 1)
             elif isinstance(one, Message):
-                right = one.log_time == one.publish_time == time_ns
-                return _Found(length, one.channel_id, time_ns, named) if right else None
+                if not one.log_time == one.publish_time == time_ns:
+                    return None
+                return _Found(length, one.channel_id, one.sequence, time_ns, named, source)
     except (McapError, struct.error, ValueError, IndexError):
         return None
     return None

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from station.clock import Clock, utc_now
 from station.console import tell
-from station.errors import DamagedRecord, RecordError
+from station.errors import DamagedRecord, MissingRows, RecordError
 from station.locks import FileLock
 from station.record.creation import EVENTS, RAW, folder_with_head, next_segment, raw_file
 from station.record.events import RESUMED, Event, EventLog, read_events
@@ -242,7 +242,7 @@ class RunFolder:
     def rows(self, source: str, unit: str) -> NDArray[Any]:
         """Return a unit's raw rows of one source as a structured array, shape (rows,).
 
-        Raises RecordError when there are none.
+        Raises MissingRows when there are none.
         """
         import numpy as np
 
@@ -255,7 +255,7 @@ class RunFolder:
         """Yield a unit's raw rows of one source in their order, some `PIECE_ROWS` at a time.
 
         What is one piece is kept for who asks again; of a longer record nothing is. Raises
-        RecordError when there are no rows.
+        MissingRows when there are no rows.
         """
         if (source, unit) in self._rows:
             yield self._rows[source, unit]
@@ -289,7 +289,7 @@ class RunFolder:
             index = self._index(source, segment)
             if index is not None and unit in index:
                 return index.blocks(unit)
-        raise RecordError(f"{self.path}: no raw data of {source} for {unit}")
+        raise MissingRows(unit, f"no raw data of {source} are in {self.path / RAW}")
 
     def _index(self, source: str, segment: int) -> RawIndex | None:
         file = raw_file(self.path, source, segment)

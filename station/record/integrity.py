@@ -26,6 +26,7 @@ from station.record.raw_damage import (
     damaged_parts,
     lost_file,
     raw_files,
+    source_of,
     spans_of,
 )
 
@@ -140,6 +141,12 @@ def damage_of(folder: RunFolder) -> Damage:
             parts.append(lost_file(name, finished))
             continue
         found = folder.index(path / name).scan
+        foreign = sorted(found.sources - {source_of(name)})
+        if foreign:
+            altered.append(
+                f"{path / name} was altered: it holds blocks of {foreign[0]}, not of "
+                f"{source_of(name)}"
+            )
         as_it_was = name not in unlike if name in listed else None
         bad = list(damaged_parts(name, found, finished, as_it_was=as_it_was))
         if name in unlike and not bad:

@@ -23,8 +23,9 @@ from mcap.stream_reader import StreamReader
 from numpy.typing import NDArray
 
 from station.errors import DamagedRecord
-from station.record.blocks import CHUNK, END, HEAD, NANOSECONDS, SCHEMA, Scan, block_at, scan
+from station.record.blocks import CHUNK, END, HEAD, NANOSECONDS, SCHEMA, block_at, scan
 from station.record.files import AppendOnlyFile, sync_folder
+from station.record.scanned import Scan
 
 ARRIVAL = "arrival_time_s"
 

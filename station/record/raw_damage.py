@@ -13,9 +13,18 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from station.lookup import is_there
-from station.record.blocks import CUT, DAMAGED_BLOCK, DAMAGED_END, Part, Scan
+from station.record.blocks import END
 from station.record.creation import RAW
 from station.record.events import RESUMED, Event
+from station.record.scanned import (
+    CUT,
+    DAMAGED_BLOCK,
+    DAMAGED_END,
+    MISPLACED,
+    MISSING,
+    Part,
+    Scan,
+)
 
 SAME_TIME_S = 1e-8
 CUT_SHORT = "where it ends: what was written behind is missing"
@@ -92,6 +101,9 @@ def damaged_parts(
     torn = not found.sealed and as_it_was is not False
     whole = [part for part in found.parts if not (torn and part.what == CUT)]
     cut = [] if found.sealed else [one for one in own if _is_cut(one, name, found, torn=torn)]
+    if found.sealed and not any(part.what == MISSING for part in whole):
+        behind = found.size - len(END)  # the last blocks may be missing, neatly
+        cut = [one for one in own if one.sizes is not None and one.within(name, behind, math.inf)]
     if any(part.what == DAMAGED_END for part in whole):
         cut = []
     known = {span.unit for span in own}
@@ -101,9 +113,15 @@ def damaged_parts(
         spoiled = [
             span.unit
             for span in own
-            if span.within(name, part.began, part.began + part.length)
-            and (
-                span.meets(part) or span.unit in part.units or (anybody and span.sizes is not None)
+            if (
+                _is_around(span, name, part)
+                if part.what in (MISPLACED, MISSING)
+                else span.within(name, part.began, part.began + part.length)
+                and (
+                    span.meets(part)
+                    or span.unit in part.units
+                    or (anybody and span.sizes is not None)
+                )
             )
         ]
         if part.what == CUT:
@@ -112,6 +130,18 @@ def damaged_parts(
     if cut and not any(part.what == CUT for part in whole):
         units = tuple(span.unit for span in cut)
         yield DamagedPart(name, found.whole_bytes, 0, CUT_SHORT, units)
+
+
+def _is_around(span: Span, name: str, part: Part) -> bool:
+    """Whether a unit lacks the block in whose place another stands, or none.
+
+    Where blocks are missing, all behind them stand nearer to the file's beginning than the log has
+    it: the blocks around tell.
+    """
+    if part.what == MISPLACED and span.sizes is not None:
+        stood_here = span.within(name, part.began, part.began + part.length)
+        return stood_here or part.units == (span.unit,)
+    return span.meets(part) or span.unit in part.units
 
 
 def _is_cut(span: Span, name: str, found: Scan, *, torn: bool) -> bool:
