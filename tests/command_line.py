@@ -57,3 +57,17 @@ def begun(
         text=True,
         encoding="utf-8",
     )
+
+
+def with_addresses(bench: str, driver: str, address: str) -> str:
+    """Return the text of a bench file with an address for each instrument of a driver.
+
+    `{number}` in it counts them.
+    """
+    line = f"    driver: {driver}\n"
+    first, *others = bench.split(line)
+    parts = (
+        f'{line}    address: "{address.format(number=number)}"\n{other}'
+        for number, other in enumerate(others, start=1)
+    )
+    return first + "".join(parts)

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from command_line import PLAN, begun, station
+from command_line import PLAN, begun, station, with_addresses
 
 
 @pytest.fixture(scope="module")
@@ -139,13 +139,11 @@ def test_absent_instruments_are_all_named_at_once(tmp_path: Path) -> None:
     bench = (Path(__file__).parent.parent / "config/benches/sim.yaml").read_text(encoding="utf-8")
     real = bench.split("\nsimulation:")[0]
     for driver, address in {
-        "kepco-bop-36-12": "TCPIP::127.0.0.1::9::SOCKET",
-        "lakeshore-f71": "TCPIP::127.0.0.1::9::SOCKET",
+        "kepco-bop-36-12": "TCPIP::127.0.0.{number}::9::SOCKET",
+        "lakeshore-f71": "TCPIP::127.0.1.{number}::9::SOCKET",
         "can-pulse-board": "socketcand://127.0.0.1:9/can0",
     }.items():
-        real = real.replace(
-            f"    driver: {driver}\n", f'    driver: {driver}\n    address: "{address}"\n'
-        )
+        real = with_addresses(real, driver, address)
     (tmp_path / "real.yaml").write_text(real, encoding="utf-8")
     answers = "mount: done\nconnect-cables: done\ndut-power-on: done\ndut-power-off: done\n"
     (tmp_path / "answers.yaml").write_text(answers, encoding="utf-8")

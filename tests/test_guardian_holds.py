@@ -173,7 +173,10 @@ def test_a_guardian_that_stands_still_keeps_no_instrument_of_a_run_that_is_over(
     with_it.wait_for_guardian()
 
 
-def test_a_run_that_cannot_verify_hands_over_and_the_guardian_goes_on(tmp_path: Path) -> None:
+def test_a_run_that_cannot_verify_hands_over_and_the_guardian_goes_on(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))  # an interlock may trip
     plan = short_plan(tmp_path, axes=["IA"])
     with world(tmp_path, 5.0) as bench:
         parts = ("--served", bench.head, "--non-interactive", "--output", tmp_path / "runs")

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from command_line import PLAN, station
+from command_line import PLAN, station, with_addresses
 from small_disk import small_disk
 
 from station.clock import RealClock, VirtualClock, system_clock_synchronised
@@ -154,12 +154,11 @@ def test_a_long_run_on_a_real_bench_goes_on_with_the_warning_in_its_log(tmp_path
     (tmp_path / "plan.yaml").write_text(PLAN.replace("100 s", "7200 s"), encoding="utf-8")
     real = sim_text().split("\nsimulation:")[0]
     for driver, address in {
-        "kepco-bop-36-12": "TCPIP::127.0.0.1::9::SOCKET",
-        "lakeshore-f71": "TCPIP::127.0.0.1::9::SOCKET",
+        "kepco-bop-36-12": "TCPIP::127.0.0.{number}::9::SOCKET",
+        "lakeshore-f71": "TCPIP::127.0.1.{number}::9::SOCKET",
         "can-pulse-board": "socketcand://127.0.0.1:9/can0",
     }.items():
-        line = f"    driver: {driver}\n"
-        real = real.replace(line, f'{line}    address: "{address}"\n')
+        real = with_addresses(real, driver, address)
     (tmp_path / "real.yaml").write_text(real, encoding="utf-8")
     (tmp_path / "answers.yaml").write_text(ANSWERS, encoding="utf-8")
     arguments = "run plan.yaml --bench real.yaml --answers answers.yaml --non-interactive"

@@ -126,8 +126,8 @@ def test_steps_that_never_return_are_taken_over(bench: World, tmp_path: Path) ->
         "the bench is safe, read back from every instrument that can harm: coil_supply.x output off"
         in said
     )
-    last = events_of(tmp_path / "runs")[-1]
-    assert last["event"] == "safe-state"
+    *_, last, read = events_of(tmp_path / "runs")
+    assert (last["event"], read["event"]) == ("safe-state", "bench-read")
     assert all(one["verified"] for one in last["outcomes"])
 
 

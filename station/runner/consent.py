@@ -30,5 +30,6 @@ def discard_typed() -> None:
         return
     import termios
 
-    with suppress(OSError, ValueError, termios.error):  # no terminal: nothing was typed
+    # No terminal: nothing was typed.
+    with suppress(AttributeError, OSError, ValueError, termios.error):
         termios.tcflush(sys.stdin.fileno(), termios.TCIFLUSH)
