@@ -11,6 +11,7 @@ from test_run_rlg import short_run
 
 from station.cli.analysing import analyse_run
 from station.record.folder import RunFolder
+from station.runner.outcome import in_one_sentence
 
 ONE_AXIS = {"parameters/axes": ["IA"], "parameters/duration": "100 s"}
 
@@ -83,3 +84,8 @@ def test_a_terminal_that_is_gone_ends_no_run(tmp_path: Path) -> None:
     (folder,) = (tmp_path / "runs").iterdir()
     assert (folder / "results.json").is_file()
     assert (folder / "manifest.json").is_file()
+
+
+def test_a_run_without_memory_says_so_in_one_sentence() -> None:
+    assert in_one_sentence(MemoryError()).startswith("this computer has no memory left for the run")
+    assert in_one_sentence(KeyError("x")) == "a fault of the program: KeyError('x')"

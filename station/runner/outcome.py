@@ -6,7 +6,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from station.errors import EXIT_FAULT
+from station.clock import ClockError
+from station.errors import EXIT_FAULT, StationError
 
 if TYPE_CHECKING:
     from station.results import ResultDocument
@@ -40,3 +41,14 @@ class Outcome:
     def left_unsafe(self) -> list[SafeOutcome]:
         """Those of them that the run used, and answers for."""
         return [outcome for outcome in self.unsafe if outcome.used]
+
+
+def in_one_sentence(error: Exception) -> str:
+    """Return what ended a run, for a person."""
+    if isinstance(error, MemoryError):
+        return (
+            "this computer has no memory left for the run; end other programs, then go on with "
+            "`station resume`"
+        )
+    known = isinstance(error, StationError | ClockError)
+    return str(error) if known else f"a fault of the program: {error!r}"

@@ -10,7 +10,7 @@ from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from station.clock import ClockError, RealClock
+from station.clock import RealClock
 from station.console import tell
 from station.control.requests import Control
 from station.errors import EXIT_FAULT, InterlockTripped, StationError
@@ -18,7 +18,7 @@ from station.guardian.watched import Guardian
 from station.runner.folder_watch import FolderWatch
 from station.runner.instrument_locks import InstrumentLocks
 from station.runner.opening import Found, open_instruments
-from station.runner.outcome import Outcome
+from station.runner.outcome import Outcome, in_one_sentence
 from station.runner.run import Run
 from station.runner.session import BenchSession
 from station.runner.signals import AbortSignals
@@ -290,8 +290,7 @@ class Walk:
         """Note what ended the run."""
         if isinstance(error, InterlockTripped):
             self._tripped(error)
-        known = isinstance(error, StationError | ClockError)
-        outcome.error = str(error) if known else f"a fault of the program: {error!r}"
+        outcome.error = in_one_sentence(error)
         outcome.exit_code = error.exit_code if isinstance(error, StationError) else EXIT_FAULT
         self._run.record.note_at(
             self._failed_s,

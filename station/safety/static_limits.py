@@ -26,8 +26,8 @@ def problems_of_plan(procedure: Procedure, parameters: Any, bench: Bench) -> Ite
     """Yield every reason why a plan cannot run on a bench, each once.
 
     Instruments that the bench lacks, what the procedure itself finds, and every limit of the bench
-    that a set-point would exceed. Raises FaultList where the bench gives a coil's resistance that
-    cannot be read.
+    that a set-point would exceed. Raises FaultList where the bench gives a setting that cannot be
+    read as what the plan needs it for.
     """
     found = [
         Problem(("procedure",), f"the bench {bench.name!r} has no {name}, which this plan needs")
@@ -38,10 +38,22 @@ def problems_of_plan(procedure: Procedure, parameters: Any, bench: Bench) -> Ite
         what = "analyses imported data; it has no steps that a bench could do"
         found.insert(0, Problem(("procedure",), f"{procedure.name} {what}"))
     complete = not found
-    found += procedure.check(parameters, bench)
-    if complete:
-        found += beyond_limits(procedure.forecast(parameters, bench), bench)
+    try:
+        found += procedure.check(parameters, bench)
+        if complete:
+            found += beyond_limits(procedure.forecast(parameters, bench), bench)
+    except UnitError as error:
+        raise FaultList([bench.fault(place_of(error, bench), error.what, error.hint)]) from error
     yield from dict.fromkeys(found)
+
+
+def place_of(error: UnitError, bench: Bench) -> tuple[str, ...]:
+    """Return the setting of a bench file that holds the text which cannot be read."""
+    for name, entry in bench.instruments.items():
+        for key, value in entry.settings.items():
+            if f"{str(value)!r}" in error.what:
+                return "instruments", name, "settings", key
+    return ("instruments",)
 
 
 def beyond_limits(forecast: Forecast, bench: Bench) -> Iterator[Problem]:
