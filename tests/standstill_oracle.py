@@ -5,6 +5,7 @@ The world, the exit code, the words, the folder and the operating system are ask
 
 from __future__ import annotations
 
+import math
 import subprocess
 import time
 from collections.abc import Iterator
@@ -12,6 +13,7 @@ from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
 import numpy as np
 from campaign_helpers import opens
@@ -229,7 +231,7 @@ def judge_end(seen: Observed, scene: Scene) -> None:
             return
         seen.events = sorted({one["event"] for one in events})
         if attack.guardian:
-            seen.broken += guardian_noticed(seen, [one for one in events if "guardian" in str(one)])
+            seen.broken += guardian_noticed(seen, events, left_s(scene, events))
 
 
 def wrong_words(seen: Observed) -> Iterator[str]:
@@ -242,10 +244,17 @@ def wrong_words(seen: Observed) -> Iterator[str]:
         yield f"exit code {code} without a word"
 
 
-def guardian_noticed(seen: Observed, events: list[dict[str, object]]) -> Iterator[str]:
+def left_s(scene: Scene, events: list[dict[str, Any]]) -> float:
+    """Return the real time that a run had after the attack until it let its guardians go."""
+    ends = [float(one["t_s"]) for one in events if one["event"] == "run-ended"]
+    bench = scene.bench
+    return (ends[-1] - bench.bench_s(scene.struck_s)) / bench.speed if ends else math.inf
+
+
+def guardian_noticed(seen: Observed, events: list[dict[str, Any]], left_s: float) -> Iterator[str]:
     """A guardian that ends or stands still is followed by another and stands in the log."""
     if seen.to_guardian_s is None:
-        if seen.to_end_s is None or seen.to_end_s > NOTICED_WITHIN_S:
+        if left_s > NOTICED_WITHIN_S:
             yield "there is no new guardian"
         return
     if seen.to_guardian_s > NOTICED_WITHIN_S:
