@@ -182,7 +182,7 @@ def test_a_run_that_cannot_verify_hands_over_and_the_guardian_goes_on(
         parts = ("--served", bench.head, "--non-interactive", "--output", tmp_path / "runs")
         run = begun(None, "run", plan, *parts)
         until(lambda: bench.report()["outputs"]["coil_supply.x"])
-        bench.inject(instrument="coil_supply.x", fault="port-gone", **{"for": "150 s"})
+        bench.inject(instrument="coil_supply.x", fault="port-gone", **{"for": "100 s"})
         _, said = run.communicate(timeout=90)
         assert run.returncode == 3
         assert "goes on trying and keeps the instruments until they are safe" in said
