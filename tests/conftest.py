@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -11,6 +12,9 @@ import pytest
 
 from station.cli import ONE_BLAS_THREAD
 
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    # Started in the background of a shell: the runs of the tests are to hear Ctrl-C all the same.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 os.environ.update(ONE_BLAS_THREAD)  # as a run has it; NumPy reads it when it is first imported
 
 

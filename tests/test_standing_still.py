@@ -143,7 +143,7 @@ def test_a_terminal_whose_output_is_stopped_holds_nothing_up(bench: World, tmp_p
         for _ in range(8):
             sizes.add(sum(one.stat().st_size for one in raw.iterdir()))
             time.sleep(0.5)
-        assert len(sizes) > 4, "the run has stopped recording"
+        assert len(sizes) > 2, "the run has stopped recording"
         assert is_driven(bench)
         process.send_signal(signal.SIGINT)
         at_rest_after_s(bench, 1.0 + SLEW_AND_ZERO_S + BUSY_S)
