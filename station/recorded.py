@@ -11,7 +11,7 @@ from station.errors import InputError
 from station.guardian.log import SAFE_STATE, guardian_events, latest_safe_state
 from station.lookup import is_there
 from station.plan import Plan, read_plan
-from station.record.creation import EVENTS
+from station.record.creation import BENCH, EVENTS, PLAN
 from station.record.folder import RunFolder
 from station.yaml.reading import read_yaml
 
@@ -30,8 +30,8 @@ def read_plan_and_bench(folder: RunFolder) -> tuple[Plan, Bench]:
 
     The resolved copies are read: a plan as given may extend another that is not in the folder.
     """
-    plan = read_plan(folder.path / "plan.resolved.yaml", registry.Procedures())
-    document = read_yaml(folder.path / "bench.resolved.yaml")
+    plan = read_plan(folder.path / PLAN, registry.Procedures())
+    document = read_yaml(folder.path / BENCH)
     bench = bench_of(document, registry.names(registry.DRIVERS))
     return plan, bench
 

@@ -6,9 +6,9 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from station.record.creation import GUARDIAN_LOG
 from station.record.events import Event, read_events
 
-GUARDIAN_LOG = "guardian.jsonl"
 SAFE_STATE = "safe-state"
 BENCH_READ = "bench-read"
 LEFT = "left"

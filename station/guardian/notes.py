@@ -17,9 +17,8 @@ from typing import Any
 
 from station.clock import Clock, RealClock, utc_now
 from station.errors import RecordError
-from station.guardian.log import GUARDIAN_LOG
 from station.guardian.other_process import OtherProcess
-from station.record.creation import EVENTS
+from station.record.creation import EVENTS, GUARDIAN_LOG
 from station.record.events import EventLog
 from station.record.files import write_whole_file
 from station.record.manifest import MANIFEST, file_hash

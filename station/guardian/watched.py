@@ -28,16 +28,15 @@ from station.guardian.messages import (
     LOCKS,
     LOOKS_EVERY_S,
     PEER,
-    TAKE_OVER,
     WATCH,
     Instructions,
     Looks,
     said,
 )
 from station.guardian.partner import RANKS, READY_WITHIN_S, Partner
+from station.record.creation import BENCH
 from station.runner.instrument_locks import InstrumentLocks
 
-RESOLVED_BENCH = "bench.resolved.yaml"
 ENDS_WITHIN_S, KILLED_WITHIN_S = 5.0, 2.0
 A_BEAT = line_of(said(BEAT))
 """Made once: where there is no memory left the run may still live."""
@@ -93,7 +92,7 @@ class Guardian:
         self._may_beat = may_beat
         self._instructions = Instructions(
             folder=str(folder.resolve()),
-            bench=str((bench or folder / RESOLVED_BENCH).resolve()),
+            bench=str((bench or folder / BENCH).resolve()),
             instruments=list(instruments or ()),
             addresses=dict(addresses),
             runner_pid=os.getpid(),
@@ -185,10 +184,6 @@ class Guardian:
             f"until they are safe; `station status {self._instructions.folder}` says how it "
             f"stands, `station abort {self._instructions.folder}` ends it"
         )
-
-    def take_over(self, why: str) -> None:
-        """Have this process killed and the bench made safe, at once."""
-        self._in_thread(lambda: self._tell_all(said(TAKE_OVER, why=why)))
 
     def _in_thread(self, what: Callable[[], None]) -> bool:
         """Do something in the thread that talks to the guardians; whether it was done in time."""

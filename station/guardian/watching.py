@@ -18,9 +18,7 @@ from station.guardian.messages import (
     LOCKS,
     LOOKS_EVERY_S,
     PEER,
-    QUIET,
     SILENT_FOR_S,
-    TAKE_OVER,
     WATCH,
     Looks,
     Silence,
@@ -74,8 +72,7 @@ class Watching:
         self._ready = ready
         self._silence = Silence()
         self._watched: list[str] = []
-        self._asked: tuple[str, str] | None = None
-        self._quiet = ""
+        self._handed_over: str | None = None
         self._dismissed = False
 
     def until_end(self) -> Duty | None:
@@ -108,9 +105,8 @@ class Watching:
             if not self._watched:
                 return None
             if self._rank == 0 or not self._peer.can_act:
-                let_go = self._asked is not None and self._asked[0] == HAND_OVER
                 also = f"; {FIRST_IS_GONE}" if self._rank else ""
-                return Duty(why + also, self._watched, let_go)
+                return Duty(why + also, self._watched, let_go=self._handed_over is not None)
 
     def _wait(self) -> None:
         """Wait until somebody says something, not longer than until the next look."""
@@ -119,12 +115,12 @@ class Watching:
         wait_for_any(ends, LOOKS_EVERY_S)
 
     def _why(self) -> str | None:
-        if self._asked is not None:
-            return self._asked[1]
+        if self._handed_over is not None:
+            return self._handed_over
         if self._run.ended:
             return CHANNEL_ENDED
         if self._watched and self._silence.seconds >= SILENT_FOR_S:
-            return f"{STANDS_STILL}{f' ({self._quiet})' if self._quiet else ''}"
+            return STANDS_STILL
         return None
 
     def _take(self, message: dict[str, Any], files: list[int]) -> None:
@@ -132,10 +128,8 @@ class Watching:
         match message.get("say"):
             case word if word == DISMISS:
                 self._dismissed = True
-            case word if word in (TAKE_OVER, HAND_OVER):
-                self._asked = (str(word), str(message.get("why")))
-            case word if word == QUIET:
-                self._quiet = str(message.get("why", ""))
+            case word if word == HAND_OVER:
+                self._handed_over = str(message.get("why"))
             case word if word == LOCKS:
                 self._ready.hold(message["names"], files)
             case word if word == PEER:

@@ -11,6 +11,10 @@ from station.record.files import sync_folder, write_whole_file
 
 EVENTS = "events.jsonl"
 RAW = "raw"
+RUN = "run.json"
+REVISIONS = "revisions"
+GUARDIAN_LOG = "guardian.jsonl"
+PLAN, BENCH = "plan.resolved.yaml", "bench.resolved.yaml"
 MOST_OF_ONE_NAME = 1000
 
 

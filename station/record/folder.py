@@ -16,7 +16,15 @@ from station.clock import Clock, utc_now
 from station.console import tell
 from station.errors import DamagedRecord, MissingRows, RecordError
 from station.locks import FileLock
-from station.record.creation import EVENTS, RAW, folder_with_head, next_segment, raw_file
+from station.record.creation import (
+    EVENTS,
+    RAW,
+    REVISIONS,
+    RUN,
+    folder_with_head,
+    next_segment,
+    raw_file,
+)
 from station.record.events import RESUMED, Event, EventLog, read_events
 from station.record.files import json_text, write_whole_file
 from station.record.manifest import LOCK, write_manifest
@@ -28,12 +36,10 @@ if TYPE_CHECKING:
     from station.record.integrity import Damage
     from station.record.raw import RawFile, RawIndex
 
-RUN = "run.json"
 RESULTS = "results.json"
 REPORT = "report.html"
 EXPORTS = "exports"
 MOST_LATER = 1000
-REVISIONS = "revisions"
 FACTS = ("started_utc", "station", "python", "packages", "host", "system")
 PIECE_ROWS = 2**19
 """Rows that are read at once; what is longer is read in pieces."""

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 from station.errors import DamagedRecord
 from station.findings import Flag
 from station.locks import is_held
-from station.record.creation import EVENTS, RAW
+from station.record.creation import BENCH, EVENTS, GUARDIAN_LOG, PLAN, RAW, REVISIONS, RUN
 from station.record.events import RESUMED, read_events
 from station.record.manifest import LOCK, MANIFEST, covered_files, file_hash
 from station.record.raw_damage import (
@@ -33,13 +33,9 @@ from station.record.raw_damage import (
 if TYPE_CHECKING:
     from station.record.folder import RunFolder
 
-RUN_FACTS = "run.json"
-REVISIONS = "revisions"
-GUARDIAN_LOG = "guardian.jsonl"
-PLAN, BENCH = "plan.resolved.yaml", "bench.resolved.yaml"
-USED = ("plan.yaml", "bench.yaml", PLAN, BENCH, RUN_FACTS, EVENTS, GUARDIAN_LOG)
+USED = ("plan.yaml", "bench.yaml", PLAN, BENCH, RUN, EVENTS, GUARDIAN_LOG)
 """What results are made of, or the report shows; what is not here and not raw is made of it."""
-GROWS_LATER = (RUN_FACTS, EVENTS, GUARDIAN_LOG)
+GROWS_LATER = (RUN, EVENTS, GUARDIAN_LOG)
 """What a resumed run goes on writing, before it makes the manifest anew."""
 MOST_FLAGS = 20
 

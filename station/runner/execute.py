@@ -19,8 +19,9 @@ from station.evaluation import conclude_run, exit_code_of
 from station.plan import Plan
 from station.plan.resolved import resolved_text
 from station.procedure import Procedure, Prompt
+from station.record.creation import BENCH, PLAN, RUN
 from station.record.files import json_text
-from station.record.folder import EXPORTS, RUN, RunFolder, RunRecord
+from station.record.folder import EXPORTS, RunFolder, RunRecord
 from station.record.integrity import hash_of_data
 from station.runner.outcome import Outcome
 from station.runner.preflight import look_before_a_run, watch_system_clock
@@ -147,8 +148,8 @@ def head_of(plan: Plan, bench: Bench, clock: Clock) -> dict[str, str]:
     return {
         "plan.yaml": plan.text,
         "bench.yaml": bench.text,
-        "plan.resolved.yaml": resolved_text(plan),
-        "bench.resolved.yaml": yaml_text(bench.to_yaml_data()),
+        PLAN: resolved_text(plan),
+        BENCH: yaml_text(bench.to_yaml_data()),
         RUN: json_text(facts),
     }
 

@@ -18,9 +18,9 @@ from station.faults import FaultList
 from station.guardian.at_work import guardian_at_work
 from station.plan import Plan
 from station.procedure import Procedure, Prompt
-from station.record.creation import EVENTS
+from station.record.creation import EVENTS, RUN
 from station.record.events import RESUMED
-from station.record.folder import RESULTS, RUN, RunFolder, RunRecord
+from station.record.folder import RESULTS, RunFolder, RunRecord
 from station.record.integrity import sentence_of
 from station.record.manifest import covered_files
 from station.recorded import read_plan_and_bench, used_instruments
