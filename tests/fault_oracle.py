@@ -114,8 +114,18 @@ def world_is_safe(
         at_the_fault = abs(coil["largest_slew_at_s"] - (ended.first_s or 0.0)) < ITS_OWN_STEP_S
         if case.kind in STEPS_BY_ITSELF and (at_the_fault or PROTECTED in ended.error):
             continue
+        if f"coil_supply.{name}" in switched_off_at_once(ended):
+            continue
         if largest_step_A(coil) > allowed_A:
             yield f"coil {name} was cut: a step of {largest_step_A(coil):.2f} A"
+
+
+def switched_off_at_once(ended: Ended) -> set[str]:
+    """Return the instruments that did not do what they were asked: these may be cut off."""
+    if ended.folder is None:
+        return set()
+    events = ended.folder.events_of("switched-off-at-once")
+    return {str(one.details["instrument"]) for one in events}
 
 
 def largest_step_A(coil: Mapping[str, Any]) -> float:

@@ -303,7 +303,7 @@ def test_a_device_that_never_stops_talking_still_hears_a_last_attempt() -> None:
 
         threading.Thread(target=say, daemon=True).start()
 
-    with line_to(chatter, "serial") as (line, device, _):
+    with line_to(chatter, "serial") as (line, device, notes):
         began_s = boot_seconds()
         for _ in range(3):
             with suppress(InstrumentError):
@@ -313,6 +313,7 @@ def test_a_device_that_never_stops_talking_still_hears_a_last_attempt() -> None:
         assert boot_seconds() - began_s < 10.0
         line.last_attempt("OUTP OFF")
         assert device.asked[-1] == "OUTP OFF"
+        assert notes[-1] == ("switched-off-at-once", {"attempted": "OUTP OFF"})
         ended.set()
 
 

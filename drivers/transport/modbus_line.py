@@ -20,7 +20,7 @@ from pymodbus.pdu.register_message import (
 )
 
 from drivers.roles import Place
-from drivers.transport.exchange_port import EXCHANGE_DEADLINE_S, QUIET_S, ExchangePort
+from drivers.transport.exchange_port import EXCHANGE_DEADLINE_S, ExchangePort
 from drivers.transport.modbus_refusal import ModbusRefusal
 from drivers.transport.retry import NEVER, Repeatable
 from drivers.transport.serial_port import (
@@ -114,7 +114,7 @@ class ModbusLine(ExchangePort):
         request.dev_id, request.transaction_id = self._unit, self._transaction
         frame = self._framer.buildFrame(request)
         attempted = f"write {value} to register {address}"
-        self._blindly(lambda port: self._send(port, attempted, frame), QUIET_S)
+        self._attempt(lambda port: self._send(port, attempted, frame), attempted)
         self._must_calm = True  # the answer that comes all the same is nobody's
 
     def echoes_identity(self) -> bool:

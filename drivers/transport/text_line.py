@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from drivers.roles import Place
 from drivers.transport.answers import shortened
-from drivers.transport.exchange_port import EXCHANGE_DEADLINE_S, QUIET_S, ExchangePort
+from drivers.transport.exchange_port import EXCHANGE_DEADLINE_S, ExchangePort
 from drivers.transport.retry import NEVER, Repeatable
 from station.errors import InstrumentError
 
@@ -56,7 +56,7 @@ class TextLine(ExchangePort):
 
     def last_attempt(self, message: str) -> None:
         """Send `message` where no answer can be understood, and leave the time to hear it."""
-        self._blindly(lambda port: self._write(port, message), QUIET_S)
+        self._attempt(lambda port: self._write(port, message), message)
 
     def echoes_identity(self) -> bool:
         """Ask who is there; whether it is who answered before, so that the line is in step.

@@ -25,6 +25,7 @@ WAIT_SLICE_S = 1.0
 SENTENCES = {
     "line-resynchronised": "something came that was not asked for; its line was brought into step",
     "line-reopened": "its line broke and was opened again",
+    "switched-off-at-once": "it did not do what it was asked; it was switched off without a ramp",
     "frames-dropped": "more came than was taken; the oldest frames were dropped",
 }
 """What the operator reads of the first event of a kind of an instrument; all are in the log."""
