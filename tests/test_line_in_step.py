@@ -366,17 +366,29 @@ def test_a_supply_that_drives_five_ampere_is_never_called_safe(stray: bytes) -> 
             device.close()
 
 
-def test_readings_count_only_between_identities() -> None:
-    behind_by_one: list[bytes] = [b"first\n"]
+@pytest.mark.parametrize("answers_behind", [1, 2, 3, 4])
+def test_readings_count_only_between_identities(answers_behind: int) -> None:
+    waiting: list[bytes] = []
 
     def lagging(client: socket.socket, asked: str) -> None:
-        behind_by_one.append((IDENTITY if asked == "*IDN?" else "5.0").encode() + b"\n")
-        client.sendall(behind_by_one.pop(0))
+        waiting.append((IDENTITY if asked == "*IDN?" else "5.0").encode() + b"\n")
+        client.sendall(waiting.pop(0))
 
     with line_to(lagging) as (line, _, _notes):
         place = Place("it", "", RealClock())
-        with pytest.raises(InstrumentError, match="nothing that it reads back counts"):
-            Proof(place, line).of(lambda: line.query("MEAS:CURR?"), lambda: line.query("OUTP?"))
+
+        def number_of(question: str) -> float:
+            answer = line.query(question)
+            if any(map(str.isalpha, answer)):
+                raise InstrumentError("it", question, answer, "")
+            return float(answer)
+
+        proof = Proof(place, line)
+        assert proof.of(lambda: number_of("MEAS:CURR?")) == [5.0]
+        waiting += [(IDENTITY if n % 2 else "0").encode() + b"\n" for n in range(1, 5)]
+        del waiting[answers_behind:]
+        with pytest.raises(InstrumentError):
+            proof.of(lambda: number_of("MEAS:CURR?"), lambda: number_of("OUTP?"))
 
 
 class Kept(KeptFrames[bytes]):

@@ -1,9 +1,9 @@
 """Readings that are proven to be answers to their own questions.
 
-A line may be out of step: a stray line, a lost or doubled answer, a device that is one answer
-behind. Then each answer looks like one, and belongs to another question. Where a reading decides
-whether something is at rest, an identity is asked before, between and after the readings: no other
-question has that answer, so none of them can have moved.
+A line may be out of step: a stray line, a lost or doubled answer, a device that is some
+answers behind. Then each answer looks like one, and belongs to another question. Where a reading
+decides whether something is at rest, an identity is asked before, between and after the readings:
+no other question has that answer, so none of them can have moved.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ class Proof:
         return False
 
     def of(self, *readings: Callable[[], Any]) -> list[Any]:
-        """Return what the readings bring, with an identity before, between and after them.
+        """Return what the readings bring, with two identities before and one after each of them.
 
         All are asked again, three times at most, where one of the identities is none or something
         came that was not asked for. Raises InstrumentError where that brings no proof.
@@ -54,7 +54,8 @@ class Proof:
         for _ in range(TRIES):
             found, doubts, failed = [], self._line.doubts, None
             try:
-                in_step = self._line.echoes_identity()
+                # Twice, so that a line two answers behind meets an identity where a reading is due.
+                in_step = self._line.echoes_identity() and self._line.echoes_identity()
                 for read in readings if in_step else ():
                     found.append(read())
                     in_step = in_step and self._line.echoes_identity()
