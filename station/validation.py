@@ -12,7 +12,7 @@ from station.faults import Fault, FaultList, listed, nearest
 from station.fields import UNIT_ERROR, key_of
 
 if TYPE_CHECKING:
-    from station.yaml.reading import Document
+    from station.yaml.document import Document
 
 ModelT = TypeVar("ModelT", bound=BaseModel)
 Loc = tuple[str | int, ...]

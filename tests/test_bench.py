@@ -10,7 +10,8 @@ import pytest
 
 from station.bench import Bench, bench_of
 from station.calibration import Calibration, NotCalibrated
-from station.yaml.reading import FaultList, read_yaml_text, validate_model
+from station.validation import validate_model
+from station.yaml.reading import FaultList, read_yaml_text
 from station.yaml.writing import yaml_text
 
 DRIVERS = ("bop", "f71", "pulse-board")

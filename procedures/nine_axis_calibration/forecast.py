@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from procedures.nine_axis_calibration.check import IMU, POWER, RATES, TURNTABLE
 from procedures.nine_axis_calibration.parameters import AXES, NineAxisParameters
 from procedures.nine_axis_calibration.placing import POSES_DEG, STANDS, UP_DEG, table_axes
-from procedures.nine_axis_calibration.steps import reading_interval_s, rest_s, rotate_s, turn_s
+from procedures.nine_axis_calibration.steps import rest_s, rotate_s, turn_s
 from station.procedure import Forecast, Recording, SetPoint
 
 if TYPE_CHECKING:
@@ -52,7 +52,7 @@ def recordings(parameters: NineAxisParameters) -> tuple[Recording, ...]:
     """Return the rows of the sensor and of the table's encoder."""
     turning_s = sum(turn_s(parameters, one) for one in parameters.all_turns)
     recorded_s = rest_s(parameters) + turning_s
-    readings = sum(one.dwell_s / reading_interval_s(one) for one in parameters.all_turns)
+    readings = sum(one.dwell_s / one.reading_interval_s for one in parameters.all_turns)
     return (
         Recording(IMU, round(recorded_s * parameters.sample_rate_Hz), recorded_s),
         Recording(TURNTABLE, round(readings), rotate_s(parameters)),

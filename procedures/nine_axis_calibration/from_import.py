@@ -22,7 +22,7 @@ from procedures.nine_axis_calibration.positions import ATTITUDES
 from station.dataset_reading import MOST_FAULTS, Table, read_table
 from station.faults import Fault, FaultList, listed, nearest
 from station.fields import StrictModel, Unit
-from station.yaml.reading import validate_model
+from station.validation import validate_model
 
 if TYPE_CHECKING:
     from station.dataset_reading import RawDataset

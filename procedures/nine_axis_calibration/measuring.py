@@ -11,6 +11,8 @@ from procedures.nine_axis_calibration.evaluate import pose_limits
 from procedures.nine_axis_calibration.parameters import (
     AXES,
     FULL_TURN_DEG,
+    LONGEST_READING_S,
+    SHORTEST_READING_S,
     NineAxisParameters,
     Turn,
     position_unit,
@@ -31,11 +33,6 @@ from procedures.nine_axis_calibration.sensing import (
     GYRO_BITS,
     SECONDS_PER_HOUR,
     Sensing,
-)
-from procedures.nine_axis_calibration.steps import (
-    LONGEST_READING_S,
-    SHORTEST_READING_S,
-    reading_interval_s,
 )
 from station.errors import ConditionNotReached, InstrumentError
 
@@ -226,7 +223,7 @@ def read_turns(run: Run, one: Turn, axis: int, sensing: Sensing, said: str) -> f
 
     Raises ConditionNotReached where they take far longer than they should.
     """
-    every_s = reading_interval_s(one)
+    every_s = one.reading_interval_s
     wanted_deg = one.turns * FULL_TURN_DEG + (every_s + EXTRA_S) * abs(one.rate_deg_per_s)
     gives_up_s = run.clock.now() + LATE * one.dwell_s + LATE_S
     first_deg = angle_deg = read_angle(run, one.unit, axis)

@@ -24,6 +24,11 @@ LONGEST_WHOLE_S = 3600
 Angle = Annotated[float, Unit("arcmin"), Field(gt=0, le=600)]
 
 
+LONGEST_READING_S, SHORTEST_READING_S, READINGS = 0.9, 0.05, 50
+"""Time between readings of the table's angle: less than a second, so that an interlock on the rate
+needs no reading of its own, and about fifty in a short record."""
+
+
 @dataclass(frozen=True)
 class Turn:
     """One unit of work on the table: an axis, a signed rate, and how many whole turns of it."""
@@ -41,6 +46,11 @@ class Turn:
     def dwell_s(self) -> float:
         """The time of the whole turns at the nominal rate."""
         return self.turns * FULL_TURN_DEG / abs(self.rate_deg_per_s)
+
+    @property
+    def reading_interval_s(self) -> float:
+        """The time between two readings of the table's angle."""
+        return min(max(self.dwell_s / READINGS, SHORTEST_READING_S), LONGEST_READING_S)
 
 
 TABLE_AXES_ARCSEC = 10.0

@@ -26,9 +26,6 @@ READY = "the table is ready"
 CLOSE_S, MOVE_S, SETTLING_S = 10.0, 10.0, 3.0
 HOMING_LOOK_S = 0.5
 USUAL_ACCELERATION_DEG_PER_S2 = 50.0
-LONGEST_READING_S, SHORTEST_READING_S, READINGS = 0.9, 0.05, 50
-"""Time between readings of the table's angle: less than a second, so that an interlock on the rate
-needs no reading of its own, and about fifty in a short record."""
 
 
 def mount(run: Run) -> None:
@@ -148,11 +145,6 @@ def turn_s(parameters: NineAxisParameters, one: Turn) -> float:
     """Return the expected bench time in s of one record on the table."""
     ramps_s = 2.0 * abs(one.rate_deg_per_s) / USUAL_ACCELERATION_DEG_PER_S2
     return one.dwell_s + parameters.settle_s + ramps_s + SETTLING_S
-
-
-def reading_interval_s(one: Turn) -> float:
-    """Return the time between two readings of the table's angle."""
-    return min(max(one.dwell_s / READINGS, SHORTEST_READING_S), LONGEST_READING_S)
 
 
 def rotate_s(parameters: NineAxisParameters) -> float:

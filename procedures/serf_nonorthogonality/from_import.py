@@ -13,7 +13,7 @@ from procedures.serf_nonorthogonality.spins import GAMMA_HZ_PER_NT, known_spin
 from station.dataset_reading import Table, check_ascending, read_table
 from station.faults import Fault, FaultList
 from station.fields import StrictModel, Unit
-from station.yaml.reading import validate_model
+from station.validation import validate_model
 
 if TYPE_CHECKING:
     from station.dataset_reading import RawDataset

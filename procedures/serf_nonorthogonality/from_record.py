@@ -10,8 +10,7 @@ import numpy as np
 from procedures.serf_nonorthogonality.cell import DIGITIZER
 from procedures.serf_nonorthogonality.dataset import SerfDataset, Shot
 from procedures.serf_nonorthogonality.parameters import SerfParameters
-from procedures.serf_nonorthogonality.shots import Wanted
-from procedures.serf_nonorthogonality.steps import REPEATED
+from procedures.serf_nonorthogonality.shots import REPEATED, Wanted
 
 if TYPE_CHECKING:
     from station.bench import Bench

@@ -8,6 +8,8 @@ from typing import Literal
 Axis = Literal["x", "y", "z"]
 AXES: tuple[Axis, ...] = ("x", "y", "z")
 PAIRS = ("xy", "xz", "yz")
+REPEATED = "shot-repeated"
+"""The event of a shot that is taken again."""
 LEAST_CYCLES = 1.0
 """Within the 1/e time of a shot; with fewer it says nothing."""
 ROUND = ((1, 1), (-1, -1), (1, -1), (-1, 1))

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from procedures.serf_nonorthogonality.cell import DIGITIZER, Cell, LightPassed
 from procedures.serf_nonorthogonality.nulling import fields_lost, null_residual_field
 from procedures.serf_nonorthogonality.parameters import SerfParameters
-from procedures.serf_nonorthogonality.shots import Wanted
+from procedures.serf_nonorthogonality.shots import REPEATED, Wanted
 from station.errors import ConditionNotReached
 from station.procedure import Prompt, Step
 
@@ -22,8 +22,6 @@ if TYPE_CHECKING:
     from station.runner.run import Run
 
 CELL = "the cell"
-REPEATED = "shot-repeated"
-"""The event of a shot that was bad and is taken again."""
 SHOT_EXTRA_S = 0.1
 NULLING_SHOTS = 14
 

@@ -8,23 +8,39 @@ from collections.abc import Callable
 from contextlib import AbstractContextManager
 from threading import get_ident
 from types import TracebackType
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 from station.clock.base import Attendant, Wire
 from station.clock.turns import CALLED, SERVES, Participant, Turns
-
-if TYPE_CHECKING:
-    from station.clock.virtual import VirtualClock
-
 
 MOST_LOOKS = 20
 """So often a reader that finds nothing looks again for what was written."""
 
 
+class Participants(Protocol):
+    """Which thread is which participant of virtual time."""
+
+    def current(self, attempted: str) -> Participant:
+        """Return this thread's participant."""
+        ...
+
+    def swap(self, participant: Participant | None) -> Participant | None:
+        """Make this thread `participant`, without a turn; return who it was."""
+        ...
+
+    def join(self, participant: Participant) -> None:
+        """Take the first turn as `participant`."""
+        ...
+
+    def left(self, participant: Participant) -> None:
+        """Be nobody from now on."""
+        ...
+
+
 class VirtualWire(Wire):
     """Hold time still while requests, or blocks of a stream, are not yet picked up."""
 
-    def __init__(self, clock: VirtualClock, turns: Turns, address: str) -> None:
+    def __init__(self, clock: Participants, turns: Turns, address: str) -> None:
         self._clock = clock
         self._turns = turns
         self._address = address
@@ -215,7 +231,7 @@ class Serving:
 class TurnLock:
     """A lock that gives up the turn while it waits; its waiters follow one another by name."""
 
-    def __init__(self, clock: VirtualClock, turns: Turns, name: str) -> None:
+    def __init__(self, clock: Participants, turns: Turns, name: str) -> None:
         self._clock = clock
         self._turns = turns
         self._name = name

@@ -13,13 +13,13 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from itertools import chain, repeat
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 from station.errors import DamagedRecord
 from station.findings import Flag
 from station.locks import is_held
 from station.record.creation import BENCH, EVENTS, GUARDIAN_LOG, PLAN, RAW, REVISIONS, RUN
-from station.record.events import RESUMED, read_events
+from station.record.events import RESUMED, Event, read_events
 from station.record.manifest import LOCK, MANIFEST, covered_files, file_hash
 from station.record.raw_damage import (
     DamagedPart,
@@ -31,13 +31,28 @@ from station.record.raw_damage import (
 )
 
 if TYPE_CHECKING:
-    from station.record.folder import RunFolder
+    from station.record.raw import RawIndex
 
 USED = ("plan.yaml", "bench.yaml", PLAN, BENCH, RUN, EVENTS, GUARDIAN_LOG)
 """What results are made of, or the report shows; what is not here and not raw is made of it."""
 GROWS_LATER = (RUN, EVENTS, GUARDIAN_LOG)
 """What a resumed run goes on writing, before it makes the manifest anew."""
 MOST_FLAGS = 20
+
+
+class OpenedRecord(Protocol):
+    """A run folder whose log was read."""
+
+    path: Path
+    events: tuple[Event, ...]
+
+    def events_of(self, kind: str) -> Iterator[Event]:
+        """Yield the events of one kind."""
+        ...
+
+    def index(self, file: Path) -> RawIndex:
+        """Return what a raw file holds, read once."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -97,7 +112,7 @@ def first(several: tuple[str, ...]) -> list[str]:
     return [*several[:MOST_FLAGS], *([f"and {more} more"] if more > 0 else [])]
 
 
-def damage_of(folder: RunFolder) -> Damage:
+def damage_of(folder: OpenedRecord) -> Damage:
     """Return what of a run folder is damaged; each of its files is read once for it.
 
     Nothing is raised for damage: an altered log alone, without which nothing can be said, is found
@@ -159,7 +174,7 @@ def damage_of(folder: RunFolder) -> Damage:
     )
 
 
-def _altered_inputs(folder: RunFolder) -> Iterator[str]:
+def _altered_inputs(folder: OpenedRecord) -> Iterator[str]:
     """Yield what of plan, bench and the files they name is not what the log says of them."""
     for name, digest in _recorded(folder).items():
         file = {"plan": PLAN, "bench": BENCH}.get(name, name)
@@ -170,7 +185,7 @@ def _altered_inputs(folder: RunFolder) -> Iterator[str]:
             yield f"{folder.path / file} {said}: {EVENTS} has another SHA-256 of it"
 
 
-def _recorded(folder: RunFolder) -> dict[str, str]:
+def _recorded(folder: OpenedRecord) -> dict[str, str]:
     """Return the SHA-256 that the log has of plan, bench, and each file that the plan named."""
     began = next(folder.events_of("run-started"), None)
     found: dict[str, str] = began.details.get("sha256", {}) if began else {}
@@ -202,7 +217,7 @@ def _altered_guardian_log(path: Path) -> Iterator[str]:
         yield str(error)
 
 
-def _log_against(folder: RunFolder, digest: str) -> tuple[bool, list[str]]:
+def _log_against(folder: OpenedRecord, digest: str) -> tuple[bool, list[str]]:
     """Return whether the log was gone on with since the manifest, and what is wrong with it.
 
     The manifest of a run that was resumed and killed is that of before: the log's beginning, up to

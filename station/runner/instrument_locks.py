@@ -11,14 +11,11 @@ import stat
 import sys
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 from station.errors import InstrumentError
 from station.locks import FileLock, LockHeld
 from station.runner.addresses import forms_of
-
-if TYPE_CHECKING:
-    from station.runner.opening import Identity
 
 PREFIX = "inertial-station"
 PLACES = ("/run/lock", "/tmp", "/var/tmp")
@@ -44,6 +41,15 @@ def lock_place(what: str) -> Path:
     """Return the file whose lock stands for something."""
     digest = hashlib.sha256(what.encode()).hexdigest()[:24]
     return lock_folder() / f"{PREFIX}-{digest}.lock"
+
+
+class Identity(Protocol):
+    """Who answered: maker, model, serial number and firmware, as the instrument says them."""
+
+    maker: str
+    model: str
+    serial: str
+    firmware: str
 
 
 class InstrumentLocks:

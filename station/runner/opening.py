@@ -11,7 +11,7 @@ from station import registry
 from station.clock import Clock, RealClock
 from station.errors import InputError, InstrumentError, InstrumentsMissing
 from station.readings import Publisher, Readings, Value
-from station.runner.instrument_locks import InstrumentLocks
+from station.runner.instrument_locks import Identity, InstrumentLocks
 
 if TYPE_CHECKING:
     from station.bench import Bench
@@ -22,15 +22,6 @@ LOOK = "a look at the whole bench"
 """What the holder of a lock begins with that will be given back in a moment."""
 LOOK_ENDS_WITHIN_S = 10.0
 BETWEEN_TRIES_S = 0.1
-
-
-class Identity(Protocol):
-    """Who answered: maker, model, serial number and firmware, as the instrument says them."""
-
-    maker: str
-    model: str
-    serial: str
-    firmware: str
 
 
 class Opened(Protocol):

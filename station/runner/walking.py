@@ -67,7 +67,9 @@ class Walk:
         self._readings = run.readings
         self._found: dict[str, Found] = {}
         needed = procedure.instruments(run.parameters)
-        self._interlocks = watched_in_a_run(interlocks_of(run.bench), needed)
+        self._interlocks = watched_in_a_run(
+            interlocks_of(run.bench.file.interlocks, run.bench.instruments), needed
+        )
         self._needed = {*needed, *(name for one in self._interlocks for name in one.instruments)}
         self._guardian: Guardian | None = None
         self._awake: StayingAwake | None = None

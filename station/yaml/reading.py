@@ -16,7 +16,6 @@ import yaml
 from yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 
 from station.faults import Fault, FaultList, dotted
-from station.validation import validate_model
 from station.yaml.document import TOP, Document, Mark, Where
 from station.yaml.text import lookalikes
 
@@ -27,7 +26,6 @@ __all__ = [
     "Mark",
     "read_yaml",
     "read_yaml_text",
-    "validate_model",
 ]
 
 # The core schema of YAML 1.2, section 10.3.2, in the order in which it is tried.

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 from station.faults import Fault, listed, nearest
 from station.safety.interlocks.conditions import AllOf, AnyOf, Condition, Level, Not, State
+from station.safety.interlocks.model import InterlockEntry
 from station.safety.interlocks.quantities import (
     CONTACT_STATES,
     Kind,
@@ -20,7 +21,6 @@ from station.safety.interlocks.quantities import (
 from station.units import UnitError, parse_as
 
 if TYPE_CHECKING:
-    from station.bench import Bench
     from station.yaml.document import Document
 
 CHAIN = "interlock_chain"
@@ -56,14 +56,16 @@ class Interlock:
         return all(kind_of(*watched).while_on for watched in self.when.watched)
 
 
-def interlocks_of(bench: Bench) -> tuple[Interlock, ...]:
+def interlocks_of(
+    entries: Iterable[InterlockEntry], instruments: Collection[str]
+) -> tuple[Interlock, ...]:
     """Return the interlocks of a bench; its chain is one, whether it is written there or not."""
     found = []
-    for entry in bench.file.interlocks:
+    for entry in entries:
         when = condition_of(entry.when)
         period_s = entry.period_s or min(kind_of(*watched).period_s for watched in when.watched)
         found.append(Interlock(entry.name, when, entry.grace_s, period_s))
-    if CHAIN in bench.instruments and not any(CHAIN in one.instruments for one in found):
+    if CHAIN in instruments and not any(CHAIN in one.instruments for one in found):
         period_s = kind_of(CHAIN, "chain").period_s
         found.append(Interlock("interlock-chain", State(CHAIN, "chain", "open"), 0.0, period_s))
     return tuple(found)
