@@ -15,7 +15,7 @@ from station.faults import Fault, FaultList, listed, nearest
 from station.fields import Celsius, Degree, Second, StrictModel, Unit, key_of, to_yaml_data
 from station.safety.bounds import bound_faults
 from station.safety.interlocks.model import InterlockEntry
-from station.safety.interlocks.reading import interlock_faults
+from station.safety.interlocks.reading import Interlock, interlock_faults, interlocks_of
 from station.units import UnitError, parse_as
 from station.validation import check_model
 from station.yaml.document import Document, FromDocument, Where
@@ -166,6 +166,11 @@ class Bench(FromDocument):
     def instruments(self) -> Mapping[str, Instrument]:
         """The instruments by instance, in the file's order."""
         return self.file.instruments
+
+    @cached_property
+    def interlocks(self) -> tuple[Interlock, ...]:
+        """The interlocks, in the file's order, and that of the chain."""
+        return interlocks_of(self.file.interlocks, self.instruments)
 
     @property
     def data(self) -> Mapping[str, Any]:

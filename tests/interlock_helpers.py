@@ -19,7 +19,7 @@ from station.readings import Readings
 from station.runner.opening import open_instruments
 from station.runner.simulation import serve_bench
 from station.safety.interlocks.monitor import Monitor
-from station.safety.interlocks.reading import interlocks_of, watched_in_a_run
+from station.safety.interlocks.reading import watched_in_a_run
 from station.yaml.reading import read_yaml_text
 
 SUPPLY, GAUSSMETER, BOARD, CHAIN = (
@@ -79,7 +79,7 @@ def watched(bench: Bench, *used: str) -> Iterator[Watched]:
     try:
         with clock.participant("run"):
             simulation.make_ready()
-            interlocks = watched_in_a_run(interlocks_of(bench), used or (SUPPLY, GAUSSMETER, BOARD))
+            interlocks = watched_in_a_run(bench.interlocks, used or (SUPPLY, GAUSSMETER, BOARD))
             needed = {*used, *(name for one in interlocks for name in one.instruments)}
             addresses = {name: one["address"] for name, one in simulation.instruments.items()}
             readings = Readings(clock)

@@ -7,7 +7,7 @@ from interlock_helpers import CHAIN, SHIPPED, bench_from, bench_with
 
 from station.faults import FaultList
 from station.safety.interlocks.conditions import AllOf, AnyOf, Level, Not, State
-from station.safety.interlocks.reading import interlocks_of, watched_in_a_run
+from station.safety.interlocks.reading import watched_in_a_run
 
 HEAD = """\
 bench: 1
@@ -116,7 +116,7 @@ def test_conditions_are_stacked_as_they_stand() -> None:
         "grace": "500 ms",
         "period": "3 s",
     }
-    (found,) = interlocks_of(bench_with([one]))
+    (found,) = bench_with([one]).interlocks
     assert found.when == AnyOf(
         (
             Level("gaussmeter", "field", "mT", high=0.4, magnitude=True),
@@ -133,26 +133,26 @@ def test_conditions_are_stacked_as_they_stand() -> None:
 
 
 def test_periods_follow_the_quantity_unless_they_are_given() -> None:
-    periods = {one.name: one.period_s for one in interlocks_of(bench_with())}
+    periods = {one.name: one.period_s for one in bench_with().interlocks}
     assert periods["coil-x-current"] == 0.2
     assert periods["gyro-temperature"] == 10.0
     assert periods["chain"] == 1.0
 
 
 def test_a_chain_is_an_interlock_whether_it_is_written_or_not() -> None:
-    (chain,) = interlocks_of(bench_with([]))
+    (chain,) = bench_with([]).interlocks
     assert chain.when == State(CHAIN, "chain", "open")
     assert chain.grace_s == 0.0
-    assert not [one for one in interlocks_of(bench_with(chain=False)) if CHAIN in one.instruments]
+    assert not [one for one in bench_with(chain=False).interlocks if CHAIN in one.instruments]
 
 
 def test_a_run_watches_what_looks_at_its_instruments_and_the_chain() -> None:
-    interlocks = interlocks_of(bench_with())
+    interlocks = bench_with().interlocks
     names = [one.name for one in watched_in_a_run(interlocks, ["coil_supply.y", "gaussmeter"])]
     assert names == ["chain", "coil-y-current", "coil-y-voltage", "field"]
 
 
 def test_the_shipped_bench_has_an_interlock_on_every_coil() -> None:
     coils = {name for name in SHIPPED["instruments"] if name.startswith("coil_supply")}
-    watched = {name for one in interlocks_of(bench_with()) for name in one.instruments}
+    watched = {name for one in bench_with().interlocks for name in one.instruments}
     assert coils <= watched

@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from station.clock import Clock, utc_now
 from station.console import tell
 from station.errors import DamagedRecord, MissingRows, RecordError
-from station.locks import FileLock
 from station.record.creation import (
     EVENTS,
     RAW,
@@ -27,8 +26,8 @@ from station.record.creation import (
 )
 from station.record.events import RESUMED, Event, EventLog, read_events
 from station.record.files import json_text, write_whole_file
-from station.record.manifest import LOCK, write_manifest
-from station.record.presence import Presence
+from station.record.manifest import write_manifest
+from station.record.presence import Presence, run_lock
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -339,14 +338,3 @@ class RunFolder:
                 f"cannot make a folder in {parent}: {error.strerror or error}; choose another "
                 "place for the results with --output"
             ) from error
-
-
-def run_lock(folder: Path) -> FileLock:
-    """Take the lock that says that a process is at work on a run; raises RecordError."""
-    try:
-        return FileLock(folder / LOCK)
-    except OSError as error:
-        raise RecordError(
-            f"cannot lock {folder / LOCK}: {error.strerror or error}; choose another place, on a "
-            "local disk, with --output"
-        ) from error

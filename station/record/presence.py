@@ -1,10 +1,12 @@
-"""Whether a run folder is still where it was made, and the same one."""
+"""Whether a run folder is still where it was made, the same one, and whose it is."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
 from station.errors import RecordError
+from station.locks import FileLock
+from station.record.manifest import LOCK
 
 
 class Presence:
@@ -29,3 +31,14 @@ class Presence:
     def _seen(self) -> tuple[int, int]:
         facts = self._path.stat()
         return facts.st_dev, facts.st_ino
+
+
+def run_lock(folder: Path) -> FileLock:
+    """Take the lock that says that a process is at work on a run; raises RecordError."""
+    try:
+        return FileLock(folder / LOCK)
+    except OSError as error:
+        raise RecordError(
+            f"cannot lock {folder / LOCK}: {error.strerror or error}; choose another place, on a "
+            "local disk, with --output"
+        ) from error

@@ -28,7 +28,7 @@ from station.runner.trace import Trace
 from station.runner.whole_bench import BenchReading, Bystanders, read_used
 from station.safety.acknowledgement import refuse_identified, remember_trip
 from station.safety.interlocks.monitor import Monitor
-from station.safety.interlocks.reading import interlocks_of, watched_in_a_run
+from station.safety.interlocks.reading import watched_in_a_run
 from station.safety.safe_state import MadeSafe, make_bench_safe
 
 if TYPE_CHECKING:
@@ -67,9 +67,7 @@ class Walk:
         self._readings = run.readings
         self._found: dict[str, Found] = {}
         needed = procedure.instruments(run.parameters)
-        self._interlocks = watched_in_a_run(
-            interlocks_of(run.bench.file.interlocks, run.bench.instruments), needed
-        )
+        self._interlocks = watched_in_a_run(run.bench.interlocks, needed)
         self._needed = {*needed, *(name for one in self._interlocks for name in one.instruments)}
         self._guardian: Guardian | None = None
         self._awake: StayingAwake | None = None
