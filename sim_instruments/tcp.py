@@ -31,7 +31,8 @@ class TcpServer(ABC):
     ) -> None:
         self._name = name
         self._clock = clock
-        self._listener = self._listen(port)
+        self._listener = self._bound(port)
+        self._listener.listen()
         self.port: int = self._listener.getsockname()[1]
         self._clients: set[socket.socket] = set()
         self._dropped: set[socket.socket] = set()
@@ -108,28 +109,28 @@ class TcpServer(ABC):
     def _port_changed(self, time_s: float, fault: LastingFault | None) -> None:
         assert self._faults is not None
         if fault is None:
-            with self._guard, suppress(OSError):  # whoever took the port meanwhile keeps it
+            with self._guard, suppress(OSError):
                 if not self._closed:
-                    self._listener = self._listen(self.port)
+                    self._listener.listen()
                     self.begin()
             return
         with suppress(OSError):
             self._listener.shutdown(socket.SHUT_RDWR)
         self._listener.close()
+        self._listener = self._bound(self.port)  # so that nobody else takes the port meanwhile
         self.drop_all()
         left_s = fault.end_s - self._clock.now()
         if left_s < float("inf"):
             # Nobody may come by to look whether it is time.
             self.later(max(left_s, 0.0), self._faults.catch_up)
 
-    def _listen(self, port: int) -> socket.socket:
+    def _bound(self, port: int) -> socket.socket:
         listener = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
         if os.name == "posix":
             # On Windows the same option would let a second server steal the port.
             listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:
             listener.bind((HOST, port))
-            listener.listen()
         except OSError as error:
             listener.close()
             told = f"{self._name} cannot be served on port {port} of {HOST}: {error.strerror}"

@@ -130,6 +130,9 @@ def test_a_port_is_gone_for_a_while() -> None:
             assert line.bytes_of("*IDN?") == b""
         with pytest.raises(ConnectionRefusedError):
             socket.create_connection(address)
+        with pytest.raises(OSError, match="in use"), socket.socket() as another:
+            another.bind(address)
+            another.listen()
         clock.sleep_until(8.5)
         with RawLine(bench, SUPPLY, clock) as line:
             assert line.ask("OUTP?") == "0"

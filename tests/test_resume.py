@@ -29,7 +29,7 @@ from station.control.client import ask
 from station.errors import InputError, NotAcknowledged, StationError
 from station.plan import read_plan
 from station.record.folder import RunFolder, RunRecord
-from station.runner.execute import Request, execute
+from station.runner.execute import Request, conclude, execute
 from station.runner.outcome import Outcome
 from station.runner.resuming import ResumeRequest, resume
 from station.safety.acknowledgement import acknowledge
@@ -316,3 +316,24 @@ def test_a_run_that_died_before_its_manifest_is_sealed(reference: Path, tmp_path
     assert (folder / "results.json").read_bytes() == before
     with pytest.raises(InputError, match="is finished"):
         resume(ResumeRequest(folder, quiet=True, report=False))
+
+
+def test_a_run_whose_evaluation_failed_is_evaluated_by_resume(
+    reference: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = tmp_path / "run"
+    shutil.copytree(reference, folder)
+    (folder / "results.json").unlink()
+    with monkeypatch.context() as lacking:
+
+        def no_memory(*_: object, **__: object) -> None:
+            raise MemoryError
+
+        lacking.setattr("station.runner.execute.conclude_run", no_memory)
+        failed = Outcome(folder, exit_code=0)
+        conclude(RunRecord.go_on(folder, RealClock()), failed, report=False)
+        assert failed.exit_code == 3
+        assert "evaluation failed: this computer has no memory left" in str(failed.error)
+    outcome = go_on(folder)
+    assert outcome.exit_code == 0, outcome.error
+    assert results_of(folder) == results_of(reference)

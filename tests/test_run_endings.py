@@ -11,6 +11,7 @@ from test_run_rlg import short_run
 
 from station.cli.analysing import analyse_run
 from station.record.folder import RunFolder
+from station.record.presence import Presence
 from station.runner.outcome import in_one_sentence
 
 ONE_AXIS = {"parameters/axes": ["IA"], "parameters/duration": "100 s"}
@@ -88,4 +89,16 @@ def test_a_terminal_that_is_gone_ends_no_run(tmp_path: Path) -> None:
 
 def test_a_run_without_memory_says_so_in_one_sentence() -> None:
     assert in_one_sentence(MemoryError()).startswith("this computer has no memory left for the run")
+    unloaded = ImportError("a.so: failed to map segment from shared object")
+    assert in_one_sentence(unloaded) == in_one_sentence(MemoryError())
     assert in_one_sentence(KeyError("x")) == "a fault of the program: KeyError('x')"
+
+
+def test_a_file_that_is_gone_with_its_run_folder_is_not_a_fault_of_the_program(
+    tmp_path: Path,
+) -> None:
+    presence, lost = Presence(tmp_path), FileNotFoundError(2, "No such file or directory")
+    assert presence.cause_of(lost) is lost
+    tmp_path.rename(tmp_path.with_name("elsewhere"))
+    assert "removed, moved or unmounted" in str(presence.cause_of(lost))
+    assert isinstance(presence.cause_of(ValueError()), ValueError)

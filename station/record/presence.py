@@ -28,6 +28,15 @@ class Presence:
             "what was recorded is in it, wherever it is now"
         )
 
+    def cause_of(self, error: Exception) -> Exception:
+        """Return why something failed: a file that cannot be read may be gone with its folder."""
+        if isinstance(error, OSError):
+            try:
+                self.check()
+            except RecordError as gone:
+                return gone
+        return error
+
     def _seen(self) -> tuple[int, int]:
         facts = self._path.stat()
         return facts.st_dev, facts.st_ino

@@ -23,7 +23,7 @@ from station.record.creation import BENCH, PLAN, RUN
 from station.record.files import json_text
 from station.record.folder import EXPORTS, RunFolder, RunRecord
 from station.record.integrity import hash_of_data
-from station.runner.outcome import Outcome
+from station.runner.outcome import NO_MEMORY, Outcome, in_one_sentence, is_lack_of_memory
 from station.runner.preflight import look_before_a_run, watch_system_clock
 from station.runner.progress import Progress, how_long
 from station.runner.prompts import Operator
@@ -95,10 +95,11 @@ def execute(request: Request) -> Outcome:
     return outcome
 
 
-def conclude(record: RunRecord, outcome: Outcome, *, report: bool) -> None:
+def conclude(record: RunRecord, outcome: Outcome, *, report: bool, ended: bool = False) -> None:
     """Evaluate what was measured, seal the folder, and set the exit code that says it all.
 
-    A folder that is no longer there is left alone: nothing is made in its place.
+    A folder that is no longer there is left alone: nothing is made in its place. That of a run
+    that had `ended` before stays as its manifest has it.
     """
     try:
         record.presence.check()
@@ -107,8 +108,9 @@ def conclude(record: RunRecord, outcome: Outcome, *, report: bool) -> None:
             outcome.error, outcome.exit_code = str(error), EXIT_FAULT
         return
     with wishes_held():
-        with suppress(RecordError):  # a full disk was told when the run met it
-            note_end(record)
+        if not ended:
+            with suppress(RecordError):  # a full disk was reported when the run met it
+                note_end(record)
         evaluate(record, outcome, report=report)
         record.seal()
         if report and outcome.error is None and not record.faults:
@@ -196,9 +198,10 @@ def evaluate(record: RunRecord, outcome: Outcome, *, report: bool) -> None:
     try:
         outcome.document = conclude_run(record.path, report=report)
     except Exception as error:  # what was measured is on disk, whatever the evaluation does
+        why = NO_MEMORY if is_lack_of_memory(error) else in_one_sentence(error)
         outcome.error = (
-            f"the data are complete, their evaluation failed: {error!r}; "
-            f"run `station analyse {record.path}` to see where"
+            f"the data are complete, their evaluation failed: {why}; "
+            f"then run `station analyse {record.path}`"
         )
         outcome.exit_code = EXIT_FAULT
         return

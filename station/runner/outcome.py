@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -13,6 +14,10 @@ if TYPE_CHECKING:
     from station.results import ResultDocument
     from station.runner.whole_bench import LeftOut
     from station.safety.safe_state import SafeOutcome
+
+NO_MEMORY = "this computer has no memory left for the run; end other programs"
+UNLOADED = ("failed to map segment", "annot allocate memory")
+"""What the system says of a library that it has no memory for."""
 
 
 @dataclass
@@ -45,10 +50,14 @@ class Outcome:
 
 def in_one_sentence(error: Exception) -> str:
     """Return what ended a run, for a person."""
-    if isinstance(error, MemoryError):
-        return (
-            "this computer has no memory left for the run; end other programs, then go on with "
-            "`station resume`"
-        )
+    if is_lack_of_memory(error):
+        return f"{NO_MEMORY}, then go on with `station resume`"
     known = isinstance(error, StationError | ClockError)
     return str(error) if known else f"a fault of the program: {error!r}"
+
+
+def is_lack_of_memory(error: Exception) -> bool:
+    """Whether there was no memory, be it for data or for a library that was to be loaded."""
+    unloaded = isinstance(error, ImportError) and any(one in str(error) for one in UNLOADED)
+    full = isinstance(error, OSError) and error.errno == errno.ENOMEM
+    return isinstance(error, MemoryError) or unloaded or full

@@ -152,7 +152,7 @@ def evaluate_only(folder: RunFolder, *, report: bool) -> Outcome:
         outcome.exit_code = exit_code_of(outcome.document)
         record.seal()
     else:
-        conclude(record, outcome, report=report)
+        conclude(record, outcome, report=report, ended=True)
     return outcome
 
 

@@ -141,8 +141,9 @@ class Walk:
         The guardian stays until all of that is done: a disk that stands still ends no run.
         """
         run = self._run
-        for cause in [] if failure is None else self._causes(failure):
-            self._failed(outcome, cause)
+        if failure is not None:
+            for cause in self._causes(run.record.presence.cause_of(failure)):
+                self._failed(outcome, cause)
         run.log_notes()
         self._remember_trip()
         run.record.note("safe-state", **read.to_data())
