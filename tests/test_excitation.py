@@ -85,7 +85,9 @@ def test_an_imported_record_with_exchanged_columns_is_no_verdict(
         row[first], row[last] = row[last], row[first]
     with (place / "samples.csv").open("w", encoding="utf-8", newline="") as file:
         csv.writer(file).writerows(rows)
-    assert analyse_data(place, None, compare=False, as_json=True) == 3
+    assert analyse_data(place, tmp_path / "out", compare=False, as_json=True) == 3
+    page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    assert "The device was not exposed to the commanded field" in page
     document = json.loads(capsys.readouterr().out)
     assert document["verdict"] == "inconclusive"
     named = [flag for flag in document["flags"] if flag["code"] == CODE]
