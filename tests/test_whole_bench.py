@@ -177,8 +177,8 @@ def test_the_guardian_too_names_first_what_is_not_known_to_be_safe() -> None:
     assert summary(made).startswith("the bench is safe, read back from every instrument that can")
     unread = BenchReading(left_out=[LeftOut(OTHER, "does not answer", "")])
     assert summary(made, unread) == (
-        f"NOT KNOWN to be safe: {OTHER} (does not answer); every other instrument that can harm was "
-        f"read back as safe: {USED} output off"
+        f"NOT KNOWN to be safe: {OTHER} (does not answer); every other instrument that can harm "
+        f"was read back as safe: {USED} output off"
     )
 
 
