@@ -13,6 +13,7 @@ from pydantic import Field, ValidationInfo, field_validator
 from station.calibration import Calibration
 from station.faults import Fault, FaultList, listed, nearest
 from station.fields import Celsius, Degree, Second, StrictModel, Unit, key_of, to_yaml_data
+from station.runner.addresses import why_unknown
 from station.safety.bounds import bound_faults
 from station.safety.interlocks.model import InterlockEntry
 from station.safety.interlocks.reading import Interlock, interlock_faults, interlocks_of
@@ -209,7 +210,7 @@ def bench_of(document: Document, drivers: Collection[str], *, bounded: bool = Fa
         faults += _safe_state_faults(document, list(instruments))
         faults += interlock_faults(document, list(instruments))
         if bounded:
-            faults += bound_faults(document)
+            faults += [*bound_faults(document), *_address_faults(document)]
     if file is None or faults:
         raise FaultList(faults)
     return Bench(file, document)
@@ -252,6 +253,15 @@ def _instrument_faults(
         else:
             if value == 0.0:
                 yield document.fault(here, "may not be zero; what is commanded is divided by it")
+
+
+def _address_faults(document: Document) -> Iterator[Fault]:
+    """Yield a fault for each address of no known kind."""
+    for name, entry in document.data["instruments"].items():
+        address = entry.get("address") if isinstance(entry, dict) else None
+        wrong = why_unknown(address) if isinstance(address, str) and address else None
+        if wrong is not None:
+            yield document.fault(("instruments", name, "address"), *wrong)
 
 
 def _shares_faults(document: Document, name: str, shares: Any) -> Iterator[Fault]:

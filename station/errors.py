@@ -42,12 +42,28 @@ class InstrumentTimeout(InstrumentError):
     """An instrument that stayed silent until its deadline."""
 
 
-class InstrumentsMissing(StationError):
-    """Every instrument that could not be opened or is not the one in the bench file."""
+class InstrumentInUse(InstrumentError):
+    """An instrument that another process has; `who` is what that says of itself, if anything."""
 
-    def __init__(self, problems: list[str]) -> None:
+    def __init__(self, instrument: str, attempted: str, who: str) -> None:
+        super().__init__(
+            instrument,
+            attempted,
+            f"another process has it ({who})" if who else "another process has it",
+            "wait until that has ended, or end it with `station abort RUN`",
+        )
+        self.who = who
+
+
+class InstrumentsMissing(StationError):
+    """Every instrument that could not be opened or is not the one in the bench file.
+
+    `count` is their number where a problem tells of several.
+    """
+
+    def __init__(self, problems: list[str], count: int | None = None) -> None:
         listed = "".join(f"\n  - {problem}" for problem in problems)
-        count = len(problems)
+        count = count or len(problems)
         noun = "instrument is" if count == 1 else "instruments are"
         super().__init__(f"{count} {noun} missing, wrong or in use, nothing was energised:{listed}")
 

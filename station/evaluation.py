@@ -14,7 +14,14 @@ from typing import TYPE_CHECKING, Any
 from station import registry
 from station.bench import Bench
 from station.console import span
-from station.errors import EXIT_DONE, EXIT_OUTSIDE_LIMIT, EXIT_UNDETERMINED, InputError, MissingRows
+from station.errors import (
+    EXIT_DONE,
+    EXIT_FAULT,
+    EXIT_OUTSIDE_LIMIT,
+    EXIT_UNDETERMINED,
+    InputError,
+    MissingRows,
+)
 from station.faults import FaultList, not_there
 from station.findings import Findings, Flag
 from station.record.events import RESUMED
@@ -239,7 +246,9 @@ def quiet_numbers() -> Iterator[None]:
 
 
 def exit_code_of(document: ResultDocument) -> int:
-    """Return the exit code that a verdict stands for."""
+    """Return the exit code of a verdict; a wrong excitation is a fault of the bench."""
+    if not document.excited:
+        return EXIT_FAULT
     codes: Mapping[str, int] = {"fail": EXIT_OUTSIDE_LIMIT, "inconclusive": EXIT_UNDETERMINED}
     return codes.get(document.verdict, EXIT_DONE)
 

@@ -1,9 +1,13 @@
-"""Procedures, drivers and simulators by entry point, our own and any laboratory's alike."""
+"""Procedures, drivers and simulators by entry point, our own and any laboratory's alike.
+
+What is wrong with one package costs its own entries and no others.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from functools import lru_cache
-from importlib.metadata import EntryPoint, entry_points
+from importlib.metadata import Distribution, EntryPoint, EntryPoints, distributions
 from typing import TYPE_CHECKING, Any
 
 from station.errors import InputError
@@ -15,28 +19,96 @@ PROCEDURES = "station.procedures"
 DRIVERS = "station.drivers"
 SIMULATORS = "station.simulators"
 SIMULATED_BENCH = "bench"
+OURS = "station."
+
+
+@lru_cache
+def offers() -> tuple[dict[str, dict[str, EntryPoint]], tuple[str, ...]]:
+    """Return all entry points by group and name, and a sentence on each package without any.
+
+    Of two that have one name, that of the package which Python finds first counts.
+    """
+    found: dict[str, dict[str, EntryPoint]] = {}
+    odd: list[str] = []
+    for package in distributions():
+        try:
+            offered = [one for one in package.entry_points if one.group.startswith(OURS)]
+        except Exception as error:  # metadata that anybody may have written
+            odd.append(
+                f"the entry points of the package {name_of(package)} cannot be read ({error!r}); "
+                "reinstall the package, or remove it"
+            )
+            continue
+        for entry in offered:
+            found.setdefault(entry.group, {}).setdefault(entry.name, entry)
+    if odd:
+        have_none_where_unreadable()
+    return found, tuple(odd)
+
+
+def have_none_where_unreadable() -> None:
+    """Let a package whose entry points cannot be read have none, for whoever asks from now on.
+
+    Libraries that look for plug-ins, such as python-can, read those of every package, and fail.
+    """
+    readable = Distribution.entry_points.fget  # type: ignore[attr-defined]
+
+    def read(package: Distribution) -> EntryPoints:
+        try:
+            found: EntryPoints = readable(package)
+        except Exception:  # as above
+            return EntryPoints()
+        return found
+
+    setattr(Distribution, "entry_points", property(read))  # noqa: B010
+
+
+def name_of(package: Distribution | None) -> str:
+    """Return the name of a package, its folder's where its metadata gives none."""
+    try:
+        name = package.metadata["Name"] if package is not None else None
+    except Exception:  # as above
+        name = None
+    return str(name or getattr(package, "_path", "of an unknown name"))
 
 
 @lru_cache
 def names(group: str) -> tuple[str, ...]:
     """Return the names of a group in order."""
-    return tuple(sorted({entry.name for entry in entry_points(group=group)}))
+    return tuple(sorted(offers()[0].get(group, {})))
 
 
 @lru_cache
 def load(group: str, name: str) -> Any:
     """Return the object that a package offers under `name`; InputError when it cannot be loaded."""
-    found: list[EntryPoint] = [entry for entry in entry_points(group=group) if entry.name == name]
-    if not found:
-        kind = group.removeprefix("station.").removesuffix("s")
+    entry = offers()[0].get(group, {}).get(name)
+    kind = group.removeprefix(OURS).removesuffix("s")
+    if entry is None:
         known = ", ".join(names(group)) or "none"
         raise InputError(f"there is no {kind} named {name!r}; there are: {known}")
     try:
-        return found[0].load()
-    except ImportError as error:
+        return entry.load()
+    except (Exception, SystemExit) as error:  # whatever the package does when it is imported
         raise InputError(
-            f"{name} ({found[0].value}) cannot be loaded: {error}; install the package it needs"
+            f"the {kind} {name!r} of the package {name_of(entry.dist)} cannot be loaded from "
+            f"{entry.value} ({error!r}); install what the package needs, repair it or remove it"
         ) from error
+
+
+def loaded(group: str) -> Iterator[tuple[str, Any]]:
+    """Yield name and object of each entry of a group that can be loaded."""
+    for name in names(group):
+        if not why_not(group, name):
+            yield name, load(group, name)
+
+
+def why_not(group: str, name: str) -> str | None:
+    """Return why an entry cannot be loaded, None where it can."""
+    try:
+        load(group, name)
+    except InputError as error:
+        return str(error)
+    return None
 
 
 def procedure(name: str) -> Procedure:

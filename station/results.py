@@ -13,6 +13,8 @@ from station.uncertainty import BudgetLine, Combined, combine
 SCHEMA = 1
 LIMIT_WITHOUT_RESULT = "limit-without-result"
 WITHOUT_RESULT: Verdict = "inconclusive"
+WRONG_EXCITATION = "wrong-excitation"
+"""The flag of a field that is not the commanded one: there is no verdict on the device."""
 
 
 @dataclass(frozen=True)
@@ -73,6 +75,11 @@ class ResultDocument:
             "flags": [flag.to_data() for flag in self.flags],
         }
 
+    @property
+    def excited(self) -> bool:
+        """Whether the device was exposed to what was commanded, as far as that was measured."""
+        return all(flag.code != WRONG_EXCITATION for flag in self.flags)
+
 
 def conclude(
     procedure: str,
@@ -89,21 +96,25 @@ def conclude(
     `limits` is keyed by result name and axis. `measured` says which axes the plan measures of those
     results of which it leaves some out; limits of the others hold for nothing. A bench whose safe
     state was not verified, data of which a part is damaged, and a limit whose result is not there
-    cannot pass: the verdict is then at best inconclusive.
+    cannot pass: the verdict is then at best inconclusive. After a wrong excitation nothing is
+    decided: every verdict is inconclusive.
     """
+    wrong = any(flag.code == WRONG_EXCITATION for flag in findings.flags)
     combined = combine(findings.estimates, findings.inputs)
     results = []
     for estimate, uncertainty in zip(findings.estimates, combined, strict=True):
         limit = limits.get((estimate.name, estimate.axis))
         expanded = uncertainty.expanded_uncertainty if uncertainty else None
         decision = decide(estimate.value, expanded, limit, rule)
+        if wrong and limit is not None:
+            decision = Decision("inconclusive", WRONG_EXCITATION)
         results.append(Result(estimate, uncertainty, limit, decision))
     there = {(one.name, one.axis) for one in findings.estimates}
     lacking = [key for key in limits if key not in there and _is_measured(key, measured or {})]
     verdicts = [*(result.decision.verdict for result in results), *(WITHOUT_RESULT,) * len(lacking)]
     verdict = overall(verdicts)
     decided = verdict == "pass" or (verdict == "none" and bool(limits))
-    if not (bench_safe and data_whole) and decided:
+    if wrong or (not (bench_safe and data_whole) and decided):
         verdict = "inconclusive"
     flags = [*findings.flags, *(_without_result(*key, limits[key]) for key in lacking)]
     return ResultDocument(procedure, results, findings.published, flags, verdict)

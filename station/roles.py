@@ -45,8 +45,8 @@ class Role:
 def role(name: str) -> Role | None:
     """Return the role `name`, or None where no installed package says what it can do."""
     wanted = "".join(part.capitalize() for part in name.split("_"))
-    for entry in registry.names(ROLES):
-        protocol = getattr(registry.load(ROLES, entry), wanted, None)
+    for _, module in registry.loaded(ROLES):
+        protocol = getattr(module, wanted, None)
         if isinstance(protocol, type):
             return Role(name, protocol, verbs_of(protocol), attributes_of(protocol))
     return None
@@ -63,8 +63,8 @@ class SafeState(Protocol):
 def safe_states() -> Mapping[str, SafeState]:
     """Return by role how an instrument is made safe; a role that is not there cannot harm."""
     found: dict[str, SafeState] = {}
-    for entry in registry.names(ROLES):
-        found.update(getattr(registry.load(ROLES, entry), "SAFE_STATES", {}))
+    for _, module in registry.loaded(ROLES):
+        found.update(getattr(module, "SAFE_STATES", {}))
     return found
 
 

@@ -124,8 +124,7 @@ def ask_served(entry: tuple[str, Mapping[str, Any]]) -> Seen:
     address = str(told["address"])
     scheme = address.partition("://")[0]
     if "://" in address:
-        for name in registry.names(registry.DRIVERS):
-            driver = registry.load(registry.DRIVERS, name)
+        for name, driver in registry.loaded(registry.DRIVERS):
             if getattr(driver, "identifies_on", None) == scheme:
                 with suppress(Exception):  # a driver that cannot is not the one
                     return identified(driver(Place("scan", address, RealClock())), name, address)
@@ -150,8 +149,8 @@ def identified(instrument: Any, driver: str, address: str) -> Seen:
 def recognised(address: str, said: str) -> Seen:
     """Return what answered, with the driver whose pattern `recognises` finds in the answer."""
     said = "".join(letter if letter.isprintable() else " " for letter in said).strip()
-    for name in registry.names(registry.DRIVERS):
-        pattern = getattr(registry.load(registry.DRIVERS, name), "recognises", None)
+    for name, driver in registry.loaded(registry.DRIVERS):
+        pattern = getattr(driver, "recognises", None)
         match = re.search(pattern, said) if pattern else None
         if match is not None:
             serial = match.groupdict().get("serial")

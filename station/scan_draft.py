@@ -96,8 +96,8 @@ def interlock_line(coil: str) -> str:
 
 def drivers_alike(name: str) -> list[str]:
     """Return a driver, and after it those that recognise the same model for another use."""
-    loaded = {one: registry.load(registry.DRIVERS, one) for one in registry.names(registry.DRIVERS)}
-    patterns = {one: getattr(driver, "recognises", one) for one, driver in loaded.items()}
+    loaded = registry.loaded(registry.DRIVERS)
+    patterns = {one: getattr(driver, "recognises", one) for one, driver in loaded}
     return [name, *(one for one in patterns if one != name and patterns[one] == patterns[name])]
 
 

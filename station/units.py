@@ -39,7 +39,11 @@ _DIMENSIONS: dict[str, tuple[str, str, dict[str, int | Fraction]]] = {
     "current": ("a current", "2 A", {"A": 1, "mA": Fraction(1, 10**3)}),
     "voltage": ("a voltage", "5 V", {"V": 1, "mV": Fraction(1, 10**3), "uV": Fraction(1, 10**6)}),
     "resistance": ("a resistance", "100 ohm", {"ohm": 1}),
-    "frequency": ("a frequency", "0.1 Hz", {"Hz": 1, "kHz": 10**3, "MHz": 10**6}),
+    "frequency": (
+        "a frequency",
+        "0.1 Hz",
+        {"Hz": 1, "mHz": Fraction(1, 10**3), "kHz": 10**3, "MHz": 10**6},
+    ),
     "time": (
         "a time",
         "30 s",
@@ -116,10 +120,11 @@ _HABITS = {
     "°c": "degC", "℃": "degC", "c": "degC", "celsius": "degC", "deg c": "degC", "degc": "degC",
     "kelvin": "K", "°": "deg", "degree": "deg", "degrees": "deg", "°/h": "deg/h", "°/s": "deg/s",
     "dps": "deg/s", "deg/hr": "deg/h", "ω": "ohm", "ohms": "ohm", "sec": "s", "second": "s",
-    "seconds": "s", "minute": "min", "minutes": "min", "mins": "min", "hr": "h", "hour": "h",
-    "hours": "h", "day": "d", "days": "d", "gs": "G", "gauss": "G", "tesla": "T", "volt": "V",
-    "amp": "A", "ampere": "A", "hertz": "Hz", "percent": "%", "arcsec/s": "deg/h", "'": "arcmin",
-    '"': "arcsec", "°c/min": "degC/min", "k/min": "degC/min", "deg/√h": "deg/sqrt(h)",
+    "seconds": "s", "minute": "min", "minutes": "min", "min": "min", "mins": "min",
+    "hr": "h", "hour": "h", "hours": "h", "day": "d", "days": "d", "gs": "G", "gauss": "G",
+    "tesla": "T", "volt": "V", "amp": "A", "ampere": "A", "hertz": "Hz", "percent": "%",
+    "arcsec/s": "deg/h", "'": "arcmin", '"': "arcsec", "°c/min": "degC/min", "k/min": "degC/min",
+    "deg/√h": "deg/sqrt(h)",
 }  # fmt: skip
 
 LARGEST, SMALLEST = 1e18, 1e-30
@@ -283,10 +288,10 @@ def _likely_unit(unit: str) -> str | None:
     folded = plain.lower()
     if folded in _HABITS:
         return _HABITS[folded]
-    same = [known for known in UNITS if known.lower() == folded]
-    if same:
-        return same[0]
-    close = get_close_matches(plain, UNITS, n=1, cutoff=0.7)
+    # Milli and mega are never taken for each other.
+    possible = [known for known in UNITS if {known[0], plain[0]} != {"m", "M"}]
+    same = [known for known in possible if known.lower() == folded]
+    close = same or get_close_matches(plain, possible, n=1, cutoff=0.7)
     return close[0] if close else None
 
 

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import json
+import os
+import pty
 import signal
 import socket
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
 import pytest
-from command_line import PLAN, begun, station, with_addresses
+from command_line import PLAN, begun, station, station_command, with_addresses
 
 
 @pytest.fixture(scope="module")
@@ -242,3 +246,48 @@ def test_a_run_on_a_bench_served_by_another_process_finds_the_same_sensitivity(
     assert done.returncode == 0, done.stderr
     (result,) = json.loads(done.stdout)["results"]
     assert abs(result["value"] - 0.045) < 3 * result["standard_uncertainty"]
+
+
+IN_THE_BACKGROUND = """\
+import fcntl, os, signal, subprocess, sys, termios
+fcntl.ioctl(0, termios.TIOCSCTTY, 0)
+signal.signal(signal.SIGTTOU, signal.SIG_IGN)
+child = subprocess.Popen(sys.argv[1:], process_group=0)
+for line in sys.stdin:
+    os.tcsetpgrp(0, child.pid)
+    break
+sys.exit(child.wait())
+"""
+FAULT = "{instrument: gaussmeter, fault: frozen}\n"
+
+
+def test_faults_typed_to_sim_on_a_terminal_are_injected() -> None:
+    """First in the background of the terminal, where it must not be stopped, then in front."""
+    keyboard, terminal = pty.openpty()
+    process = subprocess.Popen(
+        [sys.executable, "-c", IN_THE_BACKGROUND, *station_command("sim")],
+        stdin=terminal,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        encoding="utf-8",
+        start_new_session=True,
+    )
+    os.close(terminal)
+    assert process.stdout is not None and process.stderr is not None
+    try:
+        assert "gaussmeter" in json.loads(process.stdout.readline())["instruments"]
+        assert process.stderr.readline().startswith("serving")
+        os.write(keyboard, b"to the front\n")
+        os.write(keyboard, FAULT.encode())
+        assert process.stderr.readline().startswith("gaussmeter: frozen injected at ")
+        os.write(keyboard, b"report\n")
+        assert json.loads(process.stderr.readline())["faults"][0]["fault"] == "frozen"
+        os.write(keyboard, b"\x03")
+        assert process.wait(20) == 0
+        assert process.stdout.read() == ""
+        assert process.stderr.read() == ""
+    finally:
+        os.close(keyboard)  # what is left hangs up
+        process.kill()
+        process.wait(20)

@@ -19,12 +19,16 @@ from guardian_helpers import World, world
 
 from station import registry
 from station.bench import read_bench
+from station.cli.running import say
 from station.clock import RealClock
-from station.errors import InstrumentError
+from station.errors import InstrumentError, InstrumentInUse, InstrumentsMissing
 from station.lookup import find
 from station.runner.addresses import forms_of
 from station.runner.instrument_locks import InstrumentLocks, lock_folder, lock_place
-from station.runner.opening import Probe, open_one
+from station.runner.opening import Probe, open_one, problems_of
+from station.runner.outcome import Outcome
+from station.runner.whole_bench import LeftOut
+from station.safety.safe_state import SafeOutcome
 
 LOCKER = """
 import os, sys
@@ -283,3 +287,24 @@ def test_an_instrument_is_known_again_by_what_it_reports_of_itself(
     elsewhere.release()
     assert opened(f"TCPIP::127.0.0.1::{relay.port}::SOCKET", second).ok
     second.release()
+
+
+def test_a_refused_second_run_names_who_has_its_instruments_once(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    who = "the run /bench/runs/first (process 4711)"
+    used = ("coil_supply.x", "coil_supply.y", "gaussmeter")
+    refused = [InstrumentInUse(name, "take it", who) for name in used]
+    probes = [Probe(one.instrument, False, str(one), in_use_by=one.who) for one in refused]
+    silent = Probe("imu", False, "imu: read it: nothing came; look at its cable")
+    error = str(InstrumentsMissing(problems_of([*probes, silent]), 4))
+    assert error.startswith("4 instruments are missing")
+    assert "- coil_supply.x, coil_supply.y, gaussmeter: another process has them (the run" in error
+    assert silent.said in error
+    left_out = [LeftOut(name, f"in use by {who}", "") for name in used[:2]]
+    outside = [SafeOutcome("turntable", True, "at rest", 0.1, used=False)]
+    say(Outcome(Path("second"), error=error, outside=outside, left_out=left_out))
+    said = capsys.readouterr().err
+    assert said.count(who) == 1
+    assert "NOT KNOWN to be safe: coil_supply.x, coil_supply.y (in use by that process)" in said
+    assert "the bench is safe" not in said

@@ -28,8 +28,9 @@ from station.clock import RealClock
 from station.control.client import ask
 from station.errors import InputError, NotAcknowledged, StationError
 from station.plan import read_plan
+from station.record.creation import RUN
 from station.record.folder import RunFolder, RunRecord
-from station.runner.execute import Request, conclude, execute
+from station.runner.execute import SERVED_SINCE, Request, conclude, execute
 from station.runner.outcome import Outcome
 from station.runner.resuming import ResumeRequest, resume
 from station.safety.acknowledgement import acknowledge
@@ -239,6 +240,22 @@ def as_typed(folder: Path) -> int:
         trace=False,
         as_json=False,
     )
+
+
+def test_a_run_goes_on_in_the_world_that_it_began_in(interrupted: Path) -> None:
+    """Served or not: the other way would be another simulated world, or another bench."""
+    served = {"clock": {"speed": 1.0, "epoch_unix": 1e9}, "instruments": {}}
+    before = raw_hashes(interrupted)
+    with pytest.raises(InputError, match=rf"type `station resume {interrupted}`, without --served"):
+        resume(ResumeRequest(interrupted, quiet=True, report=False, served=served))
+    facts = json.loads((interrupted / RUN).read_text(encoding="utf-8"))
+    assert facts[SERVED_SINCE] is None
+    text = json.dumps({**facts, SERVED_SINCE: 1e9})
+    (interrupted / "manifest.json").unlink()
+    (interrupted / RUN).write_text(text, encoding="utf-8")
+    with pytest.raises(InputError, match=rf"type `station resume {interrupted} --served FILE`"):
+        go_on(interrupted)
+    assert raw_hashes(interrupted) == before
 
 
 @pytest.mark.parametrize(

@@ -129,6 +129,22 @@ def test_a_written_quantity_is_short_and_loses_nothing() -> None:
         assert parse_quantity(format_quantity(value, "V")).value == value
 
 
-def test_no_two_units_differ_in_case_only_within_a_dimension() -> None:
-    seen = {(dimension_of(unit), unit.lower()) for unit in UNITS}
+def test_milli_and_mega_are_never_taken_for_each_other() -> None:
+    assert parse_as("100 mHz", "Hz") == 0.1
+    assert parse_as("0.1 Hz", "mHz") == 100.0
+    for written, meant in (
+        ("mhz", "'1 mHz'"),
+        ("Mhz", "'1 MHz'"),
+        ("MT", None),
+        ("MIN", "'1 min'"),
+    ):
+        with pytest.raises(UnitError) as caught:
+            parse_quantity(f"1 {written}")
+        assert caught.value.hint == meant
+
+
+def test_no_two_units_but_milli_and_mega_differ_in_case_only_within_a_dimension() -> None:
+    seen = {
+        (dimension_of(unit), unit[0] if unit[0] in "mM" else "", unit.lower()) for unit in UNITS
+    }
     assert len(seen) == len(UNITS)

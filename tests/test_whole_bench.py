@@ -19,11 +19,13 @@ from station import registry
 from station.bench import read_bench
 from station.cli.controlling import left_safe, say_how_it_ended
 from station.clock import RealClock, VirtualClock
+from station.guardian.takeover import summary
 from station.lookup import BENCHES, find
 from station.runner.instrument_locks import InstrumentLocks
 from station.runner.session import BenchSession
 from station.runner.trace import Trace
-from station.runner.whole_bench import Bystanders, bystanders_of
+from station.runner.whole_bench import BenchReading, Bystanders, LeftOut, bystanders_of
+from station.safety.safe_state import SafeOutcome
 from station.status import read_status
 
 USED, OTHER = "coil_supply.x", "coil_supply.z"
@@ -150,9 +152,10 @@ def test_what_another_run_holds_or_does_not_answer_is_left_out_and_named(
             done = station(tmp_path, *RUN)
     assert done.returncode == 0, done.stderr
     assert (
-        "the bench is safe, read back from every instrument that can harm, except "
-        f"{OTHER} (does not answer) and turntable (in use by the run of somebody else)\n"
+        f"\nNOT KNOWN to be safe: {OTHER} (does not answer) and turntable (in use by the run of "
+        "somebody else); every other instrument that can harm was read back as safe\n"
     ) in done.stderr
+    assert "the bench is safe" not in done.stderr
     for kind in ("bench-read", "safe-state"):
         (event,) = events_of(tmp_path, kind)
         assert [one["instrument"] for one in event["left_out"]] == [OTHER, "turntable"]
@@ -164,9 +167,19 @@ def test_what_another_run_holds_or_does_not_answer_is_left_out_and_named(
     (flag,) = [one for one in results["flags"] if one["code"] == "not-read-back"]
     assert flag["instruments"] == [OTHER, "turntable"]
     told = station(tmp_path, "status", str(run_folder))
-    assert f"that can harm, except {OTHER} (does not answer) and turntable (in use" in told.stdout
+    assert f" NOT KNOWN to be safe: {OTHER} (does not answer) and turntable (in use" in told.stdout
     assert say_how_it_ended(run_folder, "", left_safe(run_folder), as_json=False) == 0
-    assert f"that can harm, except {OTHER} (does not answer) and turn" in capsys.readouterr().out
+    assert f"NOT KNOWN to be safe: {OTHER} (does not answer) and turn" in capsys.readouterr().out
+
+
+def test_the_guardian_too_names_first_what_is_not_known_to_be_safe() -> None:
+    made = [SafeOutcome(USED, True, "output off", 0.1)]
+    assert summary(made).startswith("the bench is safe, read back from every instrument that can")
+    unread = BenchReading(left_out=[LeftOut(OTHER, "does not answer", "")])
+    assert summary(made, unread) == (
+        f"NOT KNOWN to be safe: {OTHER} (does not answer); every other instrument that can harm "
+        f"was read back as safe: {USED} output off"
+    )
 
 
 def test_silent_addresses_are_asked_at_once_and_the_whole_is_bounded() -> None:

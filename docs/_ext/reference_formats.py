@@ -32,7 +32,7 @@ RESULT_KEYS = {
     "results[].limit": "`min`, `max` or `max_abs` of the plan in this unit, or null",
     "results[].verdict": "the decision on this value",
     "results[].decision": "only where the verdict is inconclusive: `conditional-pass`, "
-    "`conditional-fail` or `undetermined`",
+    "`conditional-fail`, `undetermined` or `wrong-excitation`",
     "results[].budget[]": "the contributions to the standard uncertainty, largest first",
     "results[].budget[].description": "what contributes",
     "results[].budget[].type": "`A` from the data, `B` from elsewhere",

@@ -17,7 +17,7 @@ EXIT_MEANINGS = {
     "EXIT_OUTSIDE_LIMIT": "done, and a result is outside a limit",
     "EXIT_WRONG_INPUT": "wrong usage, plan, bench file or data",
     "EXIT_FAULT": "a fault of an instrument or of the station, "
-    "or a safe state that could not be verified",
+    "a safe state that could not be verified, or a wrong excitation of the device",
     "EXIT_ABORTED": "ended by a person",
     "EXIT_INTERLOCK": "an interlock tripped, or one that did waits for `station acknowledge`",
     "EXIT_UNDETERMINED": "a quantity that has a limit is undetermined, undecidable or not returned",

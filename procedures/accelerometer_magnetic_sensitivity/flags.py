@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from procedures.estimation.excitation import excitation_flags
 from station.findings import Estimate, Flag
 
 from .dataset import AccelerometerDataset
@@ -18,6 +19,7 @@ from .nuisances import ARCSEC_PER_RAD
 
 MAGNETIC = ("Km", "Kmm", "Kim", "Kom", "Kpm")
 MOST_LISTED = 12
+Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 
@@ -82,17 +84,31 @@ def _field(
     largest_T = float(np.max(np.abs(commanded)))
     levels = np.unique(commanded[driven])
     off = np.array([float(np.median(measured[commanded == one] - one)) for one in levels])
+    wrong = _excitation(commanded, measured, largest_T)
     worst = int(np.argmax(np.abs(off)))
     part = float(off[worst]) / largest_T
     if abs(part) <= settings.field_differs_from_commanded:
-        return []
+        return wrong
     field_said = (
         f"Where {levels[worst]:.5g} T was commanded, {levels[worst] + off[worst]:.5g} T was "
         f"measured, off by {100.0 * part:+.2g} % of the largest field; the result uses the "
         "measured field."
     )
     details = {"relative_difference": part}
-    return [Flag("field-differs-from-commanded", field_said, details=details)]
+    return [*wrong, Flag("field-differs-from-commanded", field_said, details=details)]
+
+
+def _excitation(commanded: Array, measured: Array, largest_T: float) -> list[Flag]:
+    """Return the flag of a field that does not follow, by its change from end to end.
+
+    A constant ambient field is no excitation; where only one level was commanded it stays in.
+    """
+    low, high = float(commanded.min()), float(commanded.max())
+    change = float(np.median(measured[commanded == high]))
+    if high > low:
+        change -= float(np.median(measured[commanded == low]))
+    share = change / (high - low or high)
+    return excitation_flags("dc", "dc", {"dc": share}, (largest_T, "T"))
 
 
 def jump_flags(dataset: AccelerometerDataset, rows: Sequence[int], jump: Jump) -> list[Flag]:

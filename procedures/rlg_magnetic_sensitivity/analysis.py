@@ -23,7 +23,7 @@ from .findings import (
     RlgAnalysis,
     SegmentDetail,
 )
-from .flags import drive_flags, record_flags, result_flags
+from .flags import drive_flags, field_flags, record_flags, result_flags
 from .gyro import GyroFit, fit_gyro
 from .published import plotted_spectrum, published_value
 from .pulse_beat import beat_flags
@@ -67,6 +67,7 @@ def analyse(dataset: RlgDataset, settings: AnalysisSettings | None = None) -> Rl
     for number, segment in enumerate(dataset.segments):
         own = _lines(number, fields[number], observed[number], response, determined, settings)
         detail = _segment_detail(segment, fields[number], observed[number])
+        flags += field_flags(segment, fields[number])
         flags += record_flags(segment, detail, settings) + drive_flags(segment, own, settings)
         flags += beat_flags(segment, detail, own)
         lines += own

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from procedures.estimation.drift import legendre_columns
+from procedures.estimation.excitation import SEEN
 from procedures.estimation.linear import combine, least_squares
 from procedures.estimation.robust import robust_sigma
 from procedures.estimation.sine import (
@@ -38,7 +39,7 @@ class FieldLine:
     Phasors (mT) refer to the middle of the gyro record and are corrected for the gaussmeter's
     averaging. `variance_mT2` (3,) is the noise variance of one part (real or imaginary) of each.
     `second_mT` is the field's own line at 2f, zero where it could not be fitted. `problem` says why
-    the line cannot be used.
+    the line cannot be used; `measured`, whether the phasors say what field there was all the same.
     """
 
     axes: tuple[str, ...]
@@ -48,6 +49,7 @@ class FieldLine:
     variance_mT2: Array
     second_mT: Complex
     problem: str | None
+    measured: bool
 
 
 @dataclass(frozen=True)
@@ -76,7 +78,7 @@ def fit_field(segment: Segment, middle_s: float) -> FieldFit:
         return _no_fit(
             groups, field_mT, f"the field record holds {len(time_s)} samples, too few for a fit"
         )
-    frequencies, uncertainties, kept = _frequencies(groups, time_s, field_mT)
+    frequencies, uncertainties, kept = _frequencies(segment.drive, groups, time_s, field_mT)
     rejected = int((~kept).sum())
     if len(time_s) - rejected < max(2 * columns, _LEAST_KEPT * len(time_s)):
         reason = f"{rejected} of {len(time_s)} samples of the field fit no sine of one amplitude"
@@ -99,7 +101,7 @@ def stretch_of_field(
         mean_mT = field_mT.mean(axis=0)
         return everything, lambda at_s: np.tile(mean_mT, (len(at_s), 1))
     middle_s = 0.5 * (start_s + stop_s)
-    frequencies, _, kept = _frequencies(groups, time_s - middle_s, field_mT)
+    frequencies, _, kept = _frequencies(drive, groups, time_s - middle_s, field_mT)
     if int(kept.sum()) < _LEAST_KEPT * len(time_s):
         kept = everything
 
@@ -132,7 +134,10 @@ def _groups(drive: Mapping[str, Drive], span_s: float) -> list[tuple[tuple[str, 
 
 
 def _frequencies(
-    groups: list[tuple[tuple[str, ...], float]], time_s: Array, field_mT: Array
+    drive: Mapping[str, Drive],
+    groups: list[tuple[tuple[str, ...], float]],
+    time_s: Array,
+    field_mT: Array,
 ) -> tuple[list[float], list[float], NDArray[np.bool_]]:
     span_s = float(time_s[-1] - time_s[0])
     # A wild reading must not choose the starting point: clip far outside of any sine.
@@ -140,12 +145,14 @@ def _frequencies(
     reach = 6.0 * np.array([robust_sigma(field_mT[:, a]) for a in range(3)])
     reach = np.where(reach > 0.0, reach, np.inf)
     clipped = np.clip(field_mT, middle - reach, middle + reach)
-    parts = [_strongest(axes, clipped) for axes, _ in groups]
+    parts: list[int] = []
     frequencies = [f for _, f in groups]
-    for k, (_, commanded) in enumerate(groups):
+    for k, (axes, commanded) in enumerate(groups):
         spacing = [0.4 * abs(f - commanded) for j, (_, f) in enumerate(groups) if j != k]
         reach_Hz = min([max(2.0 / span_s, 0.02 * commanded), 0.9 * commanded, *spacing])
-        frequencies[k] = coarse_frequency(time_s, clipped[:, parts[k]], commanded, reach_Hz)
+        least_mT = SEEN * drive[axes[0]].amplitude_mT
+        part, frequencies[k] = _found(axes, time_s, clipped, commanded, reach_Hz, least_mT)
+        parts.append(part)
     uncertainties = [0.0] * len(groups)
     for k, part in enumerate(parts):
         frequencies[k], _ = refine_frequency(time_s, clipped[:, part], frequencies, k, _DRIFT_ORDER)
@@ -165,9 +172,31 @@ def _frequencies(
     return frequencies, uncertainties, kept
 
 
-def _strongest(axes: tuple[str, ...], field_mT: Array) -> int:
-    candidates = [AXES.index(axis) for axis in axes]
-    return max(candidates, key=lambda a: float(np.std(field_mT[:, a])))
+def _found(
+    axes: tuple[str, ...],
+    time_s: Array,
+    field_mT: Array,
+    commanded_Hz: float,
+    reach_Hz: float,
+    least_mT: float,
+) -> tuple[int, float]:
+    """Return the component that holds a line, and about its frequency.
+
+    That is a component along an axis that drives it; where the line is not there, as with two coils
+    exchanged, whichever has it.
+    """
+
+    def line_of(part: int) -> tuple[float, float]:
+        frequency = coarse_frequency(time_s, field_mT[:, part], commanded_Hz, reach_Hz)
+        moved = field_mT[:, part] - np.mean(field_mT[:, part])
+        return 2.0 * abs(np.mean(moved * np.exp(-2j * np.pi * frequency * time_s))), frequency
+
+    own = max((AXES.index(a) for a in axes), key=lambda a: float(np.std(field_mT[:, a])))
+    lines = {own: line_of(own)}
+    if lines[own][0] < least_mT:
+        lines |= {part: line_of(part) for part in range(3) if part != own}
+    part = max(lines, key=lambda one: lines[one][0])
+    return part, lines[part][1]
 
 
 def _drift(time_s: Array) -> Array:
@@ -206,9 +235,8 @@ def _linear_fit(
     lines = []
     for k, (axes, _) in enumerate(groups):
         factor = averaging_factor(frequencies[k], segment.field_averaging_s)
-        problem = _problem(axes, segment, frequencies, k, found[k], variance[k], step_s, span_s)
-        if abs(factor) < 0.1 and problem is None:
-            problem = "the gaussmeter's averaging removes the driven frequency"
+        blurred = _blurred(frequencies, k, step_s, span_s, factor)
+        problem = blurred or _absent(axes, segment.drive, found[k], variance[k])
         factor = factor if abs(factor) >= 0.1 else 1.0
         double = np.zeros(3, dtype=np.complex128)
         if 2.0 * frequencies[k] in doubles:
@@ -224,29 +252,33 @@ def _linear_fit(
                 variance_mT2=variance[k] / factor**2,
                 second_mT=double,
                 problem=problem,
+                measured=blurred is None,
             )
         )
     return FieldFit(tuple(lines), ambient, rejected)
 
 
-def _problem(
-    axes: tuple[str, ...],
-    segment: Segment,
-    frequencies: list[float],
-    k: int,
-    found: Complex,
-    variance: Array,
-    step_s: float,
-    span_s: float,
+def _blurred(
+    frequencies: list[float], k: int, step_s: float, span_s: float, factor: float
 ) -> str | None:
+    """Return why the field record cannot show a line, None where it can."""
     if frequencies[k] * step_s >= 0.45:
         return "the field was sampled too slowly for the driven frequency"
     if any(abs(f - frequencies[k]) * span_s < 1.0 for j, f in enumerate(frequencies) if j != k):
         return "another axis was driven at almost the same frequency"
+    if abs(factor) < 0.1:
+        return "the gaussmeter's averaging removes the driven frequency"
+    return None
+
+
+def _absent(
+    axes: tuple[str, ...], drive: Mapping[str, Drive], found: Complex, variance: Array
+) -> str | None:
+    """Return that an axis which should drive a line does not, None where all do."""
     for axis in axes:
         a = AXES.index(axis)
         size = abs(found[a])
-        wanted = 1e-3 * segment.drive[axis].amplitude_mT
+        wanted = 1e-3 * drive[axis].amplitude_mT
         if size <= max(_FEWEST_SIGMAS * float(np.sqrt(variance[a])), wanted, 1e-12):
             return f"the field record shows no line at the driven frequency on {axis}"
     return None
@@ -254,4 +286,5 @@ def _problem(
 
 def _empty(axes: tuple[str, ...], frequency_Hz: float, problem: str) -> FieldLine:
     nothing = np.zeros(3, dtype=np.complex128)
-    return FieldLine(axes, frequency_Hz, 0.0, nothing, np.zeros(3), nothing, problem)
+    zero = np.zeros(3)
+    return FieldLine(axes, frequency_Hz, 0.0, nothing, zero, nothing, problem, measured=False)

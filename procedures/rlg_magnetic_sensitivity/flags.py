@@ -6,11 +6,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from procedures.estimation.excitation import excitation_flags
 from procedures.estimation.grouping import loss
 from procedures.estimation.noise import grid_index
 from station.findings import Estimate, Flag
 
-from .dataset import Averaged, Segment
+from .dataset import AXES, Averaged, Segment
+from .field import FieldFit
 from .findings import AnalysisSettings, LineDetail, SegmentDetail
 from .published import missing_rows
 
@@ -94,6 +96,26 @@ def _gap(segment: Segment, axis: str | None, named: str, settings: AnalysisSetti
     message += "."
     details = {"count": gaps, "missing_samples": missing, "longest_s": largest_s}
     return [Flag("gap", message, axis, details)]
+
+
+def field_flags(segment: Segment, field: FieldFit) -> list[Flag]:
+    """Return the flags of coils whose measured field is not the commanded one.
+
+    What the gaussmeter did not see is zero throughout, and says nothing.
+    """
+    flags: list[Flag] = []
+    seen = [bool(component.any()) for component in segment.field_mT.T]
+    for line in (one for one in field.lines if one.measured):
+        for axis in line.axes:
+            commanded_mT = segment.drive[axis].amplitude_mT
+            if commanded_mT > 0.0:
+                shares = {
+                    other: abs(complex(line.phasor_mT[k])) / commanded_mT
+                    for k, other in enumerate(AXES)
+                    if other == axis or (seen[k] and other not in line.axes)
+                }
+                flags += excitation_flags(axis, axis, shares, (commanded_mT, "mT"), axis)
+    return flags
 
 
 def drive_flags(

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from procedures.serf_nonorthogonality.precession import fades_unlike
-from procedures.serf_nonorthogonality.shots import LEAST_CYCLES
+from procedures.serf_nonorthogonality.shots import LEAST_CYCLES, LEAST_SIGNAL_TO_NOISE
 from procedures.serf_nonorthogonality.tone import NoTone, ToneFit, fit_tone
 
 if TYPE_CHECKING:
@@ -16,7 +16,6 @@ if TYPE_CHECKING:
     from procedures.serf_nonorthogonality.parameters import SerfParameters
 
 SATURATED = 0.999
-LEAST_SIGNAL_TO_NOISE = 3.0
 
 
 def fit_of(shot: Shot, mains_Hz: float | None) -> ToneFit | None:

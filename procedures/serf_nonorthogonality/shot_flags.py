@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from procedures.estimation.excitation import excitation_flags
 from station.findings import Flag
 
+from .checks import slowing_down_bounds
 from .dataset import SerfDataset
 from .findings import AnalysisSettings, ShotResult
 from .precession import Precession
+from .shots import AXES, LEAST_SIGNAL_TO_NOISE
 
 LARGE_BASELINE = 1.5
 """A baseline beyond this many amplitudes of the tone."""
@@ -24,7 +27,34 @@ def data_flags(
 ) -> list[Flag]:
     """Return the flags on the shots themselves."""
     flags = [*_repeated(dataset), *_overload(seen), *_rejected(seen), *_outliers(seen, shots)]
+    flags += _excitation(dataset, seen)
     return [*flags, *_gap(dataset, settings), *_shape(seen, settings)]
+
+
+def _excitation(dataset: SerfDataset, seen: Sequence[Precession]) -> Iterator[Flag]:
+    """Yield a flag for each coil whose field is not the commanded one, by the precession.
+
+    Angles and residual field aside, the squares of the frequencies are sums of those of the coils.
+    A coil that no shot with a tone drives, while others are seen, makes no field that turns the
+    spins. What the slowing-down factor leaves open counts for the coil.
+    """
+    clear = [
+        one for one in seen if one.used and one.used_fit.signal_to_noise >= LEAST_SIGNAL_TO_NOISE
+    ]
+    if not clear:
+        return
+    omega = np.array([one.used_fit.omega_rad_per_s for one in clear])
+    squares = np.array([one.shot.field_nT**2 for one in clear])
+    found = np.sqrt(np.maximum(np.linalg.lstsq(squares, omega**2, rcond=None)[0], 0.0))
+    lowest, highest = slowing_down_bounds(dataset.nuclear_spin)
+    for k, axis in enumerate(AXES):
+        driving = [one for one in seen if one.shot.field_nT[k]]
+        if not driving or (not squares[:, k].any() and any(one.saturated for one in driving)):
+            continue
+        per_nT = float(found[k]) / dataset.gamma_rad_per_s_nT
+        share = min(max(1.0, lowest * per_nT), highest * per_nT)
+        largest_nT = max(abs(float(one.shot.field_nT[k])) for one in driving)
+        yield from excitation_flags(axis, axis, {axis: share}, (largest_nT, "nT"), axis)
 
 
 def _names(seen: Sequence[Precession]) -> str:

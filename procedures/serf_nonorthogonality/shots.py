@@ -12,6 +12,8 @@ REPEATED = "shot-repeated"
 """The event of a shot that is taken again."""
 LEAST_CYCLES = 1.0
 """Within the 1/e time of a shot; with fewer it says nothing."""
+LEAST_SIGNAL_TO_NOISE = 3.0
+"""Of the tone of a shot; below it there is none."""
 ROUND = ((1, 1), (-1, -1), (1, -1), (-1, 1))
 """The polarities of a pair, so that a drift in time falls on all four alike."""
 

@@ -13,11 +13,13 @@ SHOW_TRACEBACK = "STATION_TRACEBACK"
 INTERRUPTED = 130
 ONE_BLAS_THREAD = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
 """Our matrices are small: more threads cost time, and another number of them other last digits."""
+NO_PLUGINS = {"PYDANTIC_DISABLE_PLUGINS": "__all__"}
+"""Pydantic looks for plug-ins in every installed package, and fails where the metadata is odd."""
 
 
 def main() -> None:
     """Run the command line and exit with the contract's code."""
-    for name, value in ONE_BLAS_THREAD.items():
+    for name, value in (ONE_BLAS_THREAD | NO_PLUGINS).items():
         os.environ.setdefault(name, value)
     from station.console import take_over_streams
 

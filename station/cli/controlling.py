@@ -15,10 +15,10 @@ from station.control.client import NoAnswer, ask
 from station.errors import EXIT_DONE, EXIT_FAULT, EXIT_WRONG_INPUT, StationError
 from station.guardian.at_work import AtWork, guardian_at_work
 from station.guardian.log import (
-    but_not,
     guardian_events,
     latest_left_out,
     latest_safe_state,
+    whole_bench,
 )
 from station.locks import is_held
 from station.record.creation import EVENTS
@@ -248,8 +248,8 @@ def say_how_it_ended(
     for one in outcomes or ():
         print(f"{one['instrument']:<20}{one['read_back']}")
     if safe:
-        whole = f"that can harm{but_not(left_out)}" if ended else "that the run used"
-        print(f"the bench is safe, read back from every instrument {whole}")
+        used = "every instrument that the run used was read back as safe, others were not read yet"
+        print(whole_bench(left_out) if ended else used)
     elif outcomes is None:
         tell(
             "NOT VERIFIED: no word of how the bench was left; go to it now, and switch off by hand "

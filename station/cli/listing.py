@@ -7,6 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from station import registry
+from station.console import tell
+from station.errors import InputError
 from station.lookup import BENCHES, PLANS, available
 
 
@@ -14,6 +16,8 @@ def list_what_there_is(kind: str | None, *, as_json: bool) -> None:
     """Print the names of one kind, or of all kinds, with a line about each."""
     kinds = [kind] if kind else ["procedures", "plans", "benches", "drivers", "runs"]
     found = {one: entries(one) for one in kinds}
+    for said in registry.offers()[1]:
+        tell(f"WARNING: {said}")
     if as_json:
         print(json.dumps(found, indent=1, ensure_ascii=False))
         return
@@ -29,19 +33,31 @@ def list_what_there_is(kind: str | None, *, as_json: bool) -> None:
 def entries(kind: str) -> list[dict[str, Any]]:
     """Return name and a line about each thing of a kind."""
     if kind == "procedures":
-        names = registry.names(registry.PROCEDURES)
-        return [{"name": name, "about": registry.procedure(name).title} for name in names]
+        return [
+            {"name": name, "about": about(name)} for name in registry.names(registry.PROCEDURES)
+        ]
     if kind == "plans":
         return [{"name": name, "about": where} for name, where in available(PLANS)]
     if kind == "benches":
         return [{"name": name, "about": where} for name, where in available(BENCHES)]
     if kind == "drivers":
-        simulated = set(registry.names(registry.SIMULATORS))
+        simulated = dict.fromkeys(registry.names(registry.SIMULATORS), "with a simulator")
         return [
-            {"name": name, "about": "with a simulator" if name in simulated else ""}
+            {
+                "name": name,
+                "about": registry.why_not(registry.DRIVERS, name) or simulated.get(name, ""),
+            }
             for name in registry.names(registry.DRIVERS)
         ]
     return [{"name": path.name, "about": outcome_of(path)} for path in runs(Path("runs"))]
+
+
+def about(procedure: str) -> str:
+    """Return the title of a procedure, or why it cannot be loaded."""
+    try:
+        return registry.procedure(procedure).title
+    except InputError as error:
+        return str(error)
 
 
 def runs(parent: Path) -> list[Path]:

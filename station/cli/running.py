@@ -14,12 +14,13 @@ from station.cli.printing import print_document
 from station.cli.validating import read_bench_named, read_plan_for
 from station.console import OutputLost, tell
 from station.errors import EXIT_ABORTED, EXIT_FAULT, EXIT_INTERLOCK, InputError
+from station.guardian.log import not_known, whole_bench
 from station.record.folder import REPORT
 from station.results import SCHEMA
 from station.roles import safe_states
 from station.runner.execute import Request, execute
 from station.runner.outcome import Outcome
-from station.runner.whole_bench import except_for
+from station.runner.whole_bench import IN_USE
 from station.yaml.reading import read_yaml
 
 SERVED_WRONG = (
@@ -126,13 +127,21 @@ def say(outcome: Outcome) -> None:
     for one in outcome.safe:
         if one.skipped:
             tell(f"{one.instrument}: {one.skipped}")
-    exceptions = except_for(outcome.left_out)
+    left_out = [
+        {"instrument": one.instrument, "why": why_short(one.why, outcome.error or "")}
+        for one in outcome.left_out
+    ]
     if (outcome.safe or outcome.outside) and not outcome.unsafe:
-        tell(f"the bench is safe, read back from every instrument that can harm{exceptions}")
-    elif exceptions:
-        others = "every other instrument" if outcome.unsafe else "every instrument"
-        tell(f"{others} that can harm was read back{exceptions}")
+        tell(whole_bench(left_out))
+    elif left_out:
+        tell(not_known(left_out))
     tell(f"run folder: {outcome.folder}")
+
+
+def why_short(why: str, told: str) -> str:
+    """Return why an instrument was not read; who has it is named once, also where that was told."""
+    who = why.removeprefix(IN_USE)
+    return f"{IN_USE}that process" if who != why and who in told else why
 
 
 def document_of(outcome: Outcome, procedure: str) -> dict[str, Any]:

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import json
 import math
+import os
 import signal
 import sys
+from collections.abc import Iterator
+from contextlib import suppress
 from threading import Event, Thread
 from typing import Any
 
@@ -15,6 +18,9 @@ from station.clock import RealClock
 from station.errors import InputError
 from station.runner.signals import wishes
 from station.runner.simulation import serve_bench
+
+MOST_AT_ONCE = 1 << 16
+LOOKS_EVERY_S = 0.2
 
 
 def serve(bench_name: str, procedure: str, speed: float) -> None:
@@ -29,9 +35,10 @@ def serve(bench_name: str, procedure: str, speed: float) -> None:
     clock = RealClock(speed)
     simulation = serve_bench(bench, clock, procedure)
     simulation.make_ready()
-    if not sys.stdin.isatty():
-        Thread(target=answer_lines, args=(simulation,), name="faults", daemon=True).start()
     ended = Event()
+    if hasattr(signal, "SIGTTIN"):  # a read in the background of a terminal fails, and stops nobody
+        signal.signal(signal.SIGTTIN, signal.SIG_IGN)
+    Thread(target=answer_lines, args=(simulation, ended), name="faults", daemon=True).start()
     for number in wishes():
         signal.signal(number, lambda *_: ended.set())
     head = {
@@ -49,8 +56,36 @@ def serve(bench_name: str, procedure: str, speed: float) -> None:
         clock.stop()
 
 
-def answer_lines(simulation: Any) -> None:
+def answer_lines(simulation: Any, ended: Event) -> None:
     """Inject the fault that each line of standard input describes; `report` asks for the world."""
-    for line in sys.stdin:
+    for line in lines_of_input(ended):
         if line.strip():
             print(simulation.answer(line), file=sys.stderr, flush=True)
+
+
+def lines_of_input(ended: Event) -> Iterator[str]:
+    """Yield the lines of standard input, from a pipe or typed, until it ends or `ended` is set.
+
+    In the background of its terminal the command goes on without; brought back it reads on.
+    """
+    rest = b""
+    with suppress(OSError, ValueError, AttributeError):  # no input at all, or one that is gone
+        handle = sys.stdin.fileno()
+        while not ended.is_set():
+            try:
+                piece = os.read(handle, MOST_AT_ONCE)
+            except OSError as error:
+                if not (isinstance(error, BlockingIOError) or in_background(handle)):
+                    raise
+                ended.wait(LOOKS_EVERY_S)
+                continue
+            *lines, rest = (rest + piece).split(b"\n")
+            yield from (line.decode(errors="replace") for line in lines)
+            if not piece:
+                break
+    yield rest.decode(errors="replace")
+
+
+def in_background(handle: int) -> bool:
+    """Whether a terminal belongs to another command just now."""
+    return os.isatty(handle) and os.tcgetpgrp(handle) != os.getpgrp()

@@ -6,7 +6,7 @@ import json
 from pathlib import Path
 
 from station.console import span
-from station.guardian.log import but_not
+from station.guardian.log import whole_bench
 from station.status import SENTENCES, Status, newest_run, read_status
 
 RUNS = Path("runs")
@@ -42,9 +42,8 @@ def rows(status: Status) -> list[tuple[str, str]]:
     if status.state in ("running", "paused") and status.remaining_s is not None:
         found.append(("bench time left", f"about {span(status.remaining_s)}"))
     if status.bench_safe is not None:
-        exceptions = but_not(status.left_out)
-        verified = f"safe, read back from every instrument that can harm{exceptions}"
-        found.append(("bench", verified if status.bench_safe else "NOT VERIFIED as safe"))
+        whole = whole_bench(status.left_out).removeprefix("the bench is ")
+        found.append(("bench", whole if status.bench_safe else "NOT VERIFIED as safe"))
     elif status.state == "interrupted":
         found.append(("bench", "NOT made safe by the run itself; look at it now"))
     found.append(("last message", status.message))

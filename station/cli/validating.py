@@ -15,6 +15,7 @@ from station.errors import EXIT_DONE, EXIT_WRONG_INPUT
 from station.faults import MOST_FAULTS, listed, shortened, shown
 from station.lookup import BENCHES, PLANS, find
 from station.plan import Plan, read_plan
+from station.plan.model import LONGEST, LONGEST_S
 from station.plan.resolved import resolved_data, resolved_text
 from station.runner.disk_space import in_bytes
 from station.runner.memory import memory_of
@@ -24,14 +25,30 @@ from station.yaml.reading import Fault, FaultList
 
 
 def read_bench_named(name: str) -> Bench:
-    """Return the bench of a path or name."""
-    return read_bench(find(BENCHES, name), registry.names(registry.DRIVERS))
+    """Return the bench of a path or name; FaultList names each driver that cannot be loaded."""
+    bench = read_bench(find(BENCHES, name), registry.names(registry.DRIVERS))
+    wrong = {
+        instance: registry.why_not(registry.DRIVERS, entry.driver)
+        for instance, entry in bench.instruments.items()
+    }
+    faults = [
+        bench.document.fault(("instruments", instance, "driver"), why)
+        for instance, why in wrong.items()
+        if why is not None
+    ]
+    if faults:
+        raise FaultList(faults)
+    return bench
 
 
 def read_plan_for(name: str, bench: Bench, overrides: Sequence[str] = ()) -> Plan:
     """Return a plan that can run on the bench; FaultList holds every reason why it cannot."""
     plan = read_plan(find(PLANS, name), registry.Procedures(), overrides)
     procedure = registry.procedure(plan.procedure)
+    expected_s = procedure.duration_s(plan.parameters)
+    if not expected_s <= LONGEST_S:
+        what = f"the plan takes {span(expected_s)} of bench time, more than {LONGEST}; divide it"
+        raise FaultList([plan.fault(("parameters",), what)])
     faults = [
         plan.fault(problem.where, problem.what)
         for problem in problems_of_plan(procedure, plan.parameters, bench)
@@ -115,6 +132,8 @@ def validate_plans(
     faults: list[Fault] = []
     plans: list[Plan] = []
     bench = None
+    for said in registry.offers()[1]:
+        print(f"WARNING: {said}", file=sys.stderr)
     try:
         bench = read_bench_named(bench_name)
     except FaultList as found:

@@ -13,6 +13,7 @@ from station.clock import Clock, RealClock, VirtualClock
 from station.conformance.hostile import moved_to
 from station.errors import InputError, StationError
 from station.runner.opening import Place
+from station.runner.simulation import simulators_of
 from station.safety.safe_state import DEFAULT_WITHIN_S, MadeSafe
 
 Message = tuple[float, str, bytes]
@@ -137,7 +138,7 @@ def standing(bench: Bench, name: str, procedure: str) -> Iterator[Stand]:
     addresses: dict[str, str] = {}
     if bench.simulation is not None:
         simulator = registry.load(registry.SIMULATORS, registry.SIMULATED_BENCH)
-        simulation = simulator(bench.data, clock, procedure)
+        simulation = simulator(bench.data, clock, procedure, simulators_of(bench))
         addresses = {one: str(at["address"]) for one, at in simulation.instruments.items()}
         address = addresses.get(name, address)
     if bench.instruments[name].shares:

@@ -52,13 +52,23 @@ def latest_left_out(
     return list(told[-1]) if told else []
 
 
-def but_not(left_out: Iterable[Mapping[str, str]]) -> str:
-    """Return the end of a sentence on the whole bench: what it does not hold for, or nothing."""
-    named = [f"{one['instrument']} ({one['why']})" for one in left_out]
-    if not named:
-        return ""
-    head, last = named[:-1], named[-1]
-    return f", except {', '.join(head)} and {last}" if head else f", except {last}"
+def whole_bench(left_out: Iterable[Mapping[str, str]]) -> str:
+    """Return the sentence on a bench of which everything that was read is at rest.
+
+    What was not read comes first: with it nobody can call the bench safe.
+    """
+    if unknown := not_known(left_out):
+        return f"{unknown}; every other instrument that can harm was read back as safe"
+    return "the bench is safe, read back from every instrument that can harm"
+
+
+def not_known(left_out: Iterable[Mapping[str, str]]) -> str:
+    """Return that some instruments are not known to be safe, by name; empty where there is none."""
+    by_reason: dict[str, list[str]] = {}
+    for one in left_out:
+        by_reason.setdefault(one["why"], []).append(one["instrument"])
+    named = [f"{', '.join(names)} ({why})" for why, names in by_reason.items()]
+    return f"NOT KNOWN to be safe: {' and '.join(named)}" if named else ""
 
 
 def _latest(

@@ -19,7 +19,7 @@ from station.bench import read_bench
 from station.clock import RealClock
 from station.errors import EXIT_DONE, EXIT_FAULT, StationError
 from station.guardian.at_work import LEAVE, AtWork, WordOfWork
-from station.guardian.log import BENCH_READ, LEFT, SAFE_STATE
+from station.guardian.log import BENCH_READ, LEFT, SAFE_STATE, whole_bench
 from station.guardian.messages import DONE, WAITS, Instructions
 from station.guardian.notes import Background, Notes, Words
 from station.guardian.other_process import OtherProcess, end_all, let_end
@@ -28,7 +28,7 @@ from station.guardian.rehearsal import rehearse
 from station.guardian.reopening import OPENS_WITHIN_S, Reopening
 from station.guardian.watching import Duty
 from station.runner.instrument_locks import InstrumentLocks
-from station.runner.whole_bench import BenchReading, Bystanders, LeftOut, except_for
+from station.runner.whole_bench import BenchReading, Bystanders, LeftOut
 from station.safety.safe_state import ATTEMPTS, MadeSafe, SafeOutcome, make_bench_safe
 
 ENDS_WITHIN_S, LEAVES_WITHIN_S = 10.0, 5.0
@@ -264,12 +264,9 @@ def summary(outcomes: Sequence[SafeOutcome], others: BenchReading | None = None)
     """
     others = others or BenchReading()
     unverified = [one for one in (*outcomes, *others.energised) if not one.verified]
-    exceptions = except_for(others.left_out)
     if not unverified:
         said = "; ".join(f"{one.instrument} {one.read_back}" for one in outcomes)
-        return (
-            f"the bench is safe, read back from every instrument that can harm{exceptions}: "
-            f"{said or 'nothing can harm'}"
-        )
+        whole = whole_bench(one.to_data() for one in others.left_out)
+        return f"{whole}: {said or 'nothing can harm'}"
     said = "".join(f"\n  - {one.instrument}: {one.read_back}" for one in unverified)
     return f"NOT VERIFIED as safe; go to the bench and switch off by hand:{said}"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal, Protocol
@@ -10,15 +11,20 @@ from typing import Annotated, Any, Literal, Protocol
 from pydantic import BaseModel, Field, field_validator
 
 from station.decision import Rule
-from station.faults import FaultList, not_there
+from station.errors import InputError
+from station.faults import Fault, FaultList, not_there
 from station.fields import StrictModel, to_yaml_data
 from station.plan.composition import compose
 from station.plan.limits import LimitedResult, LimitsByAxis, read_limits
+from station.units import UnitError, parse_as
 from station.validation import check_model
-from station.yaml.document import Document, FromDocument
+from station.yaml.document import Document, FromDocument, leaves
 from station.yaml.reading import read_yaml
 
 Words = Annotated[str, Field(min_length=1)]
+LONGEST = "30 d"
+"""A plan that takes more bench time is refused; what lasts longer is several plans."""
+LONGEST_S = parse_as(LONGEST, "s")
 NOT_IN_FILE_NAMES = '/\\:*?"<>|'
 
 
@@ -138,6 +144,16 @@ def read_plan(path: Path, procedures: KnownProcedures, overrides: Sequence[str] 
     return plan_of(read_yaml(path), procedures, overrides)
 
 
+def times_too_long(document: Document) -> Iterator[Fault]:
+    """Yield a fault for each time in the parameters that no plan can last."""
+    for where, value in leaves(document.data.get("parameters"), ("parameters",)):
+        with suppress(UnitError):  # no time, or a fault of its own
+            if isinstance(value, str) and parse_as(value, "s") > LONGEST_S:
+                yield document.fault(
+                    where, f"'{value}' is too long: a plan takes {LONGEST} at most"
+                )
+
+
 def plan_of(given: Document, procedures: KnownProcedures, overrides: Sequence[str] = ()) -> Plan:
     """Return the plan that a document holds; raise FaultList with every fault."""
     composition = compose(given, overrides)
@@ -147,7 +163,11 @@ def plan_of(given: Document, procedures: KnownProcedures, overrides: Sequence[st
     parameters: BaseModel | None = None
     limits: LimitsByAxis = {}
     if isinstance(name, str) and name in procedures:
-        procedure = procedures[name]
+        try:
+            procedure = procedures[name]
+        except InputError as error:
+            raise FaultList([*faults, document.fault(("procedure",), str(error))]) from error
+        faults += times_too_long(document)
         if isinstance(document.data.get("parameters", {}), dict):
             at = ("parameters",)
             parameters, more = check_model(document, procedure.parameters, at)

@@ -45,6 +45,7 @@ DETAILS = {
     "conditional-pass": "within, but by less than U",
     "conditional-fail": "outside, but by less than U",
     "undetermined": "undetermined",
+    "wrong-excitation": "not decided: wrong excitation",
 }
 RULES = {
     "simple": "Simple acceptance: the value alone is held against its limit; the uncertainty is "
@@ -98,6 +99,8 @@ def _badge(document: ResultDocument, context: ReportContext) -> dict[str, str]:
         told = ", ".join(f"{number} {word}" for number, word in counts if number)
         noun = "result has a limit" if count == 1 else "results have a limit"
         why = f"{count} {noun}: {told}."
+    if not document.excited:
+        why = "The device was not exposed to the commanded field: see the flags. No verdict on it."
     if not context.bench_safe:
         why += " The bench's safe state was not verified, so this run cannot pass."
     return {"verdict": document.verdict, "mark": mark, "words": words, "why": why}

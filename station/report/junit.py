@@ -14,7 +14,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 from station.report.result_table import published_by_key
-from station.results import LIMIT_WITHOUT_RESULT
+from station.results import LIMIT_WITHOUT_RESULT, WRONG_EXCITATION
 
 if TYPE_CHECKING:
     from station.record.folder import RunFolder
@@ -53,6 +53,9 @@ def junit_of(folder: RunFolder, document: ResultDocument) -> str:
         if flag.code == UNSAFE:
             name = f"{UNSAFE} {flag.details['instrument']}"
             add_error(suite, document.procedure, name, flag.code, flag.message)
+        if flag.code == WRONG_EXCITATION:
+            coil = f"{WRONG_EXCITATION} {flag.details['coil']}"
+            add_error(suite, document.procedure, coil, flag.code, flag.message)
         if flag.code == LIMIT_WITHOUT_RESULT:
             name = f"{flag.details['name']} {flag.axis or ''}".strip()
             add_error(suite, document.procedure, name, flag.code, flag.message)

@@ -11,6 +11,8 @@ from ipaddress import IPv6Address, ip_address
 from threading import Thread
 from urllib.parse import urlsplit
 
+from station.faults import nearest
+
 RESOLVES_WITHIN_S = 2.0
 THIS_COMPUTER = "this computer"
 DEFAULT_PORTS = {"modbus-tcp": 502, "socketcand": 29536}
@@ -18,6 +20,32 @@ GPIB = re.compile(r"gpib(\d*)::(.*?)(::instr)?")
 USB = re.compile(r"usb(\d*)::(\w+)::(\w+)::([^:]+)(?:::(\d+))?(?:::instr)?")
 VXI = re.compile(r"tcpip\d*::([^:]+|\[.*\])(?:::([^:]+))?::instr")
 SOCKET = re.compile(r"tcpip\d*::(.+)::(\d+)::socket")
+
+VISA_KINDS = ("TCPIP", "GPIB", "USB", "ASRL", "VXI", "PXI", "VICP", "PRLGX-TCPIP", "PRLGX-ASRL")
+SCHEMES = ("socket", "rfc2217", "loop", "spy", "hwgrep", "cp2110", "modbus-tcp", "socketcand")
+"""Those of a package's own driver are not known here."""
+SERIAL_PORT = re.compile(r"/.+|COM\d+|\\\\.\\.+", re.IGNORECASE)
+KINDS = (
+    "a VISA resource such as 'TCPIP::192.168.3.11::5025::SOCKET', 'socket://host:port', "
+    "'modbus-tcp://host', 'socketcand://host:port/can0', or a serial port such as '/dev/ttyUSB0'"
+)
+
+
+def why_unknown(address: str) -> tuple[str, str | None] | None:
+    """Return why an address is of no known kind, and what was probably meant; None where it is."""
+    text = address.strip()
+    what = f"'{address}' is no address of a known kind; write {KINDS}"
+    scheme, is_url, rest = text.partition("://")
+    if is_url:
+        meant = None if scheme.lower() in SCHEMES else nearest(scheme.lower(), SCHEMES)
+        return (what, f"'{meant}://{rest}'") if meant else None
+    kind, is_visa, rest = text.partition("::")
+    if not is_visa:
+        return None if SERIAL_PORT.fullmatch(text) else (what, None)
+    if any(re.match(rf"{known}(\d*$|(?<=ASRL))", kind, re.IGNORECASE) for known in VISA_KINDS):
+        return None
+    meant = nearest(kind.upper().rstrip("0123456789"), VISA_KINDS)
+    return what, f"'{meant}::{rest}'" if meant else None
 
 
 def forms_of(address: str) -> frozenset[str]:

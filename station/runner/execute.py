@@ -37,6 +37,9 @@ from station.status import RUN_STARTED, what_is_planned
 from station.versions import versions
 from station.yaml.writing import yaml_text
 
+SERVED_SINCE = "served_since_unix"
+"""In run.json: when the bench that `station sim` served began, None where nothing was served."""
+
 
 @dataclass(frozen=True)
 class Request:
@@ -71,7 +74,10 @@ def execute(request: Request) -> Outcome:
         operator.check(all_prompts(procedure, plan, bench))
         warned = look_before_a_run(plan, procedure, bench, request.output, clock, real=session.real)
         inputs = inputs_of(procedure, plan)
-        head: dict[str, str | bytes] = {**head_of(plan, bench, clock), **inputs}
+        head: dict[str, str | bytes] = {
+            **head_of(plan, bench, clock, request.served),
+            **inputs,
+        }
         record = RunRecord(request.output, plan.procedure, plan.dut.serial, clock, head)
         outcome = Outcome(record.path)
         expected_s = procedure.duration_s(plan.parameters)
@@ -137,11 +143,14 @@ def all_prompts(procedure: Procedure, plan: Plan, bench: Bench) -> list[Prompt]:
     return prompts
 
 
-def head_of(plan: Plan, bench: Bench, clock: Clock) -> dict[str, str]:
+def head_of(
+    plan: Plan, bench: Bench, clock: Clock, served: Mapping[str, Any] | None = None
+) -> dict[str, str]:
     """Return the files that say what a run is asked to do; they stand before it does anything."""
     facts: dict[str, Any] = {
         "started_utc": utc_now().isoformat(timespec="seconds"),
         "clock": type(clock).__name__,
+        SERVED_SINCE: served["clock"]["epoch_unix"] if served else None,
         "system_clock_synchronised": system_clock_synchronised(),
         "set": list(plan.overrides),
         "bench_file": str(bench.path.resolve()),

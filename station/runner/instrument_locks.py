@@ -13,7 +13,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Protocol
 
-from station.errors import InstrumentError
+from station.errors import InstrumentError, InstrumentInUse
 from station.locks import FileLock, LockHeld
 from station.runner.addresses import forms_of
 
@@ -129,13 +129,7 @@ class InstrumentLocks:
         try:
             self._held[place] = FileLock(place, everybody=True)
         except LockHeld as error:
-            who = said_by_holder(place)
-            raise InstrumentError(
-                name,
-                attempted,
-                f"another process has it ({who})" if who else "another process has it",
-                "wait until that has ended, or end it with `station abort RUN`",
-            ) from error
+            raise InstrumentInUse(name, attempted, said_by_holder(place)) from error
         except OSError as error:
             raise InstrumentError(
                 name,

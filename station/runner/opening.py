@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 from station import registry
 from station.clock import Clock, RealClock
-from station.errors import InputError, InstrumentError, InstrumentsMissing
+from station.errors import InputError, InstrumentError, InstrumentInUse, InstrumentsMissing
 from station.readings import Publisher, Readings, Value
 from station.runner.instrument_locks import Identity, InstrumentLocks
 
@@ -86,6 +86,8 @@ class Probe:
     ok: bool
     said: str
     found: Found | None = None
+    in_use_by: str | None = None
+    """What another process that has it says of itself."""
 
     def to_data(self) -> dict[str, Any]:
         """Return the probe as plain data."""
@@ -137,7 +139,7 @@ def open_one(
             take_lock(locks, name, address)
         instrument: Opened = registry.load(registry.DRIVERS, entry.driver)(place)
     except InstrumentError as error:
-        return Probe(name, False, str(error))
+        return Probe(name, False, str(error), in_use_by=getattr(error, "who", None))
     try:
         identity = instrument.identify()
     except InstrumentError as error:
@@ -157,7 +159,7 @@ def open_one(
             locks.take_identity(name, identity)
         except InstrumentError as error:  # reached another way, it is in use
             instrument.close()
-            return Probe(name, False, str(error))
+            return Probe(name, False, str(error), in_use_by=getattr(error, "who", None))
     said = f"{identity.maker} {identity.model} {identity.serial} {identity.firmware}".strip()
     return Probe(name, True, said, found)
 
@@ -171,8 +173,8 @@ def take_lock(locks: InstrumentLocks, name: str, address: str) -> None:
     while True:
         try:
             return locks.take(name, address)
-        except InstrumentError as error:
-            if f"({LOOK}" not in str(error) or real.now() > LOOK_ENDS_WITHIN_S:
+        except InstrumentInUse as error:
+            if not error.who.startswith(LOOK) or real.now() > LOOK_ENDS_WITHIN_S:
                 raise
             real.sleep(BETWEEN_TRIES_S)
 
@@ -244,9 +246,23 @@ def open_instruments(
         ),
     )
     found = {one.name: one.found for one in probes if one.found is not None}
-    problems = [one.said for one in probes if not one.ok]
-    if problems:
+    wrong = [one for one in probes if not one.ok]
+    if wrong:
         for one in reversed(found.values()):
             one.instrument.close()
-        raise InstrumentsMissing(problems)
+        raise InstrumentsMissing(problems_of(wrong), len(wrong))
     return found
+
+
+def problems_of(wrong: Iterable[Probe]) -> list[str]:
+    """Return what is wrong with instruments; who has several of them is named once."""
+    together: dict[str, list[Probe]] = {}
+    for one in wrong:
+        together.setdefault(one.in_use_by or one.name, []).append(one)
+    return [
+        f"{', '.join(one.name for one in probes)}: another process has them ({who}); wait until "
+        "that has ended, or end it with `station abort RUN`"
+        if len(probes) > 1
+        else probes[0].said
+        for who, probes in together.items()
+    ]

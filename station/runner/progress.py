@@ -12,8 +12,10 @@ from station.console import span, tell
 from station.time_left import FinishedUnit, time_left_s
 
 LONGER = "not known, it takes longer than expected"
+LONGER_ON_A_BAR = "not known"
+BAR_WIDTH = 16
 LEFT_WIDTH = len("100 %  bench time left 26 h 15 min")
-"""On a narrow terminal the step's title is cut, never the time left."""
+"""On a narrow terminal what the step does is shortened, never the time left."""
 REPEAT_S = 2.0
 """Real time between two lines of progress where the output is no terminal."""
 
@@ -44,7 +46,7 @@ class Progress:
         self._units = dict(units or {})
         """The units of work that are still to be done, and how long they should take."""
         self._finished: list[FinishedUnit] = []
-        self._title = ""
+        self._number = self._title = ""
         self._quiet = quiet
         self._said_at = 0.0
         self._bar = None
@@ -55,7 +57,7 @@ class Progress:
             from rich.table import Column
 
             self._bar = Progress(
-                BarColumn(bar_width=16),
+                BarColumn(bar_width=BAR_WIDTH),
                 TextColumn(
                     "{task.percentage:>3.0f} %  bench time left {task.fields[left]}",
                     table_column=Column(no_wrap=True, min_width=LEFT_WIDTH),
@@ -90,7 +92,7 @@ class Progress:
         self._elapsed_s = 0.0
         self._step_s = expected_s
         self._later_s -= expected_s
-        self._title = f"{number}  {title}"
+        self._number, self._title = number, f"{number}  {title}"
         self.say(self._title)
         self.at(0.0)
 
@@ -111,7 +113,9 @@ class Progress:
         total_s = max(done_s + left_s, 1e-9)
         left = span(left_s) if left_s > 0.0 else LONGER
         if self._bar is not None and self._task is not None:
-            text = f"{self._title}  {detail}".strip()
+            room = self._bar.console.width - BAR_WIDTH - LEFT_WIDTH - 2  # a blank between columns
+            text = doing(self._number, self._title, detail, room)
+            left = left if left_s > 0.0 else LONGER_ON_A_BAR
             with suppress(OSError):
                 self._bar.update(
                     self._task, completed=done_s, total=total_s, description=text, left=left
@@ -139,3 +143,19 @@ class Progress:
             return
         with suppress(OSError):  # a terminal that is gone ends no run
             self._bar.console.print(text, highlight=False)
+
+
+def doing(number: str, title: str, detail: str, room: int) -> str:
+    """Return what a step does in a line of `room` characters, in whole words.
+
+    The title, which stands in a line of its own above, gives way to what goes on just now.
+    """
+    text = f"{title}  {detail}".rstrip()
+    if len(text) > room and detail:
+        text = f"{number}  {detail}"
+    if len(text) <= room:
+        return text
+    kept = text[: max(room - 1, 0)]
+    if not text[len(kept)].isspace():
+        kept = kept.rpartition(" ")[0].rstrip() or kept
+    return kept.rstrip(" ,;:") + "…"

@@ -24,7 +24,7 @@ from station.record.folder import RESULTS, RunFolder, RunRecord
 from station.record.integrity import sentence_of
 from station.record.manifest import covered_files
 from station.recorded import read_plan_and_bench, used_instruments
-from station.runner.execute import all_prompts, conclude
+from station.runner.execute import SERVED_SINCE, all_prompts, conclude
 from station.runner.outcome import Outcome
 from station.runner.preflight import watch_system_clock
 from station.runner.progress import Progress, how_long
@@ -87,6 +87,7 @@ def resume(request: ResumeRequest) -> Outcome:
     refuse_until_acknowledged(bench_file, [] if request.served else addresses_of(bench))
     if is_measured(folder):
         return evaluate_only(folder, report=request.report)
+    refuse_another_world(folder, facts, request.served)
     stopped_s = folder.events[-1].time_s
     silent_s = real_seconds_since(folder.path / EVENTS)
     began_s = stopped_s if bench.simulation is not None else stopped_s + silent_s
@@ -172,6 +173,26 @@ def refuse_another_bench(folder: RunFolder, recorded: Bench, bench: Bench) -> No
         raise InputError(
             f"{bench.path} is not the bench this run began on; only addresses may differ:{listed}"
         )
+
+
+def refuse_another_world(
+    folder: RunFolder, facts: Mapping[str, Any], served: Mapping[str, Any] | None
+) -> None:
+    """Raise InputError where a run of a served bench would go on elsewhere, or the other way round.
+
+    The instruments and the device would be others, and nothing in the record would show it.
+    """
+    was_served = facts.get(SERVED_SINCE) is not None
+    if SERVED_SINCE not in facts or was_served == (served is not None):
+        return
+    command = f"`station resume {folder.path}"
+    raise InputError(
+        f"{folder.path} began on a bench that `station sim` serves, and cannot go on elsewhere; "
+        f"type {command} --served FILE`, where FILE holds the first line of that `station sim`"
+        if was_served
+        else f"{folder.path} did not begin on a bench that `station sim` serves, and cannot go on "
+        f"there; type {command}`, without --served"
+    )
 
 
 def is_measured(folder: RunFolder) -> bool:

@@ -27,6 +27,18 @@ def clock_for(bench: Bench, served: Mapping[str, Any] | None = None, began_s: fl
     return RealClock(1.0, utc_now().timestamp() - began_s) if began_s else RealClock()
 
 
+def simulators_of(bench: Bench) -> Mapping[str, Any]:
+    """Return all simulators that can be loaded by driver, the bench itself left out.
+
+    Raises InputError where one that the bench needs cannot be loaded.
+    """
+    found = dict(registry.loaded(registry.SIMULATORS))
+    for driver in (entry.driver for entry in bench.instruments.values()):
+        if driver in registry.names(registry.SIMULATORS) and driver not in found:
+            registry.load(registry.SIMULATORS, driver)
+    return {name: one for name, one in found.items() if name != registry.SIMULATED_BENCH}
+
+
 def serve_bench(bench: Bench, clock: Clock, procedure: str) -> Any:
     """Begin to serve the simulated instruments of a bench, in the world of a procedure.
 
@@ -35,7 +47,7 @@ def serve_bench(bench: Bench, clock: Clock, procedure: str) -> Any:
     """
     simulator = registry.load(registry.SIMULATORS, registry.SIMULATED_BENCH)
     try:
-        return simulator(bench.data, clock, procedure)
+        return simulator(bench.data, clock, procedure, simulators_of(bench))
     except simulator.wrong_description as error:
         raise InputError(f"{bench.path}: {error}") from error
     except OSError as error:

@@ -179,4 +179,7 @@ class Stillness:
             tell(f"NOT VERIFIED: {one.instrument} could not be proven safe ({one.read_back})")
         if not unverified:
             said = "; ".join(f"{one.instrument} {one.read_back}" for one in outcomes)
-            tell(f"the bench is safe, read back beside the run: {said or 'nothing can harm'}")
+            tell(
+                "what the run uses was read back as safe, beside its steps: "
+                f"{said or 'nothing can harm'}"
+            )

@@ -7,7 +7,7 @@ or read.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from queue import Empty, SimpleQueue
@@ -16,9 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 from station import registry
 from station.clock import Clock, RealClock
-from station.errors import Aborted, BenchEnergised, InstrumentError
-from station.guardian.log import but_not
-from station.locks import LockHeld
+from station.errors import Aborted, BenchEnergised, InstrumentError, InstrumentInUse
 from station.runner.instrument_locks import InstrumentLocks
 from station.runner.opening import LOOK, Found, open_one, take_lock
 from station.safety.interlocks.quantities import ENERGISED, quantities_of
@@ -32,6 +30,7 @@ WITHIN_S = 10.0
 """Real time for all of them together; a dead address costs its connect deadline, 2 s."""
 MOST_AT_ONCE = 8
 SILENT = "does not answer"
+IN_USE = "in use by "
 
 
 @dataclass(frozen=True)
@@ -259,13 +258,6 @@ class Bystanders:
 
 def why_left_out(error: InstrumentError) -> str:
     """Return in a few words why an instrument could not be read."""
-    if not isinstance(error.__cause__, LockHeld):
+    if not isinstance(error, InstrumentInUse):
         return SILENT
-    _, _, rest = str(error).partition("another process has it (")
-    who = rest.partition(");")[0].strip()
-    return f"in use by {who}" if who else "in use by another process"
-
-
-def except_for(left_out: Iterable[LeftOut]) -> str:
-    """Return the end of a sentence on the whole bench: what it does not hold for, or nothing."""
-    return but_not(one.to_data() for one in left_out)
+    return f"{IN_USE}{error.who or 'another process'}"

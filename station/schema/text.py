@@ -118,7 +118,7 @@ def _names(group: str, built_in: bool) -> Sequence[str]:
 
 def _procedures(built_in: bool) -> dict[str, Procedure]:
     names = _names(registry.PROCEDURES, built_in)
-    return {name: registry.procedure(name) for name in names}
+    return {name: one for name, one in registry.loaded(registry.PROCEDURES) if name in names}
 
 
 def _chosen(procedure: str) -> Schema:
