@@ -2,9 +2,25 @@
 
 from __future__ import annotations
 
-from typing import Protocol, runtime_checkable
+from typing import Annotated, Protocol, runtime_checkable
 
-from drivers.roles.base import Instrument, MadeSafe
+from pydantic import Field
+
+from drivers.roles.base import DriverSettings, Instrument, MadeSafe
+
+
+class TableSettings(DriverSettings):
+    """Which axis of a table is which, whatever its model."""
+
+    outer_axis: Annotated[
+        int | None, Field(ge=1, le=3, description="number of the axis that carries the others")
+    ] = None
+    middle_axis: Annotated[
+        int | None, Field(ge=1, le=3, description="number of the axis between")
+    ] = None
+    inner_axis: Annotated[
+        int | None, Field(ge=1, le=3, description="number of the axis that carries the device")
+    ] = None
 
 
 @runtime_checkable
