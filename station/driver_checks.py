@@ -7,7 +7,7 @@ A driver declares its settings in `Settings`, and what can be watched of it in `
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -52,7 +52,8 @@ def driver_faults(document: Document) -> Iterator[Fault]:
     for name, entry in instruments.items():
         if role_of(name) in role_settings() and isinstance(entry, dict):
             common = role_settings()[role_of(name)]
-            yield from _settings_faults(document, name, common, f"a {role_of(name)}")
+            needed_by = f"a {role_of(name)}"
+            yield from _settings_faults(document, name, common, keys_of(common), needed_by)
         driver = mapping(entry).get("driver")
         if driver not in registry.names(registry.DRIVERS):
             continue
@@ -73,29 +74,29 @@ def driver_faults(document: Document) -> Iterator[Fault]:
 
 def _own_faults(document: Document, name: str, driver: object) -> Iterator[Fault]:
     model = settings_of(driver)
-    common = role_settings().get(role_of(name), StrictModel)
-    known = list(dict.fromkeys((*keys_of(model), *keys_of(common))))
+    common = keys_of(role_settings().get(role_of(name), StrictModel))
+    own = [key for key in keys_of(model) if key not in common]
+    known = [*own, *common]
     for key in mapping(mapping(document.data["instruments"][name]).get("settings")):
         if key not in known:
             hint = nearest(str(key), known)
             what = f"there is no setting '{key}'; this driver knows {listed(known)}"
             where = ("instruments", name, "settings", key)
             yield document.fault(where, what, hint and f"'{hint}'", at_key=True)
-    yield from _settings_faults(document, name, model, "this driver")
+    yield from _settings_faults(document, name, model, own, "this driver")
 
 
 def _settings_faults(
-    document: Document, name: str, model: type[BaseModel], needed_by: str
+    document: Document, name: str, model: type[BaseModel], keys: Collection[str], needed_by: str
 ) -> Iterator[Fault]:
-    """Yield each fault of the settings that a model knows; others are left to other models."""
+    """Yield each fault of these keys by a model of settings; others are left to other models."""
     given = mapping(document.data["instruments"][name]).get("settings", {})
     if not isinstance(given, dict):
         return
     where: Where = ("instruments", name, "settings")
     start = len(f"instruments.{name}.settings.")
-    known = keys_of(model)
     for fault in check_model(document, model, where)[1]:
-        if re.split(r"[.\[]", fault.where[start:])[0] in known:
+        if re.split(r"[.\[]", fault.where[start:])[0] in keys:
             missing = fault.what == MISSING
             yield replace(fault, what=f"{MISSING}; {needed_by} needs it") if missing else fault
 
