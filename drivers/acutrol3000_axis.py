@@ -60,26 +60,23 @@ class AxisState:
 class AclSettings(SerialSettings):
     """What the bench file says of a table and its controller."""
 
-    framing: Annotated[
-        Literal["framed", "line"],
-        Field(description="whether answers begin with error code and length, or are plain lines"),
-    ] = "framed"
-    axes: Annotated[int, Field(ge=1, le=MOST_AXES, description="how many axes it has")] = MOST_AXES
-    continuous: Annotated[
-        tuple[Annotated[int, Field(ge=1, le=MOST_AXES)], ...] | None,
-        Field(description="the axes that turn for ever, all unless given"),
-    ] = None
-    zero: Annotated[
-        Literal["absolute", "search"],
-        Field(description="`search` where each encoder has to find its zero"),
-    ] = "absolute"
-    in_position_deg: Annotated[
-        Degree, Field(gt=0, description="how far an axis at rest may be from its angle")
-    ] = 0.001
-    at_rest_deg_per_s: Annotated[
-        DegreePerSecond, Field(gt=0, description="the largest rate of an axis that counts as rest")
-    ] = 0.01
-    home_within_s: Annotated[Second, Field(gt=0, description="to find an encoder's zero")] = 120.0
+    framing: Literal["framed", "line"] = Field(
+        "framed", description="whether answers begin with error code and length, or are plain lines"
+    )
+    axes: int = Field(MOST_AXES, ge=1, le=MOST_AXES, description="how many axes it has")
+    continuous: tuple[Annotated[int, Field(ge=1, le=MOST_AXES)], ...] | None = Field(
+        None, description="the axes that turn for ever, all unless given"
+    )
+    zero: Literal["absolute", "search"] = Field(
+        "absolute", description="`search` where each encoder has to find its zero"
+    )
+    in_position_deg: Degree = Field(
+        0.001, gt=0, description="how far an axis at rest may be from its angle"
+    )
+    at_rest_deg_per_s: DegreePerSecond = Field(
+        0.01, gt=0, description="the largest rate of an axis that counts as rest"
+    )
+    home_within_s: Second = Field(120.0, gt=0, description="to find an encoder's zero")
 
     @field_validator("continuous")
     @classmethod

@@ -59,17 +59,11 @@ class Keysight33522B(Driver):
     class Settings(VisaSettings):
         """What the outputs are connected to, and what starts a step."""
 
-        load: Annotated[
-            str,
-            AfterValidator(load_of),
-            Field(
-                description="`high-impedance`, or the resistance that both outputs see, such as "
-                "`50 ohm`; the wrong one doubles or halves every voltage"
-            ),
-        ]
-        trigger: Annotated[Literal["external", "bus"], Field(description="what starts a step")] = (
-            "external"
+        load: Annotated[str, AfterValidator(load_of)] = Field(
+            description="`high-impedance`, or what the outputs see, as `50 ohm`; the wrong one "
+            "doubles or halves every voltage"
         )
+        trigger: Literal["external", "bus"] = Field("external", description="what starts a step")
 
     recognises: ClassVar[str] = r"^(Keysight|Agilent) Technologies,33522B,(?P<serial>[^,]+)"
     repeatable: ClassVar[Repeatable] = Repeatable(

@@ -6,7 +6,7 @@ Sources and what is not confirmed: see `drivers/keysight_bursts.py`.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Annotated, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,9 +35,7 @@ class Keysight34465A(Driver):
     class Settings(MainsSettings):
         """How it measures."""
 
-        auto_zero: Annotated[
-            bool, Field(description="without it twice as fast, and the zero drifts")
-        ] = True
+        auto_zero: bool = Field(True, description="without it twice as fast, and the zero drifts")
 
     recognises: ClassVar[str] = RECOGNISES
     roles: ClassVar = ("multimeter",)  # it has a thermometer's verbs, and measures volts

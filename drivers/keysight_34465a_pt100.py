@@ -50,16 +50,12 @@ class Keysight34465APt100(Driver):
     class Settings(MainsSettings):
         """The sensor, and how it is measured."""
 
-        r0_ohm: Annotated[
-            float,
-            Unit("ohm"),
-            Field(gt=0, le=HIGHEST_R0_OHM, description="resistance of the sensor at 0 degC"),
-        ] = 100.0
-        nplc: Annotated[
-            float,
-            AfterValidator(integrates_over),
-            Field(description="integration time in power-line cycles"),
-        ] = 10.0
+        r0_ohm: Annotated[float, Unit("ohm")] = Field(
+            100.0, gt=0, le=HIGHEST_R0_OHM, description="resistance of the sensor at 0 degC"
+        )
+        nplc: Annotated[float, AfterValidator(integrates_over)] = Field(
+            10.0, description="integration time in power-line cycles"
+        )
 
     recognises: ClassVar[str] = RECOGNISES
     repeatable: ClassVar[Repeatable] = REPEATABLE

@@ -46,11 +46,9 @@ REPEATABLE = Repeatable(
 class MainsSettings(VisaSettings):
     """What the bench file says of a meter whose readings last whole cycles of the mains."""
 
-    line_frequency_Hz: Annotated[
-        float | None,
-        Unit("Hz"),
-        Field(ge=50, le=60, multiple_of=10, description="compared with what the meter found"),
-    ] = None
+    line_frequency_Hz: Annotated[float | None, Unit("Hz")] = Field(
+        None, ge=50, le=60, multiple_of=10, description="compared with what the meter found"
+    )
 
 
 @dataclass(frozen=True)

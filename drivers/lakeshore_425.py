@@ -19,7 +19,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping
-from typing import Annotated, ClassVar
+from typing import ClassVar
 
 import numpy as np
 from pydantic import Field
@@ -30,7 +30,7 @@ from drivers.transport.retry import Repeatable, repeated
 from drivers.transport.serial_line import SerialLine
 from drivers.transport.serial_port import BaudRate, DataBits, Parity, SerialSettings
 from station.errors import InputError, InstrumentError
-from station.fields import Unit
+from station.fields import Second
 
 PAUSE_S = 0.03
 RANGES_T = (3.5e-3, 35e-3, 0.35, 3.5)
@@ -48,9 +48,7 @@ class Lakeshore425(Driver):
     class Settings(SerialSettings):
         """What its readings are averaged over, and its line."""
 
-        averaging_s: Annotated[
-            float, Unit("s"), Field(gt=0, description="of each reading, as set at its front panel")
-        ]
+        averaging_s: Second = Field(gt=0, description="of each reading, as set at its front panel")
         baud_rate: BaudRate = 57600
         data_bits: DataBits = 7
         parity: Parity = "O"

@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from datetime import datetime
-from typing import Annotated, ClassVar, Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +23,7 @@ from drivers.transport.retry import PatientLine, Repeatable
 from drivers.transport.visa_line import ScpiLine
 from drivers.transport.visa_port import VisaSettings
 from station.errors import InstrumentError
-from station.fields import Unit
+from station.fields import Second
 
 READING_PERIOD_S = 0.01
 OVERLOAD_T = 9e37
@@ -35,13 +35,10 @@ class LakeshoreF71(Driver):
     class Settings(VisaSettings):
         """What its readings are averaged over, and what their stamps mean."""
 
-        averaging_s: Annotated[
-            float, Unit("s"), Field(gt=0, description="of each reading, a multiple of 10 ms")
-        ]
-        timestamp: Annotated[
-            Literal["interval-start", "interval-middle", "interval-end"],
-            Field(description="the instant of the averaging that a time stamp means"),
-        ]
+        averaging_s: Second = Field(gt=0, description="of each reading, a multiple of 10 ms")
+        timestamp: Literal["interval-start", "interval-middle", "interval-end"] = Field(
+            description="the instant of the averaging that a time stamp means"
+        )
 
     recognises: ClassVar[str] = r"^Lake ?Shore[^,]*,F71,(?P<serial>[^,/]+)"
     repeatable: ClassVar[Repeatable] = Repeatable(

@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 import re
 from contextlib import suppress
-from typing import Annotated, ClassVar
+from typing import ClassVar
 
 from pydantic import Field
 
@@ -42,17 +42,14 @@ class NewportEsp301(Driver):
     class Settings(SerialSettings):
         """The stage's axis, and its line."""
 
-        axis: Annotated[int, Field(ge=1, le=3, description="of the controller")] = 1
-        in_position_deg: Annotated[
-            Degree,
-            Field(gt=0, description="how far the encoder may be from the commanded angle at rest"),
-        ] = 0.002
-        home_mode: Annotated[
-            int, Field(ge=1, le=6, description="the controller's OR; 1 is home switch and index")
-        ] = 1
-        home_within_s: Annotated[Second, Field(gt=0, description="to find the encoder's zero")] = (
-            120.0
+        axis: int = Field(1, ge=1, le=3, description="of the controller")
+        in_position_deg: Degree = Field(
+            0.002, gt=0, description="how far the encoder may be from the commanded angle at rest"
         )
+        home_mode: int = Field(
+            1, ge=1, le=6, description="the controller's OR; 1 is home switch and index"
+        )
+        home_within_s: Second = Field(120.0, gt=0, description="to find the encoder's zero")
         baud_rate: BaudRate = 921600
         hardware_handshake: Handshake = True
 

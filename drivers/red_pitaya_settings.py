@@ -112,16 +112,13 @@ def system_version(text: str) -> str:
 class BoardSettings(VisaSettings):
     """What the bench file says of a board."""
 
-    os_version: Annotated[
-        str,
-        AfterValidator(system_version),
-        Field(description="of the board's system; it decides which decimations there are"),
-    ] = LATEST
-    channel: Annotated[int, Field(ge=1, le=2, description="the input that is recorded")] = 1
-    jumper: Annotated[
-        Literal["LV", "HV"],
-        Field(description="where those of the input are set: LV, ±1 V, or HV, ±20 V"),
-    ] = "LV"
+    os_version: Annotated[str, AfterValidator(system_version)] = Field(
+        LATEST, description="of the board's system; it decides which decimations there are"
+    )
+    channel: int = Field(1, ge=1, le=2, description="the input that is recorded")
+    jumper: Literal["LV", "HV"] = Field(
+        "LV", description="where those of the input are set: LV, ±1 V, or HV, ±20 V"
+    )
 
     @property
     def system(self) -> System:

@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
-from typing import Annotated, ClassVar, Literal
+from typing import ClassVar, Literal
 
 from pydantic import Field
 
@@ -27,7 +27,7 @@ from drivers.transport.retry import Repeatable, repeated
 from drivers.transport.serial_line import SerialLine
 from drivers.transport.serial_port import SerialSettings
 from station.errors import InstrumentError
-from station.fields import Unit
+from station.fields import Second
 
 MODEL = re.compile(r"THORLABS\s+(SC10)\s+VERSION\s+(\S+)", re.IGNORECASE)
 UNTOLD = "untold"
@@ -47,14 +47,10 @@ class ThorlabsSc10(Driver):
     class Settings(SerialSettings):
         """How fast its shutter is, and its line."""
 
-        moves_within_s: Annotated[
-            float,
-            Unit("s"),
-            Field(gt=0, description="in which it must open or close; the SH05 needs about 10 ms"),
-        ] = 0.1
-        baud_rate: Annotated[
-            Literal[9600, 115200], Field(description="serial line: bits in a second")
-        ] = 9600
+        moves_within_s: Second = Field(
+            0.1, gt=0, description="in which it must open or close; the SH05 needs about 10 ms"
+        )
+        baud_rate: Literal[9600, 115200] = Field(9600, description="serial line: bits in a second")
 
     identifies_on: ClassVar[str] = "socket"
     """Where a scan of served instruments may ask it; it knows no `*IDN?`."""

@@ -13,7 +13,7 @@ driver is asked often.
 
 from __future__ import annotations
 
-from typing import Annotated, ClassVar, Literal
+from typing import ClassVar, Literal
 
 from pydantic import Field
 
@@ -44,19 +44,16 @@ class WatlowF4(WatlowChamber):
     class Settings(ModbusSettings):
         """How the chamber is wired to the controller, and its line."""
 
-        chamber_event: Annotated[
-            int | None,
-            Field(
-                ge=1, le=8, description="the event that must be on for heater and compressor to run"
-            ),
-        ] = None
-        door: Annotated[
-            int | None,
-            Field(ge=1, le=4, description="the digital input that is on while the door is closed"),
-        ] = None
-        baud_rate: Annotated[
-            Literal[9600, 19200], Field(description="serial line: bits in a second")
-        ] = 19200
+        chamber_event: int | None = Field(
+            None,
+            ge=1,
+            le=8,
+            description="the event that must be on for heater and compressor to run",
+        )
+        door: int | None = Field(
+            None, ge=1, le=4, description="the digital input that is on while the door is closed"
+        )
+        baud_rate: Literal[9600, 19200] = Field(19200, description="serial line: bits in a second")
 
     identifies_on: ClassVar[str] = "socket"
     """Where a scan of served instruments may ask it."""

@@ -57,25 +57,18 @@ class WatlowF4T(WatlowChamber):
     class Settings(F4TSettings):
         """How the chamber is wired to the controller."""
 
-        loop: Annotated[int, Field(ge=1, le=4, description="the control loop")] = 1
-        ramp: Annotated[
-            Literal["controller", "stepped"],
-            Field(description="who makes a ramp: the controller, or the driver step by step"),
-        ] = "controller"
-        alarms: Annotated[
-            int, Field(ge=0, le=MOST_ALARMS, description="how many the controller has")
-        ] = 4
-        limit_modules: Annotated[
-            tuple[Annotated[int, Field(ge=1, le=LIMIT_MODULES)], ...],
-            Field(description="slots of limit controllers"),
-        ] = ()
-        door: Annotated[
-            IoName | None,
-            Field(
-                description="module and number of the input that is on while the door is closed, "
-                'as `"2.2"`'
-            ),
-        ] = None
+        loop: int = Field(1, ge=1, le=4, description="the control loop")
+        ramp: Literal["controller", "stepped"] = Field(
+            "controller", description="who makes a ramp: the controller, or the driver step by step"
+        )
+        alarms: int = Field(4, ge=0, le=MOST_ALARMS, description="how many the controller has")
+        limit_modules: tuple[Annotated[int, Field(ge=1, le=LIMIT_MODULES)], ...] = Field(
+            (), description="slots of limit controllers"
+        )
+        door: IoName | None = Field(
+            None,
+            description='input that is on while the door is closed, module and number as `"2.2"`',
+        )
 
     identifies_on: ClassVar[str] = SCHEME
     """Where a scan of served instruments may ask it."""

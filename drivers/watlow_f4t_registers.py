@@ -45,10 +45,9 @@ IoName = Annotated[str, AfterValidator(io_name)]
 class F4TSettings(ModbusSettings):
     """What the bench file says of a controller, whatever it is used for."""
 
-    word_order: Annotated[
-        Literal["low-first", "high-first"],
-        Field(description="of the two words of a number; proven by the identity"),
-    ] = "low-first"
+    word_order: Literal["low-first", "high-first"] = Field(
+        "low-first", description="of the two words of a number; proven by the identity"
+    )
 
 
 class F4TRegisters:

@@ -8,7 +8,7 @@ the state of the output itself is what is read back.
 
 from __future__ import annotations
 
-from typing import Annotated, ClassVar
+from typing import ClassVar
 
 from pydantic import Field
 
@@ -42,16 +42,13 @@ class WatlowOutputPower(Driver):
     class Settings(F4TSettings):
         """Which output it is, and what switches it."""
 
-        output: Annotated[IoName, Field(description='module and number of the output, as `"2.1"`')]
-        event: Annotated[
-            int | None,
-            Field(
-                ge=1,
-                le=8,
-                description="the profile event that switches this output; without it the output is "
-                "written itself",
-            ),
-        ] = None
+        output: IoName = Field(description='module and number of the output, as `"2.1"`')
+        event: int | None = Field(
+            None,
+            ge=1,
+            le=8,
+            description="the profile event that switches it; unless given it is written itself",
+        )
 
     repeatable: ClassVar[Repeatable] = REPEATABLE
 

@@ -20,22 +20,15 @@ def not_zero(value: float) -> float:
 class CoilSettings(DriverSettings):
     """What a bench file says of the coil at a supply, whatever its model."""
 
-    coil_constant_mT_per_A: Annotated[
-        float,
-        Unit("mT/A"),
-        AfterValidator(not_zero),
-        Field(description="field at the device over the current"),
-    ]
-    coil_resistance_ohm: Annotated[
-        float | None,
-        Unit("ohm"),
-        Field(gt=0, description="of coil and cable; limits on voltage and heating need it"),
-    ] = None
-    coil_inductance_mH: Annotated[
-        float | None,
-        Unit("mH"),
-        Field(gt=0, description="over the resistance: how long a steady current takes to settle"),
-    ] = None
+    coil_constant_mT_per_A: Annotated[float, Unit("mT/A"), AfterValidator(not_zero)] = Field(
+        description="field at the device over the current"
+    )
+    coil_resistance_ohm: Annotated[float | None, Unit("ohm")] = Field(
+        None, gt=0, description="of coil and cable; limits on voltage and heating need it"
+    )
+    coil_inductance_mH: Annotated[float | None, Unit("mH")] = Field(
+        None, gt=0, description="over the resistance: how long a steady current takes to settle"
+    )
 
 
 @runtime_checkable

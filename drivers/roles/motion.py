@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Protocol, runtime_checkable
+from typing import Protocol, runtime_checkable
 
 from pydantic import Field
 
@@ -12,15 +12,13 @@ from drivers.roles.base import DriverSettings, Instrument, MadeSafe
 class TableSettings(DriverSettings):
     """Which axis of a table is which, whatever its model."""
 
-    outer_axis: Annotated[
-        int | None, Field(ge=1, le=3, description="number of the axis that carries the others")
-    ] = None
-    middle_axis: Annotated[
-        int | None, Field(ge=1, le=3, description="number of the axis between")
-    ] = None
-    inner_axis: Annotated[
-        int | None, Field(ge=1, le=3, description="number of the axis that carries the device")
-    ] = None
+    outer_axis: int | None = Field(
+        None, ge=1, le=3, description="number of the axis that carries the others"
+    )
+    middle_axis: int | None = Field(None, ge=1, le=3, description="number of the axis between")
+    inner_axis: int | None = Field(
+        None, ge=1, le=3, description="number of the axis that carries the device"
+    )
 
 
 @runtime_checkable

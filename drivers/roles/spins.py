@@ -21,19 +21,17 @@ class CellCoilSettings(DriverSettings):
     constant_x_nT_per_V: CoilConstant = None
     constant_y_nT_per_V: CoilConstant = None
     constant_z_nT_per_V: CoilConstant = None
-    gradient_at_1_V_nT_per_cm: Annotated[
-        float | None, Unit("nT/cm"), Field(gt=0, description="gradient at the cell for one volt")
-    ] = None
+    gradient_at_1_V_nT_per_cm: Annotated[float | None, Unit("nT/cm")] = Field(
+        None, gt=0, description="gradient at the cell for one volt"
+    )
 
 
 class LightSettings(DriverSettings):
     """What a bench file says of the pump light, whatever shuts it off."""
 
-    trigger_to_dark_s: Annotated[
-        float | None,
-        Unit("s"),
-        Field(ge=0, description="from the trigger's edge until no light passes; by a photodiode"),
-    ] = None
+    trigger_to_dark_s: Annotated[float | None, Unit("s")] = Field(
+        None, ge=0, description="from the trigger's edge until no light passes; by a photodiode"
+    )
 
 
 @runtime_checkable

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Sequence
-from typing import Annotated
 from urllib.parse import urlsplit
 
 from pydantic import Field
@@ -45,7 +44,7 @@ LEAST_SILENCE_S = 1.75e-3
 class ModbusSettings(SerialSettings):
     """Which device of a Modbus line is meant, and the line where it is serial."""
 
-    unit: Annotated[int, Field(ge=1, le=247, description="Modbus address")] = 1
+    unit: int = Field(1, ge=1, le=247, description="Modbus address")
 
 
 class ModbusLine(ExchangePort):

@@ -32,9 +32,9 @@ class SerialSettings(DriverSettings):
     baud_rate: BaudRate = 9600
     data_bits: DataBits = 8
     parity: Parity = "N"
-    stop_bits: Annotated[
-        float, Field(ge=1, le=2, multiple_of=0.5, description="serial line: 1, 1.5 or 2")
-    ] = 1.0
+    stop_bits: float = Field(
+        1.0, ge=1, le=2, multiple_of=0.5, description="serial line: 1, 1.5 or 2"
+    )
     hardware_handshake: Handshake = False
 
 

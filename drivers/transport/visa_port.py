@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 import socket
 from contextlib import suppress
-from typing import Annotated, Any
+from typing import Any
 
 import pyvisa
 from pydantic import Field
@@ -44,9 +44,9 @@ def wire_address(resource_name: str) -> str:
 class VisaSettings(DriverSettings):
     """The settings of an instrument on a VISA line."""
 
-    visa_library: Annotated[
-        str, Field(min_length=1, description="path of a vendor's VISA library; `@py` is pyvisa-py")
-    ] = "@py"
+    visa_library: str = Field(
+        "@py", min_length=1, description="path of a vendor's VISA library; `@py` is pyvisa-py"
+    )
 
 
 def visa_port(place: Place, answer_end: str) -> Port:
