@@ -15,11 +15,11 @@ from contextlib import suppress
 from functools import partial
 from typing import ClassVar
 
-from drivers.acutrol3000_axis import Doing, settings_of
+from drivers.acutrol3000_axis import AclSettings, Doing
 from drivers.acutrol3000_limits import limit, programme
 from drivers.acutrol3000_line import AclLine
 from drivers.acutrol3000_table import Table
-from drivers.roles import Identity, Place, SafetyReading
+from drivers.roles import Driver, Identity, Place, SafetyReading
 from drivers.transport.retry import Repeatable, repeated
 from station.errors import InstrumentError
 
@@ -27,7 +27,7 @@ CLOSES_WITHIN_S = 10.0
 STILL_S, LOOK_S = 0.1, 0.05
 
 
-class Acutrol3000:
+class Acutrol3000(Driver):
     """A table whose axes go to angles and turn at rates, each against its own encoder.
 
     In position mode a continuous axis takes the shortest way, so `move_to` goes in steps of less
@@ -35,14 +35,10 @@ class Acutrol3000:
 
     Limits: `rate` deg/s and `acceleration` deg/s^2 of every axis; `angle_low` and `angle_high` deg.
 
-    Settings: `framing` (`framed` unless said, or `line`), `axes` (3), `continuous` (a list of the
-    axes that turn for ever, all unless said), `zero` (`absolute` unless said; `search` where each
-    encoder has to find its zero), `in_position` (0.001 deg), `at_rest` (0.01 deg/s), `home_within`
-    (120 s).
-
-    Published are the largest rate and the largest angle of all axes, with their signs.
+    Watched are the largest rate and the largest angle of all axes, with their signs.
     """
 
+    Settings = AclSettings
     identifies_on: ClassVar[str] = "socket"
     recognises: ClassVar[str] = (
         r"(?i)^(\d{8})?Acutronic[^,]*,\s*ACU?T(ROL)?3000,\s*(?P<serial>[^,]+)"
@@ -57,9 +53,11 @@ class Acutrol3000:
 
     def __init__(self, place: Place) -> None:
         self.place = place
-        self._settings = settings_of(place)
+        self._settings = self.Settings.of(place)
         self._limits_written = False
-        self._line = AclLine(place, self._settings.framing, self.repeatable)
+        self._line = AclLine(
+            place, self._settings, self._settings.framing == "framed", self.repeatable
+        )
         self._table = Table(place, self._settings, self._line, self.repeatable)
 
     def identify(self) -> Identity:
@@ -77,7 +75,7 @@ class Acutrol3000:
         """
         self._line.forget_errors()
         for n in self._table.axes:
-            programme(self.place, self._line, n, self._settings.continuous)
+            programme(self.place, self._line, n, self._settings.turns_for_ever)
         self._limits_written = True
 
     def is_homed(self, axis: int) -> bool:
@@ -222,7 +220,7 @@ class Acutrol3000:
             self._line.proof.of(table.patiently_look)
             angles.append([state.count.angle_deg for state in table.axes.values()])
             self.place.clock.sleep(STILL_S)
-        most_deg = self._settings.at_rest * STILL_S + self._settings.in_position_deg
+        most_deg = self._settings.at_rest_deg_per_s * STILL_S + self._settings.in_position_deg
         modes = self._line.proof.of(*(partial(table.patient_mode, n) for n in table.axes))
         moved_deg = [abs(after - before) for before, after in zip(*angles, strict=True)]
         still = not table.turns() and max(moved_deg) <= most_deg
@@ -234,17 +232,20 @@ class Acutrol3000:
         safe = still and set(modes) <= {"Off", "Abort"}
         return SafetyReading(safe, f"{'at rest' if still else 'turning'}: {'; '.join(said)}")
 
-    def read_quantity(self, quantity: str) -> float | str | None:
-        """Return the largest angle (deg) or rate (deg/s) of all axes, motion or chain, now."""
-        if quantity == "chain":
-            return "open" if self.open_contacts() else "closed"
-        if quantity in ("motion", "rate"):
-            self._table.look_at_rates()
-        elif quantity == "angle":
-            self._table.look()
-        else:
-            return None
+    def _rates(self, quantity: str) -> float | str | None:
+        self._table.look_at_rates()
         return self._table.quantity(quantity)
+
+    def _angle_deg(self) -> float | str | None:
+        self._table.look()
+        return self._table.quantity("angle")
+
+    quantities: ClassVar = {
+        "rate": lambda self: self._rates("rate"),
+        "angle": _angle_deg,
+        "motion": lambda self: self._rates("motion"),
+        "chain": lambda self: "open" if self.open_contacts() else "closed",
+    }
 
     def open_contacts(self) -> tuple[str, ...]:
         """Return `interlock` where a contact of the controller's interlock is open, or was.

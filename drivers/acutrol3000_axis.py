@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum
+from typing import Annotated, Literal
 
-from drivers.acutrol3000_line import FRAMED, PLAIN
+from pydantic import Field, ValidationInfo, field_validator
+
 from drivers.acutrol3000_turns import TurnCount
-from drivers.roles import Place
-from station.errors import InstrumentError
-from station.units import parse_as
+from drivers.transport.serial_port import SerialSettings
+from station.fields import Degree, DegreePerSecond, Second
 
 MOST_AXES = 3
-ZEROS = ("absolute", "search")
 
 
 class Doing(Enum):
@@ -57,44 +57,37 @@ class AxisState:
         self.doing, self.target_deg, self.mode = Doing.NOTHING, None, ""
 
 
-@dataclass(frozen=True)
-class Settings:
-    """The driver's settings, checked."""
+class AclSettings(SerialSettings):
+    """What the bench file says of a table and its controller."""
 
-    framing: str
-    axes: int
-    continuous: Collection[int]
-    zero: str
-    in_position_deg: float
-    at_rest: float
-    home_within_s: float
+    framing: Literal["framed", "line"] = Field(
+        "framed", description="whether answers begin with error code and length, or are plain lines"
+    )
+    axes: int = Field(MOST_AXES, ge=1, le=MOST_AXES, description="how many axes it has")
+    continuous: tuple[Annotated[int, Field(ge=1, le=MOST_AXES)], ...] | None = Field(
+        None, description="the axes that turn for ever, all unless given"
+    )
+    zero: Literal["absolute", "search"] = Field(
+        "absolute", description="`search` where each encoder has to find its zero"
+    )
+    in_position_deg: Degree = Field(
+        0.001, gt=0, description="how far an axis at rest may be from its angle"
+    )
+    at_rest_deg_per_s: DegreePerSecond = Field(
+        0.01, gt=0, description="the largest rate of an axis that counts as rest"
+    )
+    home_within_s: Second = Field(120.0, gt=0, description="to find an encoder's zero")
 
+    @field_validator("continuous")
+    @classmethod
+    def are_there(cls, given: Sequence[int] | None, info: ValidationInfo) -> Sequence[int] | None:
+        """Refuse an axis that the table does not have."""
+        axes = info.data.get("axes", MOST_AXES)
+        if beyond := [one for one in given or () if one > axes]:
+            raise ValueError(f"there is no axis {beyond[0]}; the table's axes are 1 to {axes}")
+        return given
 
-def settings_of(place: Place) -> Settings:
-    """Return the settings of a bench file; InstrumentError where they are wrong."""
-    given = place.settings
-    try:
-        axes = int(given.get("axes", MOST_AXES))
-        continuous = [int(one) for one in given.get("continuous", range(1, axes + 1))]
-        settings = Settings(
-            str(given.get("framing", FRAMED)),
-            axes,
-            continuous,
-            str(given.get("zero", ZEROS[0])),
-            parse_as(given.get("in_position", "0.001 deg"), "deg"),
-            parse_as(given.get("at_rest", "0.01 deg/s"), "deg/s"),
-            parse_as(given.get("home_within", "120 s"), "s"),
-        )
-        if not 1 <= axes <= MOST_AXES or not set(continuous) <= set(range(1, axes + 1)):
-            raise ValueError(f"axes {axes}, continuous {continuous}")
-        if settings.framing not in (FRAMED, PLAIN) or settings.zero not in ZEROS:
-            raise ValueError(f"framing {settings.framing}, zero {settings.zero}")
-    except (TypeError, ValueError) as error:
-        raise InstrumentError(
-            place.name,
-            "read the bench file",
-            f"its settings are wrong ({error})",
-            "write axes as 1 to 3, continuous as a list of axes, framing as framed or line, zero "
-            "as absolute or search, in_position, at_rest and home_within with their units",
-        ) from error
-    return settings
+    @property
+    def turns_for_ever(self) -> Sequence[int]:
+        """The axes that turn for ever."""
+        return range(1, self.axes + 1) if self.continuous is None else self.continuous

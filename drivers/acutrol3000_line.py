@@ -11,11 +11,9 @@ from drivers.transport.answers import odd, shortened
 from drivers.transport.proof import Proof
 from drivers.transport.retry import NEVER, Repeatable
 from drivers.transport.serial_line import SerialLine
-from drivers.transport.serial_port import Framing
+from drivers.transport.serial_port import SerialSettings
 from station.errors import InstrumentError
 
-SERIAL = Framing(baud_rate=9600)
-FRAMED, PLAIN = "framed", "line"
 HEADER = re.compile(r"(\d{4})(\d{4})")
 HEADER_BYTES = 8
 EXCHANGES_APART_S = 2e-3
@@ -69,15 +67,17 @@ class FramedLine(SerialLine):
 class AclLine:
     """Messages to one controller, each verified by what it says of errors.
 
-    `framing` is `framed`, where every message is answered, or `line`, where only queries are and a
-    command therefore asks for the error queue in the same message.
+    By `framed` every message is answered; else only queries are, and a command therefore asks for
+    the error queue in the same message.
     """
 
-    def __init__(self, place: Place, framing: str, repeatable: Repeatable = NEVER) -> None:
+    def __init__(
+        self, place: Place, serial: SerialSettings, framed: bool, repeatable: Repeatable = NEVER
+    ) -> None:
         self._place = place
-        self._framed = framing == FRAMED
+        self._framed = framed
         kind = FramedLine if self._framed else SerialLine
-        self._line = kind(place, SERIAL, request_end="\r\n", answer_end="\n", repeatable=repeatable)
+        self._line = kind(place, serial, request_end="\r\n", answer_end="\n", repeatable=repeatable)
         self.proof = Proof(place, self._line)
         self._free_s = -math.inf
 

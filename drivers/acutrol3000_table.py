@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterable
 from contextlib import suppress
 
-from drivers.acutrol3000_axis import MOVES, AxisState, Doing, Settings
+from drivers.acutrol3000_axis import MOVES, AclSettings, AxisState, Doing
 from drivers.acutrol3000_limits import limit
 from drivers.acutrol3000_line import AclLine, number
 from drivers.acutrol3000_status import (
@@ -37,12 +37,12 @@ class Table:
     """All axes, with what was read of them last."""
 
     def __init__(
-        self, place: Place, settings: Settings, line: AclLine, repeatable: Repeatable
+        self, place: Place, settings: AclSettings, line: AclLine, repeatable: Repeatable
     ) -> None:
         self._place, self._settings, self._line = place, settings, line
         self._repeatable = repeatable
         numbers = range(1, settings.axes + 1)
-        self.axes = {n: AxisState(n, TurnCount(n in settings.continuous)) for n in numbers}
+        self.axes = {n: AxisState(n, TurnCount(n in settings.turns_for_ever)) for n in numbers}
         self._reads = tuple(f":Read:{what}? {n}" for n in numbers for what in ("Position", "Rate"))
         self._rates = self._reads[1::2]
         self.state_queries = tuple(queries(n)[0] for n in numbers)
@@ -161,7 +161,7 @@ class Table:
 
     def has_rate(self, state: AxisState, status: Status) -> bool:
         """Whether an axis has reached the rate it was told, now or before."""
-        near = self._settings.at_rest + RATE_AGREES * abs(state.rate_demand)
+        near = self._settings.at_rest_deg_per_s + RATE_AGREES * abs(state.rate_demand)
         agrees = abs(state.rate - state.rate_demand) <= near
         state.at_rate = state.at_rate or (bool(status.dynamic & AT_RATE) and agrees)
         return state.at_rate
@@ -188,7 +188,7 @@ class Table:
 
     def is_turning(self, state: AxisState) -> bool:
         """Whether an axis turned at the last look."""
-        return abs(state.rate) > self._settings.at_rest
+        return abs(state.rate) > self._settings.at_rest_deg_per_s
 
     def quantity(self, name: str) -> float | str:
         """Return the largest rate or angle of the last look, or the motion."""
@@ -223,7 +223,7 @@ class Table:
     def need_rate_kept(self, state: AxisState) -> None:
         """Raise InstrumentError for an axis that had its rate and has it no longer."""
         apart = abs(state.rate - state.rate_demand)
-        allowed = self._settings.at_rest + RATE_KEPT * abs(state.rate_demand)
+        allowed = self._settings.at_rest_deg_per_s + RATE_KEPT * abs(state.rate_demand)
         if state.doing is Doing.TURNING and state.at_rate and apart > allowed:
             raise wrong_rate(self._place.name, state)
 

@@ -21,18 +21,20 @@ from __future__ import annotations
 from contextlib import suppress
 from typing import ClassVar
 
-from drivers.roles import Identity, Place
+from drivers.roles import Driver, Identity, Place
 from drivers.transport.answers import identification, shortened
 from drivers.transport.retry import PatientLine, Repeatable
 from drivers.transport.visa_line import ScpiLine
-from station.errors import InputError, InstrumentError
+from drivers.transport.visa_port import VisaSettings
+from station.errors import InstrumentError
 
 STATES = {"CLOSED": "closed", "OPEN": "open"}
 
 
-class InterlockChainLine:
+class InterlockChainLine(Driver):
     """The interlock chain as a reader with the protocol of this file sees it."""
 
+    Settings = VisaSettings
     recognises: ClassVar[str] = r"^[^,]*,interlock chain reader,(?P<serial>[^,]+)"
     repeatable: ClassVar[Repeatable] = Repeatable(r"\*IDN\?|CHAIN\?|CHAIN:LIST\?")
 
@@ -60,15 +62,6 @@ class InterlockChainLine:
         names = tuple(name.strip() for name in answer.split(",") if name.strip())
         return () if names == ("NONE",) else names
 
-    def read_quantity(self, quantity: str) -> str:
-        """Return the state of the `chain` now: `closed` or `open`."""
-        if quantity != "chain":
-            raise InputError(
-                f"{self.place.name}: an interlock chain has no {quantity}; take that interlock out "
-                "of the bench file"
-            )
-        return self._state()
-
     def explain(self, quantity: str) -> str:
         """Say which contacts are open, for the sentence about a trip; nothing when none is."""
         with suppress(InstrumentError):
@@ -92,3 +85,5 @@ class InterlockChainLine:
             )
         self.place.publish("chain", state)
         return state
+
+    quantities: ClassVar = {"chain": _state}

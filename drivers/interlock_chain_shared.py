@@ -13,12 +13,14 @@ file names the instruments, and each is asked through its own driver, between an
 
 from __future__ import annotations
 
-from drivers.roles import Identity, Place
+from typing import ClassVar
+
+from drivers.roles import Driver, Identity, Place
 from drivers.roles.station import SeesContacts
-from station.errors import InputError, InstrumentError
+from station.errors import InstrumentError
 
 
-class SharedInterlockChain:
+class SharedInterlockChain(Driver):
     """Contacts of several instruments in series: open where one of them has one open.
 
     Needs `shares: [turntable, thermal_chamber]`, or one of them, beside `driver` in the bench file.
@@ -55,14 +57,7 @@ class SharedInterlockChain:
         self.place.publish("chain", "open" if self._open else "closed")
         return self._open
 
-    def read_quantity(self, quantity: str) -> str:
-        """Return the state of the `chain` now: `closed` or `open`."""
-        if quantity != "chain":
-            raise InputError(
-                f"{self.place.name}: an interlock chain has no {quantity}; take that interlock out "
-                "of the bench file"
-            )
-        return "closed" if self.is_closed() else "open"
+    quantities: ClassVar = {"chain": lambda self: "closed" if self.is_closed() else "open"}
 
     def explain(self, quantity: str) -> str:
         """Say which contacts were open when they were last asked."""

@@ -11,10 +11,9 @@ import math
 from collections.abc import Callable
 from itertools import pairwise
 
-from drivers.roles import Place
+from drivers.roles import CoilSettings, Place
 from drivers.transport.visa_line import ScpiLine
 from station.errors import InstrumentError
-from station.units import parse_as
 
 STEP_S = 0.05
 LOOK_S = 0.05
@@ -31,20 +30,20 @@ VOLTAGE_MODE = 1 << 8
 class SteadyCurrent:
     """The verbs of a supply that holds a current.
 
-    Settings: `coil_inductance` and `coil_resistance`, whose ratio is the coil's time constant;
-    without them it is taken to be short against 0.1 s.
+    The coil's time constant is its inductance over its resistance; without these settings it is
+    taken to be short against 0.1 s.
     """
 
-    def __init__(self, place: Place, line: ScpiLine, current_A: Callable[[], float]) -> None:
+    def __init__(
+        self, place: Place, coil: CoilSettings, line: ScpiLine, current_A: Callable[[], float]
+    ) -> None:
         self._place, self._line, self._current_A = place, line, current_A
         self._limit_A = place.limits["current"]
         self._step_A = place.limits["slew"] * STEP_S
         self._zero_A = place.limits["zero_current"]
-        settings = place.settings
         self._tau_s = 0.0
-        if "coil_inductance" in settings and "coil_resistance" in settings:
-            inductance_H = parse_as(str(settings["coil_inductance"]), "mH") * 1e-3
-            self._tau_s = inductance_H / parse_as(str(settings["coil_resistance"]), "ohm")
+        if coil.coil_inductance_mH is not None and coil.coil_resistance_ohm is not None:
+            self._tau_s = coil.coil_inductance_mH * 1e-3 / coil.coil_resistance_ohm
 
     def switch_on(self) -> None:
         """Switch the output on at a fixed current of zero; one that is on is ramped there."""

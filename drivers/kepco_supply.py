@@ -13,13 +13,13 @@ from typing import ClassVar
 
 from drivers.kepco_leaving import Sine, wait_for_zero
 from drivers.kepco_steady import SteadyCurrent, set_point_A
-from drivers.roles import Identity, Place, SafetyReading
+from drivers.roles import CoilSettings, Driver, Identity, Place, SafetyReading
 from drivers.transport.answers import identification
 from drivers.transport.proof import Proof
 from drivers.transport.retry import PatientLine, Repeatable
 from drivers.transport.visa_line import ScpiLine
-from station.errors import InputError, InstrumentError, PauseRefused
-from station.units import parse_as
+from drivers.transport.visa_port import VisaSettings
+from station.errors import InstrumentError, PauseRefused
 
 ERROR_QUERY = ":SYST:ERR?"
 OPERATION = "STAT:OPER:COND?"
@@ -31,19 +31,20 @@ LONGEST_HALF_PERIOD_S = 10.5
 """Half a period of the slowest published drive, 0.05 Hz, and a little."""
 
 
-class KepcoSupply(ABC):
+class KepcoSupply(Driver, ABC):
     """A coil supply: a sine that the instrument repeats until stopped, or a steady current.
 
-    Settings: `coil_constant` (mT/A); for a steady current, `coil_resistance` (ohm) and
-    `coil_inductance` (mH), which say how long it takes to settle. Limits: `current` A,
-    `voltage` V, `slew` A/s, and `zero_current` A, the largest measured current that counts as zero.
+    Limits: `current` A, `voltage` V, `slew` A/s, and `zero_current` A, the largest measured current
+    that counts as zero.
     """
 
+    Settings = VisaSettings
     repeatable: ClassVar[Repeatable]
 
     def __init__(self, place: Place) -> None:
         self.place = place
-        self.coil_constant_mT_per_A = parse_as(str(place.settings["coil_constant"]), "mT/A")
+        coil = CoilSettings.of(place)
+        self.coil_constant_mT_per_A = coil.coil_constant_mT_per_A
         self._current_limit_A = place.limits["current"]
         self._voltage_limit_V = place.limits["voltage"]
         self._ramp_step_A = place.limits["slew"] * RAMP_STEP_S
@@ -56,7 +57,7 @@ class KepcoSupply(ABC):
         )
         self._proof = Proof(place, self._line)
         self._patient = PatientLine(self._line, self.repeatable)
-        self._steady = SteadyCurrent(place, self._line, self.current_A)
+        self._steady = SteadyCurrent(place, coil, self._line, self.current_A)
         self._half_period_s = LONGEST_HALF_PERIOD_S
         self._sine: Sine | None = None
         self._stood_still = False
@@ -144,21 +145,6 @@ class KepcoSupply(ABC):
     def current_A(self) -> float:
         """Return the measured output current in A."""
         return self._published_current_A(self._line.number("MEAS:CURR?"))
-
-    def read_quantity(self, quantity: str) -> float | str:
-        """Return `current` in A, `voltage` in V or the state of `output` now."""
-        if quantity == "current":
-            return self._sure_current_A()
-        if quantity == "voltage":
-            voltage_V = self._patient.number("MEAS:VOLT?")
-            self.place.publish("voltage", voltage_V, "V")
-            return voltage_V
-        if quantity == "output":
-            return "on" if self._output_is_on() else "off"
-        raise InputError(
-            f"{self.place.name}: this supply does not measure its {quantity}; take that interlock "
-            "out of the bench file"
-        )
 
     def make_safe(self, deadline_s: float) -> None:
         """Leave the list near a zero of its sine, ramp what remains, switch the output off.
@@ -257,6 +243,17 @@ class KepcoSupply(ABC):
     def _published_current_A(self, current_A: float) -> float:
         self.place.publish("current", current_A, "A")
         return current_A
+
+    def _voltage_V(self) -> float:
+        voltage_V = self._patient.number("MEAS:VOLT?")
+        self.place.publish("voltage", voltage_V, "V")
+        return voltage_V
+
+    quantities: ClassVar = {
+        "current": _sure_current_A,
+        "voltage": _voltage_V,
+        "output": lambda self: "on" if self._output_is_on() else "off",
+    }
 
 
 def list_runs(operation: float) -> bool:

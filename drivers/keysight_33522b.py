@@ -21,8 +21,11 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from typing import ClassVar
+from typing import Annotated, ClassVar, Literal
 
+from pydantic import AfterValidator, Field
+
+from drivers.bench_limits import limit_of
 from drivers.keysight_33522b_messages import (
     CHANNELS,
     LARGEST_OPEN_V,
@@ -32,27 +35,35 @@ from drivers.keysight_33522b_messages import (
     Messages,
     differs,
     joined,
+    load_of,
     load_ohm,
-    wrong_setting,
 )
-from drivers.roles import Identity, Place, SafetyReading
+from drivers.roles import Driver, Identity, Place, SafetyReading
 from drivers.transport.answers import identification, shortened
 from drivers.transport.proof import Proof
 from drivers.transport.retry import PatientLine, Repeatable
 from drivers.transport.visa_line import ScpiLine
-from station.errors import InputError, InstrumentError
+from drivers.transport.visa_port import VisaSettings
+from station.errors import InstrumentError
 
 ERROR_QUERY = ":SYST:ERR?"
 LONGEST_DELAY_S = 1000.0
 
 
-class Keysight33522B:
+class Keysight33522B(Driver):
     """Two channels at coils: each holds a voltage, or waits for the trigger of a step.
 
-    Settings: `load`, `high-impedance` or what the outputs are connected to, such as `50 ohm`: it
-    must be given, for the wrong one doubles or halves every voltage; `trigger`, `external` unless
-    given, or `bus`. Limits: `voltage` V, of either sign.
+    Limits: `voltage` V, of either sign.
     """
+
+    class Settings(VisaSettings):
+        """What the outputs are connected to, and what starts a step."""
+
+        load: Annotated[str, AfterValidator(load_of)] = Field(
+            description="`high-impedance`, or what the outputs see, as `50 ohm`; the wrong one "
+            "doubles or halves every voltage"
+        )
+        trigger: Literal["external", "bus"] = Field("external", description="what starts a step")
 
     recognises: ClassVar[str] = r"^(Keysight|Agilent) Technologies,33522B,(?P<serial>[^,]+)"
     repeatable: ClassVar[Repeatable] = Repeatable(
@@ -63,13 +74,9 @@ class Keysight33522B:
 
     def __init__(self, place: Place) -> None:
         self.place = place
-        self._load_ohm = load_ohm(place)
-        self._trigger = str(place.settings.get("trigger", "external"))
-        if self._trigger not in TRIGGERS:
-            raise wrong_setting(place, f"trigger is {self._trigger!r}", "write external or bus")
-        if "voltage" not in place.limits:
-            raise wrong_setting(place, "it gives no limits.voltage", "write it there")
-        self._limit_V = place.limits["voltage"]
+        settings = self.Settings.of(place)
+        self._load_ohm, self._trigger = load_ohm(settings.load), settings.trigger
+        self._limit_V = limit_of(place, "voltage", "nothing is switched on")
         self._share = 1.0 if math.isinf(self._load_ohm) else self._load_ohm / (self._load_ohm + 50)
         self._messages = {one: Messages(one, TRIGGERS[self._trigger]) for one in CHANNELS}
         self._prepared = False
@@ -218,14 +225,7 @@ class Keysight33522B:
         words = [f"channel {channel} {'on' if on else 'off'}" for channel, on in outputs.items()]
         return SafetyReading(not any(outputs.values()), ", ".join(words))
 
-    def read_quantity(self, quantity: str) -> str:
-        """Return the state of `output` now: `on` where either channel is on."""
-        if quantity != "output":
-            raise InputError(
-                f"{self.place.name}: this generator does not measure its {quantity}; take that "
-                "interlock out of the bench file"
-            )
-        return "on" if any(self._outputs().values()) else "off"
+    quantities: ClassVar = {"output": lambda self: "on" if any(self._outputs().values()) else "off"}
 
     def close(self) -> None:
         """Close the line."""

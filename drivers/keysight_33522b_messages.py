@@ -8,8 +8,6 @@ from __future__ import annotations
 
 import math
 
-from drivers.roles import Place
-from station.errors import InstrumentError
 from station.units import UnitError, parse_as
 
 CHANNELS = (1, 2)
@@ -150,21 +148,21 @@ def joined(*commands: str) -> str:
     return ";:".join(commands)
 
 
-def load_ohm(place: Place) -> float:
-    """Return what the bench file says the outputs are connected to, in ohm, infinite if open."""
-    given = place.settings.get("load")
-    do_now = f"write {HIGH_IMPEDANCE}, or the resistance that the outputs see, such as 50 ohm"
-    if given is None:
-        raise wrong_setting(place, "it gives no settings.load", do_now)
-    if given == HIGH_IMPEDANCE:
-        return math.inf
-    try:
-        ohm = parse_as(str(given), "ohm")
-    except UnitError as error:
-        raise wrong_setting(place, f"load: {error}", do_now) from error
-    if not LOADS_OHM[0] <= ohm <= LOADS_OHM[1]:
-        raise wrong_setting(place, f"load is {given}, not 1 ohm to 10000 ohm", do_now)
-    return ohm
+def load_of(given: str) -> str:
+    """Return what outputs are connected to, checked; raise ValueError for what is none."""
+    if given != HIGH_IMPEDANCE:
+        try:
+            ohm = parse_as(given, "ohm")
+        except UnitError as error:
+            raise ValueError(f"must be {HIGH_IMPEDANCE}, or a resistance: {error}") from error
+        if not LOADS_OHM[0] <= ohm <= LOADS_OHM[1]:
+            raise ValueError(f"must be 1 ohm to 10000 ohm, or {HIGH_IMPEDANCE}, not {given}")
+    return given
+
+
+def load_ohm(load: str) -> float:
+    """Return what outputs are connected to in ohm, infinite if open."""
+    return math.inf if load == HIGH_IMPEDANCE else parse_as(load, "ohm")
 
 
 def differs(expected: str | float, told: str) -> bool:
@@ -178,8 +176,3 @@ def differs(expected: str | float, told: str) -> bool:
     if math.isinf(expected):
         return not value > OPEN_OHM
     return not abs(value - expected) <= RELATIVE_TOLERANCE * abs(expected) + TOLERANCE
-
-
-def wrong_setting(place: Place, what: str, do_now: str) -> InstrumentError:
-    """Return the error of a bench file that does not say what the driver has to know."""
-    return InstrumentError(place.name, "read the bench file", what, do_now)

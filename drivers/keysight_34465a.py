@@ -10,6 +10,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import Field
 
 from drivers.keysight_bursts import (
     INTEGRATION_CYCLES,
@@ -18,21 +19,23 @@ from drivers.keysight_bursts import (
     REPEATABLE,
     Bursts,
     Function,
+    MainsSettings,
     is_overload,
 )
-from drivers.roles import Block, Identity, Place
+from drivers.roles import Block, Driver, Identity, Place
 from drivers.transport.retry import Repeatable
-from station.errors import InputError, InstrumentError
+from station.errors import InstrumentError
 
 VOLTS = Function("VOLT:DC", "V", (0.1, 1.0, 10.0, 100.0, 1000.0), (0.12, 1.2, 12.0, 120.0, 1000.0))
 
 
-class Keysight34465A:
-    """A voltmeter that takes bursts of readings on one range, its input above 10 Gohm up to 10 V.
+class Keysight34465A(Driver):
+    """A voltmeter that takes bursts on one range, its input above 10 Gohm up to 10 V."""
 
-    Settings: `auto_zero` (`true` or `false`, true unless given; false is twice as fast and lets
-    the zero drift) and `line_frequency` (50 Hz or 60 Hz, compared with what the meter found).
-    """
+    class Settings(MainsSettings):
+        """How it measures."""
+
+        auto_zero: bool = Field(True, description="without it twice as fast, and the zero drifts")
 
     recognises: ClassVar[str] = RECOGNISES
     roles: ClassVar = ("multimeter",)  # it has a thermometer's verbs, and measures volts
@@ -49,16 +52,9 @@ class Keysight34465A:
 
     def __init__(self, place: Place) -> None:
         self.place = place
-        auto_zero = place.settings.get("auto_zero", True)
-        if not isinstance(auto_zero, bool):
-            raise InstrumentError(
-                place.name,
-                "read the bench file",
-                f"auto_zero is {auto_zero!r}",
-                "write true or false",
-            )
-        self._auto_zero = auto_zero
-        self._bursts = Bursts(place, VOLTS)
+        settings = self.Settings.of(place)
+        self._auto_zero = settings.auto_zero
+        self._bursts = Bursts(place, VOLTS, settings.line_frequency_Hz)
 
     def identify(self) -> Identity:
         """Ask `*IDN?`; the answer is maker, model, serial number, firmware."""
@@ -103,19 +99,16 @@ class Keysight34465A:
         """Return the error of an overloaded reading: the range, and the next higher one."""
         return self._bursts.overload(reading_V)
 
-    def read_quantity(self, quantity: str) -> float | None:
-        """Return `voltage` in V now, None before a range was chosen; an overload is an error."""
-        if quantity != "voltage":
-            raise InputError(
-                f"{self.place.name}: this meter does not measure its {quantity}; take that "
-                "interlock out of the bench file"
-            )
+    def _voltage_V(self) -> float | None:
+        """Return the voltage now, None before a range was chosen; an overload is an error."""
         volts = self._bursts.value_now()
         if volts is not None and is_overload(volts):
             raise self.overload_error(volts)
         if volts is not None:
             self.place.publish("voltage", volts, "V")
         return volts
+
+    quantities: ClassVar = {"voltage": _voltage_V}
 
     def close(self) -> None:
         """Close the line."""

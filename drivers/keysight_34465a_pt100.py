@@ -8,10 +8,11 @@ IEC 60751:2008 (5.1), -200 degC to 850 degC. Sources for the meter, and what is 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import ClassVar
+from typing import Annotated, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import AfterValidator, Field
 
 from drivers.keysight_bursts import (
     INTEGRATION_CYCLES,
@@ -19,27 +20,42 @@ from drivers.keysight_bursts import (
     REPEATABLE,
     Bursts,
     Function,
+    MainsSettings,
     is_overload,
 )
-from drivers.roles import Block, Identity, Place
+from drivers.roles import Block, Driver, Identity, Place
 from drivers.transport.retry import Repeatable
-from station.errors import InputError, InstrumentError
-from station.units import UnitError, parse_as
+from station.errors import InstrumentError
+from station.fields import Unit
 
 OHMS = Function("FRES", "ohm", (100.0, 1e3, 1e4, 1e5, 1e6), (120.0, 1.2e3, 1.2e4, 1.2e5, 1.2e6))
 A, B, C = 3.9083e-3, -5.775e-7, -4.183e-12
 COLDEST_DEGC, HOTTEST_DEGC = -200.0, 850.0
 NEWTON_STEPS = 6
 WIRES = "check the four wires of the Pt100 and its plug"
+HIGHEST_R0_OHM = 1e4
 
 
-class Keysight34465APt100:
-    """A platinum thermometer at the device under test.
+def integrates_over(nplc: float) -> float:
+    """Return an integration time that the meter has; raise ValueError for another."""
+    if nplc not in INTEGRATION_CYCLES:
+        known = ", ".join(f"{one:g}" for one in INTEGRATION_CYCLES)
+        raise ValueError(f"it cannot integrate over nplc {nplc:g}; it can do {known}")
+    return nplc
 
-    Settings: `r0` (resistance at 0 degC, 100 ohm unless given), `nplc` (integration time in
-    power-line cycles, 10 unless given) and `line_frequency` (50 Hz or 60 Hz, compared with what
-    the meter found).
-    """
+
+class Keysight34465APt100(Driver):
+    """A platinum thermometer at the device under test."""
+
+    class Settings(MainsSettings):
+        """The sensor, and how it is measured."""
+
+        r0_ohm: Annotated[float, Unit("ohm")] = Field(
+            100.0, gt=0, le=HIGHEST_R0_OHM, description="resistance of the sensor at 0 degC"
+        )
+        nplc: Annotated[float, AfterValidator(integrates_over)] = Field(
+            10.0, description="integration time in power-line cycles"
+        )
 
     recognises: ClassVar[str] = RECOGNISES
     repeatable: ClassVar[Repeatable] = REPEATABLE
@@ -51,24 +67,12 @@ class Keysight34465APt100:
 
     def __init__(self, place: Place) -> None:
         self.place = place
-        try:
-            self._r0_ohm = parse_as(place.settings.get("r0", "100 ohm"), "ohm")
-            self._nplc = float(place.settings.get("nplc", 10))
-            if self._nplc not in INTEGRATION_CYCLES:
-                known = ", ".join(f"{one:g}" for one in INTEGRATION_CYCLES)
-                raise ValueError(f"it cannot integrate over nplc {self._nplc:g}; it can do {known}")
-        except (UnitError, TypeError, ValueError) as error:
-            raise self._error(
-                "read the bench file", str(error), "correct its r0 or nplc"
-            ) from error
+        settings = self.Settings.of(place)
+        self._r0_ohm, self._nplc = settings.r0_ohm, settings.nplc
         # The highest temperature must fit; the test current is the same on 100 and 1000 ohm.
-        range_ohm = OHMS.range_for(resistance_ohm(HOTTEST_DEGC, self._r0_ohm))
-        if range_ohm is None or self._r0_ohm <= 0:
-            raise self._error(
-                "read the bench file", f"r0 is {self._r0_ohm:g} ohm", "write 100 ohm for a Pt100"
-            )
-        self._range_ohm = range_ohm
-        self._bursts = Bursts(place, OHMS)
+        hottest_ohm = resistance_ohm(HOTTEST_DEGC, self._r0_ohm)
+        self._range_ohm = OHMS.range_for(hottest_ohm) or OHMS.ranges[-1]
+        self._bursts = Bursts(place, OHMS, settings.line_frequency_Hz)
 
     def identify(self) -> Identity:
         """Ask `*IDN?`; the answer is maker, model, serial number, firmware."""
@@ -92,13 +96,7 @@ class Keysight34465APt100:
         columns = {"resistance_ohm": ohms, "temperature_degC": temperature_degC}
         return Block(columns, np.full(len(ohms), self.place.clock.now()))
 
-    def read_quantity(self, quantity: str) -> float | None:
-        """Return `temperature` in degC now."""
-        if quantity != "temperature":
-            raise InputError(
-                f"{self.place.name}: this thermometer does not measure its {quantity}; take that "
-                "interlock out of the bench file"
-            )
+    def _temperature_now_degC(self) -> float | None:
         self._prepare()
         ohms = self._bursts.value_now()
         if ohms is None:
@@ -106,6 +104,8 @@ class Keysight34465APt100:
         temperature_degC = float(self._temperature_degC(np.array([ohms]))[0])
         self.place.publish("temperature", temperature_degC, "degC")
         return temperature_degC
+
+    quantities: ClassVar = {"temperature": _temperature_now_degC}
 
     def close(self) -> None:
         """Close the line."""

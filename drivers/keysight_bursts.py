@@ -11,16 +11,19 @@ READ? is not used: its answer comes only when the burst is over, which may be mi
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import Field
 
 from drivers.roles import Identity, Place
 from drivers.transport.answers import identification, odd
 from drivers.transport.retry import PatientLine, Repeatable
 from drivers.transport.visa_line import ScpiLine
+from drivers.transport.visa_port import VisaSettings
 from station.errors import InstrumentError
-from station.units import UnitError, parse_as
+from station.fields import Unit
 
 RECOGNISES = r"^Keysight Technologies,34465A,(?P<serial>[^,]+)"
 ERROR_QUERY = ":SYST:ERR?"
@@ -38,6 +41,14 @@ REPEATABLE = Repeatable(
     r"ABOR|SAMP:COUN \d+|INIT",
 )
 """A burst that is begun again consists of fresh readings: nothing is counted twice."""
+
+
+class MainsSettings(VisaSettings):
+    """What the bench file says of a meter whose readings last whole cycles of the mains."""
+
+    line_frequency_Hz: Annotated[float | None, Unit("Hz")] = Field(
+        None, ge=50, le=60, multiple_of=10, description="compared with what the meter found"
+    )
 
 
 @dataclass(frozen=True)
@@ -58,10 +69,13 @@ class Function:
 class Bursts:
     """A 34465A set to one function; raises InstrumentError for whatever it answers wrongly.
 
-    The bench's setting `line_frequency` is compared with what the instrument found at its mains.
+    `line_frequency_Hz` is compared with what the instrument found at its mains, where it is given.
     """
 
-    def __init__(self, place: Place, function: Function) -> None:
+    def __init__(
+        self, place: Place, function: Function, line_frequency_Hz: float | None = None
+    ) -> None:
+        self._wanted_Hz = line_frequency_Hz
         self._place, self._clock, self._function = place, place.clock, function
         self.range: float | None = None
         self._reading_s = 0.0
@@ -235,13 +249,7 @@ class Bursts:
 
     def _line_frequency_Hz(self) -> float:
         found_Hz = self._line.number("SYST:LFR?")
-        given = self._place.settings.get("line_frequency")
-        try:
-            wanted_Hz = found_Hz if given is None else parse_as(given, "Hz")
-        except UnitError as error:
-            raise self._error(
-                "read settings.line_frequency of the bench file", str(error), "write 50 Hz or 60 Hz"
-            ) from error
+        wanted_Hz = found_Hz if self._wanted_Hz is None else self._wanted_Hz
         if found_Hz not in (50.0, 60.0) or wanted_Hz != found_Hz:
             raise self._error(
                 "asked for the frequency of the mains",

@@ -32,11 +32,10 @@ from drivers.nine_axis import ACCELEROMETERS, GYROS, MAGNETOMETERS, ROW, NineAxi
 from drivers.roles import Identity, Place, SensorStatus
 from drivers.transport.numbering import Counting, Numbering
 from drivers.transport.retry import Repeatable
-from drivers.transport.serial_port import Framing
+from drivers.transport.serial_port import BaudRate, SerialSettings
 from drivers.transport.serial_stream import SerialStream, StreamFrame
 from station.errors import InputError, InstrumentError, InstrumentTimeout
 
-FRAMING = Framing(baud_rate=921600)
 ANSWER_WITHIN_S = 0.5
 RATES_HZ = (10, 50, 100, 250, 500, 750, 1000)
 SETTINGS = {"outputfmt": "C", "rotfmt": "RATE", "rotunits": "DEG", "tempunits": "C"}
@@ -48,11 +47,12 @@ MODULUS = 128
 
 
 class Kvh1775(NineAxisSource):
-    """A KVH 1775 whose gyros give deg/s, accelerometers g and magnetometers gauss.
+    """A KVH 1775 whose gyros give deg/s, accelerometers g and magnetometers gauss."""
 
-    Settings are those of a serial line: `baud_rate`, `data_bits`, `parity`, `stop_bits`,
-    `hardware_handshake`.
-    """
+    class Settings(SerialSettings):
+        """Its line."""
+
+        baud_rate: BaudRate = 921600
 
     repeatable: ClassVar[Repeatable] = Repeatable("stop", "identify", "status")
     """Not the start, which sets the counter back."""
@@ -61,7 +61,7 @@ class Kvh1775(NineAxisSource):
 
     def __init__(self, place: Place) -> None:
         super().__init__(place)
-        self._stream = SerialStream(place, FRAMING, split)
+        self._stream = SerialStream(place, self.Settings.of(place), split)
         self._sequence = Numbering(1.0, MODULUS)
         self._identity: Identity | None = None
         self._configures = False

@@ -22,16 +22,16 @@ from collections.abc import Mapping
 from typing import ClassVar
 
 import numpy as np
+from pydantic import Field
 
-from drivers.roles import Block, Identity, Place
+from drivers.roles import Block, Driver, Identity, Place
 from drivers.transport.answers import number_of, odd, shortened
 from drivers.transport.retry import Repeatable, repeated
 from drivers.transport.serial_line import SerialLine
-from drivers.transport.serial_port import Framing
+from drivers.transport.serial_port import BaudRate, DataBits, Parity, SerialSettings
 from station.errors import InputError, InstrumentError
-from station.units import UnitError, parse_as
+from station.fields import Second
 
-FRAMING = Framing(baud_rate=57600, data_bits=7, parity="O")
 PAUSE_S = 0.03
 RANGES_T = (3.5e-3, 35e-3, 0.35, 3.5)
 TESLA = "2"
@@ -42,12 +42,16 @@ WITNESSES = (("UNIT?", TESLA), ("RDGMODE?", DIRECT))
 AXES = ("x", "y", "z")
 
 
-class Lakeshore425:
-    """A gaussmeter of one axis: a person turns its probe to the axis that is measured.
+class Lakeshore425(Driver):
+    """A gaussmeter of one axis: a person turns its probe to the axis that is measured."""
 
-    Settings: `averaging` (s), and those of a serial line: `baud_rate`, `data_bits`, `parity`,
-    `stop_bits`, `hardware_handshake`.
-    """
+    class Settings(SerialSettings):
+        """What its readings are averaged over, and its line."""
+
+        averaging_s: Second = Field(gt=0, description="of each reading, as set at its front panel")
+        baud_rate: BaudRate = 57600
+        data_bits: DataBits = 7
+        parity: Parity = "O"
 
     recognises: ClassVar[str] = r"^LSCI,MODEL425,(?P<serial>[^,]+)"
     identifies_on: ClassVar[str] = "socket"
@@ -77,6 +81,8 @@ class Lakeshore425:
 
     def __init__(self, place: Place) -> None:
         self.place = place
+        settings = self.Settings.of(place)
+        self.averaging_s = settings.averaging_s
         self._axis = "x"
         self._turned = False
         self._range_T = RANGES_T[-1]
@@ -84,21 +90,8 @@ class Lakeshore425:
         self._readings = 0
         self._turn = place.clock.lock(f"{place.name} turn")
         self._line = SerialLine(
-            place, FRAMING, request_end="\r\n", repeatable=self.repeatable, pause_s=PAUSE_S
+            place, settings, request_end="\r\n", repeatable=self.repeatable, pause_s=PAUSE_S
         )
-
-    @property
-    def averaging_s(self) -> float:
-        """The time over which a reading is averaged; InstrumentError where nobody said it."""
-        try:
-            return parse_as(self.place.settings.get("averaging"), "s")
-        except UnitError as error:
-            raise InstrumentError(
-                self.place.name,
-                "read settings.averaging of the bench file",
-                str(error),
-                "write it there, such as 100 ms",
-            ) from error
 
     def identify(self) -> Identity:
         """Ask `*IDN?`: maker, model, serial number and firmware."""
@@ -118,8 +111,6 @@ class Lakeshore425:
     def start(self, largest_field_mT: float) -> None:
         """Select tesla, direct field without filter, and the range; each is read back."""
         largest_T = largest_field_mT * 1e-3
-        if self.averaging_s <= 0:
-            raise InputError(f"{self.place.name}: settings.averaging must be above zero")
         fitting = [one for one in RANGES_T if largest_T <= one]
         if not fitting:
             raise InputError(
@@ -145,20 +136,17 @@ class Lakeshore425:
         columns = {name: np.array([value], dtype=float) for name, value in row.items()}
         return Block(columns, np.array([self.place.clock.now()]))
 
-    def read_quantity(self, quantity: str) -> float:
-        """Return the magnitude of the `field` along the probe now, mT; infinite beyond the range.
+    def _field_mT(self) -> float:
+        """Return the magnitude of the field along the probe now; infinite beyond the range.
 
         Before the first start it is as somebody left it, perhaps in gauss: then it is set first.
         """
-        if quantity != "field":
-            raise InputError(
-                f"{self.place.name}: the driver of this gaussmeter does not read its {quantity}; "
-                "take that interlock out of the bench file"
-            )
         if not self._gives_tesla:
             self._prepare()
         field_T, _ = repeated(self.repeatable, "RDGFIELD?", self._newest)
         return self._shown_mT(field_T)
+
+    quantities: ClassVar = {"field": _field_mT}
 
     def close(self) -> None:
         """Close the line."""

@@ -11,28 +11,34 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from datetime import datetime
-from typing import ClassVar
+from typing import ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import Field
 
-from drivers.roles import Block, Identity, Place
+from drivers.roles import Block, Driver, Identity, Place
 from drivers.transport.answers import identification, shortened
 from drivers.transport.retry import PatientLine, Repeatable
 from drivers.transport.visa_line import ScpiLine
-from station.errors import InputError, InstrumentError
-from station.units import parse_as
+from drivers.transport.visa_port import VisaSettings
+from station.errors import InstrumentError
+from station.fields import Second
 
 READING_PERIOD_S = 0.01
 OVERLOAD_T = 9e37
-TIMESTAMPS = ("interval-start", "interval-middle", "interval-end")
 
 
-class LakeshoreF71:
-    """A gaussmeter that buffers averaged readings with its own time stamps.
+class LakeshoreF71(Driver):
+    """A gaussmeter that buffers averaged readings with its own time stamps."""
 
-    Settings: `averaging` (s, a multiple of 10 ms) and `timestamp`.
-    """
+    class Settings(VisaSettings):
+        """What its readings are averaged over, and what their stamps mean."""
+
+        averaging_s: Second = Field(gt=0, description="of each reading, a multiple of 10 ms")
+        timestamp: Literal["interval-start", "interval-middle", "interval-end"] = Field(
+            description="the instant of the averaging that a time stamp means"
+        )
 
     recognises: ClassVar[str] = r"^Lake ?Shore[^,]*,F71,(?P<serial>[^,/]+)"
     repeatable: ClassVar[Repeatable] = Repeatable(
@@ -53,16 +59,9 @@ class LakeshoreF71:
 
     def __init__(self, place: Place) -> None:
         self.place = place
-        self.timestamp = str(place.settings["timestamp"])
-        if self.timestamp not in TIMESTAMPS:
-            raise InstrumentError(
-                place.name,
-                "read the bench file",
-                f"timestamp is {self.timestamp!r}",
-                f"write one of {', '.join(TIMESTAMPS)}",
-            )
-        count = round(parse_as(str(place.settings["averaging"]), "s") / READING_PERIOD_S)
-        self._averaging_count = max(count, 1)
+        settings = self.Settings.of(place)
+        self.timestamp = settings.timestamp
+        self._averaging_count = max(round(settings.averaging_s / READING_PERIOD_S), 1)
         self.averaging_s = self._averaging_count * READING_PERIOD_S
         self._first_stamp: datetime | None = None
         self._newest_s = -math.inf
@@ -106,22 +105,19 @@ class LakeshoreF71:
             self._publish_field(float(np.linalg.norm(rows[-1, 1:4])))
         return Block(dict(zip(self.columns, rows.T, strict=True)), np.full(len(rows), arrival_s))
 
-    def read_quantity(self, quantity: str) -> float:
-        """Return the magnitude of the `field` now, mT; infinite where it is beyond the range.
+    def _field_mT(self) -> float:
+        """Return the magnitude of the field now; infinite where it is beyond the range.
 
         The buffer, which a step may be recording, stays as it is.
         """
-        if quantity != "field":
-            raise InputError(
-                f"{self.place.name}: the driver of this gaussmeter does not read its {quantity}; "
-                "take that interlock out of the bench file"
-            )
         if not self._gives_tesla:
             # Before the first start it is as somebody left it, perhaps in gauss.
             self._patient.command("SENS:MODE DC")
             self._patient.command("UNIT:FIELD TESLA")
             self._gives_tesla = True
         return self._publish_field(self._patient.number("FETC:DC?"))
+
+    quantities: ClassVar = {"field": _field_mT}
 
     def close(self) -> None:
         """Close the line."""

@@ -22,7 +22,7 @@ from drivers.navigator_messages import (
     Request,
     fault_words,
 )
-from drivers.roles import Block, Identity, NavigatorStatus, Place
+from drivers.roles import Block, Driver, Identity, NavigatorStatus, Place
 from drivers.stream_watch import StreamWatch
 from drivers.transport.acknowledged import Commands
 from drivers.transport.retry import Repeatable
@@ -33,7 +33,7 @@ SLOWEST_HZ, FASTEST_HZ = 1.0, 10.0
 RATE_STEP_HZ = 0.1
 
 
-class InertialNavigator:
+class InertialNavigator(Driver):
     """The verbs of a navigator, on any line that carries its messages."""
 
     roles = ("navigator",)
@@ -108,18 +108,20 @@ class InertialNavigator:
         rows = np.array(found, dtype=ROW)
         return Block({name: rows[name] for name in COLUMNS}, rows["arrival_s"])
 
-    def read_quantity(self, quantity: str) -> float | None:
-        """Return the `temperature` of the warmest gyro, degC; None while nothing is output.
+    def _temperature_degC(self) -> float | None:
+        """Return the temperature of the warmest gyro; None while nothing is output.
 
         Outputs are looked at and left where they are, for whoever drains them. Raises
         InstrumentError when none has come for a while, or a gyro has no sensor.
         """
-        if not self._watch.expects(quantity):
+        if not self._watch.runs:
             return None
         newest = self._line.newest()
         if newest is not None:
             self._watch.hear(newest.arrival_s, newest.warmest_degC)
         return self._watch.temperature_degC()
+
+    quantities: ClassVar = {"temperature": _temperature_degC}
 
     def close(self) -> None:
         """Close the line; the navigator goes on as it is."""

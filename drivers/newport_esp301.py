@@ -13,35 +13,45 @@ import re
 from contextlib import suppress
 from typing import ClassVar
 
+from pydantic import Field
+
 from drivers.newport_esp301_limits import limit, programme
 from drivers.newport_esp301_line import MODEL, EspLine
-from drivers.roles import Identity, Place, SafetyReading
+from drivers.roles import Driver, Identity, Place, SafetyReading
 from drivers.transport.retry import Repeatable, repeated
+from drivers.transport.serial_port import BaudRate, Handshake, SerialSettings
 from station.errors import InstrumentError
-from station.units import parse_as
+from station.fields import Degree, Second
 
 STAGE = re.compile(r"\s*([^,\s][^,]*?)\s*,\s*S/?N\s*(\S+)\s*")
-AXES = range(1, 4)
-HOME_MODES = range(1, 7)
 LOOK_S = 0.05
 STILL_S = 0.1
 
 
-class NewportEsp301:
+class NewportEsp301(Driver):
     """A rotary stage that turns to absolute angles once its encoder's zero was found.
 
     Limits: `rate` deg/s and `acceleration` deg/s^2; `angle_low` and `angle_high` deg go into the
     controller where they are given.
 
-    Settings: `axis` (1 to 3, 1 unless said), `in_position` (how far the encoder may be from the
-    commanded angle at rest, 0.002 deg unless said), `home_mode` (the controller's OR, 1 unless
-    said: home switch and index), `home_within` (120 s unless said), and those of a serial line:
-    `baud_rate`, `data_bits`, `parity`, `stop_bits`, `hardware_handshake`.
-
     Errors are told by the controller only when asked for, so every command asks in the same line.
     The zero counts as found only when this program has had it looked for, and no longer once the
     controller reports a fault or its motor off: a trip may cost steps.
     """
+
+    class Settings(SerialSettings):
+        """The stage's axis, and its line."""
+
+        axis: int = Field(1, ge=1, le=3, description="of the controller")
+        in_position_deg: Degree = Field(
+            0.002, gt=0, description="how far the encoder may be from the commanded angle at rest"
+        )
+        home_mode: int = Field(
+            1, ge=1, le=6, description="the controller's OR; 1 is home switch and index"
+        )
+        home_within_s: Second = Field(120.0, gt=0, description="to find the encoder's zero")
+        baud_rate: BaudRate = 921600
+        hardware_handshake: Handshake = True
 
     identifies_on: ClassVar[str] = "socket"
     """Where a scan of served instruments may ask it; it knows no `*IDN?`."""
@@ -53,28 +63,16 @@ class NewportEsp301:
 
     def __init__(self, place: Place) -> None:
         self.place = place
-        settings = place.settings
-        try:
-            self._axis = int(settings.get("axis", 1))
-            self._in_position_deg = parse_as(settings.get("in_position", "0.002 deg"), "deg")
-            self._home_mode = int(settings.get("home_mode", 1))
-            self._home_within_s = parse_as(settings.get("home_within", "120 s"), "s")
-            if self._axis not in AXES or self._home_mode not in HOME_MODES:
-                raise ValueError(f"axis {self._axis}, home_mode {self._home_mode}")
-        except (TypeError, ValueError) as error:
-            raise InstrumentError(
-                place.name,
-                "read the bench file",
-                f"its settings are wrong ({error})",
-                "write axis as 1, 2 or 3, home_mode as 1 to 6, in_position and home_within with "
-                "their units",
-            ) from error
+        settings = self.Settings.of(place)
+        self._axis = settings.axis
+        self._in_position_deg = settings.in_position_deg
+        self._home_mode, self._home_within_s = settings.home_mode, settings.home_within_s
         self._limits_written = False
         self._homed = False
         self._homing = False
         self._turning = False
         self._until_s = math.inf
-        self._line = EspLine(place, self._axis, self.repeatable)
+        self._line = EspLine(place, settings, self._axis, self.repeatable)
 
     def identify(self) -> Identity:
         """Ask for the controller's version (`VE?`), and stage and serial number (`ID?`)."""
@@ -231,16 +229,6 @@ class NewportEsp301:
             f"motor {'on' if motor_on else 'off'}",
         )
 
-    def read_quantity(self, quantity: str) -> float | str | None:
-        """Return the angle in deg, the rate in deg/s, or the motion, as it is now."""
-        if quantity == "motion":
-            return "moving" if self._number("MD?") == 0 else "at-rest"
-        if quantity == "angle":
-            return self._encoder_deg()
-        if quantity == "rate":
-            return self._number("TV?")
-        return None
-
     def close(self) -> None:
         """Close the line."""
         self._line.close()
@@ -271,6 +259,12 @@ class NewportEsp301:
 
     def _number(self, query: str) -> float:
         return self._line.number(self._of_axis(query))
+
+    quantities: ClassVar = {
+        "angle": _encoder_deg,
+        "rate": lambda self: self._number("TV?"),
+        "motion": lambda self: "moving" if self._number("MD?") == 0 else "at-rest",
+    }
 
     def _surely(self, query: str) -> float:
         """Return a number on the way to rest, where one lost answer must not decide."""

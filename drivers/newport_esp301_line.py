@@ -10,10 +10,9 @@ from drivers.transport.answers import number_of, odd, shortened
 from drivers.transport.proof import Proof
 from drivers.transport.retry import NEVER, Repeatable
 from drivers.transport.serial_line import SerialLine
-from drivers.transport.serial_port import Framing
+from drivers.transport.serial_port import SerialSettings
 from station.errors import InstrumentError
 
-FRAMING = Framing(baud_rate=921600, hardware_handshake=True)
 ERROR_QUERY = "TB?"
 MOST_ERRORS = 10
 MODEL = re.compile(r"(ESP30\d)\s+Version\s+(\S+)", re.IGNORECASE)
@@ -54,11 +53,13 @@ OF_AXIS = {
 class EspLine:
     """Commands and queries of one controller; `axis` is the one whose errors are ours."""
 
-    def __init__(self, place: Place, axis: int, repeatable: Repeatable = NEVER) -> None:
+    def __init__(
+        self, place: Place, settings: SerialSettings, axis: int, repeatable: Repeatable = NEVER
+    ) -> None:
         self._place = place
         self._axis = axis
         self._line = SerialLine(
-            place, FRAMING, ignores_empty=True, repeatable=repeatable, identity="VE?"
+            place, settings, ignores_empty=True, repeatable=repeatable, identity="VE?"
         )
         self.proof = Proof(place, self._line)
 

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.roles import Block, Place
+from drivers.roles import Block, Driver, Place
 from drivers.stream_watch import StreamWatch
 
 AXES = ("x", "y", "z")
@@ -41,7 +42,7 @@ ROW = np.dtype(
 """Columns and arrival of an output."""
 
 
-class NineAxisSource(ABC):
+class NineAxisSource(Driver, ABC):
     """The outputs of a sensor, and its temperature for interlocks."""
 
     source = "imu"
@@ -70,16 +71,18 @@ class NineAxisSource(ABC):
         self._heard(rows)
         return Block({name: rows[name] for name in COLUMNS}, rows["arrival_s"])
 
-    def read_quantity(self, quantity: str) -> float | None:
-        """Return the sensor's `temperature`, degC; None while nothing is output.
+    def _temperature_degC(self) -> float | None:
+        """Return the sensor's temperature; None while nothing is output.
 
         Outputs are looked at and left where they are, for whoever drains them. Raises
         InstrumentError when none has come for a while.
         """
-        if not self._watch.expects(quantity):
+        if not self._watch.runs:
             return None
         self._heard(self._newest())
         return self._watch.temperature_degC()
+
+    quantities: ClassVar = {"temperature": _temperature_degC}
 
     def _begin(self, rate_Hz: float) -> None:
         """Take note that outputs begin, every so often by the sensor's clock."""

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import ClassVar
 
-from drivers.roles import Identity, Place
+from drivers.roles import Driver, Identity, Place
 
 
-class OperatorPower:
+class OperatorPower(Driver):
     """A person at the switch; each act is a prompt with a stable id."""
 
     prompts: ClassVar[Mapping[str, str]] = {

@@ -7,7 +7,7 @@ from typing import Any, ClassVar, NamedTuple, Protocol
 
 import numpy as np
 
-from drivers.roles import Block, Identity, Place
+from drivers.roles import Block, Driver, Identity, Place
 from drivers.stream_watch import StreamWatch
 from drivers.transport.acknowledged import AnswerLine, Commands
 from drivers.transport.retry import Repeatable
@@ -72,7 +72,7 @@ class PulseLine(Protocol):
         ...
 
 
-class PulseBoard:
+class PulseBoard(Driver):
     """A board that counts the pulses of up to three laser gyros against its own clock."""
 
     source = "gyro_acquisition"
@@ -133,18 +133,20 @@ class PulseBoard:
             np.array([one.arrival_s for one in samples], dtype=float),
         )
 
-    def read_quantity(self, quantity: str) -> float | None:
-        """Return the gyro's `temperature` of the newest sample, degC; None where none can be.
+    def _temperature_degC(self) -> float | None:
+        """Return the gyro's temperature of the newest sample; None where none can be.
 
         Samples are looked at and left where they are, for whoever drains them. Raises
         InstrumentError when the board samples and none has come for a while, or none has one.
         """
-        if not self._watch.expects(quantity):
+        if not self._watch.runs:
             return None
         newest = self._line.newest()
         if newest is not None:
             self._heard(newest)
         return self._watch.temperature_degC()
+
+    quantities: ClassVar = {"temperature": _temperature_degC}
 
     def stop(self) -> None:
         """End the sampling."""

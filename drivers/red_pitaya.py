@@ -24,13 +24,13 @@ from typing import Any, ClassVar, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.red_pitaya_settings import SLOTS, CannotRecord, Record, Settings
-from drivers.roles import Block, Identity, Place, SafetyReading
+from drivers.red_pitaya_settings import SLOTS, BoardSettings, CannotRecord, Record
+from drivers.roles import Block, Driver, Identity, Place, SafetyReading
 from drivers.transport.answers import odd, shortened
 from drivers.transport.proof import Proof
 from drivers.transport.retry import Repeatable, repeated
 from drivers.transport.visa_line import VisaLine
-from station.errors import InputError, InstrumentError
+from station.errors import InstrumentError
 
 Answer = TypeVar("Answer")
 
@@ -46,14 +46,10 @@ OTHERS = "see that nobody else uses the board, and that settings.os_version is i
 WIRE_UP = f"seat the wire between {OUTPUT} and {LOOP}"
 
 
-class RedPitaya:
-    """A recorder of one input about the trigger that it gives itself.
+class RedPitaya(Driver):
+    """A recorder of one input about the trigger that it gives itself."""
 
-    Settings: `os_version` (of the board's system, 2.05 unless said; it decides which decimations
-    there are), `channel` (1 or 2, 1 unless said), `jumper` (LV, ±1 V, unless said, or HV, ±20 V:
-    where those of the input are set).
-    """
-
+    Settings = BoardSettings
     recognises: ClassVar[str] = RECOGNISES
     repeatable: ClassVar[Repeatable] = Repeatable(
         r"\*IDN\?|ACQ:(WPOS|TPOS|TRIG:(STAT|FILL))\?|DIG:PIN(:DIR)?\? \w+",
@@ -68,15 +64,7 @@ class RedPitaya:
 
     def __init__(self, place: Place) -> None:
         self.place = place
-        try:
-            self._settings = Settings.read(place.settings)
-        except (TypeError, ValueError) as error:
-            raise InstrumentError(
-                place.name,
-                "read the bench file",
-                f"its settings are wrong ({error})",
-                "write os_version such as 2.05-37, channel 1 or 2, jumper LV or HV",
-            ) from error
+        self._settings = self.Settings.of(place)
         self.full_scale_V = self._settings.full_scale_V
         """Where the range ends: values beyond are kept as this."""
         self._system = self._settings.system
@@ -106,11 +94,9 @@ class RedPitaya:
     ) -> str | None:
         """Return why buffer or range do not hold a record, None where they do."""
         try:
-            Settings.read(settings).record(sample_rate_Hz, duration_s, full_scale_V)
+            BoardSettings.read(settings).record(sample_rate_Hz, duration_s, full_scale_V)
         except CannotRecord as error:
             return f"{error.why}; {error.do_now}"
-        except (TypeError, ValueError) as error:
-            return f"its settings are wrong ({error})"
         return None
 
     def prepare(self, sample_rate_Hz: float, duration_s: float, full_scale_V: float) -> float:
@@ -210,13 +196,8 @@ class RedPitaya:
             dormant=way == "IN",
         )
 
-    def read_quantity(self, quantity: str) -> float | None:
-        """Return `voltage` in V at the input now; None before a record was prepared."""
-        if quantity != "voltage":
-            raise InputError(
-                f"{self.place.name}: a digitizer does not measure its {quantity}; take that "
-                "interlock out of the bench file"
-            )
+    def _voltage_V(self) -> float | None:
+        """Return the voltage at the input now; None before a record was prepared."""
         with self._turn:
             record = self._record
             if record is None:
@@ -228,6 +209,8 @@ class RedPitaya:
             volts = float(self._surely(newest, self._values)[0])
         self.place.publish("voltage", volts, "V")
         return volts
+
+    quantities: ClassVar = {"voltage": _voltage_V}
 
     def close(self) -> None:
         """Close the line."""

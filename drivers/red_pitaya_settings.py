@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Literal
+
+from pydantic import AfterValidator, Field
+
+from drivers.transport.visa_port import VisaSettings
 
 CONVERTER_HZ = 125e6
 SLOTS = 16384
@@ -99,25 +102,28 @@ class Record:
         return self.length + 2 <= SLOTS
 
 
-@dataclass(frozen=True)
-class Settings:
-    """A bench file's settings of a board."""
+def system_version(text: str) -> str:
+    """Return the version of an operating system; raise ValueError for what is none."""
+    if not all(part.isdecimal() for part in text.replace("-", ".").split(".")):
+        raise ValueError(f"'{text}' is no version such as 2.05-37")
+    return text
 
-    system: System
-    channel: int
-    jumper: str
 
-    @classmethod
-    def read(cls, settings: Mapping[str, Any]) -> Settings:
-        """Return the settings; raises ValueError with what is wrong."""
-        text = str(settings.get("os_version", LATEST))
-        parts = text.replace("-", ".").split(".")
-        if not all(part.isdecimal() for part in parts):
-            raise ValueError(f"os_version is {text!r}")
-        channel, jumper = settings.get("channel", 1), str(settings.get("jumper", "LV")).upper()
-        if channel not in (1, 2) or jumper not in FULL_SCALES_V:
-            raise ValueError(f"channel is {channel!r}, jumper is {jumper!r}")
-        return cls(System(tuple(int(part) for part in parts)), int(channel), jumper)
+class BoardSettings(VisaSettings):
+    """What the bench file says of a board."""
+
+    os_version: Annotated[str, AfterValidator(system_version)] = Field(
+        LATEST, description="of the board's system; it decides which decimations there are"
+    )
+    channel: int = Field(1, ge=1, le=2, description="the input that is recorded")
+    jumper: Literal["LV", "HV"] = Field(
+        "LV", description="where those of the input are set: LV, ±1 V, or HV, ±20 V"
+    )
+
+    @property
+    def system(self) -> System:
+        """What the board's system can do."""
+        return System(tuple(map(int, self.os_version.replace("-", ".").split("."))))
 
     @property
     def full_scale_V(self) -> float:

@@ -54,10 +54,9 @@ from drivers.serial_navigator_frames import (
     frame,
     split,
 )
-from drivers.transport.serial_port import Framing
+from drivers.transport.serial_port import BaudRate, SerialSettings
 from drivers.transport.serial_stream import SerialStream, StreamAnswers, StreamFrame
 
-FRAMING = Framing(baud_rate=115200)
 ANGLE_DEG, RATE_HZ, TEMPERATURE_DEGC, TIME_S = 1e-7, 0.1, 0.01, 0.1
 ANSWERS: Mapping[str, int] = {
     "acknowledgement": ACKNOWLEDGEMENT,
@@ -69,8 +68,8 @@ ANSWERS: Mapping[str, int] = {
 class SerialNavigatorLine:
     """The navigator's messages in frames on a serial line."""
 
-    def __init__(self, place: Place) -> None:
-        self._stream = SerialStream(place, FRAMING, split)
+    def __init__(self, place: Place, settings: SerialSettings) -> None:
+        self._stream = SerialStream(place, settings, split)
         self.answers = StreamAnswers(self._stream, ANSWERS, decoded)
 
     def send(self, request: Request) -> None:
@@ -124,14 +123,15 @@ def decoded(received: StreamFrame) -> Mapping[str, Any]:
 
 
 class SerialNavigator(InertialNavigator):
-    """A navigator that outputs heading, attitude and the temperatures of its gyros on RS-422.
+    """A navigator that outputs heading, attitude and the temperatures of its gyros on RS-422."""
 
-    Settings are those of a serial line: `baud_rate`, `data_bits`, `parity`, `stop_bits`,
-    `hardware_handshake`.
-    """
+    class Settings(SerialSettings):
+        """Its line."""
+
+        baud_rate: BaudRate = 115200
 
     identifies_on: ClassVar[str] = "socket"
     """Where a scan of served instruments may ask `identify`; it knows no `*IDN?`."""
 
     def __init__(self, place: Place) -> None:
-        super().__init__(place, SerialNavigatorLine(place))
+        super().__init__(place, SerialNavigatorLine(place, self.Settings.of(place)))

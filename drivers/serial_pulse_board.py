@@ -51,10 +51,9 @@ from drivers.serial_pulse_board_frames import (
     split,
 )
 from drivers.transport.numbering import Numbering
-from drivers.transport.serial_port import Framing
+from drivers.transport.serial_port import BaudRate, SerialSettings
 from drivers.transport.serial_stream import SerialStream, StreamAnswers, StreamFrame
 
-FRAMING = Framing(baud_rate=921600)
 COMMANDS: Mapping[str, int] = {"start": 1, "stop": 2, "identify": 3, "status": 4}
 RESULTS = (
     "ok",
@@ -84,8 +83,8 @@ class SerialPulseLine:
         "latency_s": "s from the end of the interval to the first bit of its datagram"
     }
 
-    def __init__(self, place: Place) -> None:
-        self._stream = SerialStream(place, FRAMING, split)
+    def __init__(self, place: Place, settings: SerialSettings) -> None:
+        self._stream = SerialStream(place, settings, split)
         self.answers = StreamAnswers(self._stream, ANSWERS, decoded)
         self._channel = 1
         self._numbering = Numbering(1.0, COUNTER_MODULUS)
@@ -169,15 +168,16 @@ def decoded(received: StreamFrame) -> Mapping[str, Any]:
 
 
 class SerialPulseBoard(PulseBoard):
-    """A board that counts the pulses of up to three laser gyros, on RS-422.
+    """A board that counts the pulses of up to three laser gyros, on RS-422."""
 
-    Settings are those of a serial line: `baud_rate`, `data_bits`, `parity`, `stop_bits`,
-    `hardware_handshake`.
-    """
+    class Settings(SerialSettings):
+        """Its line."""
+
+        baud_rate: BaudRate = 921600
 
     model = "serial pulse board"
     identifies_on: ClassVar[str] = "socket"
     """Where a scan of served instruments may ask `identify`; it knows no `*IDN?`."""
 
     def __init__(self, place: Place) -> None:
-        super().__init__(place, SerialPulseLine(place))
+        super().__init__(place, SerialPulseLine(place, self.Settings.of(place)))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from drivers.roles import Place
-from station.errors import InputError, InstrumentError
+from station.errors import InstrumentError
 
 SHORTEST_SILENCE_S = 3.0
 SILENT_INTERVALS = 3
@@ -45,17 +45,8 @@ class StreamWatch:
         if not math.isnan(temperature_degC):
             self._place.publish("temperature", temperature_degC, "degC")
 
-    def expects(self, quantity: str) -> bool:
-        """Return whether an output can tell a quantity now; InputError where none ever does."""
-        if quantity != "temperature":
-            raise InputError(
-                f"{self._place.name}: it does not measure its {quantity}; take that interlock out "
-                "of the bench file"
-            )
-        return self.runs
-
     def temperature_degC(self) -> float | None:
-        """Return the temperature of the newest output; None where none has told it yet.
+        """Return the temperature of the newest output; None while none has told it.
 
         Raises InstrumentError when none has come for a while, or a sensor is missing.
         """

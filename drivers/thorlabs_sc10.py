@@ -16,18 +16,19 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
-from typing import ClassVar
+from typing import ClassVar, Literal
 
-from drivers.roles import Identity, Place, SafetyReading
+from pydantic import Field
+
+from drivers.roles import Driver, Identity, LightSettings, Place, SafetyReading
 from drivers.transport.answers import odd
 from drivers.transport.proof import Proof
 from drivers.transport.retry import Repeatable, repeated
 from drivers.transport.serial_line import SerialLine
-from drivers.transport.serial_port import Framing
-from station.errors import InputError, InstrumentError
-from station.units import UnitError, parse_as
+from drivers.transport.serial_port import SerialSettings
+from station.errors import InstrumentError
+from station.fields import Second
 
-FRAMING = Framing(baud_rate=9600)
 MODEL = re.compile(r"THORLABS\s+(SC10)\s+VERSION\s+(\S+)", re.IGNORECASE)
 UNTOLD = "untold"
 Ask = Callable[[str], str]
@@ -40,14 +41,16 @@ REFUSALS = {
 }
 
 
-class ThorlabsSc10:
-    """A shutter that is closed at rest, opened and closed by commands or by the bench's trigger.
+class ThorlabsSc10(Driver):
+    """A shutter that is closed at rest, opened and closed by commands or by the bench's trigger."""
 
-    Settings: `moves_within` (the time in which the shutter must open or close, 100 ms unless said;
-    the SH05 needs about 10 ms), `trigger_to_dark` (from the trigger's edge until the light is
-    blocked, as measured with a photodiode; unknown unless said), and those of a serial line:
-    `baud_rate` (9600 or 115200), `data_bits`, `parity`, `stop_bits`, `hardware_handshake`.
-    """
+    class Settings(SerialSettings):
+        """How fast its shutter is, and its line."""
+
+        moves_within_s: Second = Field(
+            0.1, gt=0, description="in which it must open or close; the SH05 needs about 10 ms"
+        )
+        baud_rate: Literal[9600, 115200] = Field(9600, description="serial line: bits in a second")
 
     identifies_on: ClassVar[str] = "socket"
     """Where a scan of served instruments may ask it; it knows no `*IDN?`."""
@@ -57,22 +60,13 @@ class ThorlabsSc10:
 
     def __init__(self, place: Place) -> None:
         self.place = place
-        settings = place.settings
-        try:
-            self._moves_within_s = parse_as(settings.get("moves_within", "100 ms"), "s")
-            dark = settings.get("trigger_to_dark")
-            self.trigger_to_dark_s = None if dark is None else parse_as(dark, "s")
-            """From the trigger's edge until the light is blocked, s; None where nobody measured."""
-        except UnitError as error:
-            raise InstrumentError(
-                place.name,
-                "read the bench file",
-                f"its settings are wrong ({error})",
-                "write moves_within and trigger_to_dark as times, such as 10 ms",
-            ) from error
+        settings = self.Settings.of(place)
+        self._moves_within_s = settings.moves_within_s
+        self.trigger_to_dark_s = LightSettings.of(place).trigger_to_dark_s
+        """From the trigger's edge until the light is blocked, s; None where nobody measured."""
         self._line = SerialLine(
             place,
-            FRAMING,
+            settings,
             answer_end="> ",
             ignores_empty=True,
             repeatable=self.repeatable,
@@ -156,14 +150,7 @@ class ThorlabsSc10:
             f"{mode}",
         )
 
-    def read_quantity(self, quantity: str) -> str:
-        """Return `output`, `on` while the light passes; it measures no temperature."""
-        if quantity != "output":
-            raise InputError(
-                f"{self.place.name}: a shutter has no {quantity}; take that interlock out of the "
-                "bench file"
-            )
-        return "on" if self._is_open(self._surely) else "off"
+    quantities: ClassVar = {"output": lambda self: "on" if self._is_open(self._surely) else "off"}
 
     def close(self) -> None:
         """Close the line; the shutter stays as it is."""

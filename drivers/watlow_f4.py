@@ -13,17 +13,17 @@ driver is asked often.
 
 from __future__ import annotations
 
-from typing import ClassVar
+from typing import ClassVar, Literal
+
+from pydantic import Field
 
 from drivers.roles import Identity, Place
-from drivers.transport.modbus_line import UNITS, ModbusLine
+from drivers.transport.modbus_line import ModbusLine, ModbusSettings
 from drivers.transport.patient_registers import PatientRegisters, RegisterLine
 from drivers.transport.retry import Repeatable
-from drivers.transport.serial_port import Framing
 from drivers.watlow_chamber import WatlowChamber
 from station.errors import InstrumentError
 
-FRAMING = Framing(baud_rate=19200)
 MODEL, MODEL_OF_F4 = 0, 5270
 WITNESS = ((0, 1), (1, 1), (2, 1))
 """Model and serial number: no other three registers that are read one after the other hold them."""
@@ -39,13 +39,21 @@ PERCENT = 100.0
 
 
 class WatlowF4(WatlowChamber):
-    """A chamber behind channel 1.
+    """A chamber behind channel 1."""
 
-    Settings: `unit` (Modbus address, 1 unless said), `chamber_event` (1 to 8: the event that must
-    be on for heater and compressor to run; none unless said), `door` (1 to 4: the digital input
-    that is on while the door is closed; unknown unless said), and those of a serial line:
-    `baud_rate` (9600 or 19200, 19200 unless said), `data_bits`, `parity`, `stop_bits`.
-    """
+    class Settings(ModbusSettings):
+        """How the chamber is wired to the controller, and its line."""
+
+        chamber_event: int | None = Field(
+            None,
+            ge=1,
+            le=8,
+            description="the event that must be on for heater and compressor to run",
+        )
+        door: int | None = Field(
+            None, ge=1, le=4, description="the digital input that is on while the door is closed"
+        )
+        baud_rate: Literal[9600, 19200] = Field(19200, description="serial line: bits in a second")
 
     identifies_on: ClassVar[str] = "socket"
     """Where a scan of served instruments may ask it."""
@@ -56,22 +64,11 @@ class WatlowF4(WatlowChamber):
     input_on = 1
 
     def __init__(self, place: Place) -> None:
-        settings = place.settings
-        try:
-            unit, event = int(settings.get("unit", 1)), int(settings.get("chamber_event", 0))
-            door = int(settings.get("door", 0))
-            if unit not in UNITS or event not in range(EVENTS + 1) or not 0 <= door <= len(INPUTS):
-                raise ValueError(f"unit {unit}, chamber_event {event}, door {door}")
-        except (TypeError, ValueError) as error:
-            raise InstrumentError(
-                place.name,
-                "read the bench file",
-                f"its settings are wrong ({error})",
-                "write unit as 1 to 247, chamber_event as 1 to 8, and door as 1 to 4",
-            ) from error
+        settings = self.Settings.of(place)
+        event, door = settings.chamber_event, settings.door
         self._event_register = FIRST_EVENT + PER_EVENT * (event - 1) if event else None
         self._per_K: float | None = None
-        self._modbus = ModbusLine(place, unit, FRAMING, self.repeatable, WITNESS)
+        self._modbus = ModbusLine(place, settings, self.repeatable, WITNESS)
         surely = PatientRegisters(self._modbus, self.repeatable)
         super().__init__(place, self._modbus, surely, INPUTS[door - 1] if door else None)
 

@@ -14,7 +14,9 @@ as even as the driver is asked often.
 
 from __future__ import annotations
 
-from typing import ClassVar
+from typing import Annotated, ClassVar, Literal
+
+from pydantic import Field
 
 from drivers.roles import Identity, Place
 from drivers.transport.modbus_line import SCHEME
@@ -22,11 +24,18 @@ from drivers.transport.modbus_refusal import NO_REGISTER, ModbusRefusal
 from drivers.transport.patient_registers import RegisterLine
 from drivers.transport.retry import Repeatable
 from drivers.watlow_chamber import LOOK_S, WatlowChamber
-from drivers.watlow_f4t_registers import OFF, ON, REPEATABLE, F4TRegisters, io_register
+from drivers.watlow_f4t_registers import (
+    OFF,
+    ON,
+    REPEATABLE,
+    F4TRegisters,
+    F4TSettings,
+    IoName,
+    io_register,
+)
 from station.errors import InstrumentError
 
 PER_LOOP = 160
-LOOPS = range(1, 5)
 MODE, SET_LOW, SET_HIGH, TARGET = 2730, 2774, 2776, 2782
 RAMP_ACTION, RAMP_SCALE, RAMP_RATE = 2794, 2796, 2798
 POWER, STANDS_AT, MODE_NOW, PROCESS = 2808, 2810, 2814, 2820
@@ -38,21 +47,28 @@ QUIET_ALARMS = (88, 61, 12)
 ALARMS = {7: "high", 8: "low", 28: "error"}
 LIMIT_STATE, LIMIT_STATUS, LIMIT_ERROR, PER_LIMIT, LIMIT_MODULES = 11250, 11264, 11288, 60, 6
 ERROR, FAIL, NONE = 28, 32, 61
-CONTROLLER, STEPPED = "controller", "stepped"
 FOLLOWS_WITHIN_S = 2.0
 ARRIVED_K = 1e-3
 
 
 class WatlowF4T(WatlowChamber):
-    """A chamber behind one control loop.
+    """A chamber behind one control loop."""
 
-    Settings: `unit` (Modbus address, 1 unless said), `loop` (1 to 4, 1 unless said), `word_order`
-    (`low-first` unless said, or `high-first`; proven by the identity), `ramp` (`controller` unless
-    said, or `stepped`), `alarms` (how many the controller has, 4 unless said), `limit_modules`
-    (slots of limit controllers, as `[5]`; none unless said), `door` (module and number of the input
-    that is on while the door is closed, as `"2.2"`; unknown unless said), and on a serial port
-    those of a serial line: `baud_rate`, `data_bits`, `parity`, `stop_bits`.
-    """
+    class Settings(F4TSettings):
+        """How the chamber is wired to the controller."""
+
+        loop: int = Field(1, ge=1, le=4, description="the control loop")
+        ramp: Literal["controller", "stepped"] = Field(
+            "controller", description="who makes a ramp: the controller, or the driver step by step"
+        )
+        alarms: int = Field(4, ge=0, le=MOST_ALARMS, description="how many the controller has")
+        limit_modules: tuple[Annotated[int, Field(ge=1, le=LIMIT_MODULES)], ...] = Field(
+            (), description="slots of limit controllers"
+        )
+        door: IoName | None = Field(
+            None,
+            description='input that is on while the door is closed, module and number as `"2.2"`',
+        )
 
     identifies_on: ClassVar[str] = SCHEME
     """Where a scan of served instruments may ask it."""
@@ -63,27 +79,12 @@ class WatlowF4T(WatlowChamber):
     input_on = ON
 
     def __init__(self, place: Place) -> None:
-        self.registers = registers = F4TRegisters(place)
-        settings = place.settings
-        try:
-            self._shift = PER_LOOP * LOOPS.index(int(settings.get("loop", 1)))
-            self._alarms = int(settings.get("alarms", 4))
-            self._limits = [int(one) for one in settings.get("limit_modules", ())]
-            door = settings.get("door")
-            door_register = None if door is None else io_register(door)
-            ramp = settings.get("ramp", CONTROLLER)
-            if ramp not in (CONTROLLER, STEPPED) or self._alarms not in range(MOST_ALARMS + 1):
-                raise ValueError(f"ramp {ramp}, {self._alarms} alarms")
-            if not all(1 <= one <= LIMIT_MODULES for one in self._limits):
-                raise ValueError(f"limit_modules {self._limits}")
-        except (TypeError, ValueError) as error:
-            registers.line.close()
-            raise registers.wrong_settings(
-                error,
-                "write loop as 1 to 4, alarms as 0 to 14, limit_modules as a list of slots, door "
-                f'as module and number such as "2.2", ramp as {CONTROLLER} or {STEPPED}',
-            ) from error
-        self._stepped = ramp == STEPPED
+        settings = self.Settings.of(place)
+        self.registers = registers = F4TRegisters(place, settings)
+        self._shift = PER_LOOP * (settings.loop - 1)
+        self._alarms, self._limits = settings.alarms, settings.limit_modules
+        self._stepped = settings.ramp == "stepped"
+        door_register = None if settings.door is None else io_register(settings.door)
         self._unit_register = UNIT_BY_TCP if place.address.startswith(SCHEME) else UNIT_BY_PORT
         super().__init__(place, registers.line, registers.surely, door_register)
 

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import struct
+from typing import Annotated, Literal
+
+from pydantic import AfterValidator, Field
 
 from drivers.roles import Identity, Place
-from drivers.transport.modbus_line import UNITS, ModbusLine
+from drivers.transport.modbus_line import ModbusLine, ModbusSettings
 from drivers.transport.patient_registers import PatientRegisters, RegisterLine
 from drivers.transport.retry import Repeatable
-from drivers.transport.serial_port import Framing
 from station.errors import InstrumentError
 
-FRAMING = Framing(baud_rate=9600)
-LOW_FIRST, HIGH_FIRST = "low-first", "high-first"
+LOW_FIRST = "low-first"
 HARDWARE, RELEASE, BUILD, SERIAL = 0, 4, 8, 12
 HARDWARE_OF_F4T = 124
 FIRST_IO, PER_MODULE, PER_IO, MOST = 33718, 240, 40, 6
@@ -21,30 +22,42 @@ REPEATABLE = Repeatable(r"(read|write) \d+")
 """A register that is read or written twice holds the same afterwards."""
 
 
+def io_register(name: str) -> int:
+    """Return the register of an input or output by `module.number`, as `2.1`; ValueError else."""
+    module, _, number = name.partition(".")
+    if not (module.isdecimal() and number.isdecimal()):
+        raise ValueError(f"{name!r} is no module and number such as '2.2'")
+    if not (1 <= int(module) <= MOST and 1 <= int(number) <= MOST):
+        raise ValueError(f"{name!r} is beyond module {MOST} or number {MOST}")
+    return FIRST_IO + PER_MODULE * (int(module) - 1) + PER_IO * (int(number) - 1)
+
+
+def io_name(name: str) -> str:
+    """Return the name of an input or output; ValueError for one that no controller has."""
+    io_register(name)
+    return name
+
+
+IoName = Annotated[str, AfterValidator(io_name)]
+"""Module and number of an input or output, as `2.1`."""
+
+
+class F4TSettings(ModbusSettings):
+    """What the bench file says of a controller, whatever it is used for."""
+
+    word_order: Literal["low-first", "high-first"] = Field(
+        "low-first", description="of the two words of a number; proven by the identity"
+    )
+
+
 class F4TRegisters:
-    """One controller's line, and the settings `unit` and `word_order` of the bench file."""
+    """One controller's line, and the order of the two words of a number."""
 
-    def __init__(self, place: Place) -> None:
+    def __init__(self, place: Place, settings: F4TSettings) -> None:
         self._place = place
-        settings = place.settings
-        try:
-            unit = int(settings.get("unit", 1))
-            order = str(settings.get("word_order", LOW_FIRST))
-            if unit not in UNITS or order not in (LOW_FIRST, HIGH_FIRST):
-                raise ValueError(f"unit {unit}, word_order {order}")
-        except (TypeError, ValueError) as error:
-            raise self.wrong_settings(
-                error, f"write unit as 1 to 247, and word_order as {LOW_FIRST} or {HIGH_FIRST}"
-            ) from error
-        self._low_first = order == LOW_FIRST
-        self.line = ModbusLine(place, unit, FRAMING, REPEATABLE, ((HARDWARE, 2), (SERIAL, 2)))
+        self._low_first = settings.word_order == LOW_FIRST
+        self.line = ModbusLine(place, settings, REPEATABLE, ((HARDWARE, 2), (SERIAL, 2)))
         self.surely = PatientRegisters(self.line, REPEATABLE)
-
-    def wrong_settings(self, error: Exception, do_now: str) -> InstrumentError:
-        """Return the error of settings that are none."""
-        return InstrumentError(
-            self._place.name, "read the bench file", f"its settings are wrong ({error})", do_now
-        )
 
     def identify(self) -> Identity:
         """Read who is there; the hardware's number proves the model and the order of words."""
@@ -99,13 +112,3 @@ class F4TRegisters:
     def _bytes(self, words: list[int]) -> bytes:
         first, second = words
         return struct.pack(">HH", *((second, first) if self._low_first else (first, second)))
-
-
-def io_register(name: object) -> int:
-    """Return the register of an input or output by `module.number`, as `2.1`; ValueError else."""
-    module, _, number = str(name).partition(".")
-    if not (module.isdecimal() and number.isdecimal()):
-        raise ValueError(f"{name!r} is no module and number")
-    if not (1 <= int(module) <= MOST and 1 <= int(number) <= MOST):
-        raise ValueError(f"{name!r} is beyond module {MOST} or number {MOST}")
-    return FIRST_IO + PER_MODULE * (int(module) - 1) + PER_IO * (int(number) - 1)

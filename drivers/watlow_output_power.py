@@ -10,45 +10,57 @@ from __future__ import annotations
 
 from typing import ClassVar
 
-from drivers.roles import Identity, Place
+from pydantic import Field
+
+from drivers.roles import Driver, Identity, Place
 from drivers.transport.modbus_refusal import DEVICE_FAILURE, ModbusRefusal
 from drivers.transport.retry import Repeatable
 from drivers.watlow_f4t import WatlowF4T
-from drivers.watlow_f4t_registers import OFF, ON, REPEATABLE, F4TRegisters, io_register
-from station.errors import InputError, InstrumentError
+from drivers.watlow_f4t_registers import (
+    OFF,
+    ON,
+    REPEATABLE,
+    F4TRegisters,
+    F4TSettings,
+    IoName,
+    io_register,
+)
+from station.errors import InstrumentError
 
 EVENTS = (16594, 16596, 16598, 16600, 16822, 16824, 16826, 16828)
 SWITCHES_WITHIN_S = 1.0
 LOOK_S = 0.05
 
 
-class WatlowOutputPower:
+class WatlowOutputPower(Driver):
     """An output behind which the device's supply hangs.
 
-    Settings: `output` (module and number of the output, as `"2.1"`; required), `event` (1 to 8: the
-    profile event that switches this output; written directly unless said), `unit`, `word_order`.
     Where the output is that of the chamber's own controller, `shares: [thermal_chamber]` stands in
     place of an address, `unit` and `word_order`, and its line is used.
     """
+
+    class Settings(F4TSettings):
+        """Which output it is, and what switches it."""
+
+        output: IoName = Field(description='module and number of the output, as `"2.1"`')
+        event: int | None = Field(
+            None,
+            ge=1,
+            le=8,
+            description="the profile event that switches it; unless given it is written itself",
+        )
 
     repeatable: ClassVar[Repeatable] = REPEATABLE
 
     def __init__(self, place: Place) -> None:
         self.place = place
         self._shares = bool(place.shared)
-        self._registers = registers = self._shared_registers() or F4TRegisters(place)
-        settings = place.settings
-        try:
-            self._name = str(settings.get("output", ""))
-            self._output = self._switch = io_register(self._name)
-            event = settings.get("event")
-            if event is not None:
-                self._switch = dict(enumerate(EVENTS, 1))[int(event)]
-        except (TypeError, ValueError, KeyError) as error:
-            self.close()
-            raise registers.wrong_settings(
-                error, 'write output as module and number such as "2.1", and event as 1 to 8'
-            ) from error
+        settings = self.Settings.of(place)
+        self._registers = self._shared_registers() or F4TRegisters(place, settings)
+        self._name = settings.output
+        self._output = self._switch = io_register(self._name)
+        if settings.event is not None:
+            self._switch = EVENTS[settings.event - 1]
 
     def identify(self) -> Identity:
         """Read hardware, serial number and firmware of the controller."""
@@ -62,14 +74,7 @@ class WatlowOutputPower:
         """Switch the device off and see that the output is off."""
         self._set(OFF)
 
-    def read_quantity(self, quantity: str) -> str:
-        """Return `output`, `on` or `off`; neither voltage nor current is measured."""
-        if quantity != "output":
-            raise InputError(
-                f"{self.place.name}: a switched output has no {quantity}; take that interlock out "
-                "of the bench file"
-            )
-        return "on" if self._state() == ON else "off"
+    quantities: ClassVar = {"output": lambda self: "on" if self._state() == ON else "off"}
 
     def close(self) -> None:
         """Close the line where it is this one's own; the output stays as it is."""

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from typing import ClassVar
 
-from drivers.roles import Place
+from drivers.roles import Driver, Place
 from drivers.transport.patient_registers import RegisterLine
 from station.errors import InstrumentError
 
 SENSIBLE_DEGC = (-200.0, 500.0)
 
 
-class WatlowSight(ABC):
+class WatlowSight(Driver, ABC):
     """A controller as an interlock sees it; `door_register` is the input of the door, if any."""
 
     input_on: int
@@ -21,18 +22,6 @@ class WatlowSight(ABC):
         self.place = place
         self._surely = surely
         self._door_register = door_register
-
-    def read_quantity(self, quantity: str) -> float | str | None:
-        """Return the air's `temperature` in degC, `output`, `door` or `chain` now; None else."""
-        if quantity == "temperature":
-            self._step()
-            return self._air(self._surely)
-        if quantity == "output":
-            on, _ = self._output(self._surely)
-            return "on" if on else "off"
-        if quantity == "chain":
-            return "open" if self.open_contacts() else "closed"
-        return self._door() if quantity == "door" else None
 
     def open_contacts(self) -> tuple[str, ...]:
         """Return `door` where it is open, and each alarm and limit that is on."""
@@ -76,3 +65,15 @@ class WatlowSight(ABC):
             )
         self.place.publish("temperature", air_degC, "degC")
         return air_degC
+
+    def _air_now(self) -> float:
+        self._step()
+        return self._air(self._surely)
+
+    quantities: ClassVar = {
+        "temperature": _air_now,
+        "door": _door,
+        "chain": lambda self: "open" if self.open_contacts() else "closed",
+        "output": lambda self: "on" if self._output(self._surely)[0] else "off",
+    }
+    wired_by: ClassVar = {"door": "door"}

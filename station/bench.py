@@ -11,13 +11,14 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, ValidationInfo, field_validator
 
 from station.calibration import Calibration
+from station.driver_checks import driver_faults
 from station.faults import Fault, FaultList, listed, nearest
 from station.fields import Celsius, Degree, Second, StrictModel, Unit, key_of, to_yaml_data
 from station.runner.addresses import why_unknown
 from station.safety.bounds import bound_faults
 from station.safety.interlocks.model import InterlockEntry
+from station.safety.interlocks.quantities import role_of
 from station.safety.interlocks.reading import Interlock, interlock_faults, interlocks_of
-from station.units import UnitError, parse_as
 from station.validation import check_model
 from station.yaml.document import Document, FromDocument, Where
 from station.yaml.reading import read_yaml
@@ -53,14 +54,8 @@ NEEDED_LIMITS = {
     "signal_generator": ("voltage",),
     "thermal_chamber": ("temperature_low", "temperature_high"),
 }
-NEEDED_SETTINGS = {"coil_supply": {"coil_constant": "mT/A"}}
 
 Words = Annotated[str, Field(min_length=1)]
-
-
-def role_of(instance: str) -> str:
-    """Return the role of an instance: `coil_supply` of `coil_supply.x`."""
-    return instance.split(".")[0]
 
 
 class InstrumentLimits(StrictModel):
@@ -192,7 +187,7 @@ class Bench(FromDocument):
 def read_bench(path: Path, drivers: Collection[str]) -> Bench:
     """Read a bench file that is to be used; `drivers` are the known names.
 
-    Raise FaultList with every fault, also of what is beyond a bound (`station.safety.bounds`).
+    Raise FaultList with every fault, also those of its use (`faults_of_use`).
     """
     return bench_of(read_yaml(path), drivers, bounded=True)
 
@@ -200,7 +195,7 @@ def read_bench(path: Path, drivers: Collection[str]) -> Bench:
 def bench_of(document: Document, drivers: Collection[str], *, bounded: bool = False) -> Bench:
     """Return the bench that a document holds; raise FaultList with every fault.
 
-    Where it is not `bounded`, as of a run that is only read again, values may be beyond a bound.
+    Where it is not `bounded`, as of a run that is only read again, it need not be of use.
     """
     file, faults = check_model(document, BenchFile)
     instruments = document.data.get("instruments")
@@ -210,10 +205,17 @@ def bench_of(document: Document, drivers: Collection[str], *, bounded: bool = Fa
         faults += _safe_state_faults(document, list(instruments))
         faults += interlock_faults(document, list(instruments))
         if bounded:
-            faults += [*bound_faults(document), *_address_faults(document)]
+            faults += faults_of_use(document)
     if file is None or faults:
         raise FaultList(faults)
     return Bench(file, document)
+
+
+def faults_of_use(document: Document) -> Iterator[Fault]:
+    """Yield what keeps a bench file from being used: beyond a bound, or not known to a driver."""
+    yield from bound_faults(document)
+    yield from driver_faults(document)
+    yield from _address_faults(document)
 
 
 def _instrument_faults(
@@ -233,26 +235,12 @@ def _instrument_faults(
         what = f"there is no driver '{driver}'" + ("" if hint else f"; there are {listed(drivers)}")
         yield document.fault((*where, "driver"), what, hint and f"'{hint}'")
     yield from _shares_faults(document, name, entry.get("shares"))
-    limits, settings = entry.get("limits", {}), entry.get("settings", {})
+    limits = entry.get("limits", {})
     for limit in NEEDED_LIMITS.get(role_of(name), ()):
         if isinstance(limits, dict) and limits.get(limit) is None:
             yield document.fault(
                 (*where, "limits", limit), f"is missing; a {role_of(name)} needs it"
             )
-    for setting, unit in NEEDED_SETTINGS.get(role_of(name), {}).items():
-        if not isinstance(settings, dict):
-            continue
-        here = (*where, "settings", setting)
-        if setting not in settings:
-            yield document.fault(here, f"is missing; a {role_of(name)} needs it")
-            continue
-        try:
-            value = parse_as(settings[setting], unit)
-        except UnitError as error:
-            yield document.fault(here, error.what, error.hint)
-        else:
-            if value == 0.0:
-                yield document.fault(here, "may not be zero; what is commanded is divided by it")
 
 
 def _address_faults(document: Document) -> Iterator[Fault]:

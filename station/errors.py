@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import Any
+
 EXIT_DONE = 0
 EXIT_OUTSIDE_LIMIT = 1
 EXIT_WRONG_INPUT = 2
@@ -25,6 +28,30 @@ class InputError(StationError):
 
 class UnansweredPrompt(InputError):
     """A prompt that needs a person while nobody can be asked."""
+
+
+class QuantityNotRead(InputError):
+    """A quantity that a driver does not read, or that no setting of the bench file wires."""
+
+    @classmethod
+    def refuse(cls, name: str, driver: object, quantity: str, settings: Mapping[str, Any]) -> None:
+        """Raise where a driver, a class or an instance, cannot be asked for a quantity.
+
+        `name` is the instrument's, `settings` those of the bench file.
+        """
+        reads = getattr(driver, "quantities", {})
+        setting = getattr(driver, "wired_by", {}).get(quantity)
+        if quantity not in reads:
+            known = ", ".join(reads) or "none"
+            raise cls(
+                f"the driver of {name} does not read '{quantity}'; it reads {known}; take this "
+                "interlock out of the bench file"
+            )
+        if setting is not None and settings.get(setting) is None:
+            raise cls(
+                f"settings.{setting} is missing, without which the driver of {name} does not read "
+                f"'{quantity}'; write it, or take this interlock out of the bench file"
+            )
 
 
 class InstrumentError(StationError):

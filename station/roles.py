@@ -8,8 +8,10 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, Protocol
 
+from pydantic import BaseModel
+
 from station import registry
-from station.bench import INSTANCES, role_of
+from station.safety.interlocks.quantities import QUANTITIES
 
 ROLES = "station.roles"
 """Entry points of this group are modules; a role `coil_supply` is their Protocol `CoilSupply`."""
@@ -60,6 +62,15 @@ class SafeState(Protocol):
 
 
 @lru_cache
+def role_settings() -> Mapping[str, type[BaseModel]]:
+    """Return by role the settings that procedures read, whatever the model."""
+    found: dict[str, type[BaseModel]] = {}
+    for entry in registry.names(ROLES):
+        found.update(getattr(registry.load(ROLES, entry), "SETTINGS", {}))
+    return found
+
+
+@lru_cache
 def safe_states() -> Mapping[str, SafeState]:
     """Return by role how an instrument is made safe; a role that is not there cannot harm."""
     found: dict[str, SafeState] = {}
@@ -75,8 +86,7 @@ def roles_of(driver: type) -> list[str]:
     """
     if hasattr(driver, "roles"):
         return list(driver.roles)
-    names = dict.fromkeys(role_of(instance) for instance in INSTANCES)
-    known = [one for one in map(role, names) if one is not None]
+    known = [one for one in map(role, QUANTITIES) if one is not None]
     return [one.name for one in known if not list(one.missing_verbs(driver))]
 
 

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-import inspect
 import json
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 
 from station import registry
-from station.bench import INSTANCES, NEEDED_LIMITS, NEEDED_SETTINGS, role_of
-from station.roles import roles_of
+from station.bench import INSTANCES, NEEDED_LIMITS
+from station.driver_checks import settings_of
+from station.fields import key_of
+from station.roles import role_settings, roles_of
 from station.safety.bounds import COIL
+from station.safety.interlocks.quantities import role_of
 from station.safety.safe_state import MadeSafe
 from station.scan import Seen
 from station.yaml.reading import plain_scalar
@@ -125,23 +127,19 @@ def entry_lines(
         yield f"    serial: {scalar(seen.serial)}\n"
     else:
         yield f"    # {FILL_IN}: serial: NUMBER, so that no other unit is taken for this one\n"
-    settings = NEEDED_SETTINGS.get(role, {})
-    told = settings_told(driver)
-    if settings or told:
-        needed = ", ".join(f"{name}: … {unit}" for name, unit in settings.items())
+    models = [one for one in (role_settings().get(role), settings_of(driver)) if one is not None]
+    fields = {
+        key_of(one, name): field for one in models for name, field in one.model_fields.items()
+    }
+    if fields:
+        needed = ", ".join(f"{key}: …" for key, field in fields.items() if field.is_required())
         yield f"    # {FILL_IN}: settings: {{{needed or '…'}}}\n"
-        yield from (f"    #   {line}\n" for line in told)
+        yield from (f"    #   {key}: {field.description}\n" for key, field in fields.items())
     limits = NEEDED_LIMITS.get(role, ())
     if limits:
         needed = ", ".join(f"{name}: … {EXAMPLES.get(name, '')}".rstrip() for name in limits)
         yield f"    # {FILL_IN}: limits: {{{needed}}}\n"
     yield CALIBRATION
-
-
-def settings_told(driver: type) -> list[str]:
-    """Return what a driver's own docstring says of its settings, line by line."""
-    paragraphs = (inspect.getdoc(driver) or "").split("\n\n")
-    return [line for one in paragraphs if one.startswith("Settings:") for line in one.splitlines()]
 
 
 def scalar(text: str) -> str:

@@ -514,7 +514,8 @@ def test_an_interlock_can_ask_for_it_at_any_time() -> None:
         assert table.read_quantity("motion") == "moving"
         assert table.read_quantity("rate") == pytest.approx(-40.0, abs=0.01)
         assert table.read_quantity("angle") == pytest.approx(12 - 40 * 29.6, abs=2.0)
-        assert table.read_quantity("temperature") is None
+        with pytest.raises(InputError, match="does not read 'temperature'"):
+            table.read_quantity("temperature")
 
 
 def test_every_fault_of_the_wire_is_one_clear_sentence(form: dict[str, str]) -> None:

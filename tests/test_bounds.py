@@ -26,6 +26,7 @@ instruments:
   gaussmeter:
     driver: lakeshore-f71
     address: TCPIP::192.0.2.8::7777::SOCKET
+    settings: {averaging: 100 ms, timestamp: interval-end}
   thermal_chamber:
     driver: watlow-f4t
     address: modbus-tcp://192.0.2.9
@@ -48,25 +49,25 @@ REFUSED = {
         "is no ramp: a coil that is cut off induces a high voltage; at most 16 A/s"
     ),
     ("slew: 2 A/s", "slew: 0.1 A/s"): (
-        "20:33: safe_state[1].within: 30 s is shorter than the ramp of coil_supply.x to zero, 80 s"
+        "21:33: safe_state[1].within: 30 s is shorter than the ramp of coil_supply.x to zero, 80 s"
     ),
     ("within: 30 s", "within: 2 h"): (
-        "20:33: safe_state[1].within: 7200 s is too long: nobody beside the bench would learn"
+        "21:33: safe_state[1].within: 7200 s is too long: nobody beside the bench would learn"
     ),
     ("grace: 0.4 s", "grace: 1e9 s"): (
-        "17:93: interlocks[1].grace: 1e+09 s is too long: for so long the bench would go on with "
+        "18:93: interlocks[1].grace: 1e+09 s is too long: for so long the bench would go on with "
         "what the interlock forbids; at most 60 s"
     ),
     ("grace: 0.4 s", "period: 10 min"): (
-        "17:94: interlocks[1].period: 600 s is too long: an interlock that is looked at so rarely "
+        "18:94: interlocks[1].period: 600 s is too long: an interlock that is looked at so rarely "
         "trips too late"
     ),
     ("above: 8.2 A", "above: 1e6 A"): (
-        "17:78: interlocks[1].when.above: 1e+06 A is so far beyond limits.current of "
+        "18:78: interlocks[1].when.above: 1e+06 A is so far beyond limits.current of "
         "coil_supply.x, 8 A, that the interlock protects nothing; at most 12 A"
     ),
     ("above: 80 degC", "outside: [-50 degC, 300 degC]"): (
-        "18:96: interlocks[2].when.outside[2]: 300 degC is so far beyond "
+        "19:96: interlocks[2].when.outside[2]: 300 degC is so far beyond "
         "limits.temperature_high of thermal_chamber"
     ),
 }

@@ -45,7 +45,9 @@ def allowed(importer: str, imported: str) -> bool:
         own = ".".join(importer.split(".")[:2])
         return within(imported, own, "procedures.estimation", "station", "drivers.roles")
     if within(importer, "drivers"):
-        return within(imported, "station.clock", "station.units", "station.errors")
+        return within(
+            imported, "station.clock", "station.units", "station.fields", "station.errors"
+        )
     if within(importer, "sim_instruments"):
         return within(imported, "station.clock", "station.units")
     return False

@@ -97,7 +97,7 @@ def test_what_it_cannot_do_is_refused_before_anything_is_sent(kind: str) -> None
         for rate_Hz in (0.0, 33.33, 5000.0):
             with pytest.raises(InputError, match="sample_rate"):
                 driver.start(rate_Hz)
-        with pytest.raises(InputError, match="does not measure its field"):
+        with pytest.raises(InputError, match="does not read 'field'"):
             driver.read_quantity("field")
         assert not stand.sent()
 

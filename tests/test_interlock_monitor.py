@@ -227,11 +227,11 @@ def test_a_quantity_that_the_driver_cannot_read_is_a_fault_of_the_bench_file() -
     bench = bench_with([{**CURRENT, "when": warm}])
     with watched(bench, SUPPLY) as stand, pytest.raises(InputError) as raised:
         stand.monitor.check_once()
-    assert "does not measure its temperature; take that interlock out" in str(raised.value)
+    assert "does not read 'temperature'; it reads current, voltage, output" in str(raised.value)
     power = interlock("dut_power", "current", above="1 A")
     with watched(bench_with([power]), "dut_power") as stand, pytest.raises(InputError) as raised:
         stand.monitor.check_once()
-    assert "dut_power: its driver cannot be asked for its current" in str(raised.value)
+    assert "the driver of dut_power does not read 'current'; it reads none" in str(raised.value)
 
 
 def test_a_run_that_does_not_react_is_brought_to_rest_by_the_monitor() -> None:

@@ -210,11 +210,11 @@ def test_a_reset_of_the_loads_can_be_simulated() -> None:
 @pytest.mark.parametrize(
     ("settings", "said"),
     [
-        ({"load": None}, "it gives no settings.load; write high-impedance"),
-        ({"load": "open"}, "such as 50 ohm"),
-        ({"load": 50}, "such as 50 ohm"),
-        ({"load": "0.5 ohm"}, "load is 0.5 ohm, not 1 ohm to 10000 ohm"),
-        ({"trigger": "internal"}, "trigger is 'internal'; write external or bus"),
+        ({"load": None}, "correct settings.load"),
+        ({"load": "open"}, "must be high-impedance, or a resistance: 'open' is not a number"),
+        ({"load": 50}, "correct settings.load"),
+        ({"load": "0.5 ohm"}, "must be 1 ohm to 10000 ohm, or high-impedance, not 0.5 ohm"),
+        ({"trigger": "internal"}, "should be 'external' or 'bus'"),
     ],
 )
 def test_a_setting_that_is_missing_or_wrong_is_told(
@@ -371,7 +371,7 @@ def test_where_it_does_not_listen_a_last_attempt_switches_off_and_the_error_is_t
 
 def test_only_the_output_is_a_quantity(generator: Keysight33522B) -> None:
     assert generator.read_quantity("output") == "off"
-    with pytest.raises(InputError, match="does not measure its voltage"):
+    with pytest.raises(InputError, match="does not read 'voltage'"):
         generator.read_quantity("voltage")
 
 

@@ -17,7 +17,7 @@ from drivers.transport.kept_frames import MOST_FRAMES, KeptFrames
 from drivers.transport.proof import Proof
 from drivers.transport.retry import Repeatable
 from drivers.transport.serial_line import SerialLine
-from drivers.transport.serial_port import Framing
+from drivers.transport.serial_port import SerialSettings
 from drivers.transport.serial_stream import SerialStream, Split
 from drivers.transport.text_line import TextLine
 from drivers.transport.visa_line import VisaLine
@@ -92,7 +92,7 @@ def line_to(
         address = f"socket://127.0.0.1:{device.port}"
         line = SerialLine(
             Place("it", address, RealClock(), noter=note),
-            Framing(9600),
+            SerialSettings(baud_rate=9600),
             answer_end="\n",
             repeatable=HARMLESS,
         )
@@ -422,7 +422,8 @@ def test_a_stream_of_rubbish_is_not_kept() -> None:
     device = Device(says)
     try:
         place = Place("it", f"socket://127.0.0.1:{device.port}", RealClock())
-        stream = SerialStream(place, Framing(9600), lambda data: Split([], data, 0))
+        settings = SerialSettings(baud_rate=9600)
+        stream = SerialStream(place, settings, lambda data: Split([], data, 0))
         stream.send(b"go\n")
         until_s = boot_seconds() + 20.0
         while boot_seconds() < until_s and len(stream._pending) < 1 << 16:

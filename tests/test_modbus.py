@@ -12,11 +12,10 @@ from pymodbus.framer import FramerRTU
 from pymodbus.pdu import DecodePDU
 from watlow_stand import NAME, Stand, controller
 
-from drivers.transport.modbus_line import ModbusLine
+from drivers.transport.modbus_line import ModbusLine, ModbusSettings
 from drivers.transport.modbus_refusal import ModbusRefusal
 from drivers.transport.patient_registers import PatientRegisters
 from drivers.transport.retry import Repeatable
-from drivers.transport.serial_port import Framing
 from sim_instruments.modbus import ModbusError, Parameter, Registers, fixed
 from sim_instruments.modbus_rtu import crc16
 from station.clock import RealClock, VirtualClock
@@ -24,7 +23,7 @@ from station.conformance.hostile import HostileServer
 from station.errors import InstrumentError, InstrumentTimeout
 from station.runner.opening import Place
 
-FRAMING = Framing(baud_rate=19200)
+SETTINGS = ModbusSettings(baud_rate=19200)
 MODELS = ("f4t", "f4")
 PROCESS = {"f4t": (2820, 2), "f4": (100, 1)}
 
@@ -32,7 +31,7 @@ PROCESS = {"f4t": (2820, 2), "f4": (100, 1)}
 @contextmanager
 def line(model: str, *faults: dict[str, object]) -> Iterator[tuple[Stand, ModbusLine]]:
     with controller(model, *faults) as stand:
-        opened = ModbusLine(stand.place(), 1, FRAMING)
+        opened = ModbusLine(stand.place(), SETTINGS)
         yield stand, opened
         opened.close()
 
@@ -171,7 +170,7 @@ def test_an_exception_is_told_in_words_and_leaves_the_line_open(
 
     with controller("f4t") as stand:
         stand.simulator._registers.add(100, Parameter(refuse))
-        modbus = ModbusLine(stand.place(), 1, FRAMING)
+        modbus = ModbusLine(stand.place(), SETTINGS)
         with pytest.raises(ModbusRefusal, match=says) as raised:
             modbus.read(100)
         assert raised.value.code == code
@@ -252,7 +251,7 @@ def test_an_answer_to_nothing_that_was_asked_is_none(answer: bytes, says: str) -
     clock = VirtualClock()
     with clock.participant("test"), HostileServer(clock, lambda data: answer) as server:
         place = Place(NAME, f"modbus-tcp://127.0.0.1:{server.port}", clock, {}, {})
-        modbus = ModbusLine(place, 1, FRAMING)
+        modbus = ModbusLine(place, SETTINGS)
         assert says in told(lambda: modbus.read(100))
         modbus.close()
     clock.stop()
@@ -273,12 +272,12 @@ def test_a_frame_too_many_in_one_piece_with_the_answer_is_in_doubt(first: bool) 
     clock = VirtualClock()
     with clock.participant("test"), HostileServer(clock, answer) as server:
         place = Place(NAME, f"socket://127.0.0.1:{server.port}", clock, {}, {})
-        modbus = ModbusLine(place, 1, FRAMING, Repeatable(r"read \d+"))
+        modbus = ModbusLine(place, SETTINGS, Repeatable(r"read \d+"))
         assert modbus.read(107) == [77]
         assert modbus.doubts == 1
         assert len(asked) == 2
         asked.clear()
-        modbus_once = ModbusLine(place, 1, FRAMING)
+        modbus_once = ModbusLine(place, SETTINGS)
         assert "more than one answer came" in told(lambda: modbus_once.read(107))
         modbus_once.close()
         modbus.close()
@@ -290,7 +289,7 @@ def test_a_frame_too_many_in_one_piece_with_the_answer_is_in_doubt(first: bool) 
 )
 def test_an_address_where_nobody_is_is_told(address: str) -> None:
     place = Place(NAME, address, RealClock(), {}, {})
-    text = told(lambda: ModbusLine(place, 1, FRAMING))
+    text = told(lambda: ModbusLine(place, SETTINGS))
     assert f"{NAME}: open {address}: nobody answers there" in text
 
 

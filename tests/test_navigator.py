@@ -245,7 +245,7 @@ def test_the_warmest_gyro_is_looked_at_and_no_output_is_taken(kind: str) -> None
         assert len(driver.drain()) == 49
         driver.stop()
         assert driver.read_quantity("temperature") is None
-        with pytest.raises(InputError, match="does not measure its field"):
+        with pytest.raises(InputError, match="does not read 'field'"):
             driver.read_quantity("field")
 
 

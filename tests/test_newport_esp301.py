@@ -19,7 +19,7 @@ from drivers.roles import MadeSafe, RotaryStage
 from sim_instruments.faults.catalogue import applicable_faults
 from sim_instruments.world.rotation import RotationHistory
 from station.clock import RealClock
-from station.errors import InstrumentError, InstrumentTimeout
+from station.errors import InputError, InstrumentError, InstrumentTimeout
 from station.lookup import BENCHES, find
 from station.runner.opening import Place
 
@@ -369,7 +369,8 @@ def test_an_interlock_can_ask_for_it_at_any_time(quantity: str, value: Any) -> N
         stage.move_to(180.0)
         bench.clock.sleep(2.0)
         assert stage.read_quantity(quantity) == pytest.approx(value, abs=0.01)
-        assert stage.read_quantity("temperature") is None
+        with pytest.raises(InputError, match="does not read 'temperature'"):
+            stage.read_quantity("temperature")
 
 
 def test_every_fault_of_the_wire_is_one_clear_sentence() -> None:

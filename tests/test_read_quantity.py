@@ -25,7 +25,7 @@ def test_a_supply_publishes_what_it_measures_and_whether_it_is_on() -> None:
         supply.stop()
         assert readings.newest(SUPPLY, "output").value == "off"
         assert abs(readings.newest(SUPPLY, "current").value) < 0.02
-        with pytest.raises(InputError, match="does not measure its temperature"):
+        with pytest.raises(InputError, match="does not read 'temperature'"):
             supply.read_quantity("temperature")
 
 

@@ -358,7 +358,7 @@ def test_an_interlock_can_ask_for_the_voltage_at_any_time() -> None:
         assert driver.read_quantity("voltage") == pytest.approx(0.25)
         assert len(record(stand, driver)) == Record.of(12500, 0.2).length
         assert stand.newest("voltage") == pytest.approx(0.25)
-        with pytest.raises(InputError, match="does not measure its current"):
+        with pytest.raises(InputError, match="does not read 'current'"):
             driver.read_quantity("current")
 
 

@@ -132,6 +132,14 @@ def test_a_plan_that_extends_another_is_still_held_to_what_it_says() -> None:
     [
         ("driver: lakeshore-f71", "driver: lakeshore-f72", "instruments.gaussmeter.driver"),
         ("  gaussmeter:", "  gausmeter:", "instruments"),
+        (", timestamp: interval-end", "", "instruments.gaussmeter.settings"),
+        (
+            ", timestamp: interval-end",
+            ", timestamp: end",
+            "instruments.gaussmeter.settings.timestamp",
+        ),
+        ('door: "2.2"', 'dor: "2.2"', "instruments.thermal_chamber.settings"),
+        ("outer_axis: 1", "outer_axis: 4", "instruments.turntable.settings.outer_axis"),
         (
             "{coil_constant: 0.300 mT/A, coil_resistance: 1.2 ohm}",
             "{}",
@@ -153,7 +161,9 @@ def test_a_faulty_bench_is_refused_by_the_schema_as_by_the_station(
     assert text != BENCH
     assert where in [fault.split(":")[0] for fault in faults("bench", text)]
     with pytest.raises(FaultList):
-        bench_of(read_yaml_text(text, Path("b.yaml")), registry.names(registry.DRIVERS))
+        bench_of(
+            read_yaml_text(text, Path("b.yaml")), registry.names(registry.DRIVERS), bounded=True
+        )
 
 
 def test_the_conditions_of_a_dataset_follow_from_its_procedure() -> None:

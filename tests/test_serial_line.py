@@ -12,13 +12,13 @@ from typing import Any
 import pytest
 
 from drivers.transport.serial_line import SerialLine
-from drivers.transport.serial_port import Framing, wire_address
+from drivers.transport.serial_port import SerialSettings, wire_address
 from station.clock import Clock, RealClock, VirtualClock
 from station.conformance.hostile import HostileServer, closed_port
 from station.errors import InstrumentError, InstrumentTimeout
 from station.runner.opening import Place
 
-FRAMING = Framing(baud_rate=9600)
+SETTINGS = SerialSettings(baud_rate=9600)
 pty = pytest.importorskip("pty", reason="pseudo-terminals are of POSIX")
 
 
@@ -45,7 +45,7 @@ class Acts:
 def line_to(*acts: bytes | None, **options: Any) -> Iterator[tuple[SerialLine, Acts, VirtualClock]]:
     clock, partner = VirtualClock(), Acts(*acts)
     with clock.participant("test"), HostileServer(clock, partner) as server:
-        line = SerialLine(place(clock, f"socket://127.0.0.1:{server.port}"), FRAMING, **options)
+        line = SerialLine(place(clock, f"socket://127.0.0.1:{server.port}"), SETTINGS, **options)
         try:
             yield line, partner, clock
         finally:
@@ -90,11 +90,11 @@ def test_what_is_no_answer_is_told_and_forgotten(answer: bytes | None, says: str
 def test_nobody_at_the_port_is_told() -> None:
     clock = RealClock()
     with pytest.raises(InstrumentError, match="nobody answers there"):
-        SerialLine(place(clock, f"socket://127.0.0.1:{closed_port()}"), FRAMING)
+        SerialLine(place(clock, f"socket://127.0.0.1:{closed_port()}"), SETTINGS)
     with pytest.raises(InstrumentError, match="write socket://host:port"):
-        SerialLine(place(clock, "socket://127.0.0.1"), FRAMING)
+        SerialLine(place(clock, "socket://127.0.0.1"), SETTINGS)
     with pytest.raises(InstrumentError, match="nobody answers there"):
-        SerialLine(place(clock, "/dev/there-is-no-such-port"), FRAMING)
+        SerialLine(place(clock, "/dev/there-is-no-such-port"), SETTINGS)
 
 
 @pytest.mark.parametrize(
@@ -109,8 +109,8 @@ def test_nobody_at_the_port_is_told() -> None:
 )
 def test_wrong_serial_settings_are_told(wrong: dict[str, Any]) -> None:
     where = Place("stage", "socket://127.0.0.1:1", RealClock(), wrong)
-    with pytest.raises(InstrumentError, match="the serial settings are wrong"):
-        SerialLine(where, FRAMING)
+    with pytest.raises(InstrumentError, match="its settings are wrong"):
+        SerialSettings.of(where)
 
 
 def test_the_wire_of_a_socket_is_named_as_its_server_names_it() -> None:
@@ -155,7 +155,7 @@ def terminal(answers: dict[bytes, list[bytes]], prefix: str = "") -> Iterator[tu
     there = Terminal(answers)
     heard: list[tuple[str, bytes]] = []
     suffix = "::INSTR" if prefix else ""
-    line = SerialLine(place(RealClock(), f"{prefix}{there.name}{suffix}", heard), FRAMING)
+    line = SerialLine(place(RealClock(), f"{prefix}{there.name}{suffix}", heard), SETTINGS)
     try:
         yield line, there, heard
     finally:
@@ -191,4 +191,4 @@ def test_a_second_program_cannot_open_the_same_port() -> None:
     with terminal({}) as (_, there, _heard):
         where = place(RealClock(), there.name)
         with pytest.raises(InstrumentError, match="nobody answers there"):
-            SerialLine(where, FRAMING)
+            SerialLine(where, SETTINGS)

@@ -271,7 +271,7 @@ def test_an_interlock_can_ask_whether_the_light_passes() -> None:
         assert driver.read_quantity("output") == "off"
         driver.open_shutter()
         assert driver.read_quantity("output") == "on"
-        with pytest.raises(InputError, match="has no temperature"):
+        with pytest.raises(InputError, match="does not read 'temperature'"):
             driver.read_quantity("temperature")
 
 

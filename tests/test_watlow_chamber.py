@@ -17,7 +17,7 @@ from sim_instruments.truth import SimulationError
 from station.bench import read_bench
 from station.clock import VirtualClock
 from station.control.pausing import ask_devices
-from station.errors import InstrumentError
+from station.errors import InputError, InstrumentError
 from station.lookup import BENCHES, find
 
 MODELS = pytest.mark.parametrize("model", ["f4t", "f4"])
@@ -312,9 +312,10 @@ def test_interlocks_may_ask_for_temperature_output_and_door() -> None:
         stand.clock.sleep(200.0)
         assert driver.read_quantity("door") == "open"
         assert stand.newest("door") == "open"
-        assert driver.read_quantity("humidity") is None
-    with opened("f4") as (_, driver):
-        assert driver.read_quantity("door") is None
+        with pytest.raises(InputError, match="does not read 'humidity'"):
+            driver.read_quantity("humidity")
+    with opened("f4") as (_, driver), pytest.raises(InputError, match=r"settings\.door is missing"):
+        driver.read_quantity("door")
 
 
 @pytest.mark.parametrize(

@@ -98,7 +98,7 @@ def test_settings_that_are_none_are_told(settings: dict[str, Any]) -> None:
 
 
 def test_what_it_does_not_measure_is_an_error_of_the_bench_file() -> None:
-    with power() as (_, driver), pytest.raises(InputError, match="has no voltage"):
+    with power() as (_, driver), pytest.raises(InputError, match="does not read 'voltage'"):
         driver.read_quantity("voltage")
 
 

@@ -14,12 +14,14 @@ from pydantic.fields import FieldInfo
 from tables import code, first_sentence, table
 
 from station import registry
-from station.bench import INSTANCES, NEEDED_LIMITS, NEEDED_SETTINGS, BenchFile
+from station.bench import INSTANCES, NEEDED_LIMITS, BenchFile
 from station.calibration import UNIT_OF_QUANTITY
 from station.dataset_reading import DatasetHeader
+from station.driver_checks import keys_of, settings_of
 from station.fields import Unit, key_of
 from station.plan import PlanHeader
 from station.procedure import Procedure
+from station.roles import role_settings
 from station.safety.interlocks.quantities import QUANTITIES
 from station.units import expectation, format_quantity
 
@@ -39,10 +41,6 @@ def bench_keys() -> str:
         (code(role), ", ".join(code(f"limits.{name}") for name in names))
         for role, names in NEEDED_LIMITS.items()
     ]
-    needed += [
-        (code(role), ", ".join(f"`settings.{name}` in {unit}" for name, unit in settings.items()))
-        for role, settings in NEEDED_SETTINGS.items()
-    ]
     quantities = [(code(name), unit) for name, unit in UNIT_OF_QUANTITY.items()]
     return (
         key_table(BenchFile, BENCH)
@@ -50,6 +48,15 @@ def bench_keys() -> str:
         + ", ".join(code(name) for name in INSTANCES)
         + ".\n\n## What a role needs\n\n"
         + table(("role", "must be given"), needed)
+        + "\n## Settings by role\n\nWhat procedures read of an instrument, whatever its model.\n\n"
+        + table(
+            ("role", *HEAD),
+            [
+                (code(role), *row)
+                for role, model in role_settings().items()
+                for row in key_rows(model, {})
+            ],
+        )
         + "\n## Quantities of a calibration record\n\n"
         + table(("quantity", "kept in"), quantities)
     )
@@ -114,8 +121,8 @@ def procedures() -> str:
 
 
 def drivers() -> str:
-    """Return the drivers with what their docstrings say."""
-    rows = []
+    """Return the drivers with what their docstrings say, and the settings of each."""
+    rows, settings = [], []
     simulated = set(registry.names(registry.SIMULATORS))
     for name in registry.names(registry.DRIVERS):
         driver = registry.load(registry.DRIVERS, name)
@@ -124,19 +131,30 @@ def drivers() -> str:
         module = importlib.import_module(driver.__module__)
         about = " ".join((driver.__doc__ or "").split())
         has = "yes" if name in simulated else "no"
-        rows.append((code(name), first_sentence(module.__doc__), about, has))
-    return table(("driver", "instrument", "settings and limits", "simulator"), rows)
+        wired = {one: f" (by `settings.{key}`)" for one, key in driver.wired_by.items()}
+        reads = ", ".join(code(one) + wired.get(one, "") for one in driver.quantities)
+        rows.append((code(name), first_sentence(module.__doc__), about, reads or "none", has))
+        keyed = {row[0]: row for row in key_rows(settings_of(driver), {})}
+        settings += [(code(name), *keyed[code(key)]) for key in keys_of(settings_of(driver))]
+    head = ("driver", "instrument", "how it works, and its limits", "reads", "simulator")
+    return (
+        table(head, rows)
+        + "\n## Settings of each driver\n\nA driver that is not named here has none.\n\n"
+        + table(("driver", *HEAD), settings)
+    )
 
 
 def key_table(model: type[BaseModel], meanings: dict[str, str]) -> str:
     """Return the table of a model's keys, those of models within it included."""
-    return table(
-        HEAD,
-        [
-            (code(path), written(*kind), default, field.description or meanings.get(path, ""))
-            for path, kind, default, field in keys(model)
-        ],
-    )
+    return table(HEAD, key_rows(model, meanings))
+
+
+def key_rows(model: type[BaseModel], meanings: dict[str, str]) -> list[tuple[str, ...]]:
+    """Return the rows of a table of a model's keys."""
+    return [
+        (code(path), written(*kind), default, field.description or meanings.get(path, ""))
+        for path, kind, default, field in keys(model)
+    ]
 
 
 Kind = tuple[Any, tuple[Any, ...]]
@@ -178,7 +196,7 @@ def default_of(field: FieldInfo) -> str:
         return code(f"[{', '.join(each)}]")
     if quantity:
         return code(format_quantity(value, unit.symbol))
-    return code(value)
+    return code(str(value).lower() if isinstance(value, bool) else value)
 
 
 def unit_in(annotation: Any, metadata: typing.Sequence[Any]) -> Unit | None:

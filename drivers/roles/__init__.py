@@ -2,6 +2,8 @@
 
 from drivers.roles.base import (
     Block,
+    Driver,
+    DriverSettings,
     Identity,
     Instrument,
     MadeSafe,
@@ -11,21 +13,40 @@ from drivers.roles.base import (
     Tracer,
 )
 from drivers.roles.climate import ThermalChamber
-from drivers.roles.field import CoilSupply, DirectCurrentSupply, Gaussmeter
+from drivers.roles.field import CoilSettings, CoilSupply, DirectCurrentSupply, Gaussmeter
 from drivers.roles.inertial import Imu, SensorStatus
-from drivers.roles.motion import RotaryStage, Turntable
+from drivers.roles.motion import RotaryStage, TableSettings, Turntable
 from drivers.roles.navigation import Navigator, NavigatorStatus
 from drivers.roles.readings import GyroAcquisition, Multimeter, Thermometer
 from drivers.roles.safe_states import SAFE_STATES, SafeState
-from drivers.roles.spins import Digitizer, PumpLaser, SignalGenerator
+from drivers.roles.spins import (
+    CellCoilSettings,
+    Digitizer,
+    LightSettings,
+    PumpLaser,
+    SignalGenerator,
+)
 from drivers.roles.station import DutPower, InterlockChain
+
+SETTINGS = {
+    "coil_supply": CoilSettings,
+    "turntable": TableSettings,
+    "signal_generator": CellCoilSettings,
+    "pump_laser": LightSettings,
+}
+"""By role: the settings that procedures read, whatever the model; its driver adds its own."""
 
 __all__ = [
     "SAFE_STATES",
+    "SETTINGS",
     "Block",
+    "CellCoilSettings",
+    "CoilSettings",
     "CoilSupply",
     "Digitizer",
     "DirectCurrentSupply",
+    "Driver",
+    "DriverSettings",
     "DutPower",
     "Gaussmeter",
     "GyroAcquisition",
@@ -33,6 +54,7 @@ __all__ = [
     "Imu",
     "Instrument",
     "InterlockChain",
+    "LightSettings",
     "MadeSafe",
     "Multimeter",
     "Navigator",
@@ -45,6 +67,7 @@ __all__ = [
     "SampledSource",
     "SensorStatus",
     "SignalGenerator",
+    "TableSettings",
     "ThermalChamber",
     "Thermometer",
     "Tracer",

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any, Protocol, runtime_checkable
+from typing import Any, ClassVar, Protocol, Self, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import ValidationError
 
 from station.clock import Clock
+from station.errors import InstrumentError, QuantityNotRead
+from station.fields import StrictModel, key_of
 
 Tracer = Callable[[str, bytes], None]
 """Takes a direction (`>` sent, `<` received, `!` fault, `-` remark) and the bytes or the words."""
@@ -100,6 +104,61 @@ class SafetyReading:
     read_back: str
     dormant: bool = False
     """Not brought to rest by anybody, and yet it drives nothing: as after power-on."""
+
+
+class DriverSettings(StrictModel):
+    """What a bench file may write under `settings`, and what each key means; here nothing."""
+
+    @classmethod
+    def read(cls, settings: Mapping[str, Any]) -> Self:
+        """Return these settings of a bench file's; other keys belong to other models.
+
+        Raises ValidationError, a ValueError, for one that is wrong or missing.
+        """
+        keys = {key_of(cls, name) for name in cls.model_fields}
+        given = {key: value for key, value in settings.items() if key in keys}
+        return cls.model_validate_json(json.dumps(given), strict=True)
+
+    @classmethod
+    def of(cls, place: Place) -> Self:
+        """Return these settings of an instrument; InstrumentError where one is wrong or missing.
+
+        A bench file that is to be used has been refused by then, with line and column.
+        """
+        try:
+            return cls.read(place.settings)
+        except ValidationError as error:
+            wrong = error.errors(include_url=False)[0]
+            key = ".".join(("settings", *map(str, wrong["loc"])))
+            said = wrong["msg"].removeprefix("Value error, ")
+            raise InstrumentError(
+                place.name,
+                "read the bench file",
+                f"its settings are wrong ({key}: {said})",
+                f"correct {key}; `station validate` says where it stands",
+            ) from error
+
+
+class Driver:
+    """What every driver has: the settings that it takes, and the quantities that it reads.
+
+    `Settings` is the model of its settings. `quantities` has, by name, what reads a quantity for an
+    interlock, as `{"current": read_current}`: it returns the value now, None while there is nothing
+    to be known. `wired_by` names the setting without which a quantity is not wired.
+    """
+
+    Settings: ClassVar[type[DriverSettings]] = DriverSettings
+    quantities: ClassVar[Mapping[str, Callable[[Any], float | str | None]]] = {}
+    wired_by: ClassVar[Mapping[str, str]] = {}
+    place: Place
+
+    def read_quantity(self, quantity: str) -> float | str | None:
+        """Return a quantity now; None while there is nothing to be known.
+
+        Raises QuantityNotRead, an InputError, for one that it does not read or is not wired.
+        """
+        QuantityNotRead.refuse(self.place.name, self, quantity, self.place.settings)
+        return self.quantities[quantity](self)
 
 
 @runtime_checkable

@@ -2,9 +2,33 @@
 
 from __future__ import annotations
 
-from typing import ClassVar, Protocol, runtime_checkable
+from typing import Annotated, ClassVar, Protocol, runtime_checkable
 
-from drivers.roles.base import Instrument, MadeSafe, SampledSource
+from pydantic import AfterValidator, Field
+
+from drivers.roles.base import DriverSettings, Instrument, MadeSafe, SampledSource
+from station.fields import Unit
+
+
+def not_zero(value: float) -> float:
+    """Return a number; raise ValueError for zero."""
+    if value == 0.0:
+        raise ValueError("may not be zero; what is commanded is divided by it")
+    return value
+
+
+class CoilSettings(DriverSettings):
+    """What a bench file says of the coil at a supply, whatever its model."""
+
+    coil_constant_mT_per_A: Annotated[float, Unit("mT/A"), AfterValidator(not_zero)] = Field(
+        description="field at the device over the current"
+    )
+    coil_resistance_ohm: Annotated[float | None, Unit("ohm")] = Field(
+        None, gt=0, description="of coil and cable; limits on voltage and heating need it"
+    )
+    coil_inductance_mH: Annotated[float | None, Unit("mH")] = Field(
+        None, gt=0, description="over the resistance: how long a steady current takes to settle"
+    )
 
 
 @runtime_checkable

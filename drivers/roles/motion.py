@@ -4,7 +4,21 @@ from __future__ import annotations
 
 from typing import Protocol, runtime_checkable
 
-from drivers.roles.base import Instrument, MadeSafe
+from pydantic import Field
+
+from drivers.roles.base import DriverSettings, Instrument, MadeSafe
+
+
+class TableSettings(DriverSettings):
+    """Which axis of a table is which, whatever its model."""
+
+    outer_axis: int | None = Field(
+        None, ge=1, le=3, description="number of the axis that carries the others"
+    )
+    middle_axis: int | None = Field(None, ge=1, le=3, description="number of the axis between")
+    inner_axis: int | None = Field(
+        None, ge=1, le=3, description="number of the axis that carries the device"
+    )
 
 
 @runtime_checkable

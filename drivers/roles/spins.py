@@ -3,9 +3,35 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, Protocol, runtime_checkable
+from typing import Annotated, Any, Protocol, runtime_checkable
 
-from drivers.roles.base import Block, Instrument, MadeSafe
+from pydantic import Field
+
+from drivers.roles.base import Block, DriverSettings, Instrument, MadeSafe
+from station.fields import Unit
+
+CoilConstant = Annotated[
+    float | None, Unit("nT/V"), Field(gt=0, description="field at the cell for one volt")
+]
+
+
+class CellCoilSettings(DriverSettings):
+    """What a volt of a signal generator makes at the coils of a vapour cell, whatever its model."""
+
+    constant_x_nT_per_V: CoilConstant = None
+    constant_y_nT_per_V: CoilConstant = None
+    constant_z_nT_per_V: CoilConstant = None
+    gradient_at_1_V_nT_per_cm: Annotated[float | None, Unit("nT/cm")] = Field(
+        None, gt=0, description="gradient at the cell for one volt"
+    )
+
+
+class LightSettings(DriverSettings):
+    """What a bench file says of the pump light, whatever shuts it off."""
+
+    trigger_to_dark_s: Annotated[float | None, Unit("s")] = Field(
+        None, ge=0, description="from the trigger's edge until no light passes; by a photodiode"
+    )
 
 
 @runtime_checkable

@@ -10,6 +10,7 @@ import logging
 from collections.abc import Sequence
 from urllib.parse import urlsplit
 
+from pydantic import Field
 from pymodbus.exceptions import ModbusException
 from pymodbus.framer import FramerRTU, FramerSocket
 from pymodbus.pdu import DecodePDU, ExceptionResponse, ModbusPDU
@@ -24,10 +25,9 @@ from drivers.transport.exchange_port import EXCHANGE_DEADLINE_S, ExchangePort
 from drivers.transport.modbus_refusal import ModbusRefusal
 from drivers.transport.retry import NEVER, Repeatable
 from drivers.transport.serial_port import (
-    Framing,
     Port,
+    SerialSettings,
     connected,
-    framing_of,
     one_line,
     open_port,
     wire_address,
@@ -35,20 +35,24 @@ from drivers.transport.serial_port import (
 
 SCHEME = "modbus-tcp"
 PORT = 502
-UNITS = range(1, 248)
 LAST_TRANSACTION = 0xFFFF
 BITS_OF_SILENCE = 3.5 * 11
 LEAST_SILENCE_S = 1.75e-3
 """What ends a frame on a serial line: three and a half characters, by the standard not less."""
 
 
+class ModbusSettings(SerialSettings):
+    """Which device of a Modbus line is meant, and the line where it is serial."""
+
+    unit: int = Field(1, ge=1, le=247, description="Modbus address")
+
+
 class ModbusLine(ExchangePort):
     """One device's registers; addresses count from zero, values are 0 to 65535.
 
     An address `modbus-tcp://host:port` (502 unless given) is Modbus TCP; a serial port, or
-    `socket://host:port` of a serial server, speaks RTU with `framing`, which the bench file's
-    settings change as on every serial line. After an exchange that failed the line is opened anew
-    and read until it is quiet, so that no late answer is taken for the next.
+    `socket://host:port` of a serial server, speaks RTU. After an exchange that failed the line is
+    opened anew and read until it is quiet, so that no late answer is taken for the next.
     """
 
     largest_bytes = 1024
@@ -58,15 +62,14 @@ class ModbusLine(ExchangePort):
     def __init__(
         self,
         place: Place,
-        unit: int,
-        framing: Framing,
+        settings: ModbusSettings,
         repeatable: Repeatable = NEVER,
         witness: Sequence[tuple[int, int]] = (),
     ) -> None:
         self._witness = tuple(witness)
         self._known: list[list[int]] | None = None
-        self._framing = framing_of(place, framing)
-        self._unit = unit
+        self._framing = settings
+        self._unit = settings.unit
         parts = urlsplit(place.address)
         self._tcp = parts.scheme == SCHEME
         self._host, self._tcp_port = parts.hostname or "", (self._tcp and parts.port) or PORT

@@ -4,17 +4,15 @@ from __future__ import annotations
 
 from drivers.roles import Place
 from drivers.transport.retry import NEVER, Repeatable
-from drivers.transport.serial_port import Framing, Port, framing_of, open_port, wire_address
+from drivers.transport.serial_port import Port, SerialSettings, open_port, wire_address
 from drivers.transport.text_line import TextLine
 
 
 class SerialLine(TextLine):
     """One instrument's line of text on a serial port.
 
-    Settings that a bench file may give: `baud_rate`, `data_bits`, `parity` (N, E, O), `stop_bits`,
-    `hardware_handshake`; `framing` holds the instrument's own. Where the instrument takes an empty
-    line for nothing (`ignores_empty`), one is sent when the line is opened anew: it ends whatever
-    half of a request may still stand there.
+    Where the instrument takes an empty line for nothing (`ignores_empty`), one is sent when the
+    line is opened anew: it ends whatever half of a request may still stand there.
     """
 
     when_silent = "check that the instrument is on, its cable is seated, and the baud rate"
@@ -23,7 +21,7 @@ class SerialLine(TextLine):
     def __init__(
         self,
         place: Place,
-        framing: Framing,
+        framing: SerialSettings,
         *,
         request_end: str = "\r",
         answer_end: str = "\r\n",
@@ -32,7 +30,7 @@ class SerialLine(TextLine):
         identity: str = "*IDN?",
         pause_s: float = 0.0,
     ) -> None:
-        self._framing = framing_of(place, framing)
+        self._framing = framing
         self._ignores_empty = ignores_empty
         self.pause_s = pause_s
         super().__init__(

@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import select
 import socket
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Annotated, Any, Literal, Protocol
 from urllib.parse import urlsplit
 
 import serial
+from pydantic import Field
 
-from drivers.roles import Place
-from station.errors import InstrumentError
+from drivers.roles import DriverSettings
 
 CONNECT_DEADLINE_S = 2.0
 WRITE_DEADLINE_S = 0.5
@@ -21,15 +20,22 @@ LARGEST_READ_BYTES = 1 << 16
 MOST_LEFT_BYTES = 1 << 20
 
 
-@dataclass(frozen=True)
-class Framing:
-    """How bytes go over a serial line; a TCP port knows none of it."""
+BaudRate = Annotated[int, Field(gt=0, description="serial line: bits in a second")]
+DataBits = Annotated[int, Field(ge=5, le=8, description="serial line: bits of data")]
+Handshake = Annotated[bool, Field(description="serial line: whether RTS and CTS hold bytes back")]
+Parity = Annotated[Literal["N", "E", "O"], Field(description="serial line: none, even or odd")]
 
-    baud_rate: int
-    data_bits: int = 8
-    parity: str = "N"
-    stop_bits: float = 1
-    hardware_handshake: bool = False
+
+class SerialSettings(DriverSettings):
+    """How bytes go over a serial line, as most instruments do; a TCP port knows none of it."""
+
+    baud_rate: BaudRate = 9600
+    data_bits: DataBits = 8
+    parity: Parity = "N"
+    stop_bits: float = Field(
+        1.0, ge=1, le=2, multiple_of=0.5, description="serial line: 1, 1.5 or 2"
+    )
+    hardware_handshake: Handshake = False
 
 
 class Port(Protocol):
@@ -110,7 +116,7 @@ def connected(host: str, port: int) -> SocketPort:
 class DevicePort:
     """Whatever pyserial opens by name: `COM3`, `/dev/ttyUSB0`, `rfc2217://host:port`."""
 
-    def __init__(self, name: str, framing: Framing) -> None:
+    def __init__(self, name: str, framing: SerialSettings) -> None:
         self._port: Any = serial.serial_for_url(
             name,
             baudrate=framing.baud_rate,
@@ -139,7 +145,7 @@ class DevicePort:
         self._port.close()
 
 
-def open_port(address: str, framing: Framing) -> Port:
+def open_port(address: str, framing: SerialSettings) -> Port:
     """Open a port by the address of a bench file; raises OSError or ValueError.
 
     `ASRL/dev/ttyUSB0::INSTR` and `ASRL3::INSTR`, as VISA names ports, are taken, too.
@@ -162,38 +168,6 @@ def wire_address(address: str) -> str:
     """Return `host:port` of a socket address, else the address itself."""
     parts = urlsplit(address)
     return parts.netloc if parts.scheme == "socket" else address
-
-
-def framing_of(place: Place, default: Framing) -> Framing:
-    """Return the framing that a bench file's settings give, `default` where they say nothing.
-
-    Raises InstrumentError for a setting that is none.
-    """
-    settings: Mapping[str, Any] = place.settings
-    try:
-        handshake = settings.get("hardware_handshake", default.hardware_handshake)
-        if not isinstance(handshake, bool):
-            raise ValueError(f"hardware_handshake is {handshake!r}")
-        framing = Framing(
-            int(settings.get("baud_rate", default.baud_rate)),
-            int(settings.get("data_bits", default.data_bits)),
-            str(settings.get("parity", default.parity)).upper()[:1],
-            float(settings.get("stop_bits", default.stop_bits)),
-            handshake,
-        )
-        if framing.baud_rate <= 0 or framing.data_bits not in (5, 6, 7, 8):
-            raise ValueError(f"{framing.baud_rate} Bd, {framing.data_bits} data bits")
-        if framing.parity not in ("N", "E", "O") or framing.stop_bits not in (1, 1.5, 2):
-            raise ValueError(f"parity {framing.parity}, {framing.stop_bits:g} stop bits")
-    except (TypeError, ValueError) as error:
-        raise InstrumentError(
-            place.name,
-            "read the bench file",
-            f"the serial settings are wrong ({one_line(error)})",
-            "write baud_rate as a number, data_bits 5 to 8, parity N, E or O, stop_bits 1 or 2, "
-            "hardware_handshake true or false",
-        ) from error
-    return framing
 
 
 def one_line(error: BaseException) -> str:

@@ -8,14 +8,7 @@ from typing import Any, NamedTuple
 
 from drivers.roles import Place
 from drivers.transport.kept_frames import READ_SLICE_S, KeptFrames
-from drivers.transport.serial_port import (
-    Framing,
-    Port,
-    framing_of,
-    one_line,
-    open_port,
-    wire_address,
-)
+from drivers.transport.serial_port import Port, SerialSettings, one_line, open_port, wire_address
 
 LONGEST_FRAME = 1 << 16
 
@@ -43,17 +36,15 @@ class SerialStream(KeptFrames[StreamFrame]):
     """One instrument's line, read by a thread that stamps; frames wait until somebody takes them.
 
     `split` knows the instrument's frames. Bytes that belong to none are passed over and told to
-    the trace: whoever counts frames sees what is missing. Settings that a bench file may give are
-    those of a serial line: `baud_rate`, `data_bits`, `parity`, `stop_bits`, `hardware_handshake`.
+    the trace: whoever counts frames sees what is missing.
     """
 
-    def __init__(self, place: Place, framing: Framing, split: Splitter) -> None:
+    def __init__(self, place: Place, framing: SerialSettings, split: Splitter) -> None:
         super().__init__(place, wire_address(place.address), lambda frame: frame.kind)
         self._split = split
         self._pending = b""
-        chosen = framing_of(place, framing)
         try:
-            self._port: Port = open_port(place.address, chosen)
+            self._port: Port = open_port(place.address, framing)
         except (OSError, ValueError) as error:
             raise self._nobody_answers(one_line(error)) from error
         self._begin_to_read()

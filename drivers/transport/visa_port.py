@@ -13,9 +13,10 @@ from contextlib import suppress
 from typing import Any
 
 import pyvisa
+from pydantic import Field
 from pyvisa import constants
 
-from drivers.roles import Place
+from drivers.roles import DriverSettings, Place
 from drivers.transport.serial_port import CONNECT_DEADLINE_S, Port, SocketPort
 
 LARGEST_CHUNK_BYTES = 1 << 16
@@ -40,9 +41,17 @@ def wire_address(resource_name: str) -> str:
     return f"{parts[1]}:{parts[2]}" if is_socket(resource_name) else resource_name
 
 
+class VisaSettings(DriverSettings):
+    """The settings of an instrument on a VISA line."""
+
+    visa_library: str = Field(
+        "@py", min_length=1, description="path of a vendor's VISA library; `@py` is pyvisa-py"
+    )
+
+
 def visa_port(place: Place, answer_end: str) -> Port:
     """Open a resource, with the library of the bench file's `visa_library`; raises OSError."""
-    library = str(place.settings.get("visa_library", "@py"))
+    library = VisaSettings.of(place).visa_library
     try:
         resource: Any = resource_manager(library).open_resource(
             place.address,

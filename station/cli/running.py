@@ -9,7 +9,6 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from station.bench import role_of
 from station.cli.printing import print_document
 from station.cli.validating import read_bench_named, read_plan_for
 from station.console import OutputLost, tell
@@ -21,6 +20,7 @@ from station.roles import safe_states
 from station.runner.execute import Request, execute
 from station.runner.outcome import Outcome
 from station.runner.whole_bench import IN_USE
+from station.safety.interlocks.quantities import role_of
 from station.yaml.reading import read_yaml
 
 SERVED_WRONG = (

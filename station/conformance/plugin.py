@@ -8,12 +8,13 @@ from typing import Any
 import pytest
 
 from station import registry
-from station.bench import Bench, read_bench, role_of
+from station.bench import Bench, read_bench
 from station.conformance.stand import Stand, standing
 from station.errors import StationError
 from station.lookup import BENCHES, find
 from station.roles import Role
 from station.roles import role as role_named
+from station.safety.interlocks.quantities import role_of
 
 PACKAGE = "station.conformance"
 CLAIMS = {"made_safe": "make_safe", "sampled_source": "drain"}

@@ -11,8 +11,11 @@ import pytest
 
 from station.conformance.hostile import HostileServer, closed_port, is_can, moved_to
 from station.conformance.stand import Stand
+from station.driver_checks import settings_of
 from station.errors import InstrumentError
+from station.fields import StrictModel
 from station.roles import Role
+from station.safety.interlocks.quantities import quantities_of
 
 ANSWERS_WITHIN_S = 5.0
 """Run time for opening a line and one question, each exchange being at most half a second."""
@@ -86,6 +89,17 @@ def test_it_has_the_verbs_of_its_role(stand: Stand, role: Role, instrument: Any)
     """A step finds every verb and attribute of the role it asks for."""
     assert not list(role.missing_verbs(instrument))
     assert not role.missing_attributes(instrument)
+
+
+def test_it_declares_its_settings_and_what_it_reads(stand: Stand, instrument: Any) -> None:
+    """A bench file is held against that before anything is energised."""
+    declared = getattr(instrument, "Settings", StrictModel)
+    assert settings_of(instrument) is declared, "its Settings is no model"
+    assert issubclass(declared, StrictModel), "its Settings takes keys that it does not know"
+    unknown = set(getattr(instrument, "quantities", {})) - set(quantities_of(stand.name))
+    assert not unknown, f"an interlock on its role cannot name {', '.join(sorted(unknown))}"
+    for quantity, read in getattr(instrument, "quantities", {}).items():
+        assert callable(read), f"nothing reads {quantity}"
 
 
 def test_it_says_who_is_there(stand: Stand, instrument: Any) -> None:

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from station import registry
-from station.bench import Bench
+from station.bench import Bench, faults_of_use
 from station.clock import RealClock, utc_now
 from station.console import span
 from station.errors import InputError
@@ -34,7 +34,6 @@ from station.runner.session import RESUME, BenchSession
 from station.runner.trace import Trace
 from station.runner.walking import Walk
 from station.safety.acknowledgement import addresses_of, refuse_until_acknowledged
-from station.safety.bounds import bound_faults
 from station.status import RUN_STARTED
 from station.versions import versions
 
@@ -78,7 +77,7 @@ def resume(request: ResumeRequest) -> Outcome:
     folder.damage.refuse_altered()
     plan, recorded_bench = read_plan_and_bench(folder)
     bench = request.bench or recorded_bench
-    if beyond := list(bound_faults(bench.document)):
+    if beyond := list(faults_of_use(bench.document)):
         raise FaultList(beyond)
     procedure = registry.procedure(plan.procedure)
     refuse_another_bench(folder, recorded_bench, bench)

@@ -10,9 +10,8 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from station.faults import FaultList
 from station.procedure import Problem
-from station.units import UnitError, parse_as
+from station.units import parse_as
 
 if TYPE_CHECKING:
     from station.bench import Bench
@@ -26,8 +25,7 @@ def problems_of_plan(procedure: Procedure, parameters: Any, bench: Bench) -> Ite
     """Yield every reason why a plan cannot run on a bench, each once.
 
     Instruments that the bench lacks, what the procedure itself finds, and every limit of the bench
-    that a set-point would exceed. Raises FaultList where the bench gives a setting that cannot be
-    read as what the plan needs it for.
+    that a set-point would exceed.
     """
     found = [
         Problem(("procedure",), f"the bench {bench.name!r} has no {name}, which this plan needs")
@@ -38,22 +36,10 @@ def problems_of_plan(procedure: Procedure, parameters: Any, bench: Bench) -> Ite
         what = "analyses imported data; it has no steps that a bench could do"
         found.insert(0, Problem(("procedure",), f"{procedure.name} {what}"))
     complete = not found
-    try:
-        found += procedure.check(parameters, bench)
-        if complete:
-            found += beyond_limits(procedure.forecast(parameters, bench), bench)
-    except UnitError as error:
-        raise FaultList([bench.fault(place_of(error, bench), error.what, error.hint)]) from error
+    found += procedure.check(parameters, bench)
+    if complete:
+        found += beyond_limits(procedure.forecast(parameters, bench), bench)
     yield from dict.fromkeys(found)
-
-
-def place_of(error: UnitError, bench: Bench) -> tuple[str, ...]:
-    """Return the setting of a bench file that holds the text which cannot be read."""
-    for name, entry in bench.instruments.items():
-        for key, value in entry.settings.items():
-            if f"{str(value)!r}" in error.what:
-                return "instruments", name, "settings", key
-    return ("instruments",)
 
 
 def beyond_limits(forecast: Forecast, bench: Bench) -> Iterator[Problem]:
@@ -92,18 +78,9 @@ def beyond_limits(forecast: Forecast, bench: Bench) -> Iterator[Problem]:
 
 
 def coil_resistance_ohm(bench: Bench, instrument: str) -> float | None:
-    """Return the resistance in ohm that the bench file gives for a supply's coil, or None.
-
-    Raises FaultList where it gives one that cannot be read.
-    """
-    settings = bench.instruments[instrument].settings
-    if RESISTANCE not in settings:
-        return None
-    try:
-        return parse_as(settings[RESISTANCE], "ohm")
-    except UnitError as error:
-        where = ("instruments", instrument, "settings", RESISTANCE)
-        raise FaultList([bench.fault(where, error.what, error.hint)]) from error
+    """Return the resistance in ohm that the bench file gives for a supply's coil, or None."""
+    given = bench.instruments[instrument].settings.get(RESISTANCE)
+    return None if given is None else parse_as(given, "ohm")
 
 
 @dataclass(frozen=True)

@@ -12,11 +12,13 @@ from importlib.metadata import distribution
 from typing import Any
 
 from station import registry
-from station.bench import INSTANCES, NEEDED_LIMITS, NEEDED_SETTINGS, BenchFile, role_of
+from station.bench import INSTANCES, NEEDED_LIMITS, BenchFile
 from station.dataset_reading import DatasetHeader
-from station.fields import Unit
+from station.driver_checks import keys_of, settings_of
 from station.plan import PlanHeader
 from station.procedure import Procedure
+from station.roles import role_settings, roles_of
+from station.safety.interlocks.quantities import role_of
 from station.schema.models import Schema, model_schema
 from station.schema.plan import (
     DEFINITIONS,
@@ -77,6 +79,7 @@ def bench_schema(built_in: bool = False) -> Schema:
     # Beside additionalProperties a pattern would take the place of the whole entry.
     needs = {f"^{role}(\\.|$)": _needed(role) for role in dict.fromkeys(map(role_of, INSTANCES))}
     instruments["allOf"] = [{"patternProperties": {key: one for key, one in needs.items() if one}}]
+    entry["allOf"] = [_settings_rule(name) for name in entry["properties"]["driver"]["enum"]]
     step = schema["properties"]["safe_state"]["items"]
     roles = list(dict.fromkeys(role_of(name) for name in INSTANCES))
     step["properties"]["instrument"] = {"enum": list(INSTANCES)}
@@ -130,7 +133,29 @@ def _needed(role: str) -> Schema:
     needed: dict[str, Any] = {}
     if role in NEEDED_LIMITS:
         needed["limits"] = {"required": list(NEEDED_LIMITS[role])}
-    if role in NEEDED_SETTINGS:
-        settings = {key: Unit(unit).json_schema() for key, unit in NEEDED_SETTINGS[role].items()}
-        needed["settings"] = {"required": list(settings), "properties": settings}
-    return {"required": list(needed), "properties": needed} if needed else {}
+    required = list(needed)
+    if role in role_settings():
+        settings = model_schema(role_settings()[role])
+        needed["settings"] = {
+            key: settings[key] for key in ("required", "properties") if key in settings
+        }
+        required += ["settings"] if "required" in settings else []
+    return {"required": required, "properties": needed} if needed else {}
+
+
+def _settings_rule(driver: str) -> Schema:
+    """Return what a driver takes as settings, beside those of the roles that it may fill."""
+    loaded = registry.load(registry.DRIVERS, driver)
+    model = settings_of(loaded)
+    settings = model_schema(model)
+    common = [keys_of(one) for role, one in role_settings().items() if role in roles_of(loaded)]
+    keys = sorted({*keys_of(model), *(key for one in common for key in one)})
+    rule: Schema = {
+        "properties": {
+            "settings": {"propertyNames": {"enum": keys}, "properties": settings["properties"]}
+        }
+    }
+    if "required" in settings:
+        rule["required"] = ["settings"]
+        rule["properties"]["settings"]["required"] = settings["required"]
+    return {"if": {"properties": {"driver": {"const": driver}}}, "then": rule}

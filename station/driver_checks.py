@@ -1,0 +1,121 @@
+"""What a bench file says, held against what its drivers declare: settings and quantities.
+
+A driver declares its settings in `Settings`, and what can be watched of it in `quantities` and
+`wired_by`; a role declares the settings that procedures read, whatever the model.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Collection, Iterator, Mapping
+from dataclasses import replace
+from typing import Any
+
+from pydantic import BaseModel
+
+from station import registry
+from station.errors import QuantityNotRead
+from station.faults import Fault, listed, nearest
+from station.fields import StrictModel, key_of
+from station.roles import role_settings
+from station.safety.bounds import listing, mapping
+from station.safety.interlocks.quantities import quantities_of, role_of
+from station.safety.interlocks.reading import CHAIN
+from station.validation import check_model
+from station.yaml.document import Document, Where
+
+MISSING = "is missing"
+
+
+def settings_of(driver: object) -> type[BaseModel]:
+    """Return the model of a driver's own settings; one that declares none accepts none."""
+    declared = getattr(driver, "Settings", None)
+    if isinstance(declared, type) and issubclass(declared, BaseModel):
+        return declared
+    return StrictModel
+
+
+def keys_of(model: type[BaseModel]) -> list[str]:
+    """Return the keys of a model, those that it adds to another one first."""
+    before = [len(one.model_fields) for one in model.__mro__[1:] if issubclass(one, BaseModel)]
+    keys = [key_of(model, name) for name in model.model_fields]
+    return [*keys[before[0] :], *keys[: before[0]]]
+
+
+def driver_faults(document: Document) -> Iterator[Fault]:
+    """Yield each fault of a setting, by role and by driver, and each quantity that is not read.
+
+    Drivers are loaded for it; a name that no driver has is left to other checks.
+    """
+    instruments = mapping(mapping(document.data).get("instruments"))
+    drivers: dict[str, Any] = {}
+    for name, entry in instruments.items():
+        if role_of(name) in role_settings() and isinstance(entry, dict):
+            common = role_settings()[role_of(name)]
+            needed_by = f"a {role_of(name)}"
+            yield from _settings_faults(document, name, common, keys_of(common), needed_by)
+        driver = mapping(entry).get("driver")
+        if driver not in registry.names(registry.DRIVERS):
+            continue
+        try:
+            drivers[name] = registry.load(registry.DRIVERS, driver)
+        except Exception as error:  # whatever keeps it from being checked keeps it from being used
+            yield document.fault(("instruments", name, "driver"), str(error))
+            continue
+        yield from _own_faults(document, name, drivers[name])
+    for place, name, quantity in _watched(document, instruments):
+        if name in drivers and quantity in quantities_of(name):
+            try:
+                given = mapping(mapping(instruments[name]).get("settings"))
+                QuantityNotRead.refuse(name, drivers[name], quantity, given)
+            except QuantityNotRead as error:
+                yield document.fault(place, str(error))
+
+
+def _own_faults(document: Document, name: str, driver: object) -> Iterator[Fault]:
+    model = settings_of(driver)
+    common = keys_of(role_settings().get(role_of(name), StrictModel))
+    own = [key for key in keys_of(model) if key not in common]
+    known = [*own, *common]
+    for key in mapping(mapping(document.data["instruments"][name]).get("settings")):
+        if key not in known:
+            hint = nearest(str(key), known)
+            what = f"there is no setting '{key}'; this driver knows {listed(known)}"
+            where = ("instruments", name, "settings", key)
+            yield document.fault(where, what, hint and f"'{hint}'", at_key=True)
+    yield from _settings_faults(document, name, model, own, "this driver")
+
+
+def _settings_faults(
+    document: Document, name: str, model: type[BaseModel], keys: Collection[str], needed_by: str
+) -> Iterator[Fault]:
+    """Yield each fault of these keys by a model of settings; others are left to other models."""
+    given = mapping(document.data["instruments"][name]).get("settings", {})
+    if not isinstance(given, dict):
+        return
+    where: Where = ("instruments", name, "settings")
+    start = len(f"instruments.{name}.settings.")
+    for fault in check_model(document, model, where)[1]:
+        if re.split(r"[.\[]", fault.where[start:])[0] in keys:
+            missing = fault.what == MISSING
+            yield replace(fault, what=f"{MISSING}; {needed_by} needs it") if missing else fault
+
+
+def _watched(
+    document: Document, instruments: Mapping[Any, Any]
+) -> Iterator[tuple[Where, str, str]]:
+    """Yield each place of a bench file that has a quantity watched, its instrument, its name."""
+    for number, entry in enumerate(listing(mapping(document.data).get("interlocks"))):
+        yield from _looks(mapping(entry).get("when"), ("interlocks", number, "when"))
+    if CHAIN in instruments:  # watched whether an interlock names it or not
+        yield ("instruments", CHAIN, "driver"), CHAIN, "chain"
+
+
+def _looks(when: Any, where: Where) -> Iterator[tuple[Where, str, str]]:
+    for key, part in mapping(when).items():
+        for number, one in enumerate(listing(part) if key in ("any", "all") else ()):
+            yield from _looks(one, (*where, key, number))
+        if key == "not":
+            yield from _looks(part, (*where, key))
+    if "quantity" in mapping(when):
+        yield (*where, "quantity"), str(when.get("instrument")), str(when["quantity"])
