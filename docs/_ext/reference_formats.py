@@ -121,6 +121,7 @@ RUN_EVENTS = {
     "step-started": "a step begins: its number and title",
     "step-finished": "a step is done",
     "prompt": "a request to the operator, the answer, and who gave it",
+    "prompt-left": "a request that nothing waits for; asked once the results are written",
     "unit-started": "a unit of work begins",
     "unit-finished": "a unit of work is measured and its raw data are on disk; analysis reads "
     "finished units only; `raw_bytes` is how long the raw file of each source was then",
