@@ -113,6 +113,8 @@ RUN_FILES = {
 RUN_EVENTS = {
     "run-started": "the plan's procedure, device and units of work; what `status` reads",
     "memory-taken": "other programs hold the memory that the evaluation will need: a warning",
+    "uncalibrated": "a calibration record that the results need is not there: a warning",
+    "calibration-unused": "a calibration record states what the analysis does not use: a warning",
     "system-clock-unsynchronised": "nothing keeps the computer's clock right: a warning",
     "system-clock-jumped": "the computer's clock was set while the run went on; no data change",
     "identified": "an instrument answered: instance, maker, model, serial number, firmware",

@@ -165,19 +165,11 @@ def type_b_inputs(
     inputs: list[InputQuantity] = []
     if not units:
         return inputs
-    field_calibration = bench.instruments[GAUSSMETER].calibration
     amplitude_mT = parameters.amplitude_mT
-    if field_calibration is not None:
-        u_mT = field_calibration.standard_uncertainty("field", amplitude_mT, "mT")
-        inputs.append(
-            InputQuantity(
-                "field_gain",
-                f"gaussmeter at {amplitude_mT:g} mT",
-                u_mT / amplitude_mT,
-                "1",
-                field_calibration.source,
-            )
-        )
+    if stated := bench.stated(GAUSSMETER, "field", amplitude_mT, "mT"):
+        u_mT, source = stated
+        about = f"gaussmeter at {amplitude_mT:g} mT"
+        inputs.append(InputQuantity("field_gain", about, u_mT / amplitude_mT, "1", source))
     worst_s = max(time_offset_u_s(folder, unit) for unit in units)
     inputs.append(
         InputQuantity(
@@ -188,20 +180,12 @@ def type_b_inputs(
             "earliest arrivals of this run",
         )
     )
-    unseen = any(field_record(folder, unit).unseen.any() for unit in units)
-    if field_calibration is not None and unseen:
-        inputs.append(one_axis.misalignment(field_calibration))
-    gyro_calibration = bench.instruments[GYRO].calibration
-    if gyro_calibration is not None:
-        inputs.append(
-            InputQuantity(
-                "gyro_scale",
-                "gyro scale: pulse weight and the board's time base",
-                gyro_calibration.standard_uncertainty("scale", 1.0, "1"),
-                "1",
-                gyro_calibration.source,
-            )
-        )
+    if stated := bench.stated(GAUSSMETER, one_axis.ANGLE, 0.0, "rad"):
+        unseen = any(field_record(folder, unit).unseen.any() for unit in units)
+        inputs.append(one_axis.misalignment(*stated, unseen=unseen))
+    if stated := bench.stated(GYRO, "scale", 1.0, "1"):
+        about = "gyro scale: pulse weight and the board's time base"
+        inputs.append(InputQuantity("gyro_scale", about, stated[0], "1", stated[1]))
     return inputs
 
 
