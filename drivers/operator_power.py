@@ -26,14 +26,11 @@ class OperatorPower(Driver):
 
     def switch_on(self) -> None:
         """Ask for the device to be switched on."""
-        self._ask("dut-power-on")
+        self.place.ask("dut-power-on", self.prompts["dut-power-on"])
 
     def switch_off(self) -> None:
-        """Ask for the device to be switched off."""
-        self._ask("dut-power-off")
+        """Ask for the device to be switched off; neither safe state nor results wait for it."""
+        self.place.ask_at_the_end("dut-power-off", self.prompts["dut-power-off"])
 
     def close(self) -> None:
         """Do nothing: there is no line."""
-
-    def _ask(self, prompt_id: str) -> None:
-        self.place.ask(prompt_id, self.prompts[prompt_id])

@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, ValidationInfo, field_validator
 
-from station.calibration import Calibration
+from station.calibration import Calibration, Number
 from station.driver_checks import driver_faults
 from station.faults import Fault, FaultList, listed, nearest
 from station.fields import Celsius, Degree, Second, StrictModel, Unit, key_of, to_yaml_data
@@ -172,6 +172,35 @@ class Bench(FromDocument):
     def data(self) -> Mapping[str, Any]:
         """The file's data as given, quantities as text."""
         return self.document.data
+
+    def record(self, name: str) -> Calibration | None:
+        """Return the calibration record of an instrument, None where there is none."""
+        entry = self.instruments.get(name)
+        return None if entry is None else entry.calibration
+
+    def statements(self, name: str) -> list[tuple[str, str]]:
+        """Return what an instrument's record states: `uncertainty` or `correction`, quantity."""
+        record = self.record(name)
+        if record is None:
+            return []
+        found = [("uncertainty", one.quantity) for one in record.uncertainty]
+        found += [("correction", one.quantity) for one in record.corrections]
+        return list(dict.fromkeys(found))
+
+    def corrected(self, name: str, quantity: str, value: Number, unit: str) -> Number:
+        """Return readings of an instrument as its record corrects them: numbers or an array."""
+        record = self.record(name)
+        return value if record is None else record.corrected(quantity, value, unit)
+
+    def stated(self, name: str, quantity: str, at: float, unit: str) -> tuple[float, str] | None:
+        """Return the standard uncertainty of a value, in its unit, and what states it.
+
+        None where the instrument's record states none.
+        """
+        record = self.record(name)
+        if record is None or not record.covers(quantity, at, unit):
+            return None
+        return record.standard_uncertainty(quantity, at, unit), record.source
 
     def safe_order(self) -> list[tuple[str, float]]:
         """Return the steps of the safe state: an instance or a role, and the seconds it has."""

@@ -22,7 +22,7 @@ from station.errors import (
     InputError,
     MissingRows,
 )
-from station.faults import FaultList, not_there
+from station.faults import FaultList, listed, not_there
 from station.findings import Findings, Flag
 from station.record.events import RESUMED
 from station.record.files import write_whole_file
@@ -34,8 +34,10 @@ from station.results import ResultDocument, conclude
 if TYPE_CHECKING:
     from station.dataset_reading import RawDataset
     from station.plan import Plan
+    from station.procedure import Procedure
 
 MOST_UNITS = 6
+UNCALIBRATED = "uncalibrated"
 
 
 def evaluate_run(folder: RunFolder) -> tuple[ResultDocument, Findings]:
@@ -53,7 +55,14 @@ def evaluate_run(folder: RunFolder) -> tuple[ResultDocument, Findings]:
     try:
         with quiet_numbers():
             findings, missing = findings_of_run(folder, plan, bench)
-        flags = [*findings.flags, *flags_of_run(folder, bench), *damage.flags(), *missing]
+        of_records = list(record_flags(procedure, plan.parameters, bench))
+        flags = [
+            *findings.flags,
+            *flags_of_run(folder, bench),
+            *of_records,
+            *damage.flags(),
+            *missing,
+        ]
         findings = replace(findings, flags=flags)
         document = conclude(
             plan.procedure,
@@ -62,6 +71,7 @@ def evaluate_run(folder: RunFolder) -> tuple[ResultDocument, Findings]:
             plan.decision_rule,
             bench_safe=not left_unverified(folder, bench),
             data_whole=not damage.parts and not missing,
+            calibrated=all(flag.code != UNCALIBRATED for flag in of_records),
             measured=procedure.measured_axes(plan.parameters),
         )
     except (ArithmeticError, ValueError) as error:  # LinAlgError is a ValueError
@@ -127,6 +137,50 @@ def flags_of_run(folder: RunFolder, bench: Bench) -> list[Flag]:
             )
         )
     return flags
+
+
+def record_flags(procedure: Procedure, parameters: Any, bench: Bench) -> Iterator[Flag]:
+    """Yield what the budget of a plan lacks of calibration records, and what of them is not used.
+
+    Only the instruments that the plan uses count.
+    """
+    uses = procedure.records(parameters, bench)
+    lacking = [
+        use
+        for use in uses
+        if use.in_budget
+        and use.needed
+        and bench.stated(use.instrument, use.quantity, use.at, use.unit) is None
+    ]
+    if lacking:
+        said = listed(f"{use.instrument} ({use.quantity})" for use in lacking)
+        yield Flag(
+            UNCALIBRATED,
+            f"No calibration record states the uncertainty of {said}: u is too small by that part, "
+            "and the verdict is at best inconclusive. Have it calibrated, and write what the "
+            "certificate states under `calibration` in the bench file.",
+            details={"instruments": list(dict.fromkeys(use.instrument for use in lacking))},
+        )
+    for name in procedure.instruments(parameters):
+        unused = [
+            f"{kind} of {quantity}"
+            for kind, quantity in bench.statements(name)
+            if not any(
+                use.instrument == name
+                and use.quantity == quantity
+                and (use.in_budget if kind == "uncertainty" else use.corrected)
+                for use in uses
+            )
+        ]
+        if unused:
+            yield Flag(
+                "calibration-unused",
+                f"The calibration record of {name} states the {listed(unused)}, which the "
+                "evaluation of this plan does not use: it is neither in the results nor in u. "
+                "Where they depend on it, add its part by hand; where another quantity was meant, "
+                "correct the bench file.",
+                details={"instrument": name, "unused": unused},
+            )
 
 
 def flags_of_gaps(folder: RunFolder) -> Iterator[Flag]:

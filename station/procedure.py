@@ -99,6 +99,24 @@ class Recording:
 
 
 @dataclass(frozen=True)
+class RecordUse:
+    """What an analysis takes of an instrument's calibration record, for one quantity.
+
+    The budget takes the uncertainty at the value `at` (in `unit`); without a record that states it
+    the results are `uncalibrated`, unless it is not `needed`. `in_budget` and `corrected` say
+    whether uncertainty and correction are taken at all: what is stated beyond that is named.
+    """
+
+    instrument: str
+    quantity: str
+    at: float
+    unit: str
+    in_budget: bool = True
+    needed: bool = True
+    corrected: bool = True
+
+
+@dataclass(frozen=True)
 class Forecast:
     """What a run of a plan on a bench will command and record, in the order of its steps.
 
@@ -189,6 +207,11 @@ def no_files(findings: Findings, document: ResultDocument) -> Mapping[str, str]:
     return {}
 
 
+def no_records(parameters: Any, bench: Bench) -> tuple[RecordUse, ...]:
+    """Return nothing, for a procedure that takes nothing of any calibration record."""
+    return ()
+
+
 def no_forecast(parameters: Any, bench: Bench) -> Forecast:
     """Return no set-point and no row, for a procedure that does not tell them beforehand."""
     return Forecast()
@@ -203,6 +226,7 @@ class Procedure:
 
     parameters: model of the plan's `parameters`; results: name to axes and unit;
     instruments(parameters): the bench instances it needs; prompts(parameters): what it may ask;
+    records(parameters, bench): what its analysis takes of their calibration records;
     check(parameters, bench): the reasons of its own why this plan cannot run on this bench; that
     the bench lacks an instrument, or that a set-point of the forecast is beyond a limit, is found
     for every procedure alike;
@@ -235,6 +259,7 @@ class Procedure:
     evaluate_run: Callable[[RunFolder, Any, Bench], Findings]
     evaluate_dataset: Callable[[RawDataset], Findings]
     report: Callable[[Findings, ResultDocument], Sequence[Part]]
+    records: Callable[[Any, Bench], tuple[RecordUse, ...]] = no_records
     units: Callable[[Any], tuple[str, ...]] = not_told
     unit_durations_s: Callable[[Any], Mapping[str, float]] = alike
     forecast: Callable[[Any, Bench], Forecast] = no_forecast

@@ -89,15 +89,16 @@ def conclude(
     *,
     bench_safe: bool = True,
     data_whole: bool = True,
+    calibrated: bool = True,
     measured: Mapping[str, tuple[str, ...]] | None = None,
 ) -> ResultDocument:
     """Combine uncertainties, hold each result against its limit, and give the verdict.
 
     `limits` is keyed by result name and axis. `measured` says which axes the plan measures of those
     results of which it leaves some out; limits of the others hold for nothing. A bench whose safe
-    state was not verified, data of which a part is damaged, and a limit whose result is not there
-    cannot pass: the verdict is then at best inconclusive. After a wrong excitation nothing is
-    decided: every verdict is inconclusive.
+    state was not verified, data of which a part is damaged, a calibration record that is not there
+    and a limit whose result is not there cannot pass: the verdict is then at best inconclusive.
+    After a wrong excitation nothing is decided: every verdict is inconclusive.
     """
     wrong = any(flag.code == WRONG_EXCITATION for flag in findings.flags)
     combined = combine(findings.estimates, findings.inputs)
@@ -114,7 +115,7 @@ def conclude(
     verdicts = [*(result.decision.verdict for result in results), *(WITHOUT_RESULT,) * len(lacking)]
     verdict = overall(verdicts)
     decided = verdict == "pass" or (verdict == "none" and bool(limits))
-    if wrong or (not (bench_safe and data_whole) and decided):
+    if wrong or (not (bench_safe and data_whole and calibrated) and decided):
         verdict = "inconclusive"
     flags = [*findings.flags, *(_without_result(*key, limits[key]) for key in lacking)]
     return ResultDocument(procedure, results, findings.published, flags, verdict)

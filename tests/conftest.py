@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -59,3 +59,24 @@ def board(bench: Any, clock: Any) -> Iterator[Any]:
 
     with Frames(bench, clock) as client:
         yield client
+
+
+@pytest.fixture(scope="session")
+def run_of(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]:
+    """The finished run of a procedure's plan in its short form, made once; not to be changed."""
+    from short_forms import SHORT_FORMS
+
+    from station.cli.validating import read_bench_named, read_plan_for
+    from station.runner.execute import Request, execute
+
+    made: dict[str, Path] = {}
+
+    def run(name: str) -> Path:
+        if name not in made:
+            bench = read_bench_named("sim")
+            plan = read_plan_for(name, bench, SHORT_FORMS[name])
+            place = tmp_path_factory.mktemp(name)
+            made[name] = execute(Request(plan, bench, place, quiet=True, report=False)).folder
+        return made[name]
+
+    return run

@@ -9,6 +9,7 @@ SHORT_FORMS: Mapping[str, tuple[str, ...]] = {
         "parameters.frequency=0.2 Hz",
         "parameters.duration=50 s",
         "parameters.axes=[IA, NA]",
+        "parameters.undriven_sensitivity=0.1 deg/h/mT",
         "parameters.settle=5 s",
         "parameters.warm_up.slope_limit=40 deg/h^2",
         "parameters.warm_up.window=30 s",

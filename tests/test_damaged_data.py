@@ -12,17 +12,14 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from short_forms import SHORT_FORMS
 from test_bad_input import here
 
-from station.cli.validating import read_bench_named, read_plan_for
 from station.errors import DamagedRecord
 from station.evaluation import conclude_run, evaluate_run
 from station.record.blocks import CHUNK, END, HEAD, scan
 from station.record.folder import RunFolder
 from station.record.manifest import write_manifest
 from station.record.raw import chunk_of
-from station.runner.execute import Request, execute
 
 PROCEDURES = (
     "rlg-magnetic-sensitivity",
@@ -32,22 +29,6 @@ PROCEDURES = (
     "nine-axis-calibration",
 )
 FLIPS = 10
-
-
-@pytest.fixture(scope="module")
-def run_of(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]:
-    """The finished run of a procedure's plan in its short form, made once."""
-    made: dict[str, Path] = {}
-
-    def run(name: str) -> Path:
-        if name not in made:
-            bench = read_bench_named("sim")
-            plan = read_plan_for(name, bench, SHORT_FORMS[name])
-            place = tmp_path_factory.mktemp(name)
-            made[name] = execute(Request(plan, bench, place, quiet=True, report=False)).folder
-        return made[name]
-
-    return run
 
 
 @pytest.fixture

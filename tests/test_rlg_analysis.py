@@ -11,11 +11,14 @@ import numpy as np
 import pytest
 from rlg_records import TRUTH, analysed, codes, off_in_u, record
 from scipy.special import stdtrit
+from scipy.stats import chi2
 
 from procedures.rlg_magnetic_sensitivity.analysis import analyse
 from procedures.rlg_magnetic_sensitivity.dataset import AXES, Drive, RlgDataset, Segment
+from procedures.rlg_magnetic_sensitivity.evaluate import undriven_inputs
 from procedures.rlg_magnetic_sensitivity.findings import AnalysisSettings
 from procedures.rlg_magnetic_sensitivity.published import published_value
+from station.uncertainty import combine
 
 DATA = Path(__file__).parent / "data"
 EXAMPLES = {
@@ -186,6 +189,64 @@ def test_three_axes_at_once_do_too() -> None:
     analysis = analysed(record(1, TRUTH, drive, cycles=14.0, sigma=1e-3, coils=COILS))
     for one in analysis.estimates:
         assert one.value == pytest.approx(TRUTH[one.axis], abs=2e-4)
+
+
+LEAN = float(np.tan(np.radians(2.0)))
+
+
+def leaning() -> np.ndarray:
+    """Coils of which that of IA leans by 2 deg towards LA."""
+    coils = np.eye(3)
+    coils[0, 2] = LEAN
+    return coils
+
+
+def on_one_axis(
+    sensitivity: float, seed: int = 0, coils: np.ndarray | None = None, stated: float = 3.0
+) -> tuple[float, float, list[str]]:
+    """Return error over u, u and flag codes of IA, driven alone beside a sensitivity of LA."""
+    settings = AnalysisSettings(undriven_sensitivity=stated)
+    drive = {"IA": Drive(0.1, 1.0)}
+    truth = {"IA": 0.05, "LA": sensitivity}
+    segment = record(seed, truth, drive, 50.0, coils=leaning() if coils is None else coils)
+    found = analyse(RlgDataset((segment,)), settings)
+    (one,) = found.estimates
+    inputs = list(undriven_inputs(found.estimates, settings))
+    (total,) = combine(found.estimates, inputs)
+    assert one.value is not None
+    assert total is not None
+    error = one.value - truth["IA"]
+    u = total.standard_uncertainty
+    return error / u, u, [flag.code for flag in found.flags]
+
+
+def test_the_leak_of_an_undriven_axis_is_in_u_and_flagged() -> None:
+    """A coil that leans by 2 deg, an axis that is not driven and 60 times as sensitive."""
+    ratio, u, said = on_one_axis(3.0)
+    assert abs(ratio) < 3.5
+    assert "cross-axis" in said
+    assert u == pytest.approx(LEAN * 3.0 / np.sqrt(3.0), rel=0.05)
+    # A gyro whose undriven axes are as sensitive as stated is covered as often as it should be.
+    drawn = np.random.default_rng(5).uniform(-0.4, 0.4, 40)
+    ratios = [on_one_axis(one, seed, stated=0.4)[0] for seed, one in enumerate(drawn)]
+    low, high = chi2.ppf([0.001, 0.999], len(ratios)) / len(ratios)
+    assert low < np.mean(np.square(ratios)) < high
+
+
+def test_an_undriven_axis_costs_nothing_where_the_coil_stands_true_or_all_are_driven() -> None:
+    _, u, said = on_one_axis(0.05, coils=np.eye(3))
+    _, least, _ = on_one_axis(0.05, coils=np.eye(3), stated=0.0)
+    assert u == pytest.approx(least, rel=1e-3)
+    assert said == []
+    truth = {"IA": 0.05, "NA": -0.02, "LA": 3.0}
+    segments = [
+        record(k, truth, {axis: Drive(0.1, 1.0)}, 50.0, coils=leaning())
+        for k, axis in enumerate(truth)
+    ]
+    found = analysed(*segments)
+    assert "cross-axis" not in {flag.code for flag in found.flags}
+    for one in found.estimates:
+        assert abs(one.value - truth[one.axis]) < 3.5 * one.standard_uncertainty
 
 
 def test_a_second_order_term_is_found_and_the_ambient_field_does_not_pass_for_slope() -> None:

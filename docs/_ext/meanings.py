@@ -39,6 +39,8 @@ PARAMETERS = {
         "checks": "what is measured besides: `linearity` at half the amplitude, `frequency` at "
         "another one, `background` with the coils off",
         "axes": "the axes to measure, in this order",
+        "undriven_sensitivity": "largest sensitivity of an axis that is not driven; it stands in u "
+        "as far as the measured field leans that way",
         "settle": "time between the start of the field and the record",
         "warm_up": "when the gyro counts as warm",
         "warm_up.slope_limit": "limit of slope magnitude + 2 u of the output over the window",
@@ -309,6 +311,8 @@ CONDITIONS = {
         "field_averaging": "averaging time of the field; required unless it is instantaneous",
         "gyro_output": "which column holds the output: `rate_deg_per_h` or `counts`",
         "pulse_weight": "angle of one pulse; required where the output is counts",
+        "undriven_sensitivity": "largest sensitivity of an axis that was not driven; 3 deg/h/mT "
+        "unless given",
     },
     "accelerometer-magnetic-sensitivity": {
         "local_gravity": "gravity at the place; `1 g` where accelerations are to be in local g",

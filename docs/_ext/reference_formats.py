@@ -113,6 +113,8 @@ RUN_FILES = {
 RUN_EVENTS = {
     "run-started": "the plan's procedure, device and units of work; what `status` reads",
     "memory-taken": "other programs hold the memory that the evaluation will need: a warning",
+    "uncalibrated": "a calibration record that the results need is not there: a warning",
+    "calibration-unused": "a calibration record states what the analysis does not use: a warning",
     "system-clock-unsynchronised": "nothing keeps the computer's clock right: a warning",
     "system-clock-jumped": "the computer's clock was set while the run went on; no data change",
     "identified": "an instrument answered: instance, maker, model, serial number, firmware",
@@ -121,6 +123,7 @@ RUN_EVENTS = {
     "step-started": "a step begins: its number and title",
     "step-finished": "a step is done",
     "prompt": "a request to the operator, the answer, and who gave it",
+    "prompt-left": "a request that nothing waits for; asked once the results are written",
     "unit-started": "a unit of work begins",
     "unit-finished": "a unit of work is measured and its raw data are on disk; analysis reads "
     "finished units only; `raw_bytes` is how long the raw file of each source was then",

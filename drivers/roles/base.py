@@ -69,6 +69,14 @@ class Place(Protocol):
         """Put a request to the operator and return the answer."""
         ...
 
+    def ask_at_the_end(self, prompt_id: str, text: str) -> None:
+        """Put a request that no step waits for.
+
+        Where a person has to be waited for, the run asks when the bench is at rest and the results
+        are written.
+        """
+        ...
+
 
 @dataclass(frozen=True)
 class Identity:

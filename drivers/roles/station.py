@@ -16,7 +16,7 @@ class DutPower(Instrument, Protocol):
         ...
 
     def switch_off(self) -> None:
-        """Switch the device off."""
+        """Switch the device off; where a person does that, ask for it `at_the_end`."""
         ...
 
 

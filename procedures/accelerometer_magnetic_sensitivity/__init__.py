@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from procedures.accelerometer_magnetic_sensitivity.check import check, instruments
+from procedures.accelerometer_magnetic_sensitivity.check import check, instruments, records
 from procedures.accelerometer_magnetic_sensitivity.forecast import forecast
 from procedures.accelerometer_magnetic_sensitivity.parameters import AccelerometerParameters
 from procedures.accelerometer_magnetic_sensitivity.steps import STEPS, prompts, units
@@ -26,6 +26,7 @@ PROCEDURE = Procedure(
     results={name: ResultKind((), unit) for name, unit in UNITS.items()},
     steps=STEPS,
     instruments=instruments,
+    records=records,
     prompts=prompts,
     check=check,
     **usual_modules(__name__),

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from procedures.accelerometer_magnetic_sensitivity.parameters import AccelerometerParameters
 from station import registry
-from station.procedure import Problem
+from station.procedure import Problem, RecordUse
 
 if TYPE_CHECKING:
     from drivers.roles import Multimeter
@@ -31,15 +31,28 @@ def instruments(parameters: AccelerometerParameters) -> tuple[str, ...]:
     return (*needed, THERMOMETER) if parameters.temperature else needed
 
 
+def records(parameters: AccelerometerParameters, bench: Bench) -> tuple[RecordUse, ...]:
+    """Return what the analysis takes of calibration records.
+
+    Angle and temperature are corrected; their uncertainties are in no budget yet.
+    """
+    apart = {"in_budget": False, "needed": False}
+    return (
+        RecordUse(GAUSSMETER, "field", parameters.largest_field_mT, "mT"),
+        RecordUse(MULTIMETER, "voltage", parameters.scale_factor_V_per_g, "V"),
+        RecordUse(STAGE, "angle", 0.0, "deg", **apart),
+        RecordUse(THERMOMETER, "temperature", 20.0, "degC", **apart),
+    )
+
+
 def check(parameters: AccelerometerParameters, bench: Bench) -> Iterator[Problem]:
     """Yield what the voltmeter cannot do, and fields that the gaussmeter's record leaves out."""
     if MULTIMETER in bench.instruments:
         driver = registry.load(registry.DRIVERS, bench.instruments[MULTIMETER].driver)
         yield from meter_problems(parameters, driver)
-    gaussmeter = bench.instruments.get(GAUSSMETER)
-    record = gaussmeter.calibration if gaussmeter else None
-    for field_mT in parameters.field_levels_mT:
-        if record is not None and not record.covers("field", field_mT, "mT"):
+    states = ("uncertainty", "field") in bench.statements(GAUSSMETER)
+    for field_mT in parameters.field_levels_mT if states else ():
+        if bench.stated(GAUSSMETER, "field", field_mT, "mT") is None:
             yield Problem(
                 LARGEST_FIELD,
                 f"the gaussmeter's calibration record states no uncertainty at {field_mT:g} mT",

@@ -20,7 +20,6 @@ from station.findings import Findings, Flag, InputQuantity, findings_of
 
 if TYPE_CHECKING:
     from station.bench import Bench
-    from station.calibration import Calibration
     from station.dataset_reading import RawDataset
     from station.record.folder import RunFolder
 
@@ -76,18 +75,18 @@ def _gain_and_offset(
     offset: tuple[str, float],
 ) -> Iterable[InputQuantity]:
     """Split a certificate's uncertainty into the part at zero and the part that grows."""
-    record: Calibration | None = bench.instruments[instrument].calibration
-    if record is None or not record.covers(quantity, largest, unit):
+    stated = bench.stated(instrument, quantity, largest, unit)
+    if stated is None:
         return
-    at_zero = record.standard_uncertainty(quantity, 0.0, unit)
-    at_largest = record.standard_uncertainty(quantity, largest, unit)
+    at_largest, source = stated
+    at_zero, _ = bench.stated(instrument, quantity, 0.0, unit) or (0.0, source)
     grown = math.sqrt(max(at_largest**2 - at_zero**2, 0.0))
     yield InputQuantity(
         f"{name}_gain",
         f"{instrument} at {largest:g} {unit}",
         grown / largest,
         "1",
-        record.source,
+        source,
     )
     offset_unit, factor = offset
     yield InputQuantity(
@@ -95,5 +94,5 @@ def _gain_and_offset(
         f"zero of {instrument}",
         at_zero * factor,
         offset_unit,
-        record.source,
+        source,
     )

@@ -34,8 +34,9 @@ def dataset_of_run(
     """Return all finished points of a run, in the order in which they were measured.
 
     Output and field of a point are means over its burst; the calibration corrections of the bench
-    file are applied to both. Readings that say overload are left out where a higher range gave
-    others; a point without a valid field has NaN there, which the analysis rejects and lists.
+    file are applied to all that was read. Readings that say overload are left out where a higher
+    range gave others; a point without a valid field has NaN there, which the analysis rejects and
+    lists.
     """
     units = folder.finished_units()
     points = finished_points(units, parameters.points)
@@ -72,17 +73,14 @@ def row_of_point(
     valid = field[AXIS_COLUMN][field["state"] == 0]
     field_T = float(valid.mean()) if valid.size else np.nan
     output_V = float(usable["voltage_V"].mean())
-    for_field = bench.instruments[GAUSSMETER].calibration
-    if for_field is not None:
-        corrected = for_field.corrected("field", np.array([field_T / T_PER_MT]), "mT")
-        field_T = float(corrected[0]) * T_PER_MT
-    for_output = bench.instruments[MULTIMETER].calibration
-    if for_output is not None:
-        output_V = float(for_output.corrected("voltage", np.array([output_V]), "V")[0])
+    field_T = bench.corrected(GAUSSMETER, "field", field_T / T_PER_MT, "mT") * T_PER_MT
+    output_V = bench.corrected(MULTIMETER, "voltage", output_V, "V")
     temperature_degC = np.nan
     if parameters.temperature:
-        temperature_degC = float(folder.rows(THERMOMETER, point.unit)["temperature_degC"].mean())
-    angle_deg = float(folder.rows(STAGE, point.unit)["angle_deg"][-1])
+        read_degC = float(folder.rows(THERMOMETER, point.unit)["temperature_degC"].mean())
+        temperature_degC = bench.corrected(THERMOMETER, "temperature", read_degC, "degC")
+    read_deg = float(folder.rows(STAGE, point.unit)["angle_deg"][-1])
+    angle_deg = bench.corrected(STAGE, "angle", read_deg, "deg")
     return float(meter[ARRIVAL].mean()), angle_deg, field_T, output_V, temperature_degC
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from procedures.fog_scale_factor_temperature.check import check, instruments
+from procedures.fog_scale_factor_temperature.check import check, instruments, records
 from procedures.fog_scale_factor_temperature.drive_file import inputs
 from procedures.fog_scale_factor_temperature.parameters import FogParameters
 from procedures.fog_scale_factor_temperature.set_points import forecast
@@ -42,6 +42,7 @@ PROCEDURE = Procedure(
     },
     steps=STEPS,
     instruments=instruments,
+    records=records,
     prompts=prompts,
     check=check,
     **usual_modules(__name__),

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from procedures.fog_scale_factor_temperature.drive_file import drive_in, inputs
 from procedures.fog_scale_factor_temperature.parameters import FogParameters
-from station.procedure import Problem
+from station.procedure import Problem, RecordUse
 
 if TYPE_CHECKING:
     from station.bench import Bench
@@ -25,6 +25,11 @@ DRIVE = ("parameters", "drive", "file")
 def instruments(parameters: FogParameters) -> tuple[str, ...]:
     """Return the bench instances that a plan needs, in the order in which they are opened."""
     return (CHAMBER, TABLE, NAVIGATOR, POWER)
+
+
+def records(parameters: FogParameters, bench: Bench) -> tuple[RecordUse, ...]:
+    """Return what the analysis takes of calibration records: that a turn of the table is whole."""
+    return (RecordUse(TABLE, "angle", 360.0, "deg", corrected=False),)
 
 
 def check(parameters: FogParameters, bench: Bench) -> Iterator[Problem]:

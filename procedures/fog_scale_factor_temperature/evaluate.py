@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from procedures.fog_scale_factor_temperature.analysis import analyse
 from procedures.fog_scale_factor_temperature.band import Band
+from procedures.fog_scale_factor_temperature.check import TABLE
 from procedures.fog_scale_factor_temperature.curve import Curve
 from procedures.fog_scale_factor_temperature.dataset import FogDataset
 from procedures.fog_scale_factor_temperature.findings import (
@@ -41,6 +44,7 @@ if TYPE_CHECKING:
     from station.record.folder import RunFolder
 
 BIAS = "gyro_bias"
+TABLE_ANGLE = "table_angle_deg"
 CHECKS = "checks"
 BAND_POINTS = 21
 WIDEST_DEGC = WIDE * AnalysisSettings().temperature_gap_degC
@@ -53,7 +57,8 @@ def findings_of_run(folder: RunFolder, parameters: FogParameters, bench: Bench) 
     dataset = dataset_of_run(folder, parameters, bench)
     analysis = analyse(dataset, settings(parameters))
     flags = [outside_flag("; ".join(parameters.outside))] if parameters.outside else []
-    return to_findings(analysis, dataset, flags, "specification in the plan")
+    found = to_findings(analysis, dataset, flags, "specification in the plan")
+    return replace(found, inputs=[*found.inputs, *table_inputs(bench)])
 
 
 def findings_of_dataset(raw: RawDataset) -> Findings:
@@ -74,6 +79,16 @@ def findings_of_dataset(raw: RawDataset) -> Findings:
         soak_h = conditions.soak_s / 3600.0
         flags.append(outside_flag(f"a soak of {soak_h:g} h (published {low:g} h to {high:g} h)"))
     return to_findings(analysis, dataset, flags, "condition gyro_bias, a specification")
+
+
+def table_inputs(bench: Bench) -> Iterator[InputQuantity]:
+    """Yield the table's angle; it stands in the budget with no contribution.
+
+    A whole turn ends at the angle, and so with the error, that it began with.
+    """
+    if stated := bench.stated(TABLE, "angle", 360.0, "deg"):
+        about = "angle of the table (the same at both ends of a whole turn)"
+        yield InputQuantity(TABLE_ANGLE, about, stated[0], "deg", stated[1])
 
 
 def settings(parameters: FogParameters) -> AnalysisSettings:
@@ -171,7 +186,7 @@ def _estimate(
     sign = -1.0 if magnitude and value < 0.0 else 1.0
     by_bias = sign * float(curve.error_by_bias_ppm(at)[0])
     check = float(curve.check_ppm(at)[0])
-    sensitivities = {BIAS: by_bias} if by_bias else {}
+    sensitivities = {TABLE_ANGLE: 0.0} | ({BIAS: by_bias} if by_bias else {})
     if check:
         sensitivities[f"{CHECKS}_{fit.axis}"] = check
     return Estimate(
@@ -225,7 +240,7 @@ def _verified(verified: Verified, fit: AxisFit) -> Estimate:
         float(verified.u_ppm[worst]),
         fit.curve.degrees_of_freedom if fit.curve is not None else None,
         "weighted",
-        {BIAS: by_bias} if by_bias else {},
+        {TABLE_ANGLE: 0.0} | ({BIAS: by_bias} if by_bias else {}),
         {
             "temperature": float(verified.temperature_degC[worst]),
             "turns": len(verified.after_ppm),

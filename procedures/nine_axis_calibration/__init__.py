@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from procedures.nine_axis_calibration.check import check, instruments
+from procedures.nine_axis_calibration.check import check, instruments, records
 from procedures.nine_axis_calibration.forecast import forecast
 from procedures.nine_axis_calibration.parameters import NineAxisParameters
 from procedures.nine_axis_calibration.placing import prompts
@@ -33,6 +33,7 @@ PROCEDURE = Procedure(
     },
     steps=STEPS,
     instruments=instruments,
+    records=records,
     prompts=prompts,
     check=check,
     **usual_modules(__name__),

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from procedures.nine_axis_calibration.parameters import NineAxisParameters
+from procedures.nine_axis_calibration.parameters import FULL_TURN_DEG, NineAxisParameters
 from station import registry
-from station.procedure import Problem
+from station.procedure import Problem, RecordUse
 
 if TYPE_CHECKING:
     from station.bench import Bench
@@ -24,6 +24,11 @@ AXIS_SETTINGS = ("outer_axis", "middle_axis", "inner_axis")
 def instruments(parameters: NineAxisParameters) -> tuple[str, ...]:
     """Return the bench instances that a plan needs, in the order in which they are opened."""
     return (TURNTABLE, IMU, POWER)
+
+
+def records(parameters: NineAxisParameters, bench: Bench) -> tuple[RecordUse, ...]:
+    """Return what the analysis takes of calibration records: the table's angle."""
+    return (RecordUse(TURNTABLE, "angle", FULL_TURN_DEG, "deg"),)
 
 
 def check(parameters: NineAxisParameters, bench: Bench) -> Iterator[Problem]:

@@ -11,7 +11,7 @@ from procedures.nine_axis_calibration.check import TURNTABLE
 from procedures.nine_axis_calibration.dataset import Prior
 from procedures.nine_axis_calibration.findings import AnalysisSettings
 from procedures.nine_axis_calibration.from_import import dataset_of_import
-from procedures.nine_axis_calibration.parameters import NineAxisParameters
+from procedures.nine_axis_calibration.parameters import FULL_TURN_DEG, NineAxisParameters
 from procedures.nine_axis_calibration.pose import PoseLimits
 from station.findings import Findings, InputQuantity, findings_of
 
@@ -73,8 +73,7 @@ def bench_inputs(parameters: NineAxisParameters, bench: Bench) -> Iterator[Input
     """Yield what is known of the station's clock, and of the table's angle by its record."""
     clock = parameters.prior.clock_ppm
     yield InputQuantity("time_scale", "rate of the station's clock", clock * PPM, "1", "the plan")
-    table = bench.instruments[TURNTABLE].calibration
-    if table is not None and table.covers("angle", 360.0, "deg"):
+    if stated := bench.stated(TURNTABLE, "angle", FULL_TURN_DEG, "deg"):
         # Both ends of a part turn are read: root two of one reading.
-        u = math.sqrt(2.0) * table.standard_uncertainty("angle", 360.0, "deg")
-        yield InputQuantity("encoder_angle_deg", "angle of the table", u, "deg", table.source)
+        u = math.sqrt(2.0) * stated[0]
+        yield InputQuantity("encoder_angle_deg", "angle of the table", u, "deg", stated[1])

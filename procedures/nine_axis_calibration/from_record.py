@@ -69,7 +69,7 @@ def dataset_of_run(
             if POSITION in details
         ),
         turns=tuple(
-            turn_record(folder, unit, details, interval_s)
+            turn_record(folder, unit, details, interval_s, bench)
             for unit, details in units
             if TURN in details
         ),
@@ -94,9 +94,12 @@ def static_record(
 
 
 def turn_record(
-    folder: RunFolder, unit: str, details: Mapping[str, Any], interval_s: float
+    folder: RunFolder, unit: str, details: Mapping[str, Any], interval_s: float, bench: Bench
 ) -> TurnRecord:
-    """Return the whole turns of one rate: as many outputs as they take at the measured rate."""
+    """Return the whole turns of one rate: as many outputs as they take at the measured rate.
+
+    The table's angle is corrected by its record.
+    """
     path = track(*readings(folder, unit, details))
     rows, time_s = outputs(folder, unit, details, interval_s)
     whole_s = details["turns"] * FULL_TURN_DEG / abs(path.rate_deg_per_s)
@@ -112,7 +115,7 @@ def turn_record(
         commanded_deg_per_s=float(details[TURN]),
         time_s=time_s[place],
         rate_deg_per_s=gyros(rows[place]),
-        encoder_deg=path.angle_deg(time_s[place]),
+        encoder_deg=bench.corrected(TURNTABLE, "angle", path.angle_deg(time_s[place]), "deg"),
         encoder_u_deg=path.end_u_deg,
     )
 

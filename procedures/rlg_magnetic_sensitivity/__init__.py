@@ -7,7 +7,13 @@ from collections.abc import Mapping
 from procedures.rlg_magnetic_sensitivity.check import check
 from procedures.rlg_magnetic_sensitivity.forecast import forecast, outlook
 from procedures.rlg_magnetic_sensitivity.parameters import RlgParameters
-from procedures.rlg_magnetic_sensitivity.steps import STEPS, instruments, prompts, units
+from procedures.rlg_magnetic_sensitivity.steps import (
+    STEPS,
+    instruments,
+    prompts,
+    records,
+    units,
+)
 from station.procedure import Procedure, ResultKind, usual_modules
 
 
@@ -26,6 +32,7 @@ PROCEDURE = Procedure(
     results={"magnetic_sensitivity": ResultKind(("IA", "NA", "LA"), "deg/h/mT")},
     steps=STEPS,
     instruments=instruments,
+    records=records,
     prompts=prompts,
     check=check,
     **usual_modules(__name__),

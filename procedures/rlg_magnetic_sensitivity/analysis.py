@@ -17,13 +17,14 @@ from .field import FieldFit, fit_field
 from .findings import (
     METHOD,
     QUANTITY,
+    UNDRIVEN,
     UNIT,
     AnalysisSettings,
     LineDetail,
     RlgAnalysis,
     SegmentDetail,
 )
-from .flags import drive_flags, field_flags, record_flags, result_flags
+from .flags import cross_axis_flags, drive_flags, field_flags, record_flags, result_flags
 from .gyro import GyroFit, fit_gyro
 from .published import plotted_spectrum, published_value
 from .pulse_beat import beat_flags
@@ -73,6 +74,7 @@ def analyse(dataset: RlgDataset, settings: AnalysisSettings | None = None) -> Rl
         lines += own
         segments.append(detail)
     flags += result_flags(estimates, lines, reasons, settings)
+    flags += cross_axis_flags(estimates, settings)
     return RlgAnalysis(
         estimates=estimates,
         determined=determined,
@@ -172,6 +174,7 @@ def _estimate(axis: str, response: Response, determined: tuple[str, ...]) -> Est
             "field_gain": -value,
             "field_time_offset_s": float(response.time_slope[a]),
             "gyro_scale": value,
+            **{f"{UNDRIVEN}{b}": -float(by[a]) for b, by in response.undriven.items()},
         },
     )
 

@@ -16,17 +16,23 @@ if TYPE_CHECKING:
 AMPLITUDE = ("parameters", "amplitude")
 
 
+def sees_one_axis(bench: Bench) -> bool:
+    """Whether the bench's gaussmeter sees the field along one axis alone."""
+    gaussmeter = bench.instruments.get(GAUSSMETER)
+    return gaussmeter is not None and registry.load(registry.DRIVERS, gaussmeter.driver).axes == 1
+
+
 def check(parameters: RlgParameters, bench: Bench) -> Iterator[Problem]:
     """Yield what the gaussmeter cannot see, and what its calibration record leaves out."""
     gaussmeter = bench.instruments.get(GAUSSMETER)
-    calibration = gaussmeter.calibration if gaussmeter else None
-    if calibration and not calibration.covers("field", parameters.amplitude_mT, "mT"):
+    states = ("uncertainty", "field") in bench.statements(GAUSSMETER)
+    if states and bench.stated(GAUSSMETER, "field", parameters.amplitude_mT, "mT") is None:
         yield Problem(
             AMPLITUDE,
             f"the gaussmeter's calibration record states no uncertainty at "
             f"{parameters.amplitude_mT:g} mT",
         )
-    if gaussmeter is None or registry.load(registry.DRIVERS, gaussmeter.driver).axes > 1:
+    if gaussmeter is None or not sees_one_axis(bench):
         return
     if parameters.excitation == "simultaneous":
         yield Problem(
@@ -34,7 +40,7 @@ def check(parameters: RlgParameters, bench: Bench) -> Iterator[Problem]:
             f"the gaussmeter ({gaussmeter.driver}) measures one axis at a time; with it the coils "
             "are driven one after the other: sequential",
         )
-    if calibration is None or not calibration.covers("angle", 0.0, "deg"):
+    if bench.stated(GAUSSMETER, "angle", 0.0, "deg") is None:
         yield Problem(
             ("procedure",),
             f"the gaussmeter ({gaussmeter.driver}) measures one axis; its calibration record must "

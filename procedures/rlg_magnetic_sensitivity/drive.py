@@ -11,3 +11,8 @@ class Drive:
 
     frequency_Hz: float
     amplitude_mT: float
+
+
+LARGEST_UNDRIVEN = 3.0
+"""deg/h/mT: what an axis that is not driven may have where nothing is stated. Published values of
+two-frequency gyros end there; those of four-frequency ones reach 100."""

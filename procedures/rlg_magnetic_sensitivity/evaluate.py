@@ -13,11 +13,12 @@ from procedures.rlg_magnetic_sensitivity.dataset import AXES, RlgDataset
 from procedures.rlg_magnetic_sensitivity.findings import (
     METHOD,
     QUANTITY,
+    UNDRIVEN,
     UNIT,
     AnalysisSettings,
     RlgAnalysis,
 )
-from procedures.rlg_magnetic_sensitivity.from_import import dataset_of_import
+from procedures.rlg_magnetic_sensitivity.from_import import conditions_of, dataset_of_import
 from procedures.rlg_magnetic_sensitivity.from_record import (
     GAUSSMETER,
     GYRO,
@@ -26,7 +27,7 @@ from procedures.rlg_magnetic_sensitivity.from_record import (
     segment_of_unit,
 )
 from procedures.rlg_magnetic_sensitivity.misalignment import CoilResponse, coil_responses
-from procedures.rlg_magnetic_sensitivity.parameters import RlgParameters, Thresholds
+from procedures.rlg_magnetic_sensitivity.parameters import RlgParameters
 from procedures.rlg_magnetic_sensitivity.records import (
     PlannedRecord,
     check_of,
@@ -58,8 +59,9 @@ def findings_of_run(folder: RunFolder, parameters: RlgParameters, bench: Bench) 
     units = [one.unit for one in measured]
     dataset = dataset_of_run(folder, units, parameters, bench)
     inputs = type_b_inputs(folder, units, parameters, bench)
-    analysis = analyse(dataset, settings(parameters.thresholds))
+    analysis = analyse(dataset, settings(parameters))
     tested = tested_results(folder, parameters, bench, analysis)
+    inputs += undriven_inputs(analysis.estimates, settings(parameters))
     findings = to_findings(analysis, dataset, inputs, tested)
     absent = [undetermined(QUANTITY, axis, UNIT, METHOD) for axis in missing]
     flags = [
@@ -80,7 +82,7 @@ def tested_results(
     folder: RunFolder, parameters: RlgParameters, bench: Bench, analysis: RlgAnalysis
 ) -> list[Tested]:
     """Return what the finished records of the plan's checks say of the results."""
-    limits, finished = settings(parameters.thresholds), folder.finished_units()
+    limits, finished = settings(parameters), folder.finished_units()
     tested: list[Tested] = []
     for check in parameters.checks:
         units = [one.unit for one in check_of(parameters, check) if one.unit in finished]
@@ -108,7 +110,7 @@ def target_flags(findings: Findings, parameters: RlgParameters) -> Iterator[Flag
             "target-not-reached",
             f"The standard uncertainty of {estimate.axis} is {u:.2g} deg/h/mT, {asked:g} was asked "
             f"for; its record ended at its longest, {parameters.stop.at_most_s:g} s, or by an "
-            "early decision.",
+            "early decision, or the rest is what no longer record makes smaller (see the budget).",
             estimate.axis,
             {"standard_uncertainty": u, "asked": asked},
         )
@@ -128,7 +130,7 @@ def estimates_so_far(
     now = segment_of_unit(folder, name, parameters, bench, facts)
     dataset = RlgDataset((*before, now))
     inputs = type_b_inputs(folder, [*finished, name], parameters, bench)
-    analysis = analyse(dataset, settings(parameters.thresholds))
+    analysis = analyse(dataset, settings(parameters))
     return to_findings(analysis, dataset, inputs, []).estimates, inputs
 
 
@@ -148,14 +150,37 @@ def overload_flags(folder: RunFolder, records: Iterable[PlannedRecord]) -> list[
 
 
 def findings_of_dataset(raw: RawDataset) -> Findings:
-    """Return what an imported dataset says; it brings no calibration records, so type A only."""
+    """Return what an imported dataset says; it brings no calibration records.
+
+    Beside type A u holds what is stated of axes that were not driven.
+    """
     dataset = dataset_of_import(raw)
-    return to_findings(analyse(dataset), dataset, [], [])
+    stated = conditions_of(raw).undriven_sensitivity_deg_per_h_per_mT
+    limits = AnalysisSettings(undriven_sensitivity=stated)
+    analysis = analyse(dataset, limits)
+    return to_findings(analysis, dataset, list(undriven_inputs(analysis.estimates, limits)), [])
 
 
-def settings(thresholds: Thresholds) -> AnalysisSettings:
-    """Return the analysis settings of a plan's thresholds."""
-    return AnalysisSettings(**dict(thresholds))
+def settings(parameters: RlgParameters) -> AnalysisSettings:
+    """Return the analysis settings of a plan."""
+    stated = parameters.undriven_sensitivity_deg_per_h_per_mT
+    return AnalysisSettings(**dict(parameters.thresholds), undriven_sensitivity=stated)
+
+
+def undriven_inputs(
+    estimates: Sequence[Estimate], limits: AnalysisSettings
+) -> Iterator[InputQuantity]:
+    """Yield the sensitivities of the axes that were not driven: zero, uniform within
+    what is stated.
+
+    One cause for all results.
+    """
+    for axis in AXES:
+        name = f"{UNDRIVEN}{axis}"
+        if any(one.sensitivities.get(name) for one in estimates):
+            about = f"sensitivity of {axis}, which was not driven"
+            source = f"undriven_sensitivity, {limits.undriven_sensitivity:g} {UNIT} at most"
+            yield InputQuantity(name, about, limits.undriven_u, UNIT, source)
 
 
 def type_b_inputs(
@@ -165,19 +190,11 @@ def type_b_inputs(
     inputs: list[InputQuantity] = []
     if not units:
         return inputs
-    field_calibration = bench.instruments[GAUSSMETER].calibration
     amplitude_mT = parameters.amplitude_mT
-    if field_calibration is not None:
-        u_mT = field_calibration.standard_uncertainty("field", amplitude_mT, "mT")
-        inputs.append(
-            InputQuantity(
-                "field_gain",
-                f"gaussmeter at {amplitude_mT:g} mT",
-                u_mT / amplitude_mT,
-                "1",
-                field_calibration.source,
-            )
-        )
+    if stated := bench.stated(GAUSSMETER, "field", amplitude_mT, "mT"):
+        u_mT, source = stated
+        about = f"gaussmeter at {amplitude_mT:g} mT"
+        inputs.append(InputQuantity("field_gain", about, u_mT / amplitude_mT, "1", source))
     worst_s = max(time_offset_u_s(folder, unit) for unit in units)
     inputs.append(
         InputQuantity(
@@ -188,20 +205,12 @@ def type_b_inputs(
             "earliest arrivals of this run",
         )
     )
-    unseen = any(field_record(folder, unit).unseen.any() for unit in units)
-    if field_calibration is not None and unseen:
-        inputs.append(one_axis.misalignment(field_calibration))
-    gyro_calibration = bench.instruments[GYRO].calibration
-    if gyro_calibration is not None:
-        inputs.append(
-            InputQuantity(
-                "gyro_scale",
-                "gyro scale: pulse weight and the board's time base",
-                gyro_calibration.standard_uncertainty("scale", 1.0, "1"),
-                "1",
-                gyro_calibration.source,
-            )
-        )
+    if stated := bench.stated(GAUSSMETER, one_axis.ANGLE, 0.0, "rad"):
+        unseen = any(field_record(folder, unit).unseen.any() for unit in units)
+        inputs.append(one_axis.misalignment(*stated, unseen=unseen))
+    if stated := bench.stated(GYRO, "scale", 1.0, "1"):
+        about = "gyro scale: pulse weight and the board's time base"
+        inputs.append(InputQuantity("gyro_scale", about, stated[0], "1", stated[1]))
     return inputs
 
 

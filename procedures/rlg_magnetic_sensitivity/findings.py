@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,12 +11,16 @@ from numpy.typing import NDArray
 from procedures.estimation.allan import AllanDeviation, NoiseCoefficients
 from station.findings import Estimate, Flag, Published
 
+from .drive import LARGEST_UNDRIVEN
+
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 Mask = NDArray[np.bool_]
 
 QUANTITY = "magnetic_sensitivity"
 UNIT = "deg/h/mT"
+UNDRIVEN = "undriven_"
+"""Begins the name of the input quantity that is the sensitivity of an axis not driven."""
 METHOD = "least-squares"
 
 
@@ -25,7 +30,8 @@ class AnalysisSettings:
 
     Ratios are multiples of the standard uncertainty unless the name says otherwise;
     `non_integer_cycles` is in cycles, `gap` in nominal intervals,
-    `field_differs_from_commanded` is relative.
+    `field_differs_from_commanded` is relative; `undriven_sensitivity` (deg/h/mT) is the
+    largest magnitude of the sensitivity of an axis that was not driven.
     """
 
     not_significant: float = 2.0
@@ -40,6 +46,12 @@ class AnalysisSettings:
     max_autoregression_order: int = 16
     fewest_cycles: float = 3.0
     highest_frequency: float = 0.45
+    undriven_sensitivity: float = LARGEST_UNDRIVEN
+
+    @property
+    def undriven_u(self) -> float:
+        """The standard uncertainty of such a sensitivity: uniform between the bounds."""
+        return self.undriven_sensitivity / math.sqrt(3.0)
 
 
 @dataclass(frozen=True)
@@ -113,7 +125,8 @@ class RlgAnalysis:
     """The whole outcome; `covariance` (k, k, type A) is that of the estimates `determined`.
 
     Sensitivities of the estimates are derivatives by `field_gain` and `gyro_scale` (relative
-    errors) and `field_time_offset_s` (s, of the field's time stamps).
+    errors), `field_time_offset_s` (s, of the field's time stamps) and `undriven_NA` and so on, the
+    sensitivity of an axis that was not driven.
     """
 
     estimates: tuple[Estimate, ...]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -13,8 +14,11 @@ from station.findings import Estimate, Flag
 
 from .dataset import AXES, Averaged, Segment
 from .field import FieldFit
-from .findings import AnalysisSettings, LineDetail, SegmentDetail
+from .findings import UNDRIVEN, AnalysisSettings, LineDetail, SegmentDetail
 from .published import missing_rows
+
+MATTERS = 0.5
+"""Of u: what an axis that was not driven may add before it is flagged."""
 
 
 def record_flags(segment: Segment, detail: SegmentDetail, settings: AnalysisSettings) -> list[Flag]:
@@ -163,6 +167,34 @@ def recorded_span_s(segment: Segment) -> float:
         return segment.averaged.places * segment.averaged.sample_interval_s
     index = grid_index(segment.time_s, segment.sample_interval_s)
     return (int(index[-1]) + 1) * segment.sample_interval_s
+
+
+def cross_axis_flags(estimates: Sequence[Estimate], settings: AnalysisSettings) -> list[Flag]:
+    """Return the flags on results in which an axis that was not driven may stand."""
+    flags: list[Flag] = []
+    for estimate in estimates:
+        shares = {
+            name.removeprefix(UNDRIVEN): abs(share)
+            for name, share in estimate.sensitivities.items()
+            if name.startswith(UNDRIVEN)
+        }
+        small = MATTERS * (estimate.standard_uncertainty or math.inf)
+        large = {a: one for a, one in shares.items() if one * settings.undriven_u > small}
+        if large:
+            said = " and ".join(f"{100.0 * one:.2g} % of {axis}" for axis, one in large.items())
+            flags.append(
+                Flag(
+                    "cross-axis",
+                    f"The field of {estimate.axis} leans towards axes that were not driven: their "
+                    f"sensitivities stand in that of {estimate.axis} with {said}. u holds up "
+                    f"to {settings.undriven_sensitivity:g} deg/h/mT of each "
+                    "(`undriven_sensitivity`). Drive all three axes, align the coil, or state what "
+                    "is known of the gyro.",
+                    estimate.axis,
+                    {"shares": large},
+                )
+            )
+    return flags
 
 
 def result_flags(

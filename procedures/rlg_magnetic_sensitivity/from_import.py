@@ -9,6 +9,7 @@ from pydantic import Field, ValidationInfo, field_validator
 
 from procedures.rlg_magnetic_sensitivity.averaged import shortened
 from procedures.rlg_magnetic_sensitivity.dataset import Drive, RlgDataset, Segment
+from procedures.rlg_magnetic_sensitivity.drive import LARGEST_UNDRIVEN
 from procedures.rlg_magnetic_sensitivity.from_record import TO_MIDDLE
 from procedures.rlg_magnetic_sensitivity.parameters import Axis
 from station.dataset_reading import check_ascending, read_table
@@ -44,6 +45,10 @@ class Conditions(StrictModel):
         default=None, validate_default=True
     )
 
+    undriven_sensitivity_deg_per_h_per_mT: Annotated[float, Unit("deg/h/mT"), Field(ge=0)] = (
+        LARGEST_UNDRIVEN
+    )
+
     @field_validator("field_averaging_s")
     @classmethod
     def averaging_where_averaged(cls, value: float | None, info: ValidationInfo) -> float | None:
@@ -64,9 +69,14 @@ class Conditions(StrictModel):
         return value
 
 
+def conditions_of(raw: RawDataset) -> Conditions:
+    """Return the conditions of an imported folder; FaultList names what is wrong."""
+    return validate_model(raw.document, Conditions, at=("conditions",))
+
+
 def dataset_of_import(raw: RawDataset) -> RlgDataset:
     """Return the one segment of an imported folder; FaultList names file, row and reason."""
-    conditions = validate_model(raw.document, Conditions, at=("conditions",))
+    conditions = conditions_of(raw)
     output = "counts" if conditions.gyro_output == "counts" else "rate_deg_per_h"
     path = raw.file("samples")
     table = read_table(path, ("t_s", output, *FIELD_COLUMNS))

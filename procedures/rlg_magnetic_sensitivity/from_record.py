@@ -58,6 +58,7 @@ def gyro_record(
     folder: RunFolder,
     unit: str,
     parameters: RlgParameters,
+    bench: Bench,
     *,
     samples: int | None = None,
     drive: Mapping[str, Drive] | None = None,
@@ -65,8 +66,9 @@ def gyro_record(
     """Return each whole sample interval of a unit, or the means over groups of a long record's.
 
     An interval whose count or that before it was lost is left out, and so is what follows the first
-    `samples` intervals. 1 arcsec/s is 1 deg/h.
+    `samples` intervals. The board's scale is corrected by its record. 1 arcsec/s is 1 deg/h.
     """
+    pulse_arcsec = parameters.pulse_weight_arcsec * bench.corrected(GYRO, "scale", 1.0, "1")
     drive, interval_s = drive or {}, parameters.sample_interval_s
     counted = 0
 
@@ -89,7 +91,7 @@ def gyro_record(
             whole = np.diff(number) == 1
             if samples is not None:
                 whole &= number[1:] <= samples
-            rate = pulses * parameters.pulse_weight_arcsec / interval_s
+            rate = pulses * pulse_arcsec / interval_s
             yield number[1:][whole], rate[whole].astype(np.float64)
 
     highest_Hz = max((one.frequency_Hz for one in drive.values()), default=0.0)
@@ -98,7 +100,7 @@ def gyro_record(
         number, rate = (np.concatenate(one) for one in zip(*rates(), strict=True))
         return GyroRecord(aligned.run_time_s(number - 0.5), rate, interval_s, 1, None)
     places = ((number.astype(np.int64) - 1, rate) for number, rate in rates())
-    quantum = parameters.pulse_weight_arcsec / interval_s
+    quantum = pulse_arcsec / interval_s
     means = averaged_gyro(places, counted, group, interval_s, quantum, drive)
     time_s = aligned.run_time_s(means.place + 0.5)
     return GyroRecord(time_s, means.rate_deg_per_h, group * interval_s, group, means)
@@ -178,7 +180,6 @@ def segment_of_unit(
     unit = folder.finished_units()[name] if facts is None else facts
     averaging_s = float(unit["field_averaging_s"])
     shift_s = TO_MIDDLE[unit["field_timestamp"]] * averaging_s
-    calibration = bench.instruments[GAUSSMETER].calibration
     drive = {
         axis: Drive(float(sine["frequency_Hz"]), float(sine["amplitude_mT"]))
         for axis, sine in unit["drive"].items()
@@ -188,8 +189,7 @@ def segment_of_unit(
     def readings() -> Iterator[tuple[Array, Array]]:
         for rows in folder.pieces(GAUSSMETER, name):
             field_mT = one_axis.components_T(rows) * MT_PER_T
-            if calibration is not None:
-                field_mT = calibration.corrected("field", field_mT, "mT")
+            field_mT = bench.corrected(GAUSSMETER, "field", field_mT, "mT")
             field_mT[:, known.unseen] = 0.0
             usable = rows["state"] == 0
             time_s = known.aligned.run_time_s(rows["instrument_time_s"]) + shift_s
@@ -204,7 +204,7 @@ def segment_of_unit(
         whole = ((t[fit], b[fit]) for t, b in readings() for fit in [np.isfinite(b).all(axis=1)])
         field_time_s, field_mT, rejected = averaged_field(whole, field_group, known.step_s, drive)
         averaging_s = averaged_duration_s(averaging_s, known.step_s, field_group)
-    gyro = gyro_record(folder, name, parameters, samples=unit["samples"], drive=drive)
+    gyro = gyro_record(folder, name, parameters, bench, samples=unit["samples"], drive=drive)
     return Segment(
         drive=drive,
         sample_interval_s=gyro.interval_s,

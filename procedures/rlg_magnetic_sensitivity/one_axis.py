@@ -8,16 +8,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from procedures.rlg_magnetic_sensitivity.parameters import COIL_OF_AXIS
 from station.findings import Estimate, InputQuantity
-
-if TYPE_CHECKING:
-    from station.calibration import Calibration
 
 NAME = "field_misalignment_rad"
 ANGLE = "angle"
@@ -34,15 +31,18 @@ def unseen(field: NDArray[np.float64]) -> NDArray[np.bool_]:
     return np.asarray(np.isnan(field).all(axis=0)) & bool(len(field))
 
 
-def misalignment(calibration: Calibration) -> InputQuantity:
-    """Return the angle between the coil's field and the gyro's axis, zero with an uncertainty."""
-    return InputQuantity(
-        NAME,
-        "components of the field that a probe of one axis does not see: angle to the gyro's axis",
-        calibration.standard_uncertainty(ANGLE, 0.0, "rad"),
-        "1",
-        calibration.source,
-    )
+def misalignment(u_rad: float, source: str, *, unseen: bool) -> InputQuantity:
+    """Return the angle between the measured field and the gyro's axis, zero with an uncertainty.
+
+    `unseen`: the gaussmeter sees one component alone.
+    """
+    about = "direction of the gaussmeter's axes to those of the gyro"
+    if unseen:
+        about = (
+            "components of the field that a probe of one axis does not see: angle to the gyro's "
+            "axis"
+        )
+    return InputQuantity(NAME, about, u_rad, "1", source)
 
 
 def slope_by_misalignment(estimate: Estimate, others: Sequence[Estimate]) -> Mapping[str, float]:

@@ -8,6 +8,7 @@ from typing import Annotated, Literal
 from pydantic import Field, ValidationInfo, field_validator
 
 from procedures.rlg_magnetic_sensitivity import frequencies
+from procedures.rlg_magnetic_sensitivity.drive import LARGEST_UNDRIVEN
 from procedures.rlg_magnetic_sensitivity.frequencies import (
     FEWEST_CYCLES,
     FREQUENCY_RANGE_HZ,
@@ -76,6 +77,9 @@ class RlgParameters(StrictModel):
     warm_up: WarmUp
     pulse_weight_arcsec: Annotated[float, Unit("arcsec"), Field(gt=0)]
     channel: Annotated[int, Field(ge=1, le=3)] = 1
+    undriven_sensitivity_deg_per_h_per_mT: Annotated[float, Unit("deg/h/mT"), Field(ge=0)] = (
+        LARGEST_UNDRIVEN
+    )
     thresholds: Thresholds = Thresholds()
 
     @field_validator("axes")

@@ -53,7 +53,8 @@ class Response:
     """Solution for the `axes` driven on a usable line; rows and columns in their order.
 
     `determined` marks the axes that the lines tell apart. `quadratic` (deg/h/mT^2) is not a number
-    where no double was fitted. `time_slope` is d S / d (error of the field's time stamps), per s.
+    where no double was fitted. `time_slope` is d S / d (error of the field's time stamps), per s;
+    `undriven` by axis not driven d S / d (sensitivity of that axis), by the field measured on it.
     """
 
     axes: tuple[str, ...]
@@ -65,6 +66,7 @@ class Response:
     quadratic_uncertainty: Array
     quadratic_corrected: Mask
     time_slope: Array
+    undriven: dict[str, Array]
     residuals: dict[tuple[int, int, str], LineResidual]
 
 
@@ -78,6 +80,7 @@ class _System:
     linear: Array
     quadratic: Array
     ambient: Array
+    undriven: Array
     field_variance: Array
     first_row: dict[tuple[int, int], int]
 
@@ -86,8 +89,9 @@ def solve(observed: Sequence[Observed | None]) -> Response:
     """Solve X_line = sum_a (S_a + 2 S2_a B0_a) B_a,line and X_2line = sum_a S2_a B_a,line^2 / 2.
 
     Weighted least squares on real and imaginary parts, with the measured field of all three
-    components: the misalignment between coils and gyro axes drops out. Fields of axes that are
-    driven nowhere are left out, their sensitivities being unknown.
+    components: the misalignment between coils and gyro axes drops out. What the field on an axis
+    that is driven nowhere does cannot be told from the drive: S is that of the driven axes with the
+    share `undriven` of the other's sensitivity in it.
 
     The ambient field B0 makes 2 S2 B0 of the second-order term look like first-order sensitivity.
     Fitting both at once multiplies u(S) by sqrt(1 + c^2), c = 4 B0 / M: by 1.007 at 0.03 mT against
@@ -132,6 +136,7 @@ def solve(observed: Sequence[Observed | None]) -> Response:
         quadratic_uncertainty=np.where(seen, np.sqrt(np.diag(covariance)[count:]), np.nan),
         quadratic_corrected=corrected,
         time_slope=_time_slope(observed, axes, corrected),
+        undriven=dict(zip(_others(axes), (gain[:count] @ system.undriven).T, strict=True)),
         residuals=_residuals(observed, system, design, gain, solution, covariance, count),
     )
 
@@ -148,10 +153,15 @@ def _driven(observed: Sequence[Observed | None]) -> tuple[str, ...]:
     return tuple(axis for axis in AXES if axis in found)
 
 
+def _others(axes: tuple[str, ...]) -> tuple[str, ...]:
+    return tuple(axis for axis in AXES if axis not in axes)
+
+
 def _assemble(
     observed: Sequence[Observed | None], axes: tuple[str, ...], shift_s: float
 ) -> _System:
     picks = [AXES.index(axis) for axis in axes]
+    others = [AXES.index(axis) for axis in _others(axes)]
     count = len(axes)
     data: list[float] = []
     blocks: list[Array] = []
@@ -159,6 +169,7 @@ def _assemble(
     linear: list[Array] = []
     quadratic: list[Array] = []
     ambient: list[Array] = []
+    undriven: list[Array] = []
     variance: list[Array] = []
     first_row: dict[tuple[int, int], int] = {}
     nothing = np.zeros(count)
@@ -185,6 +196,8 @@ def _assemble(
                 linear += [first_order.real, first_order.imag]
                 quadratic += [second_order.real, second_order.imag]
                 ambient += [pretended.real, pretended.imag]
+                leak = (line.phasor_mT if slot < total else line.second_mT * turn)[others] * turn
+                undriven += [leak.real, leak.imag]
                 noisy = line.variance_mT2[picks] if slot < total else nothing
                 variance += [noisy, noisy]
                 freedom += [one.gyro.degrees_of_freedom[slot]] * 2
@@ -204,6 +217,7 @@ def _assemble(
         linear=np.array(linear).reshape(shape),
         quadratic=np.array(quadratic).reshape(shape),
         ambient=np.array(ambient).reshape(shape),
+        undriven=np.array(undriven).reshape(size, len(others)),
         field_variance=np.array(variance).reshape(shape),
         first_row=first_row,
     )

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
+from procedures.rlg_magnetic_sensitivity.check import sees_one_axis
 from procedures.rlg_magnetic_sensitivity.measuring import (
     GAUSSMETER,
     coil_supply,
@@ -35,9 +36,10 @@ from procedures.rlg_magnetic_sensitivity.warming import (
     warm_up,
 )
 from station.errors import InstrumentError
-from station.procedure import Prompt, Step
+from station.procedure import Prompt, RecordUse, Step
 
 if TYPE_CHECKING:
+    from station.bench import Bench
     from station.runner.run import Run
 
 MOUNT = Prompt(
@@ -54,6 +56,18 @@ CABLES = Prompt(
 def instruments(parameters: RlgParameters) -> tuple[str, ...]:
     """Return the bench instances the plan needs."""
     return (*(coil_supply(axis) for axis in parameters.axes), GAUSSMETER, GYRO, POWER)
+
+
+def records(parameters: RlgParameters, bench: Bench) -> tuple[RecordUse, ...]:
+    """Return what the analysis takes of calibration records.
+
+    An uncertainty of the gaussmeter's direction is needed where it sees one axis alone.
+    """
+    return (
+        RecordUse(GAUSSMETER, "field", parameters.amplitude_mT, "mT"),
+        RecordUse(GAUSSMETER, "angle", 0.0, "deg", needed=sees_one_axis(bench), corrected=False),
+        RecordUse(GYRO, "scale", 1.0, "1"),
+    )
 
 
 def units(parameters: RlgParameters) -> tuple[str, ...]:

@@ -69,7 +69,7 @@ def warm_up(run: Run) -> None:
             continue
         rows = round(elapsed_s / parameters.sample_interval_s)
         with run.clock.allow(reading_back_s(rows, parameters.sample_interval_s)):
-            record = gyro_record(run.read_back(), WARM_UP, parameters)
+            record = gyro_record(run.read_back(), WARM_UP, parameters, run.bench)
         recent = record.time_s > record.time_s[-1] - rule.window_s
         rate_deg_per_h = record.rate_deg_per_h[recent]
         slope, u = slope_with_uncertainty(record.time_s[recent], rate_deg_per_h)

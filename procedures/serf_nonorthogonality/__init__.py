@@ -6,7 +6,13 @@ from procedures.serf_nonorthogonality.check import check
 from procedures.serf_nonorthogonality.forecast import forecast
 from procedures.serf_nonorthogonality.parameters import SerfParameters
 from procedures.serf_nonorthogonality.shots import AXES, PAIRS
-from procedures.serf_nonorthogonality.steps import STEPS, instruments, prompts, units
+from procedures.serf_nonorthogonality.steps import (
+    STEPS,
+    instruments,
+    prompts,
+    records,
+    units,
+)
 from station.procedure import Later, Procedure, ResultKind, usual_modules
 
 PROCEDURE = Procedure(
@@ -23,6 +29,7 @@ PROCEDURE = Procedure(
     },
     steps=STEPS,
     instruments=instruments,
+    records=records,
     prompts=prompts,
     check=check,
     **usual_modules(__name__),

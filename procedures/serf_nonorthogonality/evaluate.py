@@ -18,7 +18,6 @@ from station.findings import Findings, InputQuantity, findings_of
 
 if TYPE_CHECKING:
     from station.bench import Bench
-    from station.calibration import Calibration
     from station.dataset_reading import RawDataset
     from station.record.folder import RunFolder
 
@@ -63,13 +62,10 @@ def bench_inputs(
     if dataset.constants_known:
         for coil in AXES:
             yield from _coil(coil, bench)
-    clock = _record(bench, DIGITIZER)
-    rate_Hz = dataset.sample_rate_Hz
-    if clock is not None and clock.covers("frequency", rate_Hz, "Hz"):
-        u_Hz = clock.standard_uncertainty("frequency", rate_Hz, "Hz")
-        yield InputQuantity(
-            "sample_clock", "sample clock of the digitizer", u_Hz / rate_Hz, "1", clock.source
-        )
+    rate_Hz = parameters.sample_rate_Hz
+    if stated := bench.stated(DIGITIZER, "frequency", rate_Hz, "Hz"):
+        about = "sample clock of the digitizer"
+        yield InputQuantity("sample_clock", about, stated[0] / rate_Hz, "1", stated[1])
     yield from _delay(rate_Hz, bench)
     for axis in AXES:
         yield InputQuantity(
@@ -83,11 +79,9 @@ def bench_inputs(
 
 def _coil(coil: str, bench: Bench) -> Iterator[InputQuantity]:
     generator = CHANNELS[coil][0]
-    record = _record(bench, generator)
-    if record is not None and record.covers("scale", 1.0, "1"):
-        u = record.standard_uncertainty("scale", 1.0, "1")
+    if stated := bench.stated(generator, "scale", 1.0, "1"):
         said = f"coil constant of {coil} ({generator})"
-        yield InputQuantity(f"coil_{coil}", said, u, "1", record.source)
+        yield InputQuantity(f"coil_{coil}", said, stated[0], "1", stated[1])
 
 
 def _delay(rate_Hz: float, bench: Bench) -> Iterator[InputQuantity]:
@@ -96,14 +90,7 @@ def _delay(rate_Hz: float, bench: Bench) -> Iterator[InputQuantity]:
     The phase of every tone is free, so that a late trigger moves no frequency.
     """
     u_s, source = ONE_SAMPLE / rate_Hz, "one sample of the digitizer"
-    record = _record(bench, PUMP)
-    if record is not None and record.covers("time_offset", 0.0, "s"):
-        u_s = math.hypot(u_s, record.standard_uncertainty("time_offset", 0.0, "s"))
-        source = record.source
+    if stated := bench.stated(PUMP, "time_offset", 0.0, "s"):
+        u_s, source = math.hypot(u_s, stated[0]), stated[1]
     said = "trigger delay (the phase is free)"
     yield InputQuantity("trigger_delay_s", said, u_s, "s", source)
-
-
-def _record(bench: Bench, instrument: str) -> Calibration | None:
-    found = bench.instruments.get(instrument)
-    return found.calibration if found is not None else None

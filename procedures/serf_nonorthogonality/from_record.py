@@ -7,35 +7,47 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from procedures.serf_nonorthogonality.cell import DIGITIZER
+from procedures.serf_nonorthogonality.cell import CHANNELS, DIGITIZER
 from procedures.serf_nonorthogonality.dataset import SerfDataset, Shot
 from procedures.serf_nonorthogonality.parameters import SerfParameters
-from procedures.serf_nonorthogonality.shots import REPEATED, Wanted
+from procedures.serf_nonorthogonality.shots import AXES, REPEATED, Wanted
 
 if TYPE_CHECKING:
     from station.bench import Bench
     from station.record.folder import RunFolder
 
 
-def shot_of_unit(folder: RunFolder, wanted: Wanted, parameters: SerfParameters) -> Shot:
+def shot_of_unit(
+    folder: RunFolder, wanted: Wanted, parameters: SerfParameters, bench: Bench
+) -> Shot:
     """Return a finished shot, its time zero where the field comes.
 
     A shot that was taken again holds several records, each beginning before the trigger: only the
-    last one counts.
+    last one counts. Sample clock and, where they are known, coil constants are corrected by the
+    records of the bench file.
     """
+    field_nT = np.array(wanted.field_nT)
+    if parameters.constants_known:
+        field_nT *= [bench.corrected(CHANNELS[coil][0], "scale", 1.0, "1") for coil in AXES]
     rows = folder.rows(DIGITIZER, wanted.id)
     starts = np.flatnonzero(np.diff(rows["time_s"]) < 0) + 1
     last = rows[starts[-1] :] if len(starts) else rows
     finished = folder.finished_units().get(wanted.id, {})
-    time_s = last["time_s"] - float(finished.get("delay_s", 0.0))
+    slower = parameters.sample_rate_Hz / true_rate_Hz(parameters, bench)
+    time_s = slower * (last["time_s"] - float(finished.get("delay_s", 0.0)))
     after = time_s > 0.0
     return Shot(
         name=wanted.id,
-        field_nT=np.array(wanted.field_nT),
+        field_nT=field_nT,
         time_s=time_s[after],
         voltage_V=last["voltage_V"][after],
         full_scale_V=parameters.full_scale_V,
     )
+
+
+def true_rate_Hz(parameters: SerfParameters, bench: Bench) -> float:
+    """Return the sampling rate as the digitizer's record corrects it."""
+    return bench.corrected(DIGITIZER, "frequency", parameters.sample_rate_Hz, "Hz")
 
 
 def dataset_of_run(folder: RunFolder, parameters: SerfParameters, bench: Bench) -> SerfDataset:
@@ -47,14 +59,13 @@ def dataset_of_run(folder: RunFolder, parameters: SerfParameters, bench: Bench) 
         for event in folder.events_of(REPEATED)
         if event.details["unit"] in finished
     ]
-    known = parameters.coil_constants == "known" or parameters.shots == "as_published"
     return SerfDataset(
-        shots=[shot_of_unit(folder, wanted, parameters) for wanted in taken],
+        shots=[shot_of_unit(folder, wanted, parameters, bench) for wanted in taken],
         pump_axis=parameters.pump_axis,
         probe_axis=parameters.probe_axis,
         nuclear_spin=parameters.nuclear_spin,
-        constants_known=known,
-        sample_rate_Hz=parameters.sample_rate_Hz,
+        constants_known=parameters.constants_known,
+        sample_rate_Hz=true_rate_Hz(parameters, bench),
         gamma_Hz_per_nT=parameters.gyromagnetic_ratio_Hz_per_nT,
         mains_Hz=parameters.mains_frequency_Hz,
         repeated=repeated,

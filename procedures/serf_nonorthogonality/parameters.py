@@ -168,6 +168,11 @@ class SerfParameters(StrictModel):
         return self.gyromagnetic_ratio_Hz_per_nT * largest_nT / self.slowing_down.polarised
 
     @property
+    def constants_known(self) -> bool:
+        """Whether the bench file's coil constants are taken for exact but for their u."""
+        return self.coil_constants == "known" or self.shots == "as_published"
+
+    @property
     def wanted(self) -> tuple[Wanted, ...]:
         """The shots in the order in which they are taken; each is a unit of work."""
         return shots_of(self.shots, self.field_levels_nT, self.pump_axis, self.probe_axis)

@@ -9,16 +9,23 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from procedures.serf_nonorthogonality.cell import DIGITIZER, Cell, LightPassed
+from procedures.serf_nonorthogonality.cell import (
+    CHANNELS,
+    DIGITIZER,
+    PUMP,
+    Cell,
+    LightPassed,
+)
 from procedures.serf_nonorthogonality.nulling import fields_lost, null_residual_field
 from procedures.serf_nonorthogonality.parameters import SerfParameters
-from procedures.serf_nonorthogonality.shots import REPEATED, Wanted
+from procedures.serf_nonorthogonality.shots import AXES, REPEATED, Wanted
 from station.errors import ConditionNotReached
-from station.procedure import Prompt, Step
+from station.procedure import Prompt, RecordUse, Step
 
 if TYPE_CHECKING:
     from drivers.roles import Block
     from procedures.serf_nonorthogonality.published import PublishedAngles
+    from station.bench import Bench
     from station.runner.run import Run
 
 CELL = "the cell"
@@ -201,7 +208,8 @@ def published_so_far(run: Run, count: int) -> tuple[PublishedAngles, float]:
     from procedures.serf_nonorthogonality.published import published_angles
 
     parameters: SerfParameters = run.parameters
-    shots = [shot_of_unit(run.read_back(), one, parameters) for one in parameters.wanted[:count]]
+    folder, wanted = run.read_back(), parameters.wanted[:count]
+    shots = [shot_of_unit(folder, one, parameters, run.bench) for one in wanted]
     fits = [fit_of(shot, parameters.mains_frequency_Hz) for shot in shots]
     hertz = np.array([np.nan if fit is None else fit.frequency_Hz for fit in fits])
     paper = published_angles(
@@ -279,3 +287,17 @@ INSTRUMENTS = ("signal_generator.xy", "signal_generator.z_gradient", DIGITIZER, 
 def instruments(parameters: SerfParameters) -> tuple[str, ...]:
     """Return the bench instances that every plan needs."""
     return INSTRUMENTS
+
+
+def records(parameters: SerfParameters, bench: Bench) -> tuple[RecordUse, ...]:
+    """Return what the analysis takes of calibration records.
+
+    The coil constants count only where they are taken for known: else each coil has a factor.
+    """
+    generators = dict.fromkeys(CHANNELS[coil][0] for coil in AXES)
+    coils = [RecordUse(generator, "scale", 1.0, "1") for generator in generators]
+    return (
+        *(coils if parameters.constants_known else ()),
+        RecordUse(DIGITIZER, "frequency", parameters.sample_rate_Hz, "Hz"),
+        RecordUse(PUMP, "time_offset", 0.0, "s", needed=False, corrected=False),
+    )

@@ -66,6 +66,7 @@ def told(outcome: Outcome, procedure: str, *, as_json: bool) -> int:
     say(outcome)
     try:
         print_outcome(outcome, procedure, as_json=as_json)
+        outcome.ask_at_the_end()
     except OutputLost as error:
         tell(f"{error}; the run folder has them")
         ended = outcome.exit_code in (EXIT_ABORTED, EXIT_INTERLOCK)

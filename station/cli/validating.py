@@ -19,7 +19,7 @@ from station.plan.model import LONGEST, LONGEST_S
 from station.plan.resolved import resolved_data, resolved_text
 from station.runner.disk_space import in_bytes
 from station.runner.memory import memory_of
-from station.runner.preflight import warned_of_limits, warned_of_memory
+from station.runner.preflight import warned_of_limits, warned_of_memory, warned_of_records
 from station.safety.static_limits import problems_of_plan
 from station.yaml.reading import Fault, FaultList
 
@@ -70,7 +70,11 @@ def outlook_of(plan: Plan, bench: Bench) -> dict[str, Any]:
     """
     procedure = registry.procedure(plan.procedure)
     memory = memory_of(procedure.forecast(plan.parameters, bench))
-    warned = (*warned_of_limits(plan, procedure), *warned_of_memory(memory))
+    warned = (
+        *warned_of_limits(plan, procedure),
+        *warned_of_records(plan, procedure, bench),
+        *warned_of_memory(memory),
+    )
     return {
         "plan": str(plan.path),
         "expected_s": round(procedure.duration_s(plan.parameters), 3),

@@ -122,7 +122,7 @@ class Stand:
         self.opened.append(instrument)
         return instrument
 
-    def _ask(self, prompt_id: str, text: str) -> str:
+    def _ask(self, prompt_id: str, text: str, at_the_end: bool) -> str:
         self.asked.append(prompt_id)
         return str(self.simulation.act(prompt_id)) if self.simulation else "done"
 

@@ -26,7 +26,7 @@ def report_of_dataset(raw: RawDataset, document: ResultDocument, findings: Findi
         parameters=tuple(flat_rows(raw.document.data["conditions"])),
         assumptions=(
             "The data were imported: no calibration records came with them, so the uncertainties "
-            "hold type A alone.",
+            "hold type A and what the conditions state, no more.",
             *procedure.assumptions,
         ),
         versions=tuple(version_rows(versions())),

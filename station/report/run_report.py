@@ -22,7 +22,10 @@ from station.report.context import (
 )
 from station.report.html import render_html
 from station.results import ResultDocument
+from station.runner.run import LEFT_FOR_THE_END
 from station.safety.interlocks.reading import CHAIN
+
+ASKED_LAST = "asked once bench and results were done"
 
 
 def report_of_run(folder: RunFolder, document: ResultDocument, findings: Findings) -> str:
@@ -47,10 +50,7 @@ def report_of_run(folder: RunFolder, document: ResultDocument, findings: Finding
         simulation=simulation_sentences(bench, speed_of(folder)) if simulated else (),
         instruments=tuple(instrument_rows(folder, bench)),
         steps=tuple(step_rows(folder)),
-        prompts=tuple(
-            PromptRow(e.details["id"], e.details["text"], e.details["answer"], e.details["by"])
-            for e in folder.events_of("prompt")
-        ),
+        prompts=tuple(prompt_rows(folder)),
         safe_state=tuple(
             SafeStateRow(
                 one["instrument"] + ("" if one.get("used", True) else ", not used"),
@@ -68,6 +68,15 @@ def report_of_run(folder: RunFolder, document: ResultDocument, findings: Finding
     )
     parts = procedure.report(findings, document)
     return render_html(document, context, parts)
+
+
+def prompt_rows(folder: RunFolder) -> Iterator[PromptRow]:
+    """Yield what was asked and answered, then what was left for after the results."""
+    for event in folder.events_of("prompt"):
+        details = event.details
+        yield PromptRow(details["id"], details["text"], details["answer"], details["by"])
+    for event in folder.events_of(LEFT_FOR_THE_END):
+        yield PromptRow(event.details["id"], event.details["text"], ASKED_LAST, "")
 
 
 def rest_of(event: Event) -> list[dict[str, Any]]:

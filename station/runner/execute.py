@@ -98,6 +98,7 @@ def execute(request: Request) -> Outcome:
             trace = Trace(record.path, clock) if request.trace else None
             Walk(run, procedure, session, bench.path, trace).go(outcome)
     conclude(record, outcome, report=request.report)
+    outcome.ask_at_the_end = lambda: operator.ask_at_the_end(run.left)
     return outcome
 
 

@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     from station.runner.trace import Trace
 
 
+Asker = Callable[[str, str, bool], str]
+"""Puts a request of an id and a text to the operator, at the end of the run where that is True."""
 LOOK = "a look at the whole bench"
 """What the holder of a lock begins with that will be given back in a moment."""
 LOOK_ENDS_WITHIN_S = 10.0
@@ -45,7 +47,7 @@ class Place:
     clock: Clock
     settings: Mapping[str, Any] = field(default_factory=dict)
     limits: Mapping[str, float] = field(default_factory=dict)
-    asker: Callable[[str, str], str] | None = None
+    asker: Asker | None = None
     trace: Callable[[str, bytes], None] | None = None
     publisher: Publisher | None = None
     shared: Mapping[str, Opened] = field(default_factory=dict)
@@ -65,9 +67,16 @@ class Place:
 
     def ask(self, prompt_id: str, text: str) -> str:
         """Put a request to the operator and return the answer."""
+        return self._put(prompt_id, text, False)
+
+    def ask_at_the_end(self, prompt_id: str, text: str) -> None:
+        """Put a request that no step waits for; a person is asked once the results are written."""
+        self._put(prompt_id, text, True)
+
+    def _put(self, prompt_id: str, text: str, at_the_end: bool) -> str:
         if self.asker is None:
             raise InputError(f"{self.name}: nobody can be asked here: {text}")
-        return self.asker(prompt_id, text)
+        return self.asker(prompt_id, text, at_the_end)
 
 
 @dataclass(frozen=True)
@@ -100,7 +109,7 @@ def open_one(
     bench: Bench,
     addresses: Mapping[str, str],
     clock: Clock,
-    asker: Callable[[str, str], str] | None = None,
+    asker: Asker | None = None,
     trace: Trace | None = None,
     readings: Readings | None = None,
     locks: InstrumentLocks | None = None,
@@ -229,7 +238,7 @@ def open_instruments(
     wanted: Iterable[str],
     addresses: Mapping[str, str],
     clock: Clock,
-    asker: Callable[[str, str], str] | None,
+    asker: Asker | None,
     trace: Trace | None = None,
     readings: Readings | None = None,
     locks: InstrumentLocks | None = None,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -36,6 +37,9 @@ class Outcome:
     """What can harm and was not read back: another run holds it, or it does not answer."""
     left_to: str = ""
     """Who goes on trying where not everything could be verified as safe, for the operator."""
+
+    ask_at_the_end: Callable[[], None] = lambda: None
+    """Asks a person for what nothing waited for; called once the results are printed."""
 
     @property
     def unsafe(self) -> list[SafeOutcome]:

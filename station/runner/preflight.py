@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from station.clock import RealClock, boot_seconds, system_clock_synchronised, utc_now
 from station.errors import RecordError
+from station.evaluation import record_flags
 from station.runner.disk_space import disk_of, nearest_there
 from station.runner.memory import memory_of
 from station.safety.static_limits import problems_of_plan
@@ -59,6 +60,7 @@ def look_before_a_run(
     return [
         *warned,
         *warned_of_limits(plan, procedure),
+        *warned_of_records(plan, procedure, bench),
         *warned_of_clock(expected_s, real=real, synchronised=synchronised),
     ]
 
@@ -69,6 +71,12 @@ def warned_of_limits(plan: Plan, procedure: Procedure) -> Iterator[Warned]:
     for name, sentence in procedure.undetermined(plan.parameters).items() if limited else ():
         if name in limited:
             yield Warned("limit-not-determined", str(plan.fault(("limits", name), sentence)))
+
+
+def warned_of_records(plan: Plan, procedure: Procedure, bench: Bench) -> Iterator[Warned]:
+    """Yield what calibration records lack for a plan, and what of them it does not use."""
+    for flag in record_flags(procedure, plan.parameters, bench):
+        yield Warned(flag.code, flag.message)
 
 
 def warned_of_memory(memory: Memory) -> Iterator[Warned]:

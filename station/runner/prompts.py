@@ -4,13 +4,21 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 
 from station.clock import Clock
 from station.console import tell
 from station.errors import Aborted, InputError, UnansweredPrompt
 from station.procedure import Prompt
-from station.runner.consent import ABORT, DONE, HINT, discard_typed, meaning
+from station.runner.consent import (
+    ABORT,
+    DONE,
+    HINT,
+    HINT_AT_THE_END,
+    discard_typed,
+    meaning,
+)
 from station.runner.signals import wishes_end_a_prompt
 
 
@@ -88,6 +96,25 @@ class Operator:
         if answer == ABORT:
             raise Aborted(f"the operator ended the run at the prompt {prompt.id}")
         return Answer(DONE, "operator")
+
+    def would_wait(self, prompt: Prompt) -> bool:
+        """Whether a person would have to be waited for: neither file nor world says `done`."""
+        return self._meant(prompt.id) != DONE and not (prompt.physical and self._act is not None)
+
+    def ask_at_the_end(self, prompts: Sequence[Prompt]) -> None:
+        """Put what was left for the end of a run; raises nothing: nothing depends on it any more.
+
+        What is not confirmed is named.
+        """
+        for prompt in prompts:
+            tell(f"\n>> {prompt.text}")
+            answer = ABORT
+            if self._interactive and self._meant(prompt.id) is None:
+                with suppress(Aborted), wishes_end_a_prompt():
+                    discard_typed()
+                    answer = self._typed(f"   [{prompt.id}] {HINT_AT_THE_END}: ")
+            if answer != DONE:
+                tell(f"   not confirmed: {prompt.id}; the run is finished all the same")
 
     def _meant(self, prompt_id: str) -> str | None:
         """Return what the answers file means for a prompt; None where it holds no answer to it."""

@@ -29,7 +29,7 @@ from station.runner.outcome import Outcome
 from station.runner.preflight import watch_system_clock
 from station.runner.progress import Progress, how_long
 from station.runner.prompts import Operator
-from station.runner.run import Past, Run
+from station.runner.run import LEFT_FOR_THE_END, Past, Run
 from station.runner.session import RESUME, BenchSession
 from station.runner.trace import Trace
 from station.runner.walking import Walk
@@ -85,7 +85,7 @@ def resume(request: ResumeRequest) -> Outcome:
     bench_file = bench.path if request.bench else Path(facts.get("bench_file", bench.path))
     refuse_until_acknowledged(bench_file, [] if request.served else addresses_of(bench))
     if is_measured(folder):
-        return evaluate_only(folder, report=request.report)
+        return evaluate_only(folder, request)
     refuse_another_world(folder, facts, request.served)
     stopped_s = folder.events[-1].time_s
     silent_s = real_seconds_since(folder.path / EVENTS)
@@ -126,6 +126,7 @@ def resume(request: ResumeRequest) -> Outcome:
             trace = Trace(record.path, clock) if request.trace else None
             Walk(run, procedure, session, bench_file, trace, first=AS_BEFORE).go(outcome)
     conclude(record, outcome, report=request.report)
+    outcome.ask_at_the_end = lambda: operator.ask_at_the_end(run.left)
     return outcome
 
 
@@ -139,8 +140,13 @@ def refuse_while_guarded(folder: Path) -> None:
         )
 
 
-def evaluate_only(folder: RunFolder, *, report: bool) -> Outcome:
+def evaluate_only(folder: RunFolder, request: ResumeRequest) -> Outcome:
     """Evaluate a run that was measured to its end and then interrupted; raises InputError."""
+    left = [
+        Prompt(event.details["id"], event.details["text"])
+        for event in folder.of_last_process(LEFT_FOR_THE_END)
+    ]
+    operator = Operator(RealClock(), request.answers, interactive=request.interactive, act=None)
     evaluated = (folder.path / RESULTS).is_file()
     if evaluated and RESULTS in covered_files(folder.path):
         raise InputError(f"{folder.path} is finished; `station analyse` computes its results again")
@@ -152,7 +158,8 @@ def evaluate_only(folder: RunFolder, *, report: bool) -> Outcome:
         outcome.exit_code = exit_code_of(outcome.document)
         record.seal()
     else:
-        conclude(record, outcome, report=report, ended=True)
+        conclude(record, outcome, report=request.report, ended=True)
+    outcome.ask_at_the_end = lambda: operator.ask_at_the_end(left)
     return outcome
 
 

@@ -29,6 +29,8 @@ SENTENCES = {
     "frames-dropped": "more came than was taken; the oldest frames were dropped",
 }
 """What the operator reads of the first event of a kind of an instrument; all are in the log."""
+LEFT_FOR_THE_END = "prompt-left"
+"""Logs a request that a person is put only once bench and results are done."""
 COMPUTES_WITHIN_S = 120.0
 """Real time that a step may work on what was recorded, without a sign of life."""
 
@@ -67,6 +69,8 @@ class Run:
         self.instruments: Mapping[str, object] = {}
         self.handed_on: dict[str, Any] = {}
         """What one step leaves for the next; nothing that results are computed from."""
+        self.left: list[Prompt] = []
+        """What a person is asked once the results are written."""
         self.control: Control | None = None
         """What other terminals ask of this run, None where nobody can."""
         self._operator = operator
@@ -174,6 +178,18 @@ class Run:
             "prompt", id=prompt_id, text=text, answer=answer.text, by=answer.by, of=of
         )
         return answer.text
+
+    def ask_at_the_end(self, prompt_id: str, text: str, of: str = "step") -> str:
+        """Ask for what no step waits for: a person when bench and results are done.
+
+        What an answers file or the simulated world answers is answered now. Empty where it is not.
+        """
+        prompt = Prompt(prompt_id, text)
+        if not self._operator.would_wait(prompt):
+            return self.ask_again(prompt_id, text, of)
+        self.left.append(prompt)
+        self.record.event(LEFT_FOR_THE_END, id=prompt_id, text=text, of=of)
+        return ""
 
     @contextmanager
     def _not_working(self) -> Iterator[None]:

@@ -215,8 +215,9 @@ class Walk:
                 said[entries[one].address or ""] = known
         return said
 
-    def _ask_for_driver(self, prompt_id: str, text: str) -> str:
-        return self._run.ask_again(prompt_id, text, of="driver")
+    def _ask_for_driver(self, prompt_id: str, text: str, at_the_end: bool) -> str:
+        asks = self._run.ask_at_the_end if at_the_end else self._run.ask_again
+        return asks(prompt_id, text, of="driver")
 
     def _watch(self, signals: AbortSignals) -> None:
         """Look at every interlock once, then watch them beside the steps."""
