@@ -66,6 +66,7 @@ RESULT_KEYS = {
     "flags[].code": "one of the [codes](flags.md)",
     "flags[].axis": "the axis it concerns, or null",
     "flags[].message": "the sentence",
+    "flags[].undriven[]": "of `cross-axis`: the axes that were not driven",
     "run": "`station run --json` only: the run folder",
     "exit_code": "`station run --json` only",
     "error": "`station run --json` only: why the run did not finish, or null",

@@ -191,7 +191,7 @@ def cross_axis_flags(estimates: Sequence[Estimate], settings: AnalysisSettings) 
                     "(`undriven_sensitivity`). Drive all three axes, align the coil, or state what "
                     "is known of the gyro.",
                     estimate.axis,
-                    {"shares": large},
+                    {"undriven": list(large)},
                 )
             )
     return flags
