@@ -303,10 +303,9 @@ class Walk:
         )
 
     def _causes(self, failure: Exception) -> list[Exception]:
-        """Return what ended a run that failed, the last of which counts.
+        """Return what ended a run that failed, the last of which counts: an interlock's trip.
 
-        Where an interlock tripped, that was it. An emergency stop cuts power: the run may fail of
-        that before the chain is looked at.
+        An emergency stop cuts power: the run may fail of that before the chain is looked at.
         """
         if self._monitor is None:
             return [failure]
