@@ -283,6 +283,62 @@ def _backwards(one: TurnRecord, values: Array) -> TurnRecord:
     return replace(one, time_s=one.time_s[::-1].copy())
 
 
+def _jitter(dataset: NineAxisDataset, rng: np.random.Generator) -> NineAxisDataset:
+    turns = [
+        replace(one, time_s=np.round(one.time_s + 0.02 * rng.standard_normal(len(one.time_s)), 4))
+        for one in dataset.turns
+    ]
+    return replace(dataset, turns=tuple(turns))
+
+
+def _gain_drift(size: float) -> Spoil:
+    """Return the fault of a scale factor that settles over the records of an axis."""
+
+    def spoil(dataset: NineAxisDataset, rng: np.random.Generator) -> NineAxisDataset:
+        del rng
+        turns = []
+        for n, one in enumerate(dataset.turns):
+            rate = one.rate_deg_per_s.copy()
+            place = n % 10 + _ramp(one)
+            rate[:, one.axis] = np.round(rate[:, one.axis] * (1.0 + size * np.exp(-place)), 7)
+            turns.append(replace(one, rate_deg_per_s=rate))
+        return replace(dataset, turns=tuple(turns))
+
+    return spoil
+
+
+def _askew(lean_deg: float) -> Spoil:
+    """Return the fault of a sensor mounted askew: the turned gyro feels less, the others more."""
+
+    def spoil(dataset: NineAxisDataset, rng: np.random.Generator) -> NineAxisDataset:
+        del rng
+        lean, latitude = np.radians(lean_deg), np.radians(dataset.latitude_deg)
+        level = 15.041 * np.cos(latitude) / 3600.0 * np.sin(lean)
+        turns = []
+        for one in dataset.turns:
+            rate = one.rate_deg_per_s.copy()
+            swing = level * np.cos(np.radians(one.encoder_deg - 0.5 * one.commanded_deg_per_s))
+            lost = (np.cos(lean) - 1.0) * one.commanded_deg_per_s
+            rate[:, one.axis] += swing * np.sinc(one.commanded_deg_per_s / 360.0) + lost
+            rate[:, (one.axis + 1) % 3] += np.sin(lean) * one.commanded_deg_per_s
+            turns.append(replace(one, rate_deg_per_s=np.round(rate, 7)))
+        return replace(dataset, turns=tuple(turns))
+
+    return spoil
+
+
+def _across(dataset: NineAxisDataset, rng: np.random.Generator) -> NineAxisDataset:
+    """Exchange the gyros Y and Z while turning."""
+    del rng
+    turns = [
+        replace(one, rate_deg_per_s=one.rate_deg_per_s[:, [0, 2, 1]])
+        if np.isfinite(one.rate_deg_per_s).all()
+        else one
+        for one in dataset.turns
+    ]
+    return replace(dataset, turns=tuple(turns))
+
+
 PER_DEG = np.pi / 180.0
 
 STATIC_FAULTS = (
@@ -323,6 +379,9 @@ STATIC_FAULTS = (
     Plant("gyro Z reads zero in 3", STUCK | ASKEW, still(lambda v, _: v * [1.0, 1.0, 0.0], (3,))),
     Plant("rates at rest in steps of 3 deg/h", frozenset({"coarse-output", "misfit"}), still(lambda v, _: np.round(v / 3.0) * 3.0)),
     Plant("gyros of 1 copied to 2", ASKEW | STUCK, _copied_static),
+    Plant("swing with a period of 70 s", RESTLESS, still(lambda v, one: _added(v, 2, 1.5 * np.sin(0.09 * one.time_s)))),
+    Plant("rates at rest and turning differ by 3 %", ASKEW, turning(own(lambda v, _: 1.03 * v))),
+    Plant("last rows of 1 lifted off", RESTLESS | UNEVEN, still(lambda v, _: np.vstack((v[:-8], v[-8:] + 20.0)), (1,))),
     Plant("gyro X rectified", ASKEW, still(lambda v, _: np.abs(v))),
 )  # fmt: skip
 
@@ -372,6 +431,18 @@ TURNING_FAULTS = (
     Plant("growing noise", UNEVEN, turning(own(_grown))),
     Plant("mains beat", UNEVEN, turning(own(lambda v, one: v + 1e-3 * np.sin(0.045 * one.time_s)), slowest)),
     Plant("turned gyro mixed with 1 % of the next", STATED | UNEVEN, turning(own(lambda v, one: v + 0.02 * abs(one.commanded_deg_per_s)))),
-    Plant("all rates 3 % too large", STATED, turning(own(lambda v, _: 1.03 * v))),
+    Plant("stamps jitter by 20 ms", UNEVEN, _jitter),
+    Plant("encoder in whole degrees", UNEVEN, turning(angle(lambda one: np.round(one.encoder_deg)))),
+    Plant("encoder noise 0.02 deg", UNEVEN, turning(angle(lambda one: one.encoder_deg + 0.02 * np.sin(1e4 * one.time_s**1.5)))),
+    Plant("encoder lies at one angle", UNEVEN, turning(angle(lambda one: one.encoder_deg + 0.02 * (np.mod(one.encoder_deg, 360.0) < 40.0)))),
+    Plant("clipped at 100 deg/s forth only", STUCK, turning(own(lambda v, _: np.minimum(v, 100.0)))),
+    Plant("block copied within a record", STUCK, turning(own(lambda v, _: np.concatenate((v[20:40], v[20:]))[: len(v)]), slowest)),
+    Plant("scale factor drifts 1000 ppm", UNEVEN, _gain_drift(1e-3)),
+    Plant("mounted 4 deg askew", STATED | {"cross-axis"}, _askew(4.0)),
+    Plant("mounted 1.5 deg askew", STATED | {"cross-axis"}, _askew(1.5)),
+    Plant("gyros across exchanged", STATED | UNEVEN, _across),
+    Plant("noise ten times at the fastest", UNEVEN, turning(own(lambda v, one: v + 2e-3 * np.sin(1e4 * one.time_s**1.5)), fastest)),
+    Plant("even term 1e-7 of the square", UNEVEN, turning(own(lambda v, one: v + 1e-7 * one.commanded_deg_per_s**2))),
+    Plant("time 1 s late from the middle", UNEVEN, turning(lambda one, _: replace(one, time_s=one.time_s + 1.0 * (_ramp(one) > 0.5)), middle)),
     Plant("first tenth from the rate before", UNEVEN, turning(own(lambda v, _: _part(v, 0.0, 0.1, -20.0)), middle)),
 )  # fmt: skip
