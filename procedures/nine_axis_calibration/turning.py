@@ -217,10 +217,14 @@ def _gyro(
         ]
     )
     reading = ends_deg * np.sqrt(2.0) / span_s
+    unfollowed = [
+        _unfollowed(v, e, good, own=own and not done and np.isnan(r.encoder_u_deg))
+        for (v, done), e, good, r in zip(following, encoders, kept, records, strict=True)
+    ]
     excess = np.array(
         [
-            slow_excess(left, float(s), (float(e) * BLOCKS) ** 2)
-            for left, s, e in zip(cleaned, sample, reading, strict=True)
+            slow_excess(left - moved, float(s), (float(e) * BLOCKS) ** 2)
+            for left, moved, s, e in zip(cleaned, unfollowed, sample, reading, strict=True)
         ]
     )
     rounding = rounding_u([v[k] for (v, _), k in zip(following, kept, strict=True)], pooled)
@@ -257,6 +261,15 @@ def _follow(values: Array, encoder: Encoder, *, own: bool) -> tuple[Array, bool]
     without = values - gain * (encoder.rate_deg_per_s - encoder.mean_rate_deg_per_s)
     wanders = robust_sigma(without[finite]) < robust_sigma(values[finite])
     return (np.asarray(without), True) if wanders else (values, bool(encoder.unsteady.any()))
+
+
+def _unfollowed(values: Array, encoder: Encoder, good: Mask, *, own: bool) -> Array:
+    """Return what the table moved by its encoder that the used samples were not cleared of."""
+    rates = encoder.rate_deg_per_s[good]
+    if not own or not len(rates) or not bool(np.isfinite(rates).all()):
+        return np.zeros(int(good.sum()))
+    gain = float(np.median(values[good])) / encoder.mean_rate_deg_per_s
+    return np.asarray(gain * (rates - rates.mean()))
 
 
 def _mean_rate(encoder: Encoder, good: Mask, *, wanders: bool) -> float:
