@@ -135,7 +135,7 @@ def statement_flags(
             text for text, ratio in UNITS.items() if abs(worst - ratio) <= LIKE * max(abs(ratio), 1)
         ]
         said = (
-            f"Gyro {AXES[axis]} answers {worst:.4g} of the table's rate, where its output is stated "
+            f"Gyro {AXES[axis]} answers {worst:.4g} of the table's rate, but its output is stated "
             f"in deg/s: likely it {likely[0] if likely else 'has another unit, sign or axis'} in "
             "some record or in all. Correct the column and analyse again."
         )
@@ -180,12 +180,12 @@ def _of_rotation(rotation: Rotation, latitude_deg: float) -> Flag:
     likely = [text for text, one in AT_REST.items() if abs(ratio - one) <= LIKE * max(one, 1e-5)]
     if abs(ratio) < 1e-6:
         likely = ["have the earth's rotation taken off"]
+    cause = likely[0] if likely else "have another unit or scale than turning"
     said = (
         f"At rest the gyros feel {rotation.size_deg_per_h:.4g} deg/h (u = "
         f"{rotation.size_u_deg_per_h:.2g} deg/h) where the earth turns at "
-        f"{EARTH_RATE_deg_per_h:.4g} deg/h: likely the rates "
-        f"{likely[0] if likely else 'have another unit or scale than turning'}. Correct the columns and analyse "
-        "again."
+        f"{EARTH_RATE_deg_per_h:.4g} deg/h: likely the rates {cause}. Correct the columns and "
+        "analyse again."
     )
     return Flag("contradicts-statement", said, None, details)
 

@@ -127,7 +127,7 @@ def rounding_u(records: Sequence[Array], variance: float) -> float:
         return 0.0
     step = float(steps.min())
     blurred = max(variance - step**2 / 12.0, 0.0) / step**2
-    return step / np.sqrt(12.0) * float(np.exp(-min(2.0 * np.pi**2 * blurred, 700.0)))
+    return step / float(np.sqrt(12.0)) * float(np.exp(-min(2.0 * np.pi**2 * blurred, 700.0)))
 
 
 def slow_excess(residuals: Array, variance: float, extra: float = 0.0) -> float:
@@ -180,7 +180,9 @@ def means_of(
     coarse = rounding > COARSE * float(np.sqrt(np.median(variance * factor / count)))
     u[count < 1.0] = np.nan
     degrees = blocks if excess > 0.0 else freedom
-    return Means(value, u, degrees, float(np.sqrt(pooled)), float(np.sqrt(excess)), kept, coarse * rounding)
+    return Means(
+        value, u, degrees, float(np.sqrt(pooled)), float(np.sqrt(excess)), kept, coarse * rounding
+    )
 
 
 def _wander(residuals: Sequence[Array], long_variance: float) -> tuple[float, float]:

@@ -162,7 +162,7 @@ def _even(
 
     def fitted(extra: float) -> tuple[Array, Array, Array, float]:
         weighted = np.linalg.solve(noise + extra * single, design)
-        inverse = np.linalg.inv(design.T @ weighted)
+        inverse = np.asarray(np.linalg.inv(design.T @ weighted), dtype=np.float64)
         found = inverse @ (weighted.T @ half)
         left = half - design @ found
         return found, inverse, left, float(left @ np.linalg.solve(noise + extra * single, left))

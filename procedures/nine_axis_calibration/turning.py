@@ -50,10 +50,10 @@ class AxisMeans:
     `restless` (r,) is the standard deviation in deg/s by which the turned gyro changes within a
     record beyond its noise, slowly or at once; it is in `covariance` whole.
     `wild_readings` is how many of the encoder's readings did not fit the turns, `unsteady` (r,) in
-    how many samples the table was not at its rate; neither is used. `graduation_deg`
-    is the size of what the encoder's scale was found to be off within a turn, and corrected for; `rounding`
-    what coarse output adds to the turned gyro's means, in deg/s; `lean_rad` how far the turned
-    gyro leans from the table's axis by the earth's rotation that it feels round the turn, and u.
+    how many samples the table was not at its rate; neither is used. `graduation_deg` is what the
+    encoder was found to be off within a turn, and corrected for; `rounding` is what coarse output
+    adds to the turned gyro's means, in deg/s; `lean_rad` is how far that gyro leans from the
+    table's axis by the earth's rotation that it feels round the turn, and its u.
     """
 
     output: Array
