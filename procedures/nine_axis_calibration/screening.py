@@ -111,7 +111,8 @@ def without_frozen(dataset: NineAxisDataset) -> tuple[NineAxisDataset, int, int]
     """
     still, at_rest = _without_repeats([one.rate_deg_per_h for one in dataset.static])
     sensed, also = _without_repeats([one.acceleration_g for one in dataset.static], most=1.0)
-    spun, turning = _without_repeats([one.rate_deg_per_s for one in dataset.turns])
+    axes = [one.axis for one in dataset.turns]
+    spun, turning = _without_repeats([one.rate_deg_per_s for one in dataset.turns], axes)
     static = tuple(
         replace(one, rate_deg_per_h=rate, acceleration_g=force)
         for one, rate, force in zip(dataset.static, still, sensed, strict=True)
@@ -122,28 +123,29 @@ def without_frozen(dataset: NineAxisDataset) -> tuple[NineAxisDataset, int, int]
     return replace(dataset, static=static, turns=turns), max(at_rest, also), turning
 
 
-def _without_repeats(records: Sequence[Array], most: float = MOSTLY) -> tuple[list[Array], int]:
+def _without_repeats(
+    records: Sequence[Array], sorts: Sequence[int] = (), most: float = MOSTLY
+) -> tuple[list[Array], int]:
     """Return records (n, 3) with NaN in the place of repeats, and how many samples hold one.
 
-    A channel that is so coarse that its neighbours often are alike is left as it is.
+    A channel that is so coarse that its neighbours often are alike is left as it is; that is judged
+    by the records of one of the `sorts`.
     """
-    fine = [
-        channel
+    sorts = sorts or [0] * len(records)
+    fine = {
+        (sort, channel)
+        for sort in set(sorts)
         for channel in range(3)
-        if _usually_new([one[:, channel] for one in records]) > USUALLY_NEW
-    ]
+        if _usually_new([r[:, channel] for r, s in zip(records, sorts, strict=True) if s == sort])
+        > USUALLY_NEW
+    }
     found = [one.copy() for one in records]
-    columns = [one[:, channel] for one in records for channel in fine]
-    masks = iter(repeats(columns))
-    count = 0
-    for one in found:
-        repeated = np.zeros(one.shape, dtype=bool)
-        for channel in fine:
-            own = next(masks)
-            repeated[:, channel] = np.isfinite(one[:, channel]) if own.mean() > most else own
-        count += int(repeated.any(axis=1).sum())
-        one[repeated] = np.nan
-    return found, count
+    places = [(n, c) for n, sort in enumerate(sorts) for c in range(3) if (sort, c) in fine]
+    repeated = [np.zeros(one.shape, dtype=bool) for one in records]
+    for (n, c), own in zip(places, repeats([records[n][:, c] for n, c in places]), strict=True):
+        repeated[n][:, c] = np.isfinite(records[n][:, c]) if own.mean() > most else own
+        found[n][repeated[n][:, c], c] = np.nan
+    return found, sum(int(one.any(axis=1).sum()) for one in repeated)
 
 
 def _usually_new(columns: Sequence[Array]) -> float:
