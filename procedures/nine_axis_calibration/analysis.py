@@ -63,7 +63,7 @@ def analyse(
     }
     axes = {axis: solve_axis(means[axis], axis) for axis in turned}
     gain, gain_u = gain_matrix(axes)
-    static, freedom, wander, rounding = _static(clean, settings, allan=allan)
+    static, freedom, wander, rounding = _static(clean, dataset.static, settings, allan=allan)
     rotation = denied_rotation(
         static, dataset.latitude_deg, dataset.prior, np.diag(gain), settings.pose.acceleration_g
     )
@@ -110,9 +110,16 @@ def gain_matrix(axes: Mapping[int, ScaleSolution | None]) -> tuple[Array, Array]
 
 
 def _static(
-    dataset: NineAxisDataset, settings: AnalysisSettings, *, allan: bool
+    dataset: NineAxisDataset,
+    as_recorded: Sequence[StaticRecord],
+    settings: AnalysisSettings,
+    *,
+    allan: bool,
 ) -> tuple[tuple[StaticSummary, ...], Array, Array, Array]:
-    """Return each static record's means and pose; each gyro's freedom, wander, rounding, (3,)."""
+    """Return each static record's means and pose; each gyro's freedom, wander, rounding, (3,).
+
+    A gyro that only repeats itself has no mean, but what it repeats can still tell a wrong pose.
+    """
     records = dataset.static
     if not records:
         return (), np.zeros(3), np.zeros(3), np.zeros(3)
@@ -127,10 +134,11 @@ def _static(
     gyro = np.array([one.value for one in gyros]).T
     gyro_u = np.array([one.standard_uncertainty for one in gyros]).T
     acceleration = np.array([one.value for one in accelerometers]).T
+    repeated = np.array([np.nanmedian(one.rate_deg_per_h, axis=0) for one in as_recorded])
     poses = check_together(
         [one.position for one in records],
-        gyro,
-        gyro_u,
+        np.where(np.isfinite(gyro), gyro, repeated),
+        np.nan_to_num(gyro_u),
         acceleration,
         dataset.latitude_deg,
         settings.pose,
