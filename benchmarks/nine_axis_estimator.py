@@ -41,7 +41,7 @@ Array = NDArray[np.float64]
 
 EARTH = 15.041067
 RANDOM_WALK = 0.01
-POSITIONS = {n: np.array(STANDS[n]) for n in (1, 2, 3)}
+POSITIONS = {n: np.array(axes) for n, axes in STANDS.items()}
 ARCSEC_PER_RAD = 180.0 * 3600.0 / np.pi
 
 
@@ -61,6 +61,8 @@ class Case:
     outliers: float = 0.0
     missing: float = 0.0
     static_s: int = 600
+    places: int = 3
+    """How many of the positions 1 to 6 it stood in."""
 
     def lasts_s(self, rate_deg_per_s: float) -> float:
         """Return the time of a record at a rate."""
@@ -135,7 +137,7 @@ def simulate(case: Case, seed: int) -> tuple[NineAxisDataset, Truth]:
     turning = EARTH * np.array([0.0, np.cos(latitude), np.sin(latitude)])
     noise = 60.0 * RANDOM_WALK
     static = []
-    for position, axes in POSITIONS.items():
+    for position, axes in list(POSITIONS.items())[: case.places]:
         tilt = lean * generator.normal(0.0, PRIOR.tilt_rad, 2)
         own = lean * generator.normal(0.0, PRIOR.relative_heading_rad)
         stood = turned(axes, tilt[0], tilt[1], -(psi + own))

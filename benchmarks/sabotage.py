@@ -91,15 +91,19 @@ def deviates(clean: Made, planted: Made) -> float:
 
 
 def analysed(made: Made) -> dict[str, Any]:
-    """Return the results of a dataset as the contract writes them."""
+    """Return the results of a dataset as the contract writes them; none where it is refused."""
     from station.dataset_reading import read_dataset
+    from station.errors import InputError
     from station.evaluation import evaluate_dataset
 
     with tempfile.TemporaryDirectory() as place:
         folder = Path(place) / "dataset"
         folder.mkdir()
         made.write(folder)
-        document, _ = evaluate_dataset(read_dataset(folder))
+        try:
+            document, _ = evaluate_dataset(read_dataset(folder))
+        except InputError:
+            return {"results": [], "flags": [{"code": "refused"}]}
         return document.to_data()
 
 

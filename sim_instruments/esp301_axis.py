@@ -91,10 +91,11 @@ class Axis:
     """The axis, whose true angle is `rotation` in the simulated world.
 
     Truth: `angle_at_start`, where the axis truly stands when the controller is switched on and
-    its counter says zero; `encoder_offset`, what the homed encoder reads too much; `encoder_noise`
-    (rms of one reading), `resolution`; `settling`, how long after its profile a movement counts as
-    done; `maximum_rate` and `maximum_acceleration` of the stage; `settings_protected`, whether
-    these cannot be lowered.
+    its counter says zero; `encoder_offset`, what the homed encoder reads too much, and, where its
+    graduation is off, `encoder_sine` once a turn with `encoder_phase`; `encoder_noise` (rms of one
+    reading), `resolution`; `settling`, how long after its profile a movement counts as done;
+    `maximum_rate` and `maximum_acceleration` of the stage; `settings_protected`, whether these
+    cannot be lowered.
     """
 
     def __init__(
@@ -107,6 +108,8 @@ class Axis:
     ) -> None:
         self._rotation, self._faults, self._rng, self._now = rotation, faults, rng, now
         self._offset_deg = truth.quantity("encoder_offset", "deg")
+        self._sine_deg = truth.error("encoder_sine", "deg")
+        self._phase_deg = truth.error("encoder_phase", "deg")
         self._noise_deg = truth.quantity("encoder_noise", "deg")
         self._step_deg = truth.quantity("resolution", "deg")
         self._settling_s = truth.quantity("settling", "s")
@@ -155,8 +158,9 @@ class Axis:
         jump = self._faults.now(EncoderJump.kind)
         jump_deg = jump.angle_deg if isinstance(jump, EncoderJump) else 0.0
         noise_deg = self._noise_deg * float(self._rng.standard_normal())
-        reading = true_deg + self._zero_deg + jump_deg + noise_deg
-        return round(reading / self._step_deg) * self._step_deg
+        sine_deg = self._sine_deg * np.sin(np.radians(true_deg + self._phase_deg))
+        reading = true_deg + self._zero_deg + sine_deg + jump_deg + noise_deg
+        return float(round(reading / self._step_deg) * self._step_deg)
 
     def desired_deg(self) -> float:
         """Return where the trajectory is."""

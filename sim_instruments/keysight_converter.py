@@ -97,7 +97,9 @@ class Converter:
     Truth (`simulator` mapping): `measures` (`accelerometer`, `pt100` or `nothing`), `noise` (rms
     at one power-line cycle, of the range), `line_frequency`; with an accelerometer `gain_error`,
     `offset` in V and `zero_drift_in_one_hour` (V, where auto-zero is off), with a Pt100
-    `gain_error` and `offset` in ohm. What is not connected, or not in this world, is an open input.
+    `gain_error` and `offset` in ohm; `linearity` may be given, how far the middle of the range is
+    off a straight line through its ends, of the range. What is not connected, or not in this
+    world, is an open input.
     """
 
     def __init__(self, setting: Setting) -> None:
@@ -120,6 +122,7 @@ class Converter:
             self._offset = truth.quantity("offset", unit)
         if self.measures == "accelerometer":
             self._drift_per_s = truth.quantity("zero_drift_in_one_hour", "V") / 3600
+        self._bow = truth.error("linearity", "1")
         self._open_V, self._open_at_s = 0.0, -np.inf
         self._last = 0.0
 
@@ -148,6 +151,8 @@ class Converter:
             chosen = np.minimum(np.searchsorted(limits, np.abs(true)), len(limits) - 1)
         ranges = np.array(function.ranges)[chosen]
         relative = self._noise * self.resolution(function) / RESOLUTION[CYCLES.index(1.0)]
+        if self._bow:
+            true = true + self._bow * ranges * (1.0 - (true / ranges) ** 2)
         values = true + relative * ranges * self._rng.standard_normal(len(true))
         beyond = np.abs(values) > limits[chosen]
         beyond |= self._faults.during(Overload.kind, ends_s)

@@ -42,6 +42,14 @@ class Truth:
         """Return the value of `key`, written with its unit, in `unit`."""
         return self._convert(self.raw(key), key, unit)
 
+    def error(self, key: str, unit: str) -> float:
+        """Return an error that need not be given, in `unit`; none without the key."""
+        return self.quantity(key, unit) if key in self else 0.0
+
+    def errors(self, key: str, names: Sequence[str], unit: str) -> list[float]:
+        """Return the errors that may stand below `key` under `names`, in that order, in `unit`."""
+        return [self.section(key).error(name, unit) if key in self else 0.0 for name in names]
+
     def quantities(self, key: str, names: Sequence[str], unit: str) -> list[float]:
         """Return the quantities that stand below `key` under `names`, in that order, in `unit`."""
         section = self.section(key)

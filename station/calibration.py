@@ -27,6 +27,7 @@ UNIT_OF_QUANTITY = {
     "time": "s",
     "time_offset": "s",
     "angle": "deg",
+    "graduation": "deg",
     "rate": "deg/s",
     "temperature": "degC",
     "acceleration": "g",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -171,7 +172,7 @@ def _estimates(
                 float(np.sqrt(solution.covariance[place, place])),
                 float(solution.degrees_of_freedom),
                 METHOD,
-                _sensitivities(name, values),
+                _sensitivities(name, values) | _by_graduation(found.terms[name], values),
                 {"terms": dict(found.terms[name]), **at},
             )
         )
@@ -193,6 +194,19 @@ def _sensitivities(name: str, values: dict[str, float]) -> dict[str, float]:
         if name == lower and higher in values:
             found["field_offset_T"] = -factor * values[higher]
     return found
+
+
+def _by_graduation(terms: Mapping[str, float], values: Mapping[str, float]) -> dict[str, float]:
+    """Return the derivatives of a combination by an error of the angle once a turn, in rad.
+
+    What goes with the sine of the angle, times Ki cos, is Kio and Kip; with the cosine Koo and Kpp.
+    """
+    ki = values.get("Ki", 0.0)
+    sine, cosine = (
+        ki * sum(terms.get(name, 0.0) for name in pair) for pair in (("Kio", "Kip"), ("Koo", "Kpp"))
+    )
+    found = {"graduation_sine_rad": sine, "graduation_cosine_rad": cosine}
+    return {name: value for name, value in found.items() if value}
 
 
 def _path(

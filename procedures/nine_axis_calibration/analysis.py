@@ -18,6 +18,7 @@ from procedures.estimation.allan import (
 from procedures.estimation.noise import grid_index
 
 from .attitude import PAIRS, BiasSolution, GyroGain, StaticMeans, solve_biases
+from .checks import denied_rotation, plausible, record_flags, statement_flags
 from .dataset import NineAxisDataset, Prior, StaticRecord
 from .estimates import bias_estimates, scale_estimates
 from .findings import AnalysisSettings, NineAxisAnalysis, StaticSummary
@@ -62,8 +63,14 @@ def analyse(
     }
     axes = {axis: solve_axis(means[axis], axis) for axis in turned}
     gain, gain_u = gain_matrix(axes)
-    static, freedom, wander = _static(clean, settings, allan=allan)
-    bias = _biases(static, dataset.latitude_deg, dataset.prior, gain, gain_u)
+    static, freedom, wander, rounding = _static(clean, dataset.static, settings, allan=allan)
+    rotation = denied_rotation(
+        static, dataset.latitude_deg, dataset.prior, np.diag(gain), settings.pose.acceleration_g
+    )
+    # Where the statement makes right positions look wrong no bias can be had from it.
+    lost = rotation is not None and not all(one.pose.right for one in static)
+    usable = () if lost else static
+    bias = _biases(usable, dataset.latitude_deg, dataset.prior, gain, gain_u)
     wider = _wider(bias)
     published = published_values(dataset, turned)
     estimates = (
@@ -72,8 +79,10 @@ def analyse(
     )
     flags = (
         *frozen_flags(*frozen),
-        *data_flags(dataset, static, means, saturated, at_rest, settings),
-        *result_flags(estimates, static, bias, wander, wider, axes, published, settings),
+        *data_flags(clean, static, means, saturated, at_rest, settings),
+        *statement_flags(rotation, dataset.latitude_deg, axes, means),
+        *record_flags(axes, means, rounding),
+        *result_flags(estimates, usable, bias, wander, wider, axes, published, settings),
     )
     return NineAxisAnalysis(
         estimates=estimates,
@@ -101,12 +110,19 @@ def gain_matrix(axes: Mapping[int, ScaleSolution | None]) -> tuple[Array, Array]
 
 
 def _static(
-    dataset: NineAxisDataset, settings: AnalysisSettings, *, allan: bool
-) -> tuple[tuple[StaticSummary, ...], Array, Array]:
-    """Return each static record's means and pose; each gyro's freedom and wander, (3,)."""
+    dataset: NineAxisDataset,
+    as_recorded: Sequence[StaticRecord],
+    settings: AnalysisSettings,
+    *,
+    allan: bool,
+) -> tuple[tuple[StaticSummary, ...], Array, Array, Array]:
+    """Return each static record's means and pose; each gyro's freedom, wander, rounding, (3,).
+
+    A gyro that only repeats itself has no mean, but what it repeats can still tell a wrong pose.
+    """
     records = dataset.static
     if not records:
-        return (), np.zeros(3), np.zeros(3)
+        return (), np.zeros(3), np.zeros(3), np.zeros(3)
     times = [one.time_s for one in records]
     interval_s = interval_of(times)
     gyros, accelerometers = [], []
@@ -118,10 +134,11 @@ def _static(
     gyro = np.array([one.value for one in gyros]).T
     gyro_u = np.array([one.standard_uncertainty for one in gyros]).T
     acceleration = np.array([one.value for one in accelerometers]).T
+    repeated = np.array([np.nanmedian(one.rate_deg_per_h, axis=0) for one in as_recorded])
     poses = check_together(
         [one.position for one in records],
-        gyro,
-        gyro_u,
+        np.where(np.isfinite(gyro), gyro, repeated),
+        np.nan_to_num(gyro_u),
         acceleration,
         dataset.latitude_deg,
         settings.pose,
@@ -143,7 +160,8 @@ def _static(
             )
         )
     freedom = np.array([one.degrees_of_freedom for one in gyros])
-    return tuple(summaries), freedom, np.array([one.wander for one in gyros])
+    wander, rounding = np.array([(one.wander, one.rounding) for one in gyros]).T
+    return tuple(summaries), freedom, wander, rounding
 
 
 def _allan(
@@ -180,7 +198,11 @@ def _biases(
     gain_u: Array,
 ) -> BiasSolution | None:
     """Return the biases from the positions that were right; None without any."""
-    right = [one for one in static if one.pose.right]
+    right = [
+        one
+        for one in static
+        if one.pose.right and np.all(one.gyro_u > 0.0) and np.isfinite(one.accelerometer).all()
+    ]
     if not right:
         return None
     means = StaticMeans(
@@ -190,8 +212,6 @@ def _biases(
         np.array([one.accelerometer for one in right]),
         np.array([one.accelerometer_u for one in right]),
     )
-    if not (bool(np.all(means.gyro_u > 0.0)) and bool(np.isfinite(means.accelerometer).all())):
-        return None
     return solve_biases(means, latitude_deg, prior, _gyro_gain(gain, gain_u, prior))
 
 
@@ -200,6 +220,7 @@ def _gyro_gain(gain: Array, gain_u: Array, prior: Prior) -> GyroGain:
 
     Towards the axes of a position a measured misalignment is as sure as mounting and table are.
     """
+    gain = np.where(plausible(np.diag(gain)), gain, np.nan)  # else another unit, or inverted
     scale = np.where(np.isfinite(np.diag(gain)), np.diag(gain), 1.0)
     cross = np.array([gain[pair] / scale[pair[0]] for pair in PAIRS])
     noise = np.array([gain_u[pair] / abs(scale[pair[0]]) for pair in PAIRS])

@@ -18,6 +18,7 @@ ALIKE = 0.3
 ROUNDS = 5
 FINEST = 9
 UNSTEADY = 8.0
+FEWEST_FOR_NEIGHBOURS, FEWEST_FOR_LINE = 9, 3
 
 
 @dataclass(frozen=True)
@@ -74,6 +75,8 @@ def unwrap(record: TurnRecord, interval_s: float) -> Encoder:
     if bool(unsteady.any()):
         rates[0] = rate
     noise_deg = _reading_noise(rates[1:], interval_s)
+    if FEWEST_FOR_LINE < len(place) < FEWEST_FOR_NEIGHBOURS and not bool(unsteady.any()):
+        noise_deg = _off_a_line(time_s[place], angle)
     return Encoder(whole, rates, mean, noise_deg, bool(against), wild, unsteady)
 
 
@@ -132,8 +135,16 @@ def _spread(step: Array, rate: float, step_s: Array) -> float:
 
 def _reading_noise(rates: Array, interval_s: float) -> float:
     """Return the noise of an encoder reading, from neighbouring rates: they share one reading."""
-    if len(rates) < 8:
+    if len(rates) < FEWEST_FOR_NEIGHBOURS - 1:
         return 0.0
     off = rates - np.median(rates)
     shared = -float(np.mean(off[1:] * off[:-1]))
     return float(np.sqrt(max(shared, 0.0))) * interval_s
+
+
+def _off_a_line(time_s: Array, angle_deg: Array) -> float:
+    """Return the standard deviation of a few angles about an even turn."""
+    straight = np.vander(time_s - time_s[0], 2)
+    solved, *_ = np.linalg.lstsq(straight, angle_deg, rcond=None)
+    left = angle_deg - straight @ solved
+    return float(np.sqrt(left @ left / (len(left) - 2)))

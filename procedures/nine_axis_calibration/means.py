@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import fdtri
+from scipy.special import chdtri, fdtri
 
 from procedures.estimation.noise import Index, fit_autoregression, grid_index
 from procedures.estimation.robust import robust_sigma
@@ -20,8 +20,11 @@ LONGEST_MEMORY = 6
 APART = LONGEST_MEMORY + 2
 BLOCKS = 8
 FEWEST_FOR_BLOCKS = 64
-WANDERS = 0.999
+WANDERS = 0.9999
 QUANTUM_PART = 0.6
+COARSE = 0.5
+RESTLESS = 1e-6
+"""How seldom noise alone makes a record look as if it changed slowly."""
 
 
 @dataclass(frozen=True)
@@ -29,7 +32,8 @@ class Means:
     """Means of the same channel over several records, shape (records,) each.
 
     `noise` is the standard deviation of a sample; `wander` that of the bias from record to record
-    beyond the noise, zero where there is none to be seen.
+    beyond the noise, zero where there is none to be seen. `rounding` is what the output's own steps
+    add to a mean's uncertainty, zero where that is little beside the noise.
     """
 
     value: Array
@@ -38,6 +42,7 @@ class Means:
     noise: float
     wander: float
     kept: tuple[Mask, ...]
+    rounding: float = 0.0
 
 
 def interval_of(records: Sequence[Array]) -> float:
@@ -97,13 +102,58 @@ def colour_factor(residuals: Sequence[Array], places: Sequence[Index]) -> float:
     return float(model.variances[-1] / (1.0 - model.coefficients[-1].sum()) ** 2)
 
 
+def without_thirds(residuals: Array) -> Array:
+    """Return a record's residuals (n,) less the means of its thirds: what is fast of them.
+
+    The colour of the noise is judged by it, so that a drift or a step is no colour. Finer parts
+    would give white noise a colour of their own.
+    """
+    if len(residuals) < FEWEST_FOR_BLOCKS:
+        return residuals
+    place = np.arange(len(residuals)) * 3 // len(residuals)
+    means = np.bincount(place, residuals) / np.bincount(place)
+    return np.asarray(residuals - means[place])
+
+
+def rounding_u(records: Sequence[Array], variance: float) -> float:
+    """Return what steps of the output leave in a mean, as a standard uncertainty.
+
+    Noise of a standard deviation s blurs steps of q: exp(-2 pi^2 (s/q)^2) of the error is left.
+    """
+    levels = np.unique(np.concatenate(records)) if records else np.zeros(0)
+    steps = np.diff(levels)
+    steps = steps[steps > 1e-9 * max(float(np.max(np.abs(levels), initial=0.0)), 1e-300)]
+    if not len(steps):
+        return 0.0
+    step = float(steps.min())
+    blurred = max(variance - step**2 / 12.0, 0.0) / step**2
+    return step / float(np.sqrt(12.0)) * float(np.exp(-min(2.0 * np.pi**2 * blurred, 700.0)))
+
+
+def slow_excess(residuals: Array, variance: float, extra: float = 0.0) -> float:
+    """Return the variance of a record's block means (8) beyond that of its noise, 0 if that is all.
+
+    `variance` is that of a sample, `extra` that of a block beside it. A step, a drift or a tail
+    shows so; it moves the mean by as much, so the variance belongs to the mean whole.
+    """
+    if len(residuals) < 2 * BLOCKS or variance <= 0.0:
+        return 0.0
+    place = np.arange(len(residuals)) * BLOCKS // len(residuals)
+    means = np.bincount(place, residuals) / np.bincount(place)
+    expected = variance * BLOCKS / len(residuals) + extra
+    scatter = float(np.sum((means - means.mean()) ** 2))
+    if scatter <= expected * float(chdtri(BLOCKS - 1, RESTLESS)):
+        return 0.0
+    return scatter / (BLOCKS - 1) - expected
+
+
 def means_of(
     records: Sequence[Array], times_s: Sequence[Array], interval_s: float, threshold: float
 ) -> Means:
     """Return the mean of each record (n,) with its uncertainty, noise pooled over the records.
 
     A record's noise is its own where it has 64 samples or more. Where the means of eight blocks
-    of each record scatter more than its noise explains (F test, 99.9 %), the bias wanders, and
+    of each record scatter more than its noise explains (F test, 99.99 %), the bias wanders, and
     that part of the scatter goes into each uncertainty whole: it does not average out.
     """
     usual = pooled_sigma(records)
@@ -119,16 +169,20 @@ def means_of(
     squares = np.array([float(one @ one) for one in residuals])
     freedom = float(sum(len(one) - 1 for one in residuals))
     pooled = float(squares.sum()) / freedom
-    factor = colour_factor(residuals, places)
+    factor = colour_factor([without_thirds(one) for one in residuals], places)
     variance = np.full(len(value), pooled)
     for n, square in zip(used, squares, strict=True):
         if count[n] >= FEWEST_FOR_BLOCKS:
             variance[n] = square / (count[n] - 1.0)
     excess, blocks = _wander(residuals, pooled * factor)
-    u = np.sqrt(variance * factor / count + excess)
+    rounding = rounding_u(good, pooled)
+    u = np.sqrt(variance * factor / count + excess + rounding**2)
+    coarse = rounding > COARSE * float(np.sqrt(np.median(variance * factor / count)))
     u[count < 1.0] = np.nan
     degrees = blocks if excess > 0.0 else freedom
-    return Means(value, u, degrees, float(np.sqrt(pooled)), float(np.sqrt(excess)), kept)
+    return Means(
+        value, u, degrees, float(np.sqrt(pooled)), float(np.sqrt(excess)), kept, coarse * rounding
+    )
 
 
 def _wander(residuals: Sequence[Array], long_variance: float) -> tuple[float, float]:

@@ -13,7 +13,10 @@ from .turning import AxisMeans
 Array = NDArray[np.float64]
 
 AGREE = 0.999
+EVEN = 1.0 - 1e-5
+"""What both senses have in common grows evenly with the rate, by chi-square at this level."""
 SAME_RATE = 1e-6
+HALVINGS = 60
 
 
 @dataclass(frozen=True)
@@ -31,7 +34,9 @@ class ScaleSolution:
     `commanded` (n,), `factors` K_i (n,) with `factors_covariance` (n, n) are those rates that were
     turned in both senses. `agree` is whether the K_i differ by noise alone (chi-square at 99.9 %):
     K is then their weighted mean (`weights`), else their plain mean. `deviation` (n,) is K_i/K - 1.
-    `cross` holds, for each other gyro that was recorded, its output over the true rate.
+    `cross` holds, for each other gyro that was recorded, its output over the true rate. Where what
+    both senses have in common does not grow evenly with the rate, records were disturbed: by
+    `uneven_deg_per_s`, which every record's variance then holds, most of all at `worst_rate`.
     """
 
     commanded: Array
@@ -48,6 +53,8 @@ class ScaleSolution:
     cross: dict[int, Value]
     degrees_of_freedom: float
     one_sense: tuple[float, ...]
+    uneven_deg_per_s: float = 0.0
+    worst_rate: float = 0.0
 
 
 def solve_axis(means: AxisMeans, axis: int) -> ScaleSolution | None:
@@ -60,9 +67,11 @@ def solve_axis(means: AxisMeans, axis: int) -> ScaleSolution | None:
     output = np.nan_to_num(means.output[:, axis])
     pick = (forth - back) / span[:, None]
     factors = pick @ output
-    covariance = pick @ np.nan_to_num(means.covariance[axis]) @ pick.T
-    weights, square = _weighted(factors, covariance)
     count = len(rates)
+    even, extra, worst_rate = _even(means, axis, forth, back)
+    noise = np.nan_to_num(means.covariance[axis]) + extra * np.eye(len(means.rate))
+    covariance = pick @ noise @ pick.T
+    weights, square = _weighted(factors, covariance)
     agree = count < 2 or square < float(chi2.ppf(AGREE, count - 1))
     if not agree:
         weights = np.full(count, 1.0 / count)
@@ -90,10 +99,12 @@ def solve_axis(means: AxisMeans, axis: int) -> ScaleSolution | None:
         deviation=deviation,
         deviation_u=deviation_u,
         nonlinearity=nonlinearity,
-        asymmetry=_asymmetry(means, axis, forth, back, factors, scale),
+        asymmetry=even and Value(even.value / scale, even.standard_uncertainty / abs(scale)),
         cross=cross,
         degrees_of_freedom=means.degrees_of_freedom,
         one_sense=single,
+        uneven_deg_per_s=float(np.sqrt(extra)),
+        worst_rate=float(rates[worst_rate]),
     )
 
 
@@ -130,32 +141,42 @@ def _weighted(values: Array, covariance: Array) -> tuple[Array, float]:
     return weights, square
 
 
-def _asymmetry(
-    means: AxisMeans, axis: int, forth: Array, back: Array, factors: Array, scale: float
-) -> Value | None:
-    """Return (K+ - K-)/K from how the mean of both senses grows with the rate.
+def _even(
+    means: AxisMeans, axis: int, forth: Array, back: Array
+) -> tuple[Value | None, float, int]:
+    """Return K+ - K- from how the mean of both senses grows with the rate.
 
     What does not grow, bias and earth rate, is free: it may have changed since the static records.
-    Where a line does not fit, the uncertainty is widened by what it leaves.
+    Where a line does not fit, every record gets the variance beside its noise, in (deg/s)^2, with
+    which it does: returned second; third is the rate that is furthest off.
     """
-    if len(factors) < 2:
-        return None
+    count = len(forth)
+    if count < 2:
+        return None, 0.0, 0
     up, down = forth @ np.nan_to_num(means.rate), back @ np.nan_to_num(means.rate)
     width = up - down
     mix = (forth * -down[:, None] + back * up[:, None]) / width[:, None]
     half = mix @ np.nan_to_num(means.output[:, axis])
-    covariance = mix @ np.nan_to_num(means.covariance[axis]) @ mix.T
-    design = np.column_stack((np.ones(len(half)), 0.5 * width * scale))
-    weighted = np.linalg.solve(covariance, design)
-    inverse = np.linalg.inv(design.T @ weighted)
-    found = inverse @ (weighted.T @ half)
-    left = half - design @ found
-    square = float(left @ np.linalg.solve(covariance, left))
-    freedom = len(half) - 2
-    wider = 1.0
-    if freedom > 0 and square > float(chi2.ppf(AGREE, freedom)):
-        wider = float(np.sqrt(square / freedom))
-    return Value(2.0 * float(found[1]), 2.0 * wider * float(np.sqrt(inverse[1, 1])))
+    noise, single = mix @ np.nan_to_num(means.covariance[axis]) @ mix.T, mix @ mix.T
+    design = np.column_stack((np.ones(count), 0.5 * width))
+
+    def fitted(extra: float) -> tuple[Array, Array, Array, float]:
+        weighted = np.linalg.solve(noise + extra * single, design)
+        inverse = np.asarray(np.linalg.inv(design.T @ weighted), dtype=np.float64)
+        found = inverse @ (weighted.T @ half)
+        left = half - design @ found
+        return found, inverse, left, float(left @ np.linalg.solve(noise + extra * single, left))
+
+    extra, freedom = 0.0, count - 2
+    found, inverse, left, square = fitted(0.0)
+    worst = int(np.argmax(np.abs(left) / np.sqrt(np.diag(noise))))
+    if freedom > 0 and square > float(chi2.ppf(EVEN, freedom)):
+        low, high = 0.0, square * float(np.max(np.diag(noise) / np.diag(single)))
+        for _ in range(HALVINGS):
+            extra = 0.5 * (low + high)
+            low, high = (extra, high) if fitted(extra)[3] > freedom else (low, extra)
+        found, inverse, left, _ = fitted(extra)
+    return Value(2.0 * float(found[1]), 2.0 * float(np.sqrt(inverse[1, 1]))), extra, worst
 
 
 def _cross(pick: Array, means: AxisMeans, gyro: int, scale: float) -> Value:

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from .dataset import NineAxisDataset, TurnRecord
@@ -16,11 +17,13 @@ AT_THE_END = 1.0 - 1e-6
 MOST_OF_A_RECORD = 0.01
 STUCK = 0.3
 FEWEST_STUCK = 5
-TOO_LITTLE = 0.999
 FEWEST_FROZEN = 10
-"""So many samples in a row are never the same by chance, all axes together."""
+"""So many samples in a row never come again by chance."""
+MOSTLY = 0.9
 USUALLY_NEW = 0.9
-"""Of coarse data, of which fewer are new beside the longest repeat, none counts as frozen."""
+"""Of coarse data, of which fewer differ from the one before, none counts as frozen."""
+HASH = np.cumprod(np.full(FEWEST_FROZEN, 6364136223846793005, dtype=np.uint64))
+"""Odd numbers: two windows of samples with the same sum of products are the same."""
 
 
 @dataclass(frozen=True)
@@ -40,18 +43,16 @@ def without_saturated(
 
     A record of which more than a hundredth is saturated is left out: what is cut off at one end
     makes the mean of the others wrong. Where the range is not known, output that stands still at
-    its largest value and is too small for the encoder's rate counts as saturated.
+    its largest value, and does not at slower rates, counts as saturated.
     """
     range_deg_per_s = dataset.largest_rate_deg_per_s
     found: list[Saturated] = []
     turns = []
-    gains = _gains(dataset.turns)
-    for record, gain in zip(dataset.turns, gains, strict=True):
+    for record in dataset.turns:
         rate = record.rate_deg_per_s
         own = rate[:, record.axis]
         over = _beyond(rate, range_deg_per_s)
-        usual = _usual_gain(dataset.turns, gains, record)
-        if not bool(over[:, record.axis].any()) and _stands_still(own, gain, usual):
+        if not bool(over[:, record.axis].any()) and _stands_still(own, record, dataset.turns):
             over[:, record.axis] = True
         count = int(over[:, record.axis].sum())
         if bool(over.any()):
@@ -81,73 +82,100 @@ def _beyond(rate: Array, range_deg_per_s: float | None) -> NDArray[np.bool_]:
     return np.asarray(np.abs(rate) >= AT_THE_END * range_deg_per_s)
 
 
-def _gains(records: Sequence[TurnRecord]) -> list[float]:
-    """Return each record's median output over its commanded rate."""
-    found = []
-    for one in records:
-        own = one.rate_deg_per_s[:, one.axis]
-        own = own[np.isfinite(own)]
-        found.append(float(np.median(own)) / one.commanded_deg_per_s if len(own) else np.nan)
-    return found
-
-
-def _usual_gain(records: Sequence[TurnRecord], gains: Sequence[float], record: TurnRecord) -> float:
-    """Return the gain of the other rates of the same axis that are slower; NaN without any."""
+def _stands_still(own: Array, record: TurnRecord, turns: Sequence[TurnRecord]) -> bool:
+    """Return whether output stands at its largest value as it never does at slower rates."""
     slower = [
-        gain
-        for one, gain in zip(records, gains, strict=True)
+        _at_the_top(one.rate_deg_per_s[:, one.axis])
+        for one in turns
         if one.axis == record.axis
         and abs(one.commanded_deg_per_s) < abs(record.commanded_deg_per_s)
-        and np.isfinite(gain)
+        and np.isfinite(one.rate_deg_per_s[:, one.axis]).any()
     ]
-    return float(np.median(slower)) if slower else np.nan
+    usual = float(np.median(slower)) if slower else 1.0
+    share = _at_the_top(own)
+    enough = share * float(np.isfinite(own).sum()) >= FEWEST_STUCK
+    return share > STUCK and enough and usual < 0.5 * STUCK
 
 
-def _stands_still(own: Array, gain: float, usual: float) -> bool:
-    values = own[np.isfinite(own)]
-    if len(values) < FEWEST_STUCK or not np.isfinite(usual) or gain >= TOO_LITTLE * usual:
-        return False
-    top = values[np.argmax(np.abs(values))]
-    share = float(np.mean(values == top))
-    return share > STUCK and share * len(values) >= FEWEST_STUCK
+def _at_the_top(own: Array) -> float:
+    """Return the share of samples that have the largest magnitude."""
+    size = np.abs(own[np.isfinite(own)])
+    return float(np.mean(size == size.max())) if len(size) else 0.0
 
 
 def without_frozen(dataset: NineAxisDataset) -> tuple[NineAxisDataset, int, int]:
-    """Return the dataset without samples that repeat one before, and their numbers.
+    """Return the dataset without samples that repeat others, and how many at rest and turning.
 
-    At rest and turning. The first of those that are alike counts.
+    A stretch of ten samples that was there before, a value that stands still or a copy from
+    elsewhere, measured nothing. Of a gyro's record that mostly repeats nothing counts.
     """
-    static, turns = [], []
-    at_rest = turning = 0
-    for still in dataset.static:
-        frozen = frozen_samples(np.column_stack((still.rate_deg_per_h, still.acceleration_g)))
-        at_rest += int(frozen.sum())
-        rates, forces = (
-            np.where(frozen[:, None], np.nan, one)
-            for one in (still.rate_deg_per_h, still.acceleration_g)
-        )
-        static.append(replace(still, rate_deg_per_h=rates, acceleration_g=forces))
-    for record in dataset.turns:
-        frozen = frozen_samples(record.rate_deg_per_s)
-        turning += int(frozen.sum())
-        rates = np.where(frozen[:, None], np.nan, record.rate_deg_per_s)
-        turns.append(replace(record, rate_deg_per_s=rates))
-    if at_rest + turning:
-        dataset = replace(dataset, static=tuple(static), turns=tuple(turns))
-    return dataset, at_rest, turning
+    still, at_rest = _without_repeats([one.rate_deg_per_h for one in dataset.static])
+    sensed, also = _without_repeats([one.acceleration_g for one in dataset.static], most=1.0)
+    axes = [one.axis for one in dataset.turns]
+    spun, turning = _without_repeats([one.rate_deg_per_s for one in dataset.turns], axes)
+    static = tuple(
+        replace(one, rate_deg_per_h=rate, acceleration_g=force)
+        for one, rate, force in zip(dataset.static, still, sensed, strict=True)
+    )
+    turns = tuple(
+        replace(one, rate_deg_per_s=rate) for one, rate in zip(dataset.turns, spun, strict=True)
+    )
+    return replace(dataset, static=static, turns=turns), max(at_rest, also), turning
 
 
-def frozen_samples(values: Array) -> NDArray[np.bool_]:
-    """Return which samples (n, columns) repeat the one before, in a row of ten alike or more."""
-    frozen = np.zeros(len(values), dtype=bool)
-    there = values[:, np.isfinite(values).any(axis=0)]
-    if not there.size:
-        return frozen
-    new = np.append(True, np.any(there[1:] != there[:-1], axis=1))
-    starts = np.flatnonzero(new)
-    lengths = np.diff(np.append(starts, len(values)))
-    for start, length in zip(starts, lengths, strict=True):
-        if length >= FEWEST_FROZEN:
-            frozen[start + 1 : start + length] = True
-    others = new[~frozen]
-    return frozen if float(others.mean()) > USUALLY_NEW else np.zeros_like(frozen)
+def _without_repeats(
+    records: Sequence[Array], sorts: Sequence[int] = (), most: float = MOSTLY
+) -> tuple[list[Array], int]:
+    """Return records (n, 3) with NaN in the place of repeats, and how many samples hold one.
+
+    A channel that is so coarse that its neighbours often are alike is left as it is; that is judged
+    by the records of one of the `sorts`.
+    """
+    sorts = sorts or [0] * len(records)
+    fine = {
+        (sort, channel)
+        for sort in set(sorts)
+        for channel in range(3)
+        if _usually_new([r[:, channel] for r, s in zip(records, sorts, strict=True) if s == sort])
+        > USUALLY_NEW
+    }
+    found = [one.copy() for one in records]
+    places = [(n, c) for n, sort in enumerate(sorts) for c in range(3) if (sort, c) in fine]
+    repeated = [np.zeros(one.shape, dtype=bool) for one in records]
+    for (n, c), own in zip(places, repeats([records[n][:, c] for n, c in places]), strict=True):
+        repeated[n][:, c] = np.isfinite(records[n][:, c]) if own.mean() > most else own
+        found[n][repeated[n][:, c], c] = np.nan
+    return found, sum(int(one.any(axis=1).sum()) for one in repeated)
+
+
+def _usually_new(columns: Sequence[Array]) -> float:
+    """Return the median share of samples that differ from the one before."""
+    found = [float(np.mean(one[1:] != one[:-1])) for one in columns if np.isfinite(one).sum() > 1]
+    return float(np.median(found)) if found else 0.0
+
+
+def repeats(columns: Sequence[Array]) -> list[NDArray[np.bool_]]:
+    """Return for each column (n,) which samples belong to ten in a row that were there before.
+
+    Of a column of five to nine samples, to all of it.
+    """
+    masks = [np.zeros(len(one), dtype=bool) for one in columns]
+    long = [n for n, one in enumerate(columns) if len(one) >= FEWEST_STUCK]
+    if not long:
+        return masks
+    hashes, finite = [], []
+    for n in long:
+        wide = min(FEWEST_FROZEN, len(columns[n]))
+        bits = np.ascontiguousarray(columns[n]).view(np.uint64)
+        hashes.append((sliding_window_view(bits, wide) * HASH[:wide]).sum(axis=1))
+        finite.append(sliding_window_view(np.isfinite(columns[n]), wide).all(axis=1))
+    together = np.concatenate(hashes)
+    _, first = np.unique(together, return_index=True)
+    again = np.concatenate(finite)
+    again[first] = False
+    ends = np.cumsum([len(one) for one in hashes])
+    for window in np.flatnonzero(again).tolist():
+        place = int(np.searchsorted(ends, window, side="right"))
+        start = window - (int(ends[place - 1]) if place else 0)
+        masks[long[place]][start : start + FEWEST_FROZEN] = True
+    return masks

@@ -13,7 +13,20 @@ from procedures.estimation.robust import robust_sigma
 
 from .dataset import TurnRecord
 from .encoder import Encoder, unwrap
-from .means import Array, Mask, colour_factor, good_samples, interval_of, pooled_sigma
+from .graduation import without_graduation
+from .means import (
+    BLOCKS,
+    COARSE,
+    Array,
+    Mask,
+    colour_factor,
+    good_samples,
+    interval_of,
+    pooled_sigma,
+    rounding_u,
+    slow_excess,
+    without_thirds,
+)
 
 PART_TURN = 0.02
 """Of a turn: a rest below it leaves a hundredth of the tilt's earth rate and less."""
@@ -34,8 +47,13 @@ class AxisMeans:
     was not recorded; `covariance` (3, r, r) is that of each gyro's means; `rate` (r,) the mean true
     rate, signed, and `commanded` (r,) its nominal value. `turns` (r,) is how far the record went
     round, `part` whether that is no whole number; `kept` the turned axis' samples that were used.
+    `restless` (r,) is the standard deviation in deg/s by which the turned gyro changes within a
+    record beyond its noise, slowly or at once; it is in `covariance` whole.
     `wild_readings` is how many of the encoder's readings did not fit the turns, `unsteady` (r,) in
-    how many samples the table was not at its rate; neither is used.
+    how many samples the table was not at its rate; neither is used. `graduation_deg` is what the
+    encoder was found to be off within a turn, and corrected for; `rounding` is what coarse output
+    adds to the turned gyro's means, in deg/s; `lean_rad` is how far that gyro leans from the
+    table's axis by the earth's rotation that it feels round the turn, and its u.
     """
 
     output: Array
@@ -49,6 +67,10 @@ class AxisMeans:
     degrees_of_freedom: float
     wild_readings: int = 0
     unsteady: tuple[int, ...] = ()
+    restless: tuple[float, ...] = ()
+    graduation_deg: float = 0.0
+    rounding: float = 0.0
+    lean_rad: tuple[float, float] = (0.0, 0.0)
 
 
 def axis_means(
@@ -64,6 +86,8 @@ def axis_means(
     encoders = [unwrap(one, interval_s) for one in records]
     records = [_steady(*one) for one in zip(records, encoders, strict=True)]
     axis = records[0].axis
+    outputs = [one.rate_deg_per_s[:, axis] for one in records]
+    encoders, graduation_deg = without_graduation(records, outputs, encoders, interval_s)
     recorded = [g for g in range(3) if any(_is_there(one, g) for one in records)]
     count = len(records)
     output = np.full((count, 3), np.nan)
@@ -71,7 +95,7 @@ def axis_means(
     noise = np.full(3, np.nan)
     rate = np.array([one.mean_rate_deg_per_s for one in encoders])
     kept: list[Mask] = [np.zeros(len(one.time_s), dtype=bool) for one in records]
-    freedom = 0.0
+    freedom, rounding, restless, lean_rad = 0.0, 0.0, np.zeros(count), (0.0, 0.0)
     for gyro in recorded:
         tilt = ALWAYS_LEVEL if gyro == axis else 1.0
         size = tilt * horizontal_deg_per_h / 3600.0
@@ -79,6 +103,9 @@ def axis_means(
         output[:, gyro], covariance[gyro], noise[gyro] = done.mean, done.covariance, done.noise
         if gyro == axis:
             kept, rate, freedom = list(done.kept), done.rate, done.freedom
+            restless, rounding = np.sqrt(done.excess), done.rounding
+            level = max(horizontal_deg_per_h, 1e-9) / 3600.0
+            lean_rad = (done.swing[0] / level, done.swing[1] / level)
     turns = np.array(
         [
             abs(one.mean_rate_deg_per_s) * (t.time_s[-1] - t.time_s[0] + interval_s) / 360.0
@@ -102,6 +129,10 @@ def axis_means(
         freedom,
         sum(one.wild for one in encoders),
         tuple(int(one.unsteady.sum()) for one in encoders),
+        tuple(restless.tolist()),
+        graduation_deg,
+        rounding,
+        lean_rad,
     )
 
 
@@ -125,6 +156,9 @@ class _Gyro:
     kept: tuple[Mask, ...]
     noise: float
     freedom: float
+    excess: Array
+    rounding: float
+    swing: tuple[float, float]
 
 
 def _gyro(
@@ -168,8 +202,8 @@ def _gyro(
     squares = np.array([float(one @ one) for one in cleaned])
     pooled = float(squares.sum()) / freedom
     long = [n for n, one in enumerate(cleaned) if len(one) > 1]
-    factor = colour_factor([cleaned[n] for n in long], [places[n] for n in long])
-    variance = _sample_variances(squares, counts, pooled) * factor / counts
+    factor = colour_factor([without_thirds(cleaned[n]) for n in long], [places[n] for n in long])
+    sample = _sample_variances(squares, counts, pooled) * factor
     span_s = np.array(
         [
             max(float(r.time_s[-1] - r.time_s[0]), interval_s) if len(r.time_s) else interval_s
@@ -183,6 +217,19 @@ def _gyro(
         ]
     )
     reading = ends_deg * np.sqrt(2.0) / span_s
+    unfollowed = [
+        _unfollowed(v, e, good, own=own and not done and np.isnan(r.encoder_u_deg))
+        for (v, done), e, good, r in zip(following, encoders, kept, records, strict=True)
+    ]
+    excess = np.array(
+        [
+            slow_excess(left - moved, float(s), (float(e) * BLOCKS) ** 2)
+            for left, moved, s, e in zip(cleaned, unfollowed, sample, reading, strict=True)
+        ]
+    )
+    rounding = rounding_u([v[k] for (v, _), k in zip(following, kept, strict=True)], pooled)
+    variance = sample / counts + excess + rounding**2
+    coarse = rounding > COARSE * float(np.sqrt(np.median(sample / counts)))
     if own:
         variance = variance + reading**2
     middle = np.array(angles)
@@ -195,6 +242,9 @@ def _gyro(
         kept,
         float(np.sqrt(pooled)),
         freedom,
+        excess,
+        coarse * rounding,
+        (float(np.linalg.norm(amplitude)), float(np.sqrt(np.max(np.diag(inverse))))),
     )
 
 
@@ -211,6 +261,15 @@ def _follow(values: Array, encoder: Encoder, *, own: bool) -> tuple[Array, bool]
     without = values - gain * (encoder.rate_deg_per_s - encoder.mean_rate_deg_per_s)
     wanders = robust_sigma(without[finite]) < robust_sigma(values[finite])
     return (np.asarray(without), True) if wanders else (values, bool(encoder.unsteady.any()))
+
+
+def _unfollowed(values: Array, encoder: Encoder, good: Mask, *, own: bool) -> Array:
+    """Return what the table moved by its encoder that the used samples were not cleared of."""
+    rates = encoder.rate_deg_per_s[good]
+    if not own or not len(rates) or not bool(np.isfinite(rates).all()):
+        return np.zeros(int(good.sum()))
+    gain = float(np.median(values[good])) / encoder.mean_rate_deg_per_s
+    return np.asarray(gain * (rates - rates.mean()))
 
 
 def _mean_rate(encoder: Encoder, good: Mask, *, wanders: bool) -> float:

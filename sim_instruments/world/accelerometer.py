@@ -38,6 +38,10 @@ PLANES = ("io", "ip", "op", "level")
 BY_SINE = np.array([[1.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 0]])
 BY_COSINE = np.array([[0.0, 1, 0], [0, 0, 1], [0, 0, 1], [0, 0, 0]])
 CONSTANT = np.array([[0.0, 0, 0], [0, 0, 0], [0, 0, 0], [0, 0, 1]])
+# And of these times the sine of the tilt of the stage's axis, towards it.
+TILT_BY_SINE = np.array([[0.0, 0, 0], [0, 0, 0], [0, 0, 0], [1, 0, 0]])
+TILT_BY_COSINE = np.array([[0.0, 0, 0], [0, 0, 0], [0, 0, 0], [0, 1, 0]])
+TILT_CONSTANT = np.array([[0.0, 0, 1], [0, 1, 0], [1, 0, 0], [0, 0, 0]])
 # Where IA points: x along the coil, y along the stage's horizontal axis, z up; in the plane
 # `level` the axis is vertical.
 IA_BY_SINE = np.array([[0.0, 0, 1], [0, 0, 1], [0, 0, 0], [0, 1, 0]])
@@ -48,9 +52,16 @@ IA_CONSTANT = np.array([[0.0, 0, 0], [0, 0, 0], [0, 1, 0], [0, 0, 0]])
 PT100 = (3.9083e-3, -5.775e-7, -4.183e-12)
 
 
-def acceleration_g(plane: Indices, angle_deg: Array) -> Array:
-    """Return the specific force on IA, OA, PA at angles in planes (numbers in PLANES), (n, 3)."""
-    return _turned(plane, angle_deg, BY_SINE, BY_COSINE, CONSTANT)
+def acceleration_g(plane: Indices, angle_deg: Array, tilt_rad: float = 0.0) -> Array:
+    """Return the specific force on IA, OA, PA at angles in planes (numbers in PLANES), (n, 3).
+
+    `tilt_rad` is by how much the stage's axis is not level, or not upright in the plane `level`.
+    """
+    upright = _turned(plane, angle_deg, BY_SINE, BY_COSINE, CONSTANT)
+    if not tilt_rad:
+        return upright
+    along = _turned(plane, angle_deg, TILT_BY_SINE, TILT_BY_COSINE, TILT_CONSTANT)
+    return np.asarray(np.cos(tilt_rad) * upright + np.sin(tilt_rad) * along)
 
 
 def input_axis(plane: Indices, angle_deg: Array) -> Array:

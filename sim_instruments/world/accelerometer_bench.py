@@ -46,7 +46,8 @@ class AccelerometerBench:
 
     The coil's axis is x of the gaussmeter's probe; the accelerometer, in its centre, feels the
     field along that axis. `rotation` is where the stage truly stands, whatever its encoder says;
-    the device stands `angle_offset` further, in every plane.
+    the device stands `angle_offset` further, in every plane. The stage's axis may be off level by
+    `axis_tilt`, and `soft_iron` near the device may add its share to the field that it feels.
     """
 
     preparations: ClassVar[tuple[str, ...]] = ("mount-io", "connect-cables", "dut-power-on")
@@ -66,8 +67,11 @@ class AccelerometerBench:
         self._heat = CoilHeat(strong.section("heating"), self._current)
         pair = HelmholtzPair("x", strong)
         ambient_mT = np.array(truth.quantities("ambient_field", AXES, "mT"))
-        self.device_T_per_A = float(pair.field_mT_per_A(np.zeros(3)) @ pair.normal) * 1e-3
-        self.device_ambient_T = float(ambient_mT @ pair.normal) * 1e-3
+        # Soft iron near the device, none at the probe.
+        iron_T_per_mT = (1.0 + truth.section("accelerometer").error("soft_iron", "1")) * 1e-3
+        centre_mT_per_A = float(pair.field_mT_per_A(np.zeros(3)) @ pair.normal)
+        self.device_T_per_A = centre_mT_per_A * iron_T_per_mT
+        self.device_ambient_T = float(ambient_mT @ pair.normal) * iron_T_per_mT
         probe_m = np.array(strong.quantities("probe_position", AXES, "mm")) * 1e-3
         self._probe_mT_per_A = pair.field_mT_per_A(probe_m)
         self._probe_ambient_mT = ambient_mT
@@ -78,6 +82,7 @@ class AccelerometerBench:
         device = truth.section("accelerometer")
         self.accelerometer = Accelerometer(device)
         self.angle_offset_deg = device.quantity("angle_offset", "deg")
+        self._tilt_rad = device.error("axis_tilt", "rad")
         self._share_of_coil = device.quantity("share_of_coil_heating", "1")
         self._magnet_mT = _dipole(probe_m, device.quantity("magnet_at_probe", "mT"))
         rng = generator(truth.integer("seed", 0), "accelerometer")
@@ -110,7 +115,7 @@ class AccelerometerBench:
         slow = nodes_within(pieces.starts_s, pieces.ends_s, SLOW_PANEL_S, SLOW_ORDER)
         temperature = slow.mean(self.dut_temperature_degC(slow.time_s))
         angle = self._device_angle(pieces.middles_s)
-        acceleration = acceleration_g(self._plane(pieces.middles_s), angle)
+        acceleration = acceleration_g(self._plane(pieces.middles_s), angle, self._tilt_rad)
         parts = self.accelerometer.by_field(acceleration, temperature)
         field, squared = self._mean_field(pieces.edges_s)
         means = parts[0] + parts[1] * field + parts[2] * squared
@@ -176,7 +181,8 @@ class AccelerometerBench:
     def _mean_while_turning(self, nodes: Nodes) -> Array:
         times = nodes.time_s
         field = self.device_ambient_T + self.device_T_per_A * self._current.current(times)
-        acceleration = acceleration_g(self._plane(times), self._device_angle(times))
+        angle = self._device_angle(times)
+        acceleration = acceleration_g(self._plane(times), angle, self._tilt_rad)
         parts = self.accelerometer.by_field(acceleration, self.dut_temperature_degC(times))
         return nodes.mean(parts[0] + parts[1] * field + parts[2] * field**2)
 

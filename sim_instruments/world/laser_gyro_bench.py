@@ -29,7 +29,8 @@ class LaserGyroBench:
     """Currents in the coils, the field they make, and the gyro that feels it.
 
     `version` rises with every change of what the future holds; whoever computed ahead starts
-    again from there. `lock` is held by whoever reads or changes the world.
+    again from there. `lock` is held by whoever reads or changes the world. `soft_iron` near the
+    gyro may add its share to the field along `x`, `y` and `z` there; the probe does not feel it.
     """
 
     preparations: ClassVar[tuple[str, ...]] = ("mount", "connect-cables", "dut-power-on")
@@ -54,8 +55,9 @@ class LaserGyroBench:
         self.gyro = LaserGyro(gyro)
         mounting = small_rotation(gyro, "mounting_error")
         centre = field_matrix_mT_per_A(self.pairs, np.zeros(3))
-        self.gyro_mT_per_A = mounting @ centre
-        self.gyro_ambient_mT = mounting @ self.ambient_mT
+        iron = np.diag(1.0 + np.array(gyro.errors("soft_iron", AXES, "1")))
+        self.gyro_mT_per_A = mounting @ iron @ centre
+        self.gyro_ambient_mT = mounting @ iron @ self.ambient_mT
         if gyro.switch("powered_at_start"):
             self.power_gyro(0.0, True)
 

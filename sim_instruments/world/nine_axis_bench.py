@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Iterator
 from typing import ClassVar, NamedTuple
 
 import numpy as np
@@ -13,6 +14,7 @@ from sim_instruments.seeds import generator
 from sim_instruments.truth import SimulationError, Truth
 from sim_instruments.world.averaging import Nodes, nodes_within
 from sim_instruments.world.base import IdleCoils
+from sim_instruments.world.coils import AXES
 from sim_instruments.world.fog_navigator import earth_rate_rad_per_s
 from sim_instruments.world.nine_axis_sensor import Means, NineAxisSensor
 from sim_instruments.world.table import Table
@@ -45,6 +47,7 @@ ACTS = (
     "dut-power-off",
 )
 BEFORE_ALL_S = -1e5
+MOTORS_AT_DEG_PER_S = 100.0
 PANEL_S, ORDER = 0.1, 3
 """At its fastest the table turns some degrees within a panel."""
 
@@ -63,7 +66,9 @@ class NineAxisBench(IdleCoils):
     The base is north, east, down. Truth below `simulation.nine_axis`: `latitude`; `heading_error`
     of the `plate` and of the `table` (their north lies east of north by that); `placing_error`,
     the size of what the sensor's `heading` and `tilt` are wrong by, anew every time it is put or
-    mounted; `magnetic_field` (`north`, `east`, `down`); `sensor` (see there), which is on from the
+    mounted; `magnetic_field` (`north`, `east`, `down`); `table_field`, where the table disturbs it:
+    `plate` (`x`, `y`, `z`), fixed to its plate, and `motors` (`north`, `east`, `down`), what they
+    add at 100 deg/s; `sensor` (see there), which is on from the
     beginning where `powered_at_start` says so. The table is that of `simulation.fog`.
     """
 
@@ -86,6 +91,9 @@ class NineAxisBench(IdleCoils):
         field = ("north", "east", "down")
         self._field_nT = np.array(own.quantities("magnetic_field", field, "nT"))
         room = truth.section("room").quantity("temperature", "degC")
+        table_field = own.section("table_field") if "table_field" in own else Truth({}, own.where)
+        self._plate_nT = np.array(table_field.errors("plate", AXES, "nT"))
+        self._motors_nT = np.array(table_field.errors("motors", field, "nT"))
         sensor = own.section("sensor")
         self.sensor = NineAxisSensor(sensor, room, self._seed)
         # Before anybody takes it, it lies on the bench, its cable somewhere.
@@ -167,18 +175,28 @@ class NineAxisBench(IdleCoils):
     def _felt(self, nodes: Nodes) -> tuple[Array, Array, Array]:
         """Return the rate in rad/s, the specific force in g and the field in nT, (times, 3)."""
         attitude, rate = self._moving(nodes.time_s)
-        force = attitude @ -DOWN
-        return np.einsum("nij,nj->ni", attitude, rate), force, attitude @ self._field_nT
+        force, field = attitude @ -DOWN, attitude @ self._field_nT
+        for place, here in self._stays(nodes.time_s):
+            if place.on_table:
+                turning = np.linalg.norm(rate[here] - self._earth, axis=1)
+                motors = np.degrees(turning)[:, None] / MOTORS_AT_DEG_PER_S * self._motors_nT
+                moved = np.einsum("nij,nj->ni", attitude[here], motors)
+                field[here] += place.axes @ self._plate_nT + moved
+        return np.einsum("nij,nj->ni", attitude, rate), force, field
+
+    def _stays(self, time_s: Array) -> Iterator[tuple[_Place, npt.NDArray[np.bool_]]]:
+        """Yield where the sensor is at some of the times (n,), and at which."""
+        ends_s = [place.since_s for place in self._places[1:]] + [np.inf]
+        for place, end_s in zip(self._places, ends_s, strict=True):
+            here = (time_s >= place.since_s) & (time_s < end_s)
+            if here.any():
+                yield place, here
 
     def _moving(self, time_s: Array) -> tuple[Array, Array]:
         """Return X, Y, Z (rows) along n, (times, 3, 3), and the rate along n, (times, 3)."""
         attitude = np.empty((time_s.size, 3, 3))
         rate = np.tile(self._earth, (time_s.size, 1))
-        ends_s = [place.since_s for place in self._places[1:]] + [np.inf]
-        for place, end_s in zip(self._places, ends_s, strict=True):
-            here = (time_s >= place.since_s) & (time_s < end_s)
-            if not here.any():
-                continue
+        for place, here in self._stays(time_s):
             if not place.on_table:
                 attitude[here] = place.axes @ self._plate.T
                 continue

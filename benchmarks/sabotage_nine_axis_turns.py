@@ -1,0 +1,339 @@
+"""Mishaps of the records on the table that `sabotage_nine_axis.py` plants."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+from sabotage_nine_axis_rest import ASKEW, PER_DEG, STUCK, UNEVEN, Array, Plant, Spoil, held, ramp
+
+from procedures.nine_axis_calibration.dataset import NineAxisDataset, TurnRecord
+
+
+def turning(
+    change: Callable[[TurnRecord, Array], TurnRecord],
+    pick: Callable[[TurnRecord], bool] = lambda _: True,
+) -> Spoil:
+    """Return the fault that changes the records of a turning axis; it gets its gyro's readings."""
+
+    def spoil(dataset: NineAxisDataset, rng: np.random.Generator) -> NineAxisDataset:
+        del rng
+        turns = tuple(
+            change(one, one.rate_deg_per_s[:, one.axis].copy()) if pick(one) else one
+            for one in dataset.turns
+        )
+        return replace(dataset, turns=turns)
+
+    return spoil
+
+
+def own(change: Callable[[Array, TurnRecord], Array]) -> Callable[[TurnRecord, Array], TurnRecord]:
+    """Return the change of the turned gyro's readings alone."""
+
+    def changed(one: TurnRecord, values: Array) -> TurnRecord:
+        rate = one.rate_deg_per_s.copy()
+        rate[:, one.axis] = np.round(change(values, one), 7)
+        return replace(one, rate_deg_per_s=rate)
+
+    return changed
+
+
+def angle(change: Callable[[TurnRecord], Array]) -> Callable[[TurnRecord, Array], TurnRecord]:
+    """Return the change of the encoder's readings alone."""
+    return lambda one, _: replace(one, encoder_deg=np.round(np.mod(change(one), 360.0), 5))
+
+
+def fastest(one: TurnRecord) -> bool:
+    return one.axis == 0 and one.commanded_deg_per_s == 100.0
+
+
+def slowest(one: TurnRecord) -> bool:
+    return one.axis == 1 and one.commanded_deg_per_s == 1.0
+
+
+def middle(one: TurnRecord) -> bool:
+    return one.axis == 2 and one.commanded_deg_per_s == 10.0
+
+
+def _copied_axis(dataset: NineAxisDataset, rng: np.random.Generator) -> NineAxisDataset:
+    """Give axis Y the records of axis X."""
+    del rng
+    turns = [one for one in dataset.turns if one.axis != 1]
+    turns += [
+        replace(one, axis=1, rate_deg_per_s=one.rate_deg_per_s[:, [1, 0, 2]])
+        for one in dataset.turns
+        if one.axis == 0
+    ]
+    turns.sort(key=lambda one: one.axis)
+    return replace(dataset, turns=tuple(turns))
+
+
+def _mislabelled(dataset: NineAxisDataset, rng: np.random.Generator) -> NineAxisDataset:
+    """Call the fastest record of Y one of X."""
+    del rng
+    turns = []
+    for one in dataset.turns:
+        if one.axis == 1 and one.commanded_deg_per_s == 50.0:
+            one = replace(one, axis=0, rate_deg_per_s=one.rate_deg_per_s[:, [1, 0, 2]])
+        turns.append(one)
+    return replace(dataset, turns=tuple(turns))
+
+
+def _lag(tau_s: float) -> Callable[[Array, TurnRecord], Array]:
+    """Return the tail of a filter that had not settled at the record's start."""
+    return lambda values, one: values - one.commanded_deg_per_s * 1e-4 * np.exp(-one.time_s / tau_s)
+
+
+def _clipped(limit: float) -> Callable[[Array, TurnRecord], Array]:
+    return lambda values, _: np.clip(values, -limit, limit)
+
+
+def _in_time(drift: Callable[[float], float]) -> Spoil:
+    """Return the fault of a bias that moves from record to record: deg/h over table time in s."""
+
+    def spoil(dataset: NineAxisDataset, rng: np.random.Generator) -> NineAxisDataset:
+        del rng
+        turns, at_s = [], 0.0
+        for one in dataset.turns:
+            rate = one.rate_deg_per_s.copy()
+            extra = np.array([drift(at_s + float(t)) for t in one.time_s]) / 3600.0
+            rate[:, one.axis] = np.round(rate[:, one.axis] + extra, 7)
+            turns.append(replace(one, rate_deg_per_s=rate))
+            at_s += float(one.time_s[-1]) + 20.0
+        return replace(dataset, turns=tuple(turns))
+
+    return spoil
+
+
+def _sine_of_encoder(size_deg: float, order: int = 1) -> Callable[[TurnRecord], Array]:
+    return lambda one: one.encoder_deg + size_deg * np.sin(order * np.radians(one.encoder_deg))
+
+
+def _stretched(ppm: float) -> Callable[[TurnRecord, Array], TurnRecord]:
+    return lambda one, _: replace(one, time_s=one.time_s * (1.0 + 1e-6 * ppm))
+
+
+def _lost_and_closed(one: TurnRecord, values: Array) -> TurnRecord:
+    """Lose a reading; the time stamps are counted anew."""
+    del values
+    keep = np.delete(np.arange(len(one.time_s)), len(one.time_s) // 2)
+    return replace(
+        one,
+        time_s=one.time_s[: len(keep)],
+        rate_deg_per_s=one.rate_deg_per_s[keep],
+        encoder_deg=one.encoder_deg[keep],
+    )
+
+
+def _grown(values: Array, one: TurnRecord) -> Array:
+    return values + 2e-3 * np.sin(7.0 * one.time_s) * ramp(one) ** 2
+
+
+def _part(values: Array, start: float, stop: float, extra: float) -> Array:
+    count = len(values)
+    values[round(start * count) : round(stop * count)] += extra
+    return values
+
+
+def _backwards(one: TurnRecord, values: Array) -> TurnRecord:
+    del values
+    return replace(one, time_s=one.time_s[::-1].copy())
+
+
+def _jitter(dataset: NineAxisDataset, rng: np.random.Generator) -> NineAxisDataset:
+    turns = [
+        replace(one, time_s=np.round(one.time_s + 0.02 * rng.standard_normal(len(one.time_s)), 4))
+        for one in dataset.turns
+    ]
+    return replace(dataset, turns=tuple(turns))
+
+
+def _gain_drift(size: float) -> Spoil:
+    """Return the fault of a scale factor that settles over the records of an axis."""
+
+    def spoil(dataset: NineAxisDataset, rng: np.random.Generator) -> NineAxisDataset:
+        del rng
+        turns = []
+        for n, one in enumerate(dataset.turns):
+            rate = one.rate_deg_per_s.copy()
+            place = n % 10 + ramp(one)
+            rate[:, one.axis] = np.round(rate[:, one.axis] * (1.0 + size * np.exp(-place)), 7)
+            turns.append(replace(one, rate_deg_per_s=rate))
+        return replace(dataset, turns=tuple(turns))
+
+    return spoil
+
+
+def _askew(lean_deg: float) -> Spoil:
+    """Return the fault of a sensor mounted askew: the turned gyro feels less, the others more."""
+
+    def spoil(dataset: NineAxisDataset, rng: np.random.Generator) -> NineAxisDataset:
+        del rng
+        lean, latitude = np.radians(lean_deg), np.radians(dataset.latitude_deg)
+        level = 15.041 * np.cos(latitude) / 3600.0 * np.sin(lean)
+        turns = []
+        for one in dataset.turns:
+            rate = one.rate_deg_per_s.copy()
+            swing = level * np.cos(np.radians(one.encoder_deg - 0.5 * one.commanded_deg_per_s))
+            lost = (np.cos(lean) - 1.0) * one.commanded_deg_per_s
+            rate[:, one.axis] += swing * np.sinc(one.commanded_deg_per_s / 360.0) + lost
+            rate[:, (one.axis + 1) % 3] += np.sin(lean) * one.commanded_deg_per_s
+            turns.append(replace(one, rate_deg_per_s=np.round(rate, 7)))
+        return replace(dataset, turns=tuple(turns))
+
+    return spoil
+
+
+REFUSED = frozenset({"refused"})
+STATED = frozenset({"contradicts-statement", "rate-differs-from-commanded"})
+
+TURNING_FAULTS = (
+    Plant("rates at rest and turning differ by 3 %", ASKEW, turning(own(lambda v, _: 1.03 * v))),
+    Plant("turned gyro inverted", STATED, turning(own(lambda v, _: -v))),
+    Plant("rates in rad/s", STATED, turning(own(lambda v, _: v * PER_DEG))),
+    Plant("rates in deg/h", STATED, turning(own(lambda v, _: v * 3600.0))),
+    Plant("one record in rad/s", STATED | UNEVEN, turning(own(lambda v, _: v * PER_DEG), fastest)),
+    Plant("encoder in rad", REFUSED, turning(angle(lambda one: one.encoder_deg * PER_DEG))),
+    Plant("encoder the other way round", REFUSED, turning(angle(lambda one: -one.encoder_deg))),
+    Plant(
+        "time in ms",
+        REFUSED | STATED,
+        turning(lambda one, _: replace(one, time_s=1e3 * one.time_s)),
+    ),
+    Plant("times run backwards", REFUSED, turning(_backwards, fastest), True),
+    Plant("clock 300 ppm off in one record", UNEVEN, turning(_stretched(300.0), fastest)),
+    Plant("a row lost at 1 deg/s, times closed", UNEVEN, turning(_lost_and_closed, slowest), True),
+    Plant(
+        "offset 8 deg/h in the slowest",
+        UNEVEN,
+        turning(own(lambda v, _: v + 8.0 / 3600.0), slowest),
+    ),
+    Plant(
+        "step of 30 deg/h at 10 deg/s",
+        UNEVEN | {"output-step"},
+        turning(own(lambda v, _: _part(v, 0.5, 1.0, 30.0 / 3600.0)), middle),
+    ),
+    Plant("bias warms up over the turns", UNEVEN, _in_time(lambda t: 15.0 * np.exp(-t / 400.0))),
+    Plant("bias jumps half way through X", UNEVEN, _in_time(lambda t: 8.0 * (t > 100.0))),
+    Plant("filter had not settled at 100 deg/s", UNEVEN, turning(own(_lag(6.0)), fastest)),
+    Plant("filter had not settled", UNEVEN, turning(own(_lag(4.0)))),
+    Plant("clipped at 99.9 deg/s", STUCK, turning(own(_clipped(99.9)))),
+    Plant("clipped at exactly 100 deg/s", STUCK, turning(own(_clipped(100.0)))),
+    Plant(
+        "gyro held for half a record",
+        STUCK | UNEVEN,
+        turning(own(lambda v, _: held(v[:, None], 0, len(v) // 2, len(v))[:, 0] - 1e-3), fastest),
+    ),
+    Plant(
+        "gyro reads zero in a record",
+        STUCK | STATED | UNEVEN,
+        turning(own(lambda v, _: 0.0 * v), slowest),
+    ),
+    Plant(
+        "output in steps of 0.01 deg/s",
+        frozenset({"coarse-output"}),
+        turning(own(lambda v, _: np.round(v / 0.01) * 0.01)),
+    ),
+    Plant("encoder graduation 0.01 deg", UNEVEN, turning(angle(_sine_of_encoder(0.01)))),
+    Plant(
+        "encoder graduation 0.004 deg, twice a turn",
+        UNEVEN,
+        turning(angle(_sine_of_encoder(0.004, 2))),
+    ),
+    Plant(
+        "encoder slips 0.05 deg",
+        UNEVEN,
+        turning(angle(lambda one: one.encoder_deg + 0.05 * (ramp(one) > 0.6)), fastest),
+    ),
+    Plant(
+        "encoder slips 0.0008 deg at 1 deg/s",
+        UNEVEN,
+        turning(angle(lambda one: one.encoder_deg + 8e-4 * (ramp(one) > 0.6)), slowest),
+    ),
+    Plant(
+        "encoder stuck at the end",
+        UNEVEN,
+        turning(
+            angle(
+                lambda one: held(
+                    one.encoder_deg[:, None].copy(), 0, len(one.time_s) - 8, len(one.time_s)
+                )[:, 0]
+            ),
+            slowest,
+        ),
+    ),
+    Plant(
+        "encoder creeps at the end",
+        UNEVEN,
+        turning(
+            angle(lambda one: one.encoder_deg + 0.01 * np.clip(ramp(one) - 0.8, 0.0, None)), slowest
+        ),
+    ),
+    Plant(
+        "encoder one turn too many",
+        UNEVEN,
+        turning(angle(lambda one: one.encoder_deg * 1.001), slowest),
+    ),
+    Plant("axis Y a copy of X", STUCK, _copied_axis, True),
+    Plant("a record of Y called X", STUCK | UNEVEN, _mislabelled, True),
+    Plant(
+        "spikes while turning",
+        UNEVEN,
+        turning(own(lambda v, one: v + 0.05 * (np.arange(len(v)) % 20 == 3))),
+    ),
+    Plant(
+        "burst while turning",
+        UNEVEN,
+        turning(own(lambda v, _: _part(v, 0.3, 0.45, 0.003)), slowest),
+    ),
+    Plant("growing noise", UNEVEN, turning(own(_grown))),
+    Plant(
+        "mains beat",
+        UNEVEN,
+        turning(own(lambda v, one: v + 1e-3 * np.sin(0.045 * one.time_s)), slowest),
+    ),
+    Plant("stamps jitter by 20 ms", UNEVEN, _jitter),
+    Plant(
+        "encoder noise 0.02 deg",
+        UNEVEN,
+        turning(angle(lambda one: one.encoder_deg + 0.02 * np.sin(1e4 * one.time_s**1.5))),
+    ),
+    Plant(
+        "encoder lies at one angle",
+        UNEVEN,
+        turning(
+            angle(lambda one: one.encoder_deg + 0.02 * (np.mod(one.encoder_deg, 360.0) < 40.0))
+        ),
+    ),
+    Plant(
+        "clipped at 100 deg/s forth only", STUCK, turning(own(lambda v, _: np.minimum(v, 100.0)))
+    ),
+    Plant(
+        "block copied within a record",
+        STUCK,
+        turning(own(lambda v, _: np.concatenate((v[20:40], v[20:]))[: len(v)]), slowest),
+    ),
+    Plant("scale factor drifts 1000 ppm", UNEVEN, _gain_drift(1e-3)),
+    Plant("mounted 4 deg askew", STATED | {"cross-axis"}, _askew(4.0)),
+    Plant(
+        "noise ten times at the fastest",
+        UNEVEN,
+        turning(own(lambda v, one: v + 2e-3 * np.sin(1e4 * one.time_s**1.5)), fastest),
+    ),
+    Plant(
+        "even term 1e-7 of the square",
+        UNEVEN,
+        turning(own(lambda v, one: v + 1e-7 * one.commanded_deg_per_s**2)),
+    ),
+    Plant(
+        "time 1 s late from the middle",
+        UNEVEN,
+        turning(lambda one, _: replace(one, time_s=one.time_s + 1.0 * (ramp(one) > 0.5)), middle),
+    ),
+    Plant(
+        "first tenth from the rate before",
+        UNEVEN,
+        turning(own(lambda v, _: _part(v, 0.0, 0.1, -20.0)), middle),
+    ),
+)
