@@ -29,14 +29,19 @@ OWN_PART = 1e-3
 """Of a shape; what the polynomial follows to here shows nothing."""
 AGREE = 8.0
 """Noises of a turn within which the turns of a set say the same."""
-PERHAPS, BETTER = 0.0, 10.0
+PERHAPS, BETTER = 0.0, 13.0
 """Of the information criterion: so much more a kink explains than the polynomial's waves do, that
 it may be one and is in the uncertainty, and that it is one."""
+KINKS = 0.25
+"""Of curves that have a kink, before the data speak: a share of what it leaves goes into u."""
 KINK_COLUMNS = 2
 """A kink counts for its size and its place."""
 BY_BIAS = 2.0
 LONE_SETS = 3
 """As many neighbouring sets of one turn each, all off in one sense, are no knocks."""
+BESIDE, SHARE_BESIDE = 2.5, 0.12
+"""Beside a turn that is off in a feature its neighbours are, too: by so many deviations of their
+sum, and by so much of what it is off."""
 
 
 def misfit_of(
@@ -75,15 +80,18 @@ def misfit_of(
     own = np.where(told, own, 1.0)
     along = np.where(told, np.einsum("ij,i->j", white, left), 0.0)
     score = np.abs(along) / np.sqrt(own) / noise
-    best, order, sure = int(np.argmax(score)), solved.order, True
+    best, order, sure, share = int(np.argmax(score)), solved.order, True, 1.0
     if score[best] < -float(stdtrit(freedom, 0.5 * CHANCE / len(score))):
         kinks = walk.whiten(columns[:, : len(centres)])
         data = combine(walk.factor, problem.data[rows])
-        kink = _kink(walk.whiten(design[rows]), biases, kinks, data)
+        high = problem.design(solved.domain_degC, problem.highest_order(rows))[0]
+        whole = walk.whiten(high[rows])
+        kink = _kink(whole, biases, solved.order, kinks, data)
         if kink is None:
             return None
         best, order, gain = kink
         sure = gain >= BETTER
+        share = 1.0 / (1.0 + (1.0 / KINKS - 1.0) * np.exp(-0.5 * gain))
     inner = walk.whiten(design[rows][:, : biases + order + 1])
     both = np.column_stack((inner, walk.whiten(columns[:, best : best + 1])))
     better = solve_by_qr(both, combine(walk.factor, problem.data[rows])).coefficients
@@ -103,15 +111,18 @@ def misfit_of(
         width_degC=0.0 if kind == 0 else float(widths[kind - 1]),
         slope_ppm_per_degC=amount if kind == 0 else 0.0,
         size_ppm=float(np.max(np.abs(off))),
-        left_ppm=np.abs(off),
+        left_ppm=np.abs(off) * np.sqrt(share),
     )
 
 
-def _kink(design: Array, biases: int, kinks: Array, data: Array) -> tuple[int, int, float] | None:
-    """Return the kink, and the order beside it, that explain the data better than the curve does.
+def _kink(
+    whole: Array, biases: int, highest: int, kinks: Array, data: Array
+) -> tuple[int, int, float] | None:
+    """Return the kink, and the order beside it, that explain the data better than polynomials do.
 
-    Also by how much. A polynomial follows a kink by many waves, none of which stands out of the
-    noise; by the information criterion one kink and a lower order say more. None where they do not.
+    Also by how much. Polynomials of all orders are in `whole`, those up to `highest` beside kinks.
+    A polynomial follows a kink by many waves, none of which stands out of the noise; by the
+    information criterion one kink and a lower order say more. None where they do not.
     """
     rows = len(data)
 
@@ -122,8 +133,9 @@ def _kink(design: Array, biases: int, kinks: Array, data: Array) -> tuple[int, i
         gains = project(thin_qr(columns)[0], data) ** 2
         return np.asarray(float(data @ data) - np.cumsum(gains))
 
-    whole = criterion(float(squares(design)[-1]), design.shape[1])
-    limit = whole - PERHAPS
+    left = squares(whole)
+    smooth = min(criterion(float(left[n - 1]), n) for n in range(biases + 1, whole.shape[1] + 1))
+    design, limit = whole[:, : biases + highest + 1], smooth - PERHAPS
     found = None
     for place in range(kinks.shape[1]):
         ordered = np.column_stack((design[:, :biases], kinks[:, place], design[:, biases:]))
@@ -134,7 +146,7 @@ def _kink(design: Array, biases: int, kinks: Array, data: Array) -> tuple[int, i
             count = biases + order + 1 + KINK_COLUMNS
             value = criterion(float(left[biases + 1 + order]), count)
             if value < limit:
-                found, limit = (place, order, whole - value), value
+                found, limit = (place, order, smooth - value), value
     return found
 
 
@@ -181,13 +193,24 @@ def agreeing(problem: AxisProblem, kept: Mask, solved: Solved) -> Mask:
         both = len(own) > 1 and float(np.ptp(turns.turns[own])) > 1.0
         if both and bool(rejected[own].any()) and float(np.ptp(off[own])) <= AGREE:
             found[own] = True
-    for run in () if problem.paired else _runs(sets, rejected, off):
+    if problem.paired:
+        return found
+    for run in _runs(sets, rejected, off):
         found[run] = True
+    for before, own, after in zip(sets, sets[1:], sets[2:], strict=False):
+        beside = np.concatenate((before, after))
+        if bool(rejected[own].all()) and not bool(rejected[beside].any()):
+            near = float(np.mean(off[beside])) * float(np.sign(off[own].mean()))
+            enough = near * np.sqrt(len(beside)) > BESIDE
+            found[own] = enough and near > SHARE_BESIDE * float(np.abs(off[own]).max())
     return found
 
 
 def _runs(sets: list[Index], rejected: Mask, off: Array) -> list[Index]:
-    """Return the rows of neighbouring sets that were all rejected and are off in one sense."""
+    """Return the rows of neighbouring sets that were all rejected and are off in one sense.
+
+    Of two sets alone only where they are off by the same.
+    """
     runs: list[Index] = []
     run: list[Index] = []
     for own in (*sets, None):
@@ -196,7 +219,8 @@ def _runs(sets: list[Index], rejected: Mask, off: Array) -> list[Index]:
         if out and alike and own is not None:
             run.append(own)
             continue
-        if len(run) >= LONE_SETS:
-            runs.append(np.concatenate(run))
+        rows = np.concatenate(run) if run else np.array([], dtype=np.int64)
+        if len(run) >= LONE_SETS or (len(run) == 2 and float(np.ptp(off[rows])) <= AGREE):
+            runs.append(rows)
         run = [own] if out and own is not None else []
     return runs
