@@ -1,8 +1,8 @@
-"""Clean logs of turns over temperature, of many kinds, as folders; see `sabotage_fog.py`."""
+"""Clean logs of turns over temperature, of many kinds, and changes; see `sabotage_fog.py`."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 from fog_records import Curve, record
+from numpy.typing import NDArray
 from sabotage import Array, Made
 
 from procedures.fog_scale_factor_temperature.dataset import Drive, TurnTable
@@ -19,6 +20,10 @@ from procedures.fog_scale_factor_temperature.turning import (
     turn_errors_deg,
     wrapped_deg,
 )
+
+Values = NDArray[Any]
+Shape = Callable[[Values], Any]
+Change = Callable[["Log", np.random.Generator], "Log"]
 
 AXES = ("x", "y", "z")
 UP_DEG = {"x": (90.0, 0.0), "y": (0.0, -90.0), "z": (0.0, 180.0)}
@@ -83,6 +88,9 @@ def log(
     driven: bool = False,
     chamber: bool = False,
     stated: bool = False,
+    there_and_back: bool = False,
+    wild: float = 0.0,
+    missing: float = 0.0,
     full: bool = False,
     resolution_deg: float = 1e-4,
     noise: float = 1.0,
@@ -134,7 +142,31 @@ def log(
             curves, bias_deg_per_h=bias, random_walk_deg_per_sqrt_h=0.002, seed=seed, **spans
         )
         conditions |= {"latitude": "40 deg", "initial_heading": "25 deg"}
-    return Log(table(seed), curves, conditions, float(quantum), proof, drive)
+    turns_made = table(seed)
+    if there_and_back:
+        turns_made = joined(turns_made, table(seed + 2 * 10**6, first_degC=59.0, last_degC=-38.0))
+    knocks = (generator.random(len(turns_made)) < wild) * generator.uniform(
+        110, 400, len(turns_made)
+    )
+    turns_made = rows_of(turns_made, generator.random(len(turns_made)) >= missing)
+    whole = Log(turns_made, curves, conditions, float(quantum), proof, drive)
+    return turned(whole, knocks[: len(turns_made)]) if wild else whole
+
+
+def rows_of(table: TurnTable, rows: Any) -> TurnTable:
+    """Return some rows of a table."""
+    return TurnTable(**{name: column[rows] for name, column in vars(table).items()})
+
+
+def joined(first: TurnTable, then: TurnTable) -> TurnTable:
+    """Return the turns of two ramps, one after the other."""
+    later_s = float(np.ptp(first.before_s)) + 600.0
+    sets = then.set_number + first.set_number.max() + 1
+    moved = replace(
+        then, set_number=sets, before_s=then.before_s + later_s, after_s=then.after_s + later_s
+    )
+    names = vars(first)
+    return TurnTable(**{one: np.concatenate((names[one], vars(moved)[one])) for one in names})
 
 
 def csv(table: TurnTable, full: bool) -> str:
@@ -222,3 +254,77 @@ def made(log: Log) -> Made:
 
     noise = np.full(len(data), log.noise_ppm)
     return Made(truth, partial(write, log), data, free(log), noise, curves_u)
+
+
+def part_of(log: Log) -> Values:
+    """Return how far into the log each row is, 0 to 1."""
+    return np.asarray(log.table.set_number / log.table.set_number.max())
+
+
+def turned(log: Log, error_ppm: Any) -> Log:
+    """Return a log with something added to the errors of its turns, (rows,); headings alone."""
+    after = log.table.attitude_after_deg.copy()
+    after[:, 0] = np.mod(after[:, 0] + error_ppm * PPM_DEG, 360.0)
+    return replace(log, table=replace(log.table, attitude_after_deg=after))
+
+
+def columns(
+    names: str,
+    change: Shape,
+    first: float = 0.0,
+    last: float = 2.0,
+    axes: Sequence[str] = AXES,
+    table: str = "table",
+) -> Change:
+    """Return the change of columns whose names begin so, in a part of the log, of some axes."""
+
+    def changed(log: Log, _: np.random.Generator) -> Log:
+        old: TurnTable = getattr(log, table)
+        part = old.set_number / old.set_number.max()
+        inside = (part >= first) & (part < last) & np.isin(old.axis, list(axes))
+        new = {}
+        for key, value in vars(old).items():
+            if key.startswith(tuple(names.split())):
+                new[key] = value.copy()
+                new[key][inside] = change(value[inside])
+        return replace(log, **{table: replace(old, **new)})  # type: ignore[arg-type]
+
+    return changed
+
+
+def added(error: Callable[[Log, np.random.Generator], Any]) -> Change:
+    """Return the change that adds an error in ppm of a turn to each turn, whatever its sense."""
+    return lambda log, generator: turned(log, error(log, generator))
+
+
+def sensed(shape: Shape) -> Change:
+    """Return the change that adds an error of the scale factor, over the part of the log."""
+    return added(lambda log, _: shape(part_of(log)) * log.table.commanded_deg / 360.0)
+
+
+def noisy(ppm: Shape) -> Change:
+    """Return the change that adds noise, of a size over the part of the log."""
+    return added(lambda log, g: ppm(part_of(log)) * g.standard_normal(len(log.table)))
+
+
+def curved(shape: Shape) -> Change:
+    """Return the change to a gyro whose curve has something on it."""
+
+    def with_it(curve: Curve) -> Curve:
+        return lambda heat: curve(heat) + shape(np.asarray(heat))
+
+    def changed(log: Log, _: np.random.Generator) -> Log:
+        error = shape(log.table.temperature_degC) * log.table.commanded_deg / 360.0
+        return replace(turned(log, error), curves={a: with_it(log.curves[a]) for a in AXES})
+
+    return changed
+
+
+def bump(at: float, width: float, ppm: float) -> Change:
+    """Return the change to a curve with a narrow feature."""
+    return curved(lambda heat: ppm * np.exp(-0.5 * ((heat - at) / width) ** 2))
+
+
+def kink(at: float, slope: float) -> Change:
+    """Return the change to a curve with a kink."""
+    return curved(lambda heat: slope * np.maximum(heat - at, 0.0))

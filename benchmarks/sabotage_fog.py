@@ -8,35 +8,46 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from fog_logs import AXES, PPM_DEG, Curve, Log, log, made
-from numpy.typing import NDArray
-from sabotage import Array, Fault, Made
+from fog_logs import (
+    Change,
+    Log,
+    Shape,
+    Values,
+    added,
+    bump,
+    columns,
+    kink,
+    log,
+    made,
+    noisy,
+    part_of,
+    rows_of,
+    sensed,
+    turned,
+)
+from sabotage import Fault, Made
 
-from procedures.fog_scale_factor_temperature.dataset import TurnTable
-
-Mask = NDArray[np.bool_]
-Change = Callable[[Log, np.random.Generator], Log]
 Maker = Callable[[int], Log]
 
 STATEMENT = frozenset({"contradicts-statement"})
-SHAPE = frozenset({"misfit", "model-too-stiff", "output-step"})
-LEFT_OUT = frozenset({"outliers-rejected", "model-too-stiff", "misfit"})
-NOTHING_SAID = frozenset({"not-identifiable"})
+FROZEN = frozenset({"frozen"})
+COARSE = frozenset({"coarse-output"})
+NOTHING = frozenset({"not-identifiable"})
+SHAPE = frozenset({"misfit", "model-too-stiff"})
+LEFT_OUT = SHAPE | {"outliers-rejected"}
 
 PAIRS: Maker = log
 SINGLE: Maker = partial(log, turns=(360,))
-WAITS: Maker = partial(log, turns=(360, 0))
 FULL: Maker = partial(log, full=True)
 PROVED: Maker = partial(log, proved=True)
 DRIVEN: Maker = partial(log, driven=True)
-CHAMBER: Maker = partial(log, chamber=True)
 STATED: Maker = partial(log, stated=True)
 KINDS: tuple[Maker, ...] = (
     PAIRS,
     SINGLE,
     PROVED,
     FULL,
-    WAITS,
+    partial(log, turns=(360, 0)),
     partial(log, turns=(360, -360, -360, 360)),
     partial(log, resolution_deg=0.01),
     partial(log, driven=True, proved=True),
@@ -44,122 +55,23 @@ KINDS: tuple[Maker, ...] = (
     partial(log, sets=24),
     partial(log, turns=(360,), sets=100),
     partial(log, turns=(360,), proved=True, noise=3.0),
+    partial(log, wild=0.03, missing=0.03),
+    partial(log, there_and_back=True),
 )
 CLEAN: tuple[Callable[[int], Made], ...] = tuple(
-    lambda seed, kind=kind: made(kind(seed))
-    for kind in KINDS  # type: ignore[misc]
+    lambda seed, kind=kind: made(kind(seed))  # type: ignore[misc]
+    for kind in KINDS
 )
-USUAL_FLAGS: frozenset[str] = frozenset()
+USUAL_FLAGS = frozenset({"outliers-rejected", "gap"})
+"""Of logs with wild and missing turns."""
 
 
-def turned(log: Log, error_ppm: Array | float) -> Log:
-    """Return a log with something added to the errors of its turns, (rows,); headings alone."""
-    after = log.table.attitude_after_deg.copy()
-    after[:, 0] = np.mod(after[:, 0] + error_ppm * PPM_DEG, 360.0)
-    return replace(log, table=replace(log.table, attitude_after_deg=after))
-
-
-def told(log: Log, **conditions: str) -> Log:
-    """Return a log with other conditions."""
-    return replace(log, conditions={**log.conditions, **conditions})
-
-
-def columns(
-    name: str | tuple[str, ...], change: Callable[[Array], Array], table: str = "table"
-) -> Change:
-    """Return the change of all columns of the table whose name begins so."""
+def copied(names: str) -> Change:
+    """Return the change that copies columns of a fifth of the log over another one."""
 
     def changed(log: Log, _: np.random.Generator) -> Log:
-        old: TurnTable = getattr(log, table)
-        new = {key: change(value) for key, value in vars(old).items() if key.startswith(name)}
-        return replace(log, **{table: replace(old, **new)})  # type: ignore[arg-type]
-
-    return changed
-
-
-def rows(
-    name: str,
-    change: Callable[[Array], Array],
-    first: float = 0.0,
-    last: float = 1.0,
-    axes: str = "xyz",
-) -> Change:
-    """Return the change of columns between two parts of the log, at some axes."""
-
-    def changed(log: Log, _: np.random.Generator) -> Log:
-        table = log.table
-        inside = between(log, first, last) & np.isin(table.axis, list(axes))
-        new = {}
-        for key, value in vars(table).items():
-            if key.startswith(name):
-                new[key] = value.copy()
-                new[key][inside] = change(value[inside])
-        return replace(log, table=replace(table, **new))
-
-    return changed
-
-
-def between(log: Log, first: float, last: float) -> Mask:
-    """Return the rows between two parts of the log's sets."""
-    part = log.table.set_number / (log.table.set_number.max() + 1)
-    return np.asarray((part >= first) & (part < last))
-
-
-def added(error: Callable[[Log, np.random.Generator], Array]) -> Change:
-    """Return the change that adds an error in ppm to each turn, whatever its sense."""
-    return lambda log, generator: turned(log, error(log, generator))
-
-
-def curved(shape: Callable[[Array], Array]) -> Change:
-    """Return the change to a gyro whose curve has something on it."""
-
-    def with_it(curve: Curve) -> Curve:
-        return lambda heat: curve(heat) + shape(np.asarray(heat))
-
-    def changed(log: Log, _: np.random.Generator) -> Log:
-        error = shape(log.table.temperature_degC) * log.table.commanded_deg / 360.0
-        curves = {axis: with_it(log.curves[axis]) for axis in AXES}
-        return replace(turned(log, error), curves=curves)
-
-    return changed
-
-
-def sensed(shape: Callable[[Log, Array], Array]) -> Change:
-    """Return the change that adds an error of the scale factor, over the part of the log 0 to 1."""
-
-    def changed(log: Log, _: np.random.Generator) -> Log:
-        part = log.table.set_number / log.table.set_number.max()
-        return turned(log, shape(log, part) * log.table.commanded_deg / 360.0)
-
-    return changed
-
-
-def noisy(ppm: Callable[[Array], Array]) -> Change:
-    """Return the change that adds noise, of a size over the part of the log 0 to 1."""
-
-    def changed(log: Log, generator: np.random.Generator) -> Log:
-        part = log.table.set_number / log.table.set_number.max()
-        return turned(log, ppm(part) * generator.standard_normal(len(part)))
-
-    return changed
-
-
-def exchanged(first: float, last: float) -> Change:
-    """Return the change of the labels x and y between two parts of the log."""
-    return rows(
-        "axis",
-        lambda axis: np.where(axis == "x", "y", np.where(axis == "y", "x", axis)),
-        first,
-        last,
-    )
-
-
-def copied(first: float, last: float, source: float, names: str) -> Change:
-    """Return the change that copies columns of a block of sets over another one."""
-
-    def changed(log: Log, _: np.random.Generator) -> Log:
-        inside = np.flatnonzero(between(log, first, last))
-        start = np.flatnonzero(between(log, source, 2.0))[0]
+        inside = np.flatnonzero((part_of(log) >= 0.5) & (part_of(log) < 0.7))
+        start = np.flatnonzero(part_of(log) >= 0.2)[0]
         new = {}
         for key, value in vars(log.table).items():
             if key.startswith(tuple(names.split())):
@@ -170,470 +82,291 @@ def copied(first: float, last: float, source: float, names: str) -> Change:
     return changed
 
 
-def stopped(
-    first: float, last: float, axes: str = "xyz", *, name: str, share: float = 0.0
-) -> Change:
-    """Return the change that holds a column's reading from one part of the log to another."""
-    return rows(
-        name, lambda value: np.zeros_like(value) + value[int(share * len(value))], first, last, axes
-    )
-
-
-def unmoved(first: float, last: float) -> Change:
-    """Return the change after which headings did not follow the turns."""
+def unmoved(first: float) -> Change:
+    """Return the change after which, from a part of the log on, headings do not follow turns."""
 
     def changed(log: Log, _: np.random.Generator) -> Log:
-        inside = between(log, first, last)[:, None]
         table = log.table
+        inside = (part_of(log) >= first)[:, None]
         after = np.where(inside, table.attitude_before_deg, table.attitude_after_deg)
         return replace(log, table=replace(table, attitude_after_deg=after))
 
     return changed
 
 
-def by_chamber(log: Log) -> Log:
+def from_one_place(log: Log, generator: np.random.Generator) -> Log:
+    """Return a log whose turns begin at 0 deg, read to 0.1 deg."""
+    change = log.table.attitude_after_deg - log.table.attitude_before_deg
+    table = replace(log.table, attitude_before_deg=0.0 * change, attitude_after_deg=change)
+    return columns("attitude", lambda a: np.round(a, 1))(replace(log, table=table), generator)
+
+
+def by_chamber(log: Log, _: np.random.Generator) -> Log:
     """Return a log whose gyro temperatures are the chamber's, which leads them by 3 degC."""
     table = log.table
     sides = (table.temperature_before_degC, table.temperature_after_degC)
     before, after = (np.round(side + 3.0, 3) for side in sides)
-    chamber = np.where(np.isfinite(table.chamber_degC), before, np.nan)
     new = replace(table, temperature_before_degC=before, temperature_after_degC=after)
-    return replace(log, table=replace(new, chamber_degC=chamber))
+    return replace(log, table=replace(new, chamber_degC=before))
 
 
-def minutes(angle: Array) -> Array:
+def some_back(log: Log, generator: np.random.Generator) -> Log:
+    """Return a log in which one command of five has the wrong sign."""
+    sign = np.where(generator.random(len(log.table)) < 0.2, -1.0, 1.0)
+    table = replace(log.table, commanded_deg=log.table.commanded_deg * sign)
+    return replace(log, table=table)
+
+
+def minutes(angle: Values) -> Values:
     """Return degrees as degrees, minutes and seconds, DD.MMSS."""
     seconds = np.round(angle * 3600.0 * 100.0) / 100.0
     return np.asarray(seconds // 3600 + seconds % 3600 // 60 * 0.01 + seconds % 60 * 1e-4)
 
 
-def kept(inside: Callable[[Array], Mask]) -> Change:
+def lagging(heat: Values) -> Values:
+    """Return temperatures by a thermometer that is 1 degC behind."""
+    return heat - np.sign(np.gradient(heat))
+
+
+def swapped(axis: Values) -> Values:
+    """Return the labels x and y exchanged."""
+    return np.where(axis == "x", "y", np.where(axis == "y", "x", axis))
+
+
+def kept(inside: Shape) -> Change:
     """Return the change that loses the turns outside some temperatures."""
 
     def changed(log: Log, _: np.random.Generator) -> Log:
-        row = inside(log.table.temperature_degC)
-        return replace(log, table=TurnTable(**{k: v[row] for k, v in vars(log.table).items()}))
+        return replace(log, table=rows_of(log.table, inside(log.table.temperature_degC)))
 
     return changed
 
 
 def stated(**conditions: str) -> Change:
     """Return the change of conditions."""
-    return lambda log, _: told(log, **conditions)
+    return lambda log, _: replace(log, conditions={**log.conditions, **conditions})
 
 
-def driving(change: Callable[[Any], Any]) -> Change:
-    """Return the change of the drive."""
-    return lambda log, _: replace(log, drive=change(log.drive))
-
-
-def full_attitude(order: list[int], sign: list[float]) -> Change:
-    """Return the change of the columns heading, pitch and roll."""
-    return columns("attitude", lambda angle: angle[:, order] * sign)
-
-
-def bump(at: float, width: float, ppm: float) -> Change:
-    """Return the change to a curve with a narrow feature."""
-    return curved(lambda heat: ppm * np.exp(-0.5 * ((heat - at) / width) ** 2))
-
-
-def kink(at: float, slope: float) -> Change:
-    """Return the change to a curve with a kink."""
-    return curved(lambda heat: slope * np.maximum(heat - at, 0.0))
-
-
-def off_proof(shape: Callable[[Array], Array]) -> Change:
-    """Return the change of the verification ramp by an error of the scale factor."""
+def drive_rates(change: Shape) -> Change:
+    """Return the change of a drive's rates."""
 
     def changed(log: Log, _: np.random.Generator) -> Log:
-        proof: Any = log.verification
-        after = proof.attitude_after_deg.copy()
-        error = shape(proof.temperature_degC) * proof.commanded_deg / 360.0
-        after[:, 0] = np.mod(after[:, 0] + error * PPM_DEG, 360.0)
-        return replace(log, verification=replace(proof, attitude_after_deg=after))
+        drive: Any = log.drive
+        return replace(log, drive=replace(drive, rate_deg_per_s=change(drive.rate_deg_per_s)))
 
     return changed
 
 
-def fault(
-    name: str,
+def off_proof(shape: Shape) -> Change:
+    """Return the change of the verification ramp by an error of the scale factor."""
+
+    def changed(log: Log, generator: np.random.Generator) -> Log:
+        proof: Any = log.verification
+        error = shape(proof.temperature_degC) * proof.commanded_deg / 360.0
+        return replace(log, verification=turned(replace(log, table=proof), error).table)
+
+    return changed
+
+
+def faults(
     flags: frozenset[str],
-    change: Change,
+    *named: tuple[str, Change],
     kind: Maker = PAIRS,
     detectable: bool | None = None,
-) -> Fault:
-    """Return a fault; `detectable` where more than the errors of the turns shows it, or less."""
+) -> list[Fault]:
+    """Return faults that one of the flags names.
 
-    def planted(seed: int) -> Made:
-        return made(change(kind(seed), np.random.default_rng([seed, 23])))
+    `detectable` where more than the errors of the turns shows them.
+    """
 
-    return Fault(name, flags, lambda seed: made(kind(seed)), planted, detectable)
+    def one(name: str, change: Change) -> Fault:
+        def planted(seed: int) -> Made:
+            return made(change(kind(seed), np.random.default_rng([seed, 23])))
+
+        return Fault(name, flags, lambda seed: made(kind(seed)), planted, detectable)
+
+    return [one(name, change) for name, change in named]
 
 
-COMMAND = STATEMENT | LEFT_OUT
-FAULTS = (
-    fault("headings in radians", STATEMENT, columns("attitude", np.radians), PAIRS, True),
-    fault("headings in gon", STATEMENT, columns("attitude", lambda a: a / 0.9), PAIRS, True),
-    fault("headings in mils", STATEMENT, columns("attitude", lambda a: a / 0.05625), PAIRS, True),
-    fault("headings as DD.MMSS", STATEMENT, columns("attitude", minutes), PAIRS, True),
-    fault("headings in turns", STATEMENT, columns("attitude", lambda a: a / 360.0), PAIRS, True),
-    fault(
-        "headings after in radians", STATEMENT, columns("attitude_after", np.radians), PAIRS, True
-    ),
-    fault(
-        "headings in radians from the middle",
-        COMMAND,
-        rows("attitude", np.radians, 0.5),
-        PAIRS,
-        True,
-    ),
-    fault(
-        "temperatures in kelvin",
+FAULTS: tuple[Fault, ...] = (
+    *faults(
         STATEMENT,
-        columns("temperature", lambda t: t + 273.15),
-        PAIRS,
-        True,
-    ),
-    fault(
-        "temperatures in degF",
-        STATEMENT,
-        columns("temperature", lambda t: 1.8 * t + 32),
-        PAIRS,
-        True,
-    ),
-    fault(
-        "temperatures in tenths", STATEMENT, columns("temperature", lambda t: 10 * t), PAIRS, True
-    ),
-    fault(
-        "temperatures of x in degF",
-        STATEMENT,
-        rows("temperature", lambda t: 1.8 * t + 32, axes="x"),
-        PAIRS,
-        True,
-    ),
-    fault(
-        "temperature after in kelvin",
-        STATEMENT,
-        columns("temperature_after", lambda t: t + 273.15),
-        PAIRS,
-        True,
-    ),
-    fault(
-        "times in ms", STATEMENT, columns(("before_s", "after_s"), lambda t: 1000 * t), SINGLE, True
-    ),
-    fault(
-        "times in minutes",
-        STATEMENT,
-        columns(("before_s", "after_s"), lambda t: t / 60),
-        SINGLE,
-        True,
-    ),
-    fault(
-        "commands in radians",
-        STATEMENT | NOTHING_SAID,
-        columns("commanded", np.radians),
-        PAIRS,
-        True,
-    ),
-    fault("commands unsigned", COMMAND, columns("commanded", np.abs), PAIRS, True),
-    fault(
-        "commands unsigned in the last third", COMMAND, rows("commanded", np.abs, 0.67), PAIRS, True
-    ),
-    fault(
-        "one command in five with the wrong sign",
-        COMMAND,
-        lambda log, g: replace(
-            log,
-            table=replace(
-                log.table,
-                commanded_deg=log.table.commanded_deg
-                * np.where(g.random(len(log.table)) < 0.2, -1, 1),
-            ),
+        ("headings in radians", columns("attitude", np.radians)),
+        ("headings in gon", columns("attitude", lambda a: a / 0.9)),
+        ("headings in mils", columns("attitude", lambda a: a / 0.05625)),
+        ("headings as DD.MMSS", columns("attitude", minutes)),
+        ("headings in turns", columns("attitude", lambda a: a / 360.0)),
+        ("headings after in radians", columns("attitude_after", np.radians)),
+        ("headings to 0.1 deg", columns("attitude", lambda a: np.round(a, 1))),
+        ("headings to 0.1 deg from one place", from_one_place),
+        ("temperatures in kelvin", columns("temperature", lambda t: t + 273.15)),
+        ("temperatures in degF", columns("temperature", lambda t: 1.8 * t + 32)),
+        ("temperatures in tenths of a degC", columns("temperature", lambda t: 10 * t)),
+        ("temperatures with the wrong sign", columns("temperature", np.negative)),
+        ("temperature after in kelvin", columns("temperature_after", lambda t: t + 273.15)),
+        ("x in degF", columns("temperature", lambda t: 1.8 * t + 32, axes="x")),
+        (
+            "x drifts by 8 degC",
+            columns("temperature", lambda t: t + np.linspace(0, 8, len(t)), axes="x"),
         ),
-        PAIRS,
-        True,
+        ("the table's range is another plan's", stated(temperature_range="[-10 degC, 30 degC]")),
+        ("turns 10 deg short", sensed(lambda part: -27778.0)),
+        ("turns back called double", columns("commanded", lambda c: np.where(c < 0, 2 * c, c))),
+        ("earth's rate not taken off", added(lambda log, _: 350.0)),
+        detectable=True,
     ),
-    fault(
-        "waits called turns",
-        COMMAND,
-        columns("commanded", lambda c: np.full_like(c, 360.0)),
-        WAITS,
-        True,
-    ),
-    fault(
-        "half turns called whole",
-        COMMAND,
-        added(lambda log, g: np.full(len(log.table), 5e5)),
-        PAIRS,
-        True,
-    ),
-    fault(
-        "turns 10 deg short",
-        COMMAND,
-        added(lambda log, g: -np.sign(log.table.commanded_deg) * 27778.0),
-        PAIRS,
-        True,
-    ),
-    fault(
-        "turns back called double",
-        COMMAND,
-        columns("commanded", lambda c: np.where(c < 0, 2 * c, c)),
-        PAIRS,
-        True,
-    ),
-    fault("labels of x and y exchanged from the middle", COMMAND, exchanged(0.5, 1.0), PAIRS, True),
-    fault(
-        "labels of x and y exchanged in one set of seven",
-        COMMAND,
-        exchanged(0.4, 0.54),
-        PAIRS,
-        True,
-    ),
-    fault(
-        "labels of x and y exchanged, attitudes known", STATEMENT, exchanged(0.0, 1.0), FULL, True
-    ),
-    fault(
-        "all upside down, attitudes known",
+    *faults(
         STATEMENT,
-        full_attitude([0, 1, 2], [1, -1, -1]),
-        FULL,
-        True,
+        ("times in ms", columns("before_s after_s", lambda t: 1000 * t)),
+        ("times in minutes", columns("before_s after_s", lambda t: t / 60)),
+        ("headings in radians, single turns", columns("attitude", np.radians)),
+        kind=SINGLE,
+        detectable=True,
     ),
-    fault("pitch and roll exchanged", STATEMENT, full_attitude([0, 2, 1], [1, 1, 1]), FULL, True),
-    fault("roll with the wrong sign", STATEMENT, full_attitude([0, 1, 2], [1, 1, -1]), FULL, True),
-    fault(
-        "pitch and roll in radians",
+    *faults(
         STATEMENT,
-        full_attitude([0, 1, 2], [1, np.pi / 180, np.pi / 180]),
-        FULL,
-        True,
+        ("labels exchanged, attitudes known", columns("axis", swapped)),
+        ("upside down, attitudes known", columns("attitude", lambda a: a * [1, -1, -1])),
+        ("pitch and roll exchanged", columns("attitude", lambda a: a[:, [0, 2, 1]])),
+        ("roll with the wrong sign", columns("attitude", lambda a: a * [1, 1, -1])),
+        (
+            "pitch and roll in radians",
+            columns("attitude", lambda a: np.hstack((a[:, :1], np.radians(a[:, 1:])))),
+        ),
+        kind=FULL,
+        detectable=True,
     ),
-    fault("wrong sense, with a drive", STATEMENT, stated(turn_sense="about-up"), DRIVEN, True),
-    fault(
-        "headings count backwards from the middle",
-        COMMAND,
-        rows("attitude", lambda a: 360.0 - a, 0.5),
-        PAIRS,
-        True,
+    *faults(
+        STATEMENT | NOTHING,
+        ("wrong sense, with a drive", stated(turn_sense="about-up")),
+        ("drive in rad/s", drive_rates(np.radians)),
+        ("drive with the wrong sign", drive_rates(np.negative)),
+        ("drive at the wrong latitude", stated(latitude="-40 deg")),
+        kind=DRIVEN,
+        detectable=True,
     ),
-    fault(
-        "thermometers stop at the middle",
-        STATEMENT | {"frozen"} | LEFT_OUT,
-        stopped(0.5, 1.0, name="temperature"),
-        PAIRS,
-        True,
-    ),
-    fault(
-        "thermometers stop for a sixth",
-        STATEMENT | {"frozen"} | LEFT_OUT,
-        stopped(0.5, 0.67, name="temperature"),
-        PAIRS,
-        True,
-    ),
-    fault(
-        "thermometer of x dead",
-        STATEMENT | {"frozen"} | NOTHING_SAID,
-        stopped(0.0, 1.0, "x", name="temperature"),
-        PAIRS,
-        True,
-    ),
-    fault("chamber for gyro", STATEMENT, lambda log, g: by_chamber(log), CHAMBER, True),
-    fault(
-        "temperatures without their sign",
+    *faults(
         STATEMENT | LEFT_OUT,
-        columns("temperature", np.abs),
-        PAIRS,
-        True,
+        ("commands unsigned", columns("commanded", np.abs)),
+        ("commands unsigned in the last third", columns("commanded", np.abs, 0.67)),
+        ("one command of five with the wrong sign", some_back),
+        ("half turns called whole", added(lambda log, _: 5e5)),
+        ("headings in radians from the middle", columns("attitude", np.radians, 0.5)),
+        ("headings count backwards from the middle", columns("attitude", lambda a: 360.0 - a, 0.5)),
+        ("labels exchanged from the middle", columns("axis", swapped, 0.5)),
+        ("labels exchanged in one set of seven", columns("axis", swapped, 0.4, 0.54)),
+        ("temperatures without their sign", columns("temperature", np.abs)),
+        detectable=True,
     ),
-    fault(
-        "temperatures with the wrong sign",
-        STATEMENT,
-        columns("temperature", np.negative),
-        PAIRS,
-        True,
+    *faults(
+        STATEMENT | LEFT_OUT,
+        ("waits called turns", columns("commanded", lambda c: 0.0 * c + 360.0)),
+        kind=partial(log, turns=(360, 0)),
+        detectable=True,
     ),
-    fault(
-        "thermometer of x drifts by 8 degC",
+    *faults(
         STATEMENT,
-        lambda log, g: rows("temperature", lambda t: t + np.linspace(0, 8, len(t)), axes="x")(
-            log, g
+        ("chamber for gyro", by_chamber),
+        kind=partial(log, chamber=True),
+        detectable=True,
+    ),
+    *faults(
+        FROZEN,
+        ("thermometers stop at the middle", columns("temperature", lambda t: 0 * t + t[0], 0.5)),
+        (
+            "thermometers stop for a sixth",
+            columns("temperature", lambda t: 0 * t + t[0], 0.5, 0.67),
         ),
-        PAIRS,
-        True,
+        ("thermometer of x dead", columns("temperature", lambda t: 0 * t + 25.0, axes="x")),
+        ("headings do not follow from two thirds on", unmoved(0.67)),
+        ("headings do not follow", unmoved(0.0)),
+        ("headings stop for a sixth", columns("attitude", lambda a: 0 * a + a[0], 0.4, 0.55)),
+        ("headings copied from earlier sets", copied("attitude")),
+        ("headings and temperatures copied", copied("attitude temperature")),
+        detectable=True,
     ),
-    fault(
-        "temperatures to 2 degC",
-        STATEMENT | {"coarse-output", "model-too-stiff"},
-        columns("temperature", lambda t: np.round(t / 2) * 2),
-        PAIRS,
-        True,
+    *faults(
+        COARSE,
+        ("temperatures to 2 degC", columns("temperature", lambda t: np.round(t / 2) * 2)),
+        detectable=True,
     ),
-    fault(
-        "headings do not follow from two thirds on",
-        {"frozen"} | COMMAND,
-        unmoved(0.67, 1.0),
-        PAIRS,
-        True,
-    ),
-    fault("headings do not follow", frozenset({"frozen"}), unmoved(0.0, 1.0), PAIRS, True),
-    fault(
-        "headings stop for a sixth",
-        {"frozen"} | COMMAND,
-        stopped(0.4, 0.55, name="attitude"),
-        PAIRS,
-        True,
-    ),
-    fault(
-        "headings copied from earlier sets",
-        {"frozen"} | COMMAND,
-        copied(0.5, 0.7, 0.2, "attitude"),
-        PAIRS,
-        True,
-    ),
-    fault(
-        "headings and temperatures copied",
-        {"frozen"} | COMMAND,
-        copied(0.5, 0.7, 0.2, "attitude temperature"),
-        PAIRS,
-        True,
-    ),
-    fault(
-        "noise 200 times the stated one", STATEMENT, noisy(lambda part: 200.0 + 0 * part), STATED
-    ),
-    fault(
-        "noise 20 times, single turns",
+    *faults(
         STATEMENT,
-        noisy(lambda part: 20.0 + 0 * part),
-        partial(log, turns=(360,), stated=True),
+        ("noise 200 times the stated one", noisy(lambda part: 200.0)),
+        ("noise 20 times the stated one", noisy(lambda part: 20.0)),
+        ("noise 5 times the stated one", noisy(lambda part: 5.0)),
+        kind=STATED,
     ),
-    fault("noise 5 times", STATEMENT, noisy(lambda part: 5.0 + 0 * part), STATED),
-    fault(
-        "noise 30 times in a third", STATEMENT | LEFT_OUT, noisy(lambda part: 30.0 * (part > 0.67))
+    *faults(
+        STATEMENT,
+        ("noise 200 times, single turns", noisy(lambda part: 200.0)),
+        kind=partial(log, turns=(360,), stated=True),
     ),
-    fault("noise that grows to 20 times", STATEMENT | LEFT_OUT, noisy(lambda part: 20.0 * part**2)),
-    fault(
-        "headings to 0.1 deg",
-        STATEMENT | {"coarse-output"},
-        columns("attitude", lambda a: np.round(a, 1)),
-        PAIRS,
-        True,
+    *faults(
+        STATEMENT | LEFT_OUT,
+        ("noise 30 times in a third", noisy(lambda part: 30.0 * (part > 0.67))),
+        ("noise that grows to 20 times", noisy(lambda part: 20.0 * part**2)),
+        kind=STATED,
     ),
-    fault(
-        "headings to 0.1 deg from the same place",
-        STATEMENT | {"coarse-output"},
-        lambda log, g: columns("attitude", lambda a: np.round(a, 1))(
-            replace(
-                log,
-                table=replace(
-                    log.table,
-                    attitude_before_deg=0 * log.table.attitude_before_deg,
-                    attitude_after_deg=log.table.attitude_after_deg - log.table.attitude_before_deg,
-                ),
-            ),
-            g,
-        ),
-        PAIRS,
-        True,
+    *faults(
+        LEFT_OUT,
+        ("six sets 60 ppm off", sensed(lambda p: 60.0 * ((p > 0.5) & (p < 0.61)))),
+        ("three sets 30 ppm off", sensed(lambda p: 30.0 * ((p > 0.3) & (p < 0.35)))),
+        ("warm-up of 40 ppm", sensed(lambda p: 40.0 * np.exp(-p / 0.04))),
+        ("last two sets 25 ppm off", sensed(lambda p: 25.0 * (p > 0.97))),
     ),
-    fault(
-        "six sets 60 ppm off",
-        SHAPE | LEFT_OUT,
-        sensed(lambda log, p: 60.0 * ((p > 0.5) & (p < 0.61))),
-    ),
-    fault(
-        "three sets 30 ppm off",
-        SHAPE | LEFT_OUT,
-        sensed(lambda log, p: 30.0 * ((p > 0.3) & (p < 0.35))),
-    ),
-    fault("step of 20 ppm", SHAPE, sensed(lambda log, p: 20.0 * (p > 0.55))),
-    fault("step of 60 ppm, single turns", SHAPE, sensed(lambda log, p: 60.0 * (p > 0.35)), SINGLE),
-    fault("warm-up of 40 ppm", SHAPE | LEFT_OUT, sensed(lambda log, p: 40.0 * np.exp(-p / 0.04))),
-    fault("warm-up of 10 ppm", SHAPE | LEFT_OUT, sensed(lambda log, p: 10.0 * np.exp(-p / 0.04))),
-    fault("last two sets 25 ppm off", SHAPE | LEFT_OUT, sensed(lambda log, p: 25.0 * (p > 0.97))),
-    fault(
-        "ripple of 10 ppm, 8 sets",
-        SHAPE | STATEMENT,
-        sensed(lambda log, p: 10.0 * np.sin(2 * np.pi * 53 * p / 8)),
-    ),
-    fault("feature of 15 ppm and 2 degC", SHAPE, bump(14.0, 1.0, 15.0)),
-    fault("feature of 6 ppm and 4 degC", SHAPE, bump(24.0, 2.0, 6.0)),
-    fault("feature of 15 ppm and 2 degC, single turns", SHAPE, bump(20.5, 1.0, 15.0), SINGLE),
-    fault("kink of 3 ppm/degC", SHAPE, kink(17.0, 3.0)),
-    fault("kink of 1 ppm/degC", SHAPE, kink(17.0, 1.0)),
-    fault("kink of 0.5 ppm/degC", SHAPE, kink(10.0, 0.5)),
-    fault("kink of 1 ppm/degC, single turns", SHAPE, kink(22.0, 1.0), SINGLE),
-    fault(
-        "saturates at 80 ppm",
+    *faults(
         SHAPE,
-        lambda log, g: sensed(
-            lambda log, p: (
-                np.minimum(log.error_ppm(log.table) / (log.table.commanded_deg / 360.0), 80.0)
-                - log.error_ppm(log.table) / (log.table.commanded_deg / 360.0)
-            )
-        )(log, g),
+        ("step of 20 ppm", sensed(lambda p: 20.0 * (p > 0.55))),
+        ("step of 8 ppm", sensed(lambda p: 8.0 * (p > 0.4))),
+        ("ripple of 10 ppm, 8 sets", sensed(lambda p: 10.0 * np.sin(2 * np.pi * 53 * p / 8))),
+        ("feature of 15 ppm and 2 degC", bump(14.0, 1.0, 15.0)),
+        ("feature of 25 ppm and 3 degC", bump(31.0, 1.3, 25.0)),
+        ("feature of 6 ppm and 4 degC", bump(24.0, 2.0, 6.0)),
+        ("kink of 3 ppm/degC", kink(17.0, 3.0)),
+        ("kink of -2 ppm/degC", kink(-5.0, -2.0)),
+        ("kink of 1 ppm/degC", kink(17.0, 1.0)),
+        ("kink of 0.5 ppm/degC", kink(10.0, 0.5)),
     ),
-    fault("verification 20 ppm off", STATEMENT, off_proof(lambda t: 20.0 + 0 * t), PROVED),
-    fault("verification 4 ppm off", STATEMENT, off_proof(lambda t: 4.0 + 0 * t), PROVED),
-    fault("verification off at one end", STATEMENT, off_proof(lambda t: 15.0 * (t > 45.0)), PROVED),
-    fault(
-        "verification with labels exchanged",
+    *faults(
+        SHAPE,
+        ("step of 60 ppm, single turns", sensed(lambda p: 60.0 * (p > 0.35))),
+        ("feature of 15 ppm and 2 degC, single turns", bump(20.5, 1.0, 15.0)),
+        ("feature of 40 ppm and 3 degC, single turns", bump(20.5, 1.3, 40.0)),
+        ("kink of 1 ppm/degC, single turns", kink(22.0, 1.0)),
+        ("kink of 3 ppm/degC, single turns", kink(22.0, 3.0)),
+        kind=SINGLE,
+    ),
+    *faults(
         STATEMENT,
-        columns(
-            "axis", lambda a: np.where(a == "x", "y", np.where(a == "y", "x", a)), "verification"
+        ("verification 20 ppm off", off_proof(lambda t: 20.0)),
+        ("verification 20 ppm rms off", off_proof(lambda t: 28.0 * np.sin(t / 15.0))),
+        ("verification 4 ppm off", off_proof(lambda t: 4.0)),
+        ("verification off at one end", off_proof(lambda t: 15.0 * (t > 45.0))),
+        ("verification of other labels", columns("axis", swapped, table="verification")),
+        kind=PROVED,
+        detectable=True,
+    ),
+    *faults(
+        frozenset({"hysteresis"}),
+        ("hysteresis of 10 ppm", sensed(lambda p: 5.0 * np.sin(2 * np.pi * p))),
+        (
+            "thermometers that lag by 1 degC",
+            columns("temperature", lambda t: t - np.sign(np.gradient(t))),
         ),
-        PROVED,
-        True,
+        kind=partial(log, there_and_back=True),
     ),
-    fault("gap of 80 degC", frozenset({"gap"}), kept(lambda t: (t < -30) | (t > 50)), PAIRS, True),
-    fault("gap of 30 degC", frozenset({"gap"}), kept(lambda t: (t < 5) | (t > 35)), PAIRS, True),
-    fault(
-        "bias 50 times the stated one",
-        STATEMENT,
-        added(lambda log, g: np.full(len(log.table), 350.0)),
-        PAIRS,
-        True,
+    *faults(
+        frozenset({"gap"}),
+        ("gap of 80 degC", kept(lambda t: (t < -30) | (t > 50))),
+        ("gap of 30 degC", kept(lambda t: (t < 5) | (t > 35))),
+        detectable=True,
     ),
-    fault("one set number for all", NOTHING_SAID, columns("set", np.zeros_like), PAIRS, True),
-    fault(
-        "a set number for every row",
-        NOTHING_SAID,
-        columns("set", lambda n: np.arange(len(n))),
-        PAIRS,
-        True,
-    ),
-    fault(
-        "set numbers start again",
-        NOTHING_SAID | COMMAND,
-        columns("set", lambda n: n % 27),
-        PAIRS,
-        True,
-    ),
-    fault(
-        "temperature range of another plan",
-        STATEMENT,
-        stated(temperature_range="[-10 degC, 30 degC]"),
-        PAIRS,
-        True,
-    ),
-    fault(
-        "drive in rad/s",
-        STATEMENT | NOTHING_SAID,
-        driving(lambda d: replace(d, rate_deg_per_s=np.radians(d.rate_deg_per_s))),
-        DRIVEN,
-        True,
-    ),
-    fault(
-        "drive at the wrong latitude",
-        STATEMENT | NOTHING_SAID,
-        stated(latitude="-40 deg"),
-        DRIVEN,
-        True,
-    ),
-    fault(
-        "drive with the wrong sign",
-        STATEMENT | NOTHING_SAID,
-        driving(lambda d: replace(d, rate_deg_per_s=-d.rate_deg_per_s)),
-        DRIVEN,
-        True,
+    *faults(
+        NOTHING,
+        ("one set number for all", columns("set", np.zeros_like)),
+        ("a set number for every row", columns("set", lambda n: np.arange(len(n)))),
+        ("set numbers start again", columns("set", lambda n: n % 27)),
+        detectable=True,
     ),
 )

@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from .axis_turns import AxisTurns
-from .checks import axis_flags, check_flags, coarse, stated_turn_ppm
+from .checks import axis_flags, check_flags, coarse, stated_turn_ppm, two_ways
 from .dataset import AXES, Array, FogDataset, Mask, TurnTable
 from .driving import evaluate_drive
 from .findings import AnalysisSettings, AxisFit, FogAnalysis, PublishedFit, Verified
@@ -40,7 +40,8 @@ def analyse(dataset: FogDataset, settings: AnalysisSettings | None = None) -> Fo
     for axis, turns in tables.items():
         bias = dataset.gyro_bias_deg_per_h or 0.0
         fits[axis], found = coarse(fit_axis(turns, settings, floor_ppm, bias), dataset.turns)
-        flags += found
+        fits[axis], further = two_ways(fits[axis], turns)
+        flags += found + further
         published[axis] = published_fit(turns, dataset.initial_order)
     verified: dict[str, Verified] = {}
     if dataset.verification is not None:

@@ -18,6 +18,9 @@ from .turning import FULL_TURN_DEG, PPM, SECONDS_PER_HOUR
 LARGEST_PPM = 10_000.0
 BIASES, LEAST_BIAS_DEG_PER_H = 10.0, 1.0
 """Gyro biases as specified, and a bias, beyond which the bias in the turns is another one."""
+WAY_DEGC = 0.1
+"""From set to set: the gyro warms, or cools."""
+APART = 5.0
 UNIFORM = 12.0**-0.5
 COARSE_DEGC = 0.5
 SAME_PLACES = 0.25
@@ -134,6 +137,40 @@ def coarse(fit: AxisFit, table: TurnTable) -> tuple[AxisFit, list[Flag]]:
     )
     found = replace(fit, curve=fit.curve.checked(added))
     return found, [Flag("coarse-output", message, fit.axis, {"size_ppm": float(added.max())})]
+
+
+def two_ways(fit: AxisFit, turns: AxisTurns) -> tuple[AxisFit, list[Flag]]:
+    """Return an axis with what its warming and cooling turns differ by in u, and the flag of it.
+
+    A curve between the two branches of a loop leaves residuals of one sign on each.
+    """
+    kept = fit.kept & np.isfinite(fit.error_ppm)
+    if fit.curve is None or int(kept.sum()) < 2 * FEWEST_SETS:
+        return fit, []
+    middle, place = np.unique(turns.set_number[kept], return_inverse=True)
+    count = np.bincount(place)
+    heat = np.bincount(place, turns.temperature_degC[kept]) / count
+    left = np.bincount(place, fit.residual_ppm[kept]) / count
+    slope = np.gradient(heat) if len(middle) > 1 else np.zeros(1)
+    branches = [slope > WAY_DEGC, slope < -WAY_DEGC]
+    if min(int(one.sum()) for one in branches) < FEWEST_SETS:
+        return fit, []
+    shared = max(heat[one].min() for one in branches), min(heat[one].max() for one in branches)
+    inside = (heat >= shared[0]) & (heat <= shared[1])
+    up, down = (left[one & inside] for one in branches)
+    if min(len(up), len(down)) < FEWEST_SETS:
+        return fit, []
+    apart = float(up.mean() - down.mean())
+    u = float(np.sqrt(up.var(ddof=1) / len(up) + down.var(ddof=1) / len(down)))
+    if abs(apart) <= APART * u:
+        return fit, []
+    message = (
+        f"The turns about {fit.axis} while the gyro cools differ by {-apart:+.2g} ppm from those "
+        "while it warms: hysteresis, or a thermometer that lags. The curve lies between them; half "
+        "of it is in the uncertainty."
+    )
+    found = replace(fit, curve=fit.curve.checked(0.5 * abs(apart)))
+    return found, [Flag("hysteresis", message, fit.axis, {"size_ppm": abs(apart)})]
 
 
 def check_flags(fit: AxisFit, stated_ppm: float | None, settings: AnalysisSettings) -> list[Flag]:

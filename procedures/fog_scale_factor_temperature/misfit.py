@@ -9,16 +9,25 @@ knocked turn disagrees with its partner, a feature of the gyro does not.
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 from scipy.special import stdtrit
 
 from procedures.estimation.linear import combine
-from procedures.estimation.orthogonal import orthogonal_part, project, solve_by_qr, thin_qr
+from procedures.estimation.orthogonal import (
+    MAD_TO_SIGMA,
+    orthogonal_part,
+    project,
+    solve_by_qr,
+    thin_qr,
+)
 
 from .axis_problem import AxisProblem, Solved
 from .curve import CHECKED, chebyshev_columns
 from .dataset import Array, Index, Mask
 from .findings import Misfit
+from .sets import sets_that_tell_the_bias
 from .wandering_bias import Walk, deleted_residuals
 
 CHANCE = 1e-3
@@ -27,8 +36,8 @@ WIDTHS = (0.6, 1.2, 2.4)
 """Of a bump, its standard deviation over the usual step of temperature from set to set."""
 OWN_PART = 1e-3
 """Of a shape; what the polynomial follows to here shows nothing."""
-AGREE = 8.0
-"""Noises of a turn within which the turns of a set say the same."""
+AGREE = 5.0
+"""Of the usual deviation of a set's bias from that of the sets around it."""
 PERHAPS, BETTER = 0.0, 13.0
 """Of the information criterion: so much more a kink explains than the polynomial's waves do, that
 it may be one and is in the uncertainty, and that it is one."""
@@ -39,7 +48,7 @@ KINK_COLUMNS = 2
 BY_BIAS = 2.0
 LONE_SETS = 3
 """As many neighbouring sets of one turn each, all off in one sense, are no knocks."""
-BESIDE, SHARE_BESIDE = 2.5, 0.12
+BESIDE, SHARE_BESIDE = 2.5, 0.06
 """Beside a turn that is off in a feature its neighbours are, too: by so many deviations of their
 sum, and by so much of what it is off."""
 
@@ -167,14 +176,27 @@ def _shapes(heat: Array, centres: Array, widths: Array) -> Array:
 
 
 def agreeing(problem: AxisProblem, kept: Mask, solved: Solved) -> Mask:
-    """Return the rows of sets with rejected turns whose turns all say the same, (rows,)."""
+    """Return the rows of sets with rejected turns that are off as a feature is, (rows,).
+
+    Turns of both senses then say the same: they leave the bias of their set where the sets around
+    have it. Turns of one sense are off together with their neighbours.
+    """
     turns = problem.turns
     found = np.zeros(len(kept), dtype=bool)
     rejected = problem.candidates & turns.sensing & ~kept
     if not bool(rejected.any()) or solved.fit.noise <= 0.0:
         return found
-    design, _ = problem.design(solved.domain_degC, solved.order)
+    design, biases = problem.design(solved.domain_degC, solved.order)
     inside = problem.candidates
+    if problem.paired:
+        left = problem.data - design[:, biases:] @ solved.fit.coefficients[biases:]
+        told = list(sets_that_tell_the_bias(turns, inside, left))
+        bias = np.array([one.bias_deg_per_h for one in told])
+        off = np.abs(bias - _median_around(bias))
+        calm = off <= AGREE * MAD_TO_SIGMA * float(np.median(off)) if len(off) else off
+        for one, same in zip(told, calm, strict=True):
+            found[one.rows] = bool(same) and bool(rejected[one.rows].any())
+        return found
     off = np.zeros(len(kept))
     off[inside] = deleted_residuals(
         design[inside],
@@ -189,38 +211,30 @@ def agreeing(problem: AxisProblem, kept: Mask, solved: Solved) -> Mask:
         for n in np.unique(turns.set_number[inside & turns.sensing])
     ]
     sets.sort(key=lambda own: float(turns.temperature_degC[own].mean()))
-    for own in sets if problem.paired else ():
-        both = len(own) > 1 and float(np.ptp(turns.turns[own])) > 1.0
-        if both and bool(rejected[own].any()) and float(np.ptp(off[own])) <= AGREE:
-            found[own] = True
-    if problem.paired:
-        return found
-    for run in _runs(sets, rejected, off):
-        found[run] = True
-    for before, own, after in zip(sets, sets[1:], sets[2:], strict=False):
-        beside = np.concatenate((before, after))
-        if bool(rejected[own].all()) and not bool(rejected[beside].any()):
-            near = float(np.mean(off[beside])) * float(np.sign(off[own].mean()))
-            enough = near * np.sqrt(len(beside)) > BESIDE
-            found[own] = enough and near > SHARE_BESIDE * float(np.abs(off[own]).max())
+    for first, last in _runs(sets, rejected, off):
+        run = np.concatenate(sets[first:last])
+        beside = [*sets[max(first - 1, 0) : first], *sets[last : last + 1]]
+        found[run] = last - first >= LONE_SETS or _supported(off[run], off, beside)
     return found
 
 
-def _runs(sets: list[Index], rejected: Mask, off: Array) -> list[Index]:
-    """Return the rows of neighbouring sets that were all rejected and are off in one sense.
+def _supported(run: Array, off: Array, beside: list[Index]) -> bool:
+    """Whether turns that are off have neighbours that are, too."""
+    if not beside:
+        return False
+    near = float(np.mean(off[np.concatenate(beside)])) * float(np.sign(run.mean()))
+    return near * np.sqrt(len(beside)) > BESIDE and near > SHARE_BESIDE * float(np.abs(run).max())
 
-    Of two sets alone only where they are off by the same.
-    """
-    runs: list[Index] = []
-    run: list[Index] = []
-    for own in (*sets, None):
-        out = own is not None and bool(rejected[own].all())
-        alike = not run or (own is not None and bool(np.all(off[own] * off[run[-1]][0] > 0.0)))
-        if out and alike and own is not None:
-            run.append(own)
-            continue
-        rows = np.concatenate(run) if run else np.array([], dtype=np.int64)
-        if len(run) >= LONE_SETS or (len(run) == 2 and float(np.ptp(off[rows])) <= AGREE):
-            runs.append(rows)
-        run = [own] if out and own is not None else []
-    return runs
+
+def _median_around(values: Array) -> Array:
+    """Return the median of the three values on either side of each, itself left out, (n,)."""
+    around = [np.r_[values[max(n - 3, 0) : n], values[n + 1 : n + 4]] for n in range(len(values))]
+    return np.array([np.median(one) if len(one) else 0.0 for one in around])
+
+
+def _runs(sets: list[Index], rejected: Mask, off: Array) -> list[tuple[int, int]]:
+    """Return neighbouring sets that were all rejected and are off in one sense: from, until."""
+    signs = [int(np.sign(off[own].sum())) if bool(rejected[own].all()) else 0 for own in sets]
+    edges = [n for n in range(1, len(signs)) if signs[n] != signs[n - 1]]
+    ends = [0, *edges, len(signs)]
+    return [(a, b) for a, b in pairwise(ends) if signs[a] != 0]

@@ -36,6 +36,8 @@ COARSER = 2.5
 """Than stated: steps of the headings."""
 AFTER_BEFORE_DEGC = 5.0
 SAME_DEGC = 0.011
+FINE_DEGC = 0.05
+"""Of a thermometer: one that is coarser stands still at a soak, too."""
 FROM_OTHERS_DEGC = 4.0
 """Of the thermometers of two gyros in one housing: how far their difference goes up and down."""
 FROZEN_ROWS, FROZEN_SETS = 6, 3
@@ -143,7 +145,7 @@ def _times(name: str, table: TurnTable) -> list[Flag]:
 def resolution_of(values: Array) -> float:
     """Return the largest decimal step, 1, 2 or 5, of which all values are multiples; else 0."""
     values = values[np.isfinite(values)]
-    if len(np.unique(values)) < 3:
+    if len(np.unique(values)) < 2:
         return 0.0
     for power in range(2, -6, -1):
         for digit in (5.0, 2.0, 1.0):
@@ -220,6 +222,8 @@ def _thermometers(name: str, table: TurnTable) -> list[Flag]:
     """Return the flags of a gyro's thermometer that stands still, or leaves those of the others."""
     flags, courses = [], {}
     middle = np.unique(table.middle_s)
+    heat = table.temperature_degC[np.isfinite(table.temperature_degC)]
+    usual = float(np.ptp(heat)) / max(float(np.ptp(middle)), 1.0) if len(heat) else 0.0
     for axis in AXES:
         own = (table.axis == axis) & np.isfinite(table.temperature_degC)
         if int(own.sum()) < FROZEN_ROWS:
@@ -231,9 +235,11 @@ def _thermometers(name: str, table: TurnTable) -> list[Flag]:
         for first, last in zip(ends[::2], ends[1::2], strict=True):
             sets = len(np.unique(table.set_number[own][first : last + 1]))
             span = np.ptp(table.middle_s[own][first : last + 1])
-            usual = float(np.ptp(pair)) / max(float(np.ptp(table.middle_s[own])), 1.0)
             chamber = table.chamber_degC[own][first : last + 1]
-            moved = float(np.ptp(chamber)) if bool(np.isfinite(chamber).all()) else usual * span
+            fine = 0.0 < resolution_of(pair.ravel()) <= FINE_DEGC
+            moved = usual * span * fine
+            if bool(np.isfinite(chamber).all()):
+                moved = float(np.ptp(chamber))
             if last + 1 - first >= FROZEN_ROWS and sets >= FROZEN_SETS and moved > FROM_OTHERS_DEGC:
                 still_said = (
                     f"The thermometer of the {axis} gyro in `{name}` reads exactly "
