@@ -328,3 +328,14 @@ def bump(at: float, width: float, ppm: float) -> Change:
 def kink(at: float, slope: float) -> Change:
     """Return the change to a curve with a kink."""
     return curved(lambda heat: slope * np.maximum(heat - at, 0.0))
+
+
+def minutes(angle: Values) -> Values:
+    """Return degrees as degrees, minutes and seconds, DD.MMSS."""
+    seconds = np.round(angle * 3600.0 * 100.0) / 100.0
+    return np.asarray(seconds // 3600 + seconds % 3600 // 60 * 0.01 + seconds % 60 * 1e-4)
+
+
+def swapped(axis: Values) -> Values:
+    """Return the labels x and y exchanged."""
+    return np.where(axis == "x", "y", np.where(axis == "y", "x", axis))
