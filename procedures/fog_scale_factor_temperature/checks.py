@@ -12,7 +12,7 @@ from .axis_turns import AxisTurns
 from .curve import CHECKED
 from .dataset import FogDataset, Mask, TurnTable
 from .findings import AnalysisSettings, AxisFit
-from .table_checks import denied, heading_resolution_deg, resolution_of
+from .table_checks import heading_resolution_deg, resolution_of
 from .turning import FULL_TURN_DEG, PPM, SECONDS_PER_HOUR
 
 LARGEST_PPM = 10_000.0
@@ -58,7 +58,9 @@ def axis_flags(turns: AxisTurns, fit: AxisFit, dataset: FogDataset) -> list[Flag
             "deg from the commanded angle: no error of a gyro's scale factor. The angle was "
             "another one, or the heading is not that of the turned body."
         )
-        flags.append(denied("commanded_deg", large_said, turns.axis))
+        flags.append(
+            Flag("contradicts-statement", large_said, turns.axis, {"statement": "commanded_deg"})
+        )
     speed = np.abs(turns.commanded_deg) / turns.duration_s
     own_speeds = [float(np.median(speed[sensing & rows])) for rows in _commands(turns, sensing)]
     if max(own_speeds) > SPEEDS * min(own_speeds):
@@ -67,7 +69,9 @@ def axis_flags(turns: AxisTurns, fit: AxisFit, dataset: FogDataset) -> list[Flag
             f"{max(own_speeds) / min(own_speeds):.2g} times as fast as those of another: a "
             "commanded angle was another one. Correct the column `commanded_deg`."
         )
-        flags.append(denied("commanded_deg", fast_said, turns.axis))
+        flags.append(
+            Flag("contradicts-statement", fast_said, turns.axis, {"statement": "commanded_deg"})
+        )
     left = turns.data_ppm - turns.turns * fit.curve.error_ppm(turns.temperature_degC)
     apart = []
     for number in turns.sets():
@@ -83,7 +87,9 @@ def axis_flags(turns: AxisTurns, fit: AxisFit, dataset: FogDataset) -> list[Flag
             f"{np.sqrt(power / len(course)):.3g} ppm, set after set alike: one of them was another "
             "turn than its command says, in the other sense, or a wait."
         )
-        flags.append(denied("commanded_deg", sign_said, turns.axis))
+        flags.append(
+            Flag("contradicts-statement", sign_said, turns.axis, {"statement": "commanded_deg"})
+        )
     spec, bias = dataset.gyro_bias_deg_per_h, fit.bias_deg_per_h
     if (
         fit.paired
@@ -96,7 +102,14 @@ def axis_flags(turns: AxisTurns, fit: AxisFit, dataset: FogDataset) -> list[Flag
             f"{spec:g} deg/h: a rate of the earth that was not taken off, a commanded angle that "
             "was another one, or another gyro."
         )
-        flags.append(denied("gyro_bias", bias_said, turns.axis, bias_deg_per_h=bias))
+        flags.append(
+            Flag(
+                "contradicts-statement",
+                bias_said,
+                turns.axis,
+                {"statement": "gyro_bias", "bias_deg_per_h": bias},
+            )
+        )
     return flags
 
 
@@ -131,12 +144,12 @@ def coarse(fit: AxisFit, table: TurnTable) -> tuple[AxisFit, list[Flag]]:
         said.append(f"temperatures of {step_degC:g} degC")
     if float(added.max()) <= fit.noise_ppm * UNIFORM:
         return fit, []
-    message = (
+    coarse_said = (
         f"The readings of {fit.axis} come in coarse steps: {'; '.join(said)}. They are in the "
         f"uncertainty by up to {added.max():.2g} ppm; record more digits."
     )
     found = replace(fit, curve=fit.curve.checked(added))
-    return found, [Flag("coarse-output", message, fit.axis, {"size_ppm": float(added.max())})]
+    return found, [Flag("coarse-output", coarse_said, fit.axis, {"size_ppm": float(added.max())})]
 
 
 def two_ways(fit: AxisFit, turns: AxisTurns) -> tuple[AxisFit, list[Flag]]:
@@ -164,13 +177,13 @@ def two_ways(fit: AxisFit, turns: AxisTurns) -> tuple[AxisFit, list[Flag]]:
     u = float(np.sqrt(up.var(ddof=1) / len(up) + down.var(ddof=1) / len(down)))
     if abs(apart) <= APART * u:
         return fit, []
-    message = (
+    ways_said = (
         f"The turns about {fit.axis} while the gyro cools differ by {-apart:+.2g} ppm from those "
         "while it warms: hysteresis, or a thermometer that lags. The curve lies between them; half "
         "of it is in the uncertainty."
     )
     found = replace(fit, curve=fit.curve.checked(0.5 * abs(apart)))
-    return found, [Flag("hysteresis", message, fit.axis, {"size_ppm": abs(apart)})]
+    return found, [Flag("hysteresis", ways_said, fit.axis, {"size_ppm": abs(apart)})]
 
 
 def check_flags(fit: AxisFit, stated_ppm: float | None, settings: AnalysisSettings) -> list[Flag]:

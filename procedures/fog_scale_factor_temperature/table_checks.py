@@ -45,11 +45,6 @@ COPIED_ROWS, COPIED_BEYOND = 5, 3.0
 NO_CHANCE = 1e-6
 
 
-def denied(statement: str, message: str, axis: str | None = None, **details: object) -> Flag:
-    """Return the flag of something stated that the data deny."""
-    return Flag("contradicts-statement", message, axis, {"statement": statement, **details})
-
-
 def unit_of_headings(table: TurnTable, full_attitude: bool) -> str | None:
     """Return the unit of the headings where they are no degrees, else None.
 
@@ -105,19 +100,33 @@ def table_flags(dataset: FogDataset) -> list[Flag]:
             continue
         unit = unit_of_headings(table, dataset.full_attitude)
         if unit is not None:
-            said = (
+            unit_said = (
                 f"The headings of `{name}` look like {unit}: they fill one turn of that unit and "
                 "no more. The columns are in degrees; nothing is reported from them. Convert them."
             )
-            flags.append(denied("heading_deg", said, file=name))
+            flags.append(
+                Flag(
+                    "contradicts-statement",
+                    unit_said,
+                    None,
+                    {"statement": "heading_deg", "file": name},
+                )
+            )
         wrong = sorted({str(one) for one in table.axis[~upright(table, dataset.full_attitude)]})
         if wrong and unit is None:
-            said = (
+            axis_said = (
                 f"In `{name}` the attitude does not have the axis up that the row names "
                 f"({', '.join(wrong)}): an axis called by another's name, mounted upside down, or "
                 "pitch and roll exchanged. Such turns are left out. Correct the column `axis`."
             )
-            flags.append(denied("axis", said, axes=wrong, file=name))
+            flags.append(
+                Flag(
+                    "contradicts-statement",
+                    axis_said,
+                    None,
+                    {"statement": "axis", "axes": wrong, "file": name},
+                )
+            )
         flags += _temperature_flags(dataset, name, table) + _repeats(name, table)
         flags += _times(name, table) + _resolution(dataset, name, table)
     return flags
@@ -134,12 +143,14 @@ def _times(name: str, table: TurnTable) -> list[Flag]:
     spread = float(np.ptp(np.percentile(heat, (5.0, 95.0))))
     if SLOWEST_DEG_PER_S < speed < FASTEST_DEG_PER_S and spread <= FASTEST_DEGC_PER_H * span_h:
         return []
-    said = (
+    times_said = (
         f"By the times of `{name}` the table turns at {speed:.3g} deg/s and the gyro's temperature "
         f"changes by {spread:.3g} degC in {span_h:.3g} h: the times are not in seconds. The part "
         "of the gyro's bias follows them; convert the columns."
     )
-    return [denied("t_before_s", said, file=name)]
+    return [
+        Flag("contradicts-statement", times_said, None, {"statement": "t_before_s", "file": name})
+    ]
 
 
 def resolution_of(values: Array) -> float:
@@ -166,11 +177,18 @@ def _resolution(dataset: FogDataset, name: str, table: TurnTable) -> list[Flag]:
     stated, found = dataset.heading_resolution_deg, heading_resolution_deg(table)
     if not stated or found <= COARSER * stated:
         return []
-    said = (
+    steps_said = (
         f"The headings of `{name}` come in steps of {found:g} deg, the stated resolution is "
         f"{stated:g} deg: digits were lost. Export them with all digits, or state what is true."
     )
-    return [denied("heading_resolution", said, file=name, found_deg=found)]
+    return [
+        Flag(
+            "contradicts-statement",
+            steps_said,
+            None,
+            {"statement": "heading_resolution", "file": name},
+        )
+    ]
 
 
 def _temperature_flags(dataset: FogDataset, name: str, table: TurnTable) -> list[Flag]:
@@ -207,11 +225,12 @@ def _temperature_flags(dataset: FogDataset, name: str, table: TurnTable) -> list
             text = "are the chamber's: a gyro lags the chamber and warms itself"
             said.append(("gyro_temperature", text))
     flags = [
-        denied(
-            statement,
+        Flag(
+            "contradicts-statement",
             f"The gyro temperatures of `{name}` {text}. The curve stands at temperatures that may "
             "be wrong; correct the columns `gyro_temperature_…`.",
-            file=name,
+            None,
+            {"statement": statement, "file": name},
         )
         for statement, text in said
     ]
@@ -257,7 +276,14 @@ def _thermometers(name: str, table: TurnTable) -> list[Flag]:
                 f"{min(swings):.1f} degC and more: another unit, a drift, or a loose sensor. The "
                 "curve of this axis stands at wrong temperatures."
             )
-            flags.append(denied("gyro_temperature", apart_said, axis, file=name))
+            flags.append(
+                Flag(
+                    "contradicts-statement",
+                    apart_said,
+                    axis,
+                    {"statement": "gyro_temperature", "file": name},
+                )
+            )
     return flags
 
 
@@ -297,5 +323,7 @@ def _repeats(name: str, table: TurnTable) -> list[Flag]:
         what = f"In `{name}` {repeated} of {rows} turns have exactly the readings of another turn"
     else:
         return []
-    said = f"{what}: a navigator that stood still, or rows that were copied. Leave these rows out."
-    return [Flag("frozen", said, None, {"rows": repeated, "file": name})]
+    repeats_said = (
+        f"{what}: a navigator that stood still, or rows that were copied. Leave these rows out."
+    )
+    return [Flag("frozen", repeats_said, None, {"rows": repeated, "file": name})]
