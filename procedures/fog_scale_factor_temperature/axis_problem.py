@@ -21,6 +21,7 @@ from .findings import AnalysisSettings
 from .wandering_bias import CorrelatedFit, Walk, course_of, walk_ratio
 
 BIAS_ORDER = 4
+PUBLISHED_ORDER = 4
 SPARE = 3
 """Temperatures beyond the order, and rows beyond the columns, that a fit must have."""
 CHANCE = 2.3

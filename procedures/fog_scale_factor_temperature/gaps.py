@@ -13,7 +13,7 @@ import numpy as np
 from procedures.estimation.linear import combine
 from procedures.estimation.orthogonal import solve_by_qr
 
-from .axis_problem import AxisProblem, Solved
+from .axis_problem import PUBLISHED_ORDER, AxisProblem, Solved
 from .curve import CHECKED, chebyshev_columns
 from .dataset import Array, Mask
 from .wandering_bias import Walk
@@ -23,7 +23,6 @@ Gaps = tuple[tuple[float, float], ...]
 UNSEEN = 2.5
 """Standard deviations of a coefficient that the information criterion leaves out."""
 FURTHER_ORDERS = 2
-PUBLISHED_ORDER = 4
 WIDE = 2.0
 """Times the threshold of the flag: from such a width on nothing is told within."""
 

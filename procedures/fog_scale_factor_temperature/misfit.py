@@ -23,7 +23,7 @@ from procedures.estimation.orthogonal import (
     thin_qr,
 )
 
-from .axis_problem import AxisProblem, Solved
+from .axis_problem import PUBLISHED_ORDER, AxisProblem, Solved
 from .curve import CHECKED, chebyshev_columns
 from .dataset import Array, Index, Mask
 from .findings import Misfit
@@ -93,8 +93,8 @@ def misfit_of(
     if score[best] < -float(stdtrit(freedom, 0.5 * CHANCE / len(score))):
         kinks = walk.whiten(columns[:, : len(centres)])
         data = combine(walk.factor, problem.data[rows])
-        high = problem.design(solved.domain_degC, problem.highest_order(rows))[0]
-        whole = walk.whiten(high[rows])
+        highest = min(max(order, PUBLISHED_ORDER), problem.highest_order(rows))
+        whole = walk.whiten(problem.design(solved.domain_degC, max(order, highest))[0][rows])
         kink = _kink(whole, biases, solved.order, kinks, data)
         if kink is None:
             return None
@@ -129,7 +129,7 @@ def _kink(
 ) -> tuple[int, int, float] | None:
     """Return the kink, and the order beside it, that explain the data better than polynomials do.
 
-    Also by how much. Polynomials of all orders are in `whole`, those up to `highest` beside kinks.
+    Also by how much. The polynomials are in `whole`, those up to `highest` stand beside kinks.
     A polynomial follows a kink by many waves, none of which stands out of the noise; by the
     information criterion one kink and a lower order say more. None where they do not.
     """
