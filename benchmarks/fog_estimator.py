@@ -171,7 +171,7 @@ def record(case: Case, seed: int) -> tuple[FogDataset, Array, NDArray[np.bool_],
         turns,
         "heading",
         full_attitude=False,
-        gyro_bias_deg_per_h=0.02,
+        gyro_bias_deg_per_h=max(case.bias, 0.02),
         heading_resolution_deg=quantum,
     )
     return dataset, heat[there], wild[there], float(first)

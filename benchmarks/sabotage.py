@@ -52,7 +52,8 @@ class Made:
 
     `truth` maps (name, axis, at) of results to values, `write` puts the dataset into a folder.
     `data` (n,) are its readings in one order, `model` (n, p) their derivatives by everything that
-    a clean dataset leaves free, `noise` (n,) their standard deviations.
+    a clean dataset leaves free, `noise` (n,) their standard deviations. `further_error_u` returns
+    the largest error, in standard uncertainties, of what a result holds beside its value.
     """
 
     truth: Mapping[tuple[str, str | None, str | None], float]
@@ -60,6 +61,7 @@ class Made:
     data: Array
     model: Array
     noise: Array
+    further_error_u: Callable[[Sequence[Mapping[str, Any]]], float] | None = None
 
 
 @dataclass(frozen=True)
@@ -109,12 +111,13 @@ def analysed(made: Made) -> dict[str, Any]:
 
 def error_u(made: Made, results: Sequence[Mapping[str, Any]]) -> float:
     """Return the largest error of a result in its standard uncertainties, 0 where none is given."""
-    worst = 0.0
+    worst = 0.0 if made.further_error_u is None else made.further_error_u(results)
     for one in results:
         key = (one["name"], one.get("axis"), one.get("at"))
         if one["value"] is None or key not in made.truth:
             continue
-        worst = max(worst, abs(one["value"] - made.truth[key]) / one["standard_uncertainty"])
+        off, u = abs(one["value"] - made.truth[key]), one["standard_uncertainty"]
+        worst = max(worst, off / u if u else float("inf") if off else 0.0)
     return worst
 
 

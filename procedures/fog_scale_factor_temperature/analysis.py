@@ -10,13 +10,14 @@ from dataclasses import replace
 import numpy as np
 
 from .axis_turns import AxisTurns
-from .checks import check_flags, looks_like_radians, stated_turn_ppm, unit_flags
+from .checks import axis_flags, check_flags, coarse, stated_turn_ppm, two_ways
 from .dataset import AXES, Array, FogDataset, Mask, TurnTable
 from .driving import evaluate_drive
 from .findings import AnalysisSettings, AxisFit, FogAnalysis, PublishedFit, Verified
 from .flags import data_flags, drive_flags, fit_flags, verification_flags
 from .published import published_fit
 from .solution import fit_axis
+from .table_checks import heading_resolution_deg, table_flags, unit_of_headings, upright
 from .turning import FULL_TURN_DEG, PPM, turn_errors_deg
 from .verification import verify_axis
 
@@ -30,31 +31,35 @@ NOT_REJECTED_RESOLUTIONS = 0.6
 def analyse(dataset: FogDataset, settings: AnalysisSettings | None = None) -> FogAnalysis:
     """Return curves, the published ones, verification, vehicle test and flags."""
     settings = settings or AnalysisSettings()
-    floor_ppm = NOT_REJECTED_RESOLUTIONS * dataset.heading_resolution_deg / FULL_TURN_DEG * PPM
+    step_deg = max(dataset.heading_resolution_deg, heading_resolution_deg(dataset.turns))
+    floor_ppm = NOT_REJECTED_RESOLUTIONS * step_deg / FULL_TURN_DEG * PPM
+    flags = table_flags(dataset)
     tables = axis_tables(dataset, dataset.turns)
     fits: dict[str, AxisFit] = {}
     published: dict[str, PublishedFit] = {}
     for axis, turns in tables.items():
         bias = dataset.gyro_bias_deg_per_h or 0.0
-        fits[axis] = fit_axis(turns, settings, floor_ppm, bias)
+        fits[axis], found = coarse(fit_axis(turns, settings, floor_ppm, bias), dataset.turns)
+        fits[axis], further = two_ways(fits[axis], turns)
+        flags += found + further
         published[axis] = published_fit(turns, dataset.initial_order)
     verified: dict[str, Verified] = {}
     if dataset.verification is not None:
         for axis, turns in axis_tables(dataset, dataset.verification).items():
             bias = dataset.gyro_bias_deg_per_h or 0.0
-            found = verify_axis(turns, fits[axis], bias) if axis in fits else None
-            if found is not None:
-                verified[axis] = found
-                fits[axis] = _held_against(fits[axis], found)
+            proof = verify_axis(turns, fits[axis], bias) if axis in fits else None
+            if proof is not None:
+                verified[axis] = proof
+                fits[axis] = _held_against(fits[axis], proof)
     curves = {axis: fit.curve for axis, fit in fits.items() if fit.curve is not None}
     driven = evaluate_drive(dataset.drive, curves) if dataset.drive and curves else None
-    flags = unit_flags(dataset)
     for axis, fit in fits.items():
         flags += data_flags(tables[axis], fit, settings)
         flags += fit_flags(fit, dataset, settings)
         flags += check_flags(fit, stated_turn_ppm(dataset, tables[axis]), settings)
+        flags += axis_flags(tables[axis], fit, dataset)
         flags += verification_flags(verified.get(axis))
-    flags += drive_flags(driven, curves)
+    flags += drive_flags(driven, curves, dataset.gyro_bias_deg_per_h)
     return FogAnalysis(fits, published, verified, driven, tuple(flags))
 
 
@@ -69,7 +74,8 @@ def axis_tables(dataset: FogDataset, table: TurnTable) -> dict[str, AxisTurns]:
     """Return the turns of each axis that occurs, in the order x, y, z."""
     error_deg = turn_errors_deg(table, dataset.turn_sense, dataset.full_attitude)
     usable = np.isfinite(error_deg) & (table.duration_s > 0.0) & believable_temperatures(table)
-    usable &= not looks_like_radians(table, dataset.full_attitude)
+    usable &= upright(table, dataset.full_attitude)
+    usable &= unit_of_headings(table, dataset.full_attitude) is None
     found = {}
     for axis in AXES:
         own = table.axis == axis

@@ -21,6 +21,7 @@ from .findings import AnalysisSettings
 from .wandering_bias import CorrelatedFit, Walk, course_of, walk_ratio
 
 BIAS_ORDER = 4
+PUBLISHED_ORDER = 4
 SPARE = 3
 """Temperatures beyond the order, and rows beyond the columns, that a fit must have."""
 CHANCE = 2.3
@@ -95,10 +96,10 @@ class AxisProblem:
             if asked == order:
                 break
             order, ratio = asked, self._ratio(kept, domain, asked)
-        best = self._fit(kept, domain, order, ratio)
+        best = self.fit_of_order(kept, domain, order, ratio)
         if self._stiff(best):
             for higher in range(order + 1, highest + 1):
-                raised = self._fit(kept, domain, higher, ratio)
+                raised = self.fit_of_order(kept, domain, higher, ratio)
                 if not self._stiff(raised):
                     return raised
         return best
@@ -120,7 +121,10 @@ class AxisProblem:
         columns = [biases + order + 1 for order in range(highest + 1)]
         return choose_by_information(list(sums), columns, int(kept.sum()))
 
-    def _fit(self, kept: Mask, domain: tuple[float, float], order: int, ratio: float) -> Solved:
+    def fit_of_order(
+        self, kept: Mask, domain: tuple[float, float], order: int, ratio: float
+    ) -> Solved:
+        """Fit the kept rows with a curve of this order and a walk of this size."""
         design, _ = self.design(domain, order)
         walk = Walk(self.course.of(kept), ratio)
         fit = walk.fit(design[kept], self.data[kept])

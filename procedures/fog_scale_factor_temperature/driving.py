@@ -78,7 +78,7 @@ def evaluate_drive(drive: Drive, curves: Mapping[str, Curve]) -> Driven:
     raw = heading_deg(drive, drive.rate_deg_per_s)
     better = heading_deg(drive, compensate(drive, curves))
     errors = [_error_deg(drive, course) for course in (raw, better)]
-    closes = abs(errors[1]) <= LARGEST_ERROR_DEG
+    closes = abs(errors[1]) <= LARGEST_ERROR_DEG and _follows(drive, better)
     steps_s = np.diff(drive.time_s)
     heat, outside = drive.temperature_degC[:, 2], 0.0
     model = by_bias = 0.0
@@ -104,6 +104,14 @@ def evaluate_drive(drive: Drive, curves: Mapping[str, Curve]) -> Driven:
         turned_deg=float(np.sum(np.abs(drive.rate_deg_per_s[:-1, 2]) * steps_s)),
         outside=outside,
     )
+
+
+def _follows(drive: Drive, course_deg: Array) -> bool:
+    """Whether a course is near the reference heading all the way, where there is one."""
+    if drive.heading_deg is None:
+        return True
+    off = course_deg - course_deg[0] - (drive.heading_deg - drive.heading_deg[0])
+    return bool(np.max(np.abs(wrapped_deg(off))) <= LARGEST_ERROR_DEG)
 
 
 def _error_deg(drive: Drive, course_deg: Array) -> float:

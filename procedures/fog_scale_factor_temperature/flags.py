@@ -16,6 +16,8 @@ from .findings import AnalysisSettings, AxisFit, Driven, Verified
 from .gaps import WIDE, within
 
 MOST_LISTED = 12
+DRIVE_BEYOND, LARGE_DEG = 5.0, 1.0
+"""Standard uncertainties of a drive's error; a heading error that no reference heading has."""
 PAIRED_HEAP, SINGLE_HEAP = 3, 4
 """As many neighbouring sets without a good turn are no chance."""
 
@@ -192,7 +194,9 @@ def verification_flags(verified: Verified | None) -> list[Flag]:
     ]
 
 
-def drive_flags(driven: Driven | None, curves: Mapping[str, Curve]) -> list[Flag]:
+def drive_flags(
+    driven: Driven | None, curves: Mapping[str, Curve], gyro_bias_deg_per_h: float | None
+) -> list[Flag]:
     """Return the flags of the vehicle test."""
     if driven is None:
         return []
@@ -207,6 +211,20 @@ def drive_flags(driven: Driven | None, curves: Mapping[str, Curve]) -> list[Flag
                 {"coefficients": ["heading_error_uncompensated", "heading_error_compensated"]},
             )
         )
+    raw, better = driven.raw_error_deg, driven.compensated_error_deg
+    if raw is not None and better is not None and gyro_bias_deg_per_h is not None:
+        by_bias = (driven.duration_h - driven.by_bias_deg) * gyro_bias_deg_per_h
+        u = float(np.linalg.norm((driven.noise_u_deg, driven.model_u_deg, by_bias)))
+        worse = abs(better) > abs(raw) + DRIVE_BEYOND * u
+        if worse or abs(better) > DRIVE_BEYOND * u + LARGE_DEG:
+            denied_said = (
+                f"The drive contradicts the curves: its heading ends {raw:.3g} deg off without and "
+                f"{better:.3g} deg off with compensation, of which {u:.2g} deg are explained. "
+                "Check the sense of the turns (`turn_sense`), and latitude, signs and units of the "
+                "drive."
+            )
+            details = {"statement": "drive", "explained_deg": u}
+            flags.append(Flag("contradicts-statement", denied_said, None, details))
     if driven.outside > 0.0:
         flags.append(
             Flag(

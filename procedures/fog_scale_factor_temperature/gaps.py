@@ -13,7 +13,7 @@ import numpy as np
 from procedures.estimation.linear import combine
 from procedures.estimation.orthogonal import solve_by_qr
 
-from .axis_problem import AxisProblem, Solved
+from .axis_problem import PUBLISHED_ORDER, AxisProblem, Solved
 from .curve import CHECKED, chebyshev_columns
 from .dataset import Array, Mask
 from .wandering_bias import Walk
@@ -37,6 +37,26 @@ def gaps_of(problem: AxisProblem, kept: Mask) -> Gaps:
 def within(gaps: Gaps, temperature_degC: float, wider_than: float) -> bool:
     """Whether a temperature lies in a stretch wider than that."""
     return any(a < temperature_degC < b and b - a > wider_than for a, b in gaps)
+
+
+def unseen_orders_ppm(problem: AxisProblem, kept: Mask, solved: Solved, noise: float) -> Array:
+    """Return how far the published order is from a lower one, beyond chance, at `CHECKED` places.
+
+    The information criterion leaves out what noise may have made; much noise hides much of a
+    curve, and that is no proof that it is not there.
+    """
+    if solved.order >= PUBLISHED_ORDER or problem.highest_order(kept) < PUBLISHED_ORDER:
+        return np.zeros(CHECKED)
+    whole = problem.fit_of_order(kept, solved.domain_degC, PUBLISHED_ORDER, solved.ratio)
+    grid = np.linspace(*solved.domain_degC, CHECKED)
+    apart, square = np.zeros(CHECKED), np.zeros(CHECKED)
+    for one, sign in ((whole, 1.0), (solved, -1.0)):
+        columns = chebyshev_columns(grid, solved.domain_degC, one.order)
+        count = one.order + 1
+        inverse = one.fit.inverse_normal[-count:, -count:]
+        apart += sign * combine(columns, one.fit.coefficients[-count:])
+        square += sign * noise**2 * np.einsum("ij,jk,ik->i", columns, inverse, columns)
+    return np.asarray(np.sqrt(np.maximum(apart**2 - square, 0.0)))
 
 
 def unknown_in_gaps_ppm(

@@ -9,16 +9,25 @@ knocked turn disagrees with its partner, a feature of the gyro does not.
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 from scipy.special import stdtrit
 
 from procedures.estimation.linear import combine
-from procedures.estimation.orthogonal import orthogonal_part, project, solve_by_qr, thin_qr
+from procedures.estimation.orthogonal import (
+    MAD_TO_SIGMA,
+    orthogonal_part,
+    project,
+    solve_by_qr,
+    thin_qr,
+)
 
-from .axis_problem import AxisProblem, Solved
+from .axis_problem import PUBLISHED_ORDER, AxisProblem, Solved
 from .curve import CHECKED, chebyshev_columns
 from .dataset import Array, Index, Mask
 from .findings import Misfit
+from .sets import sets_that_tell_the_bias
 from .wandering_bias import Walk, deleted_residuals
 
 CHANCE = 1e-3
@@ -27,16 +36,21 @@ WIDTHS = (0.6, 1.2, 2.4)
 """Of a bump, its standard deviation over the usual step of temperature from set to set."""
 OWN_PART = 1e-3
 """Of a shape; what the polynomial follows to here shows nothing."""
-AGREE = 8.0
-"""Noises of a turn within which the turns of a set say the same."""
-PERHAPS, BETTER = 0.0, 10.0
+AGREE = 5.0
+"""Of the usual deviation of a set's bias from that of the sets around it."""
+PERHAPS, BETTER = 0.0, 13.0
 """Of the information criterion: so much more a kink explains than the polynomial's waves do, that
 it may be one and is in the uncertainty, and that it is one."""
+KINKS = 0.25
+"""Of curves that have a kink, before the data speak: a share of what it leaves goes into u."""
 KINK_COLUMNS = 2
 """A kink counts for its size and its place."""
 BY_BIAS = 2.0
 LONE_SETS = 3
 """As many neighbouring sets of one turn each, all off in one sense, are no knocks."""
+BESIDE, SHARE_BESIDE = 2.5, 0.06
+"""Beside a turn that is off in a feature its neighbours are, too: by so many deviations of their
+sum, and by so much of what it is off."""
 
 
 def misfit_of(
@@ -75,15 +89,18 @@ def misfit_of(
     own = np.where(told, own, 1.0)
     along = np.where(told, np.einsum("ij,i->j", white, left), 0.0)
     score = np.abs(along) / np.sqrt(own) / noise
-    best, order, sure = int(np.argmax(score)), solved.order, True
+    best, order, sure, share = int(np.argmax(score)), solved.order, True, 1.0
     if score[best] < -float(stdtrit(freedom, 0.5 * CHANCE / len(score))):
         kinks = walk.whiten(columns[:, : len(centres)])
         data = combine(walk.factor, problem.data[rows])
-        kink = _kink(walk.whiten(design[rows]), biases, kinks, data)
+        highest = min(max(order, PUBLISHED_ORDER), problem.highest_order(rows))
+        whole = walk.whiten(problem.design(solved.domain_degC, max(order, highest))[0][rows])
+        kink = _kink(whole, biases, solved.order, kinks, data)
         if kink is None:
             return None
         best, order, gain = kink
         sure = gain >= BETTER
+        share = 1.0 / (1.0 + (1.0 / KINKS - 1.0) * np.exp(-0.5 * gain))
     inner = walk.whiten(design[rows][:, : biases + order + 1])
     both = np.column_stack((inner, walk.whiten(columns[:, best : best + 1])))
     better = solve_by_qr(both, combine(walk.factor, problem.data[rows])).coefficients
@@ -103,15 +120,18 @@ def misfit_of(
         width_degC=0.0 if kind == 0 else float(widths[kind - 1]),
         slope_ppm_per_degC=amount if kind == 0 else 0.0,
         size_ppm=float(np.max(np.abs(off))),
-        left_ppm=np.abs(off),
+        left_ppm=np.abs(off) * np.sqrt(share),
     )
 
 
-def _kink(design: Array, biases: int, kinks: Array, data: Array) -> tuple[int, int, float] | None:
-    """Return the kink, and the order beside it, that explain the data better than the curve does.
+def _kink(
+    whole: Array, biases: int, highest: int, kinks: Array, data: Array
+) -> tuple[int, int, float] | None:
+    """Return the kink, and the order beside it, that explain the data better than polynomials do.
 
-    Also by how much. A polynomial follows a kink by many waves, none of which stands out of the
-    noise; by the information criterion one kink and a lower order say more. None where they do not.
+    Also by how much. The polynomials are in `whole`, those up to `highest` stand beside kinks.
+    A polynomial follows a kink by many waves, none of which stands out of the noise; by the
+    information criterion one kink and a lower order say more. None where they do not.
     """
     rows = len(data)
 
@@ -122,8 +142,9 @@ def _kink(design: Array, biases: int, kinks: Array, data: Array) -> tuple[int, i
         gains = project(thin_qr(columns)[0], data) ** 2
         return np.asarray(float(data @ data) - np.cumsum(gains))
 
-    whole = criterion(float(squares(design)[-1]), design.shape[1])
-    limit = whole - PERHAPS
+    left = squares(whole)
+    smooth = min(criterion(float(left[n - 1]), n) for n in range(biases + 1, whole.shape[1] + 1))
+    design, limit = whole[:, : biases + highest + 1], smooth - PERHAPS
     found = None
     for place in range(kinks.shape[1]):
         ordered = np.column_stack((design[:, :biases], kinks[:, place], design[:, biases:]))
@@ -134,7 +155,7 @@ def _kink(design: Array, biases: int, kinks: Array, data: Array) -> tuple[int, i
             count = biases + order + 1 + KINK_COLUMNS
             value = criterion(float(left[biases + 1 + order]), count)
             if value < limit:
-                found, limit = (place, order, whole - value), value
+                found, limit = (place, order, smooth - value), value
     return found
 
 
@@ -155,14 +176,27 @@ def _shapes(heat: Array, centres: Array, widths: Array) -> Array:
 
 
 def agreeing(problem: AxisProblem, kept: Mask, solved: Solved) -> Mask:
-    """Return the rows of sets with rejected turns whose turns all say the same, (rows,)."""
+    """Return the rows of sets with rejected turns that are off as a feature is, (rows,).
+
+    Turns of both senses then say the same: they leave the bias of their set where the sets around
+    have it. Turns of one sense are off together with their neighbours.
+    """
     turns = problem.turns
     found = np.zeros(len(kept), dtype=bool)
     rejected = problem.candidates & turns.sensing & ~kept
     if not bool(rejected.any()) or solved.fit.noise <= 0.0:
         return found
-    design, _ = problem.design(solved.domain_degC, solved.order)
+    design, biases = problem.design(solved.domain_degC, solved.order)
     inside = problem.candidates
+    if problem.paired:
+        left = problem.data - design[:, biases:] @ solved.fit.coefficients[biases:]
+        told = list(sets_that_tell_the_bias(turns, inside, left))
+        bias = np.array([one.bias_deg_per_h for one in told])
+        off = np.abs(bias - _median_around(bias))
+        calm = off <= AGREE * MAD_TO_SIGMA * float(np.median(off)) if len(off) else off
+        for one, same in zip(told, calm, strict=True):
+            found[one.rows] = bool(same) and bool(rejected[one.rows].any())
+        return found
     off = np.zeros(len(kept))
     off[inside] = deleted_residuals(
         design[inside],
@@ -177,26 +211,30 @@ def agreeing(problem: AxisProblem, kept: Mask, solved: Solved) -> Mask:
         for n in np.unique(turns.set_number[inside & turns.sensing])
     ]
     sets.sort(key=lambda own: float(turns.temperature_degC[own].mean()))
-    for own in sets if problem.paired else ():
-        both = len(own) > 1 and float(np.ptp(turns.turns[own])) > 1.0
-        if both and bool(rejected[own].any()) and float(np.ptp(off[own])) <= AGREE:
-            found[own] = True
-    for run in () if problem.paired else _runs(sets, rejected, off):
-        found[run] = True
+    for first, last in _runs(sets, rejected, off):
+        run = np.concatenate(sets[first:last])
+        beside = [*sets[max(first - 1, 0) : first], *sets[last : last + 1]]
+        found[run] = last - first >= LONE_SETS or _supported(off[run], off, beside)
     return found
 
 
-def _runs(sets: list[Index], rejected: Mask, off: Array) -> list[Index]:
-    """Return the rows of neighbouring sets that were all rejected and are off in one sense."""
-    runs: list[Index] = []
-    run: list[Index] = []
-    for own in (*sets, None):
-        out = own is not None and bool(rejected[own].all())
-        alike = not run or (own is not None and bool(np.all(off[own] * off[run[-1]][0] > 0.0)))
-        if out and alike and own is not None:
-            run.append(own)
-            continue
-        if len(run) >= LONE_SETS:
-            runs.append(np.concatenate(run))
-        run = [own] if out and own is not None else []
-    return runs
+def _supported(run: Array, off: Array, beside: list[Index]) -> bool:
+    """Whether turns that are off have neighbours that are, too."""
+    if not beside:
+        return False
+    near = float(np.mean(off[np.concatenate(beside)])) * float(np.sign(run.mean()))
+    return near * np.sqrt(len(beside)) > BESIDE and near > SHARE_BESIDE * float(np.abs(run).max())
+
+
+def _median_around(values: Array) -> Array:
+    """Return the median of the three values on either side of each, itself left out, (n,)."""
+    around = [np.r_[values[max(n - 3, 0) : n], values[n + 1 : n + 4]] for n in range(len(values))]
+    return np.array([np.median(one) if len(one) else 0.0 for one in around])
+
+
+def _runs(sets: list[Index], rejected: Mask, off: Array) -> list[tuple[int, int]]:
+    """Return neighbouring sets that were all rejected and are off in one sense: from, until."""
+    signs = [int(np.sign(off[own].sum())) if bool(rejected[own].all()) else 0 for own in sets]
+    edges = [n for n in range(1, len(signs)) if signs[n] != signs[n - 1]]
+    ends = [0, *edges, len(signs)]
+    return [(a, b) for a, b in pairwise(ends) if signs[a] != 0]

@@ -23,6 +23,7 @@ class SetOfTurns:
     rows: Index
     error_ppm: float
     u: float
+    bias_deg_per_h: float
 
 
 def sets_that_tell_the_bias(turns: AxisTurns, rows: Mask, data_ppm: Array) -> Iterator[SetOfTurns]:
@@ -36,7 +37,8 @@ def sets_that_tell_the_bias(turns: AxisTurns, rows: Mask, data_ppm: Array) -> It
             design = np.column_stack((scale, turns.by_bias_ppm[own]))
             inverse = np.linalg.inv(design.T @ design)
             found = inverse @ (design.T @ data_ppm[own])
-            yield SetOfTurns(own, float(found[0]), float(np.sqrt(inverse[0, 0])))
+            u = float(np.sqrt(inverse[0, 0]))
+            yield SetOfTurns(own, float(found[0]), u, float(found[1]))
 
 
 def _uninterrupted(turns: AxisTurns, rows: Mask) -> Iterator[Index]:

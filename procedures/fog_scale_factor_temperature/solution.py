@@ -10,11 +10,14 @@ from .axis_problem import AxisProblem, Solved
 from .axis_turns import AxisTurns
 from .curve import Curve
 from .findings import AnalysisSettings, AxisFit
-from .gaps import gaps_of, unknown_in_gaps_ppm
+from .gaps import gaps_of, unknown_in_gaps_ppm, unseen_orders_ppm
 from .misfit import misfit_of
 from .rejection import reject
 from .sets import noise_of_sets
 from .turning import SECONDS_PER_HOUR
+
+LEAST_NOISE = 0.5
+"""Of what is called noise at least: readings that all round alike have none, and are not exact."""
 
 
 def fit_axis(
@@ -58,6 +61,7 @@ def fit_axis(
     if problem.paired:
         left = problem.data - design[:, biases:] @ fit.coefficients[biases:]
         noise, free = noise_of_sets(turns, kept, left, solved.order + 1) or (noise, free)
+    noise = max(noise, LEAST_NOISE * floor_ppm)
     bias_ppm = 0.0
     if not problem.paired:
         bias_ppm = gyro_bias_deg_per_h * float(np.mean(turns.by_bias_ppm))
@@ -72,6 +76,9 @@ def fit_axis(
     if misfit is not None:
         curve = curve.checked(misfit.left_ppm)
     gaps = gaps_of(problem, kept)
+    unseen = unseen_orders_ppm(problem, kept, solved, noise)
+    if bool(unseen.any()):
+        curve = curve.checked(unseen)
     if gaps:
         curve = curve.checked(unknown_in_gaps_ppm(problem, kept, solved, noise, gaps))
     return AxisFit(

@@ -1,0 +1,329 @@
+"""Columns of turns that cannot be what their names say: units, axes, thermometers, copied rows."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from station.findings import Flag
+
+from .dataset import AXES, Array, FogDataset, Mask, TurnTable
+from .turning import FULL_TURN_DEG, SECONDS_PER_HOUR, rotation_to_navigation
+
+RADIANS = 2.0 * np.pi
+UNITS = {
+    "radians": RADIANS,
+    "gon": 400.0,
+    "turns": 1.0,
+    "mils": 6400.0,
+    "minutes": 21600.0,
+    "degrees and minutes, DDMM.mm": 36000.0,
+    "seconds": 1296000.0,
+}
+"""Of headings that are no degrees, and what one turn is in them."""
+FILLED = 9
+"""Tenths of a circle that headings which may be any are in, all but seldom."""
+JUMPS = 0.1
+"""Of a circle, from turn to turn: headings that may be any, none that wander."""
+FEWEST_HEADINGS = 20
+UPRIGHT_DEG = 5.0
+"""From the vertical: an axis that points up."""
+FASTEST_DEG_PER_S, SLOWEST_DEG_PER_S = 1000.0, 0.1
+FASTEST_DEGC_PER_H = 200.0
+"""No table, no gyro is as fast as that."""
+OUTSIDE_RANGE_DEGC = 15.0
+FROM_CHAMBER_DEGC = 40.0
+COARSER = 2.5
+"""Than stated: steps of the headings."""
+AFTER_BEFORE_DEGC = 5.0
+SAME_DEGC = 0.011
+FINE_DEGC = 0.05
+"""Of a thermometer: one that is coarser stands still at a soak, too."""
+FROM_OTHERS_DEGC = 4.0
+"""Of the thermometers of two gyros in one housing: how far their difference goes up and down."""
+FROZEN_ROWS, FROZEN_SETS = 6, 3
+COPIED_ROWS, COPIED_BEYOND = 5, 3.0
+NO_CHANCE = 1e-6
+
+
+def unit_of_headings(table: TurnTable, full_attitude: bool) -> str | None:
+    """Return the unit of the headings where they are no degrees, else None.
+
+    Headings that may be any fill one turn of their unit, from zero or about it, and go nowhere
+    beyond; degrees, minutes and seconds have no fraction above 0.6. With pitch and roll: radians
+    where those of axes that point up lie at pi/2.
+    """
+    angles = np.concatenate((table.attitude_before_deg, table.attitude_after_deg))
+    headings = angles[:, 0][np.isfinite(angles[:, 0])]
+    if len(headings) < FEWEST_HEADINGS:
+        return None
+    if full_attitude:
+        leaning = np.max(np.abs(angles[:, 1:]), axis=1)
+        leaning = leaning[np.isfinite(leaning)]
+        right = len(leaning) > 0 and abs(float(np.median(leaning)) - 0.25 * RADIANS) < 0.1
+        return "radians" if right and float(np.max(leaning)) < RADIANS else None
+    span = float(np.ptp(headings))
+    jumps = float(np.nanmedian(np.abs(np.diff(table.attitude_before_deg[:, 0]))))
+    for unit, turn in UNITS.items():
+        low = -0.5 * turn if float(headings.min()) < 0.0 else 0.0
+        share = (headings - low) / turn
+        inside = float(share.min()) >= 0.0 and float(share.max()) <= 1.0 + 1e-3
+        tenths = len(np.unique(np.floor(np.minimum(share, 0.999) * 10.0)))
+        beyond = turn < FULL_TURN_DEG or span > FULL_TURN_DEG + 1.0
+        if inside and tenths >= FILLED and beyond and jumps > JUMPS * turn:
+            return unit
+    minutes = np.mod(np.abs(headings), 1.0) * 100.0
+    seconds = np.mod(minutes + 1e-6, 1.0) * 100.0
+    sixty = float(minutes.max()) < 60.0 and float(seconds.max()) < 60.1
+    filled = len(np.unique(np.floor(minutes / 10.0))) == 6
+    if sixty and filled and len(headings) > 2 * FEWEST_HEADINGS:
+        return "degrees, minutes and seconds, DD.MMSS"
+    return None
+
+
+def upright(table: TurnTable, full_attitude: bool) -> Mask:
+    """Return in which rows the attitude has the named axis up, (rows,); all without attitude."""
+    if not full_attitude:
+        return np.ones(len(table), dtype=bool)
+    places = np.array([AXES.index(axis) for axis in table.axis], dtype=np.int64)
+    cosine = np.ones(len(table))
+    for attitude in (table.attitude_before_deg, table.attitude_after_deg):
+        down = rotation_to_navigation(attitude)[np.arange(len(table)), 2, places]
+        cosine = np.minimum(cosine, -np.where(np.isfinite(down), down, 0.0))
+    return np.asarray(cosine > np.cos(np.radians(UPRIGHT_DEG)))
+
+
+def table_flags(dataset: FogDataset) -> list[Flag]:
+    """Return the flags of columns that cannot be what their names say, whatever the curve."""
+    flags = []
+    for name, table in (("turns", dataset.turns), ("verification", dataset.verification)):
+        if table is None or not len(table):
+            continue
+        unit = unit_of_headings(table, dataset.full_attitude)
+        if unit is not None:
+            unit_said = (
+                f"The headings of `{name}` look like {unit}: they fill one turn of that unit and "
+                "no more. The columns are in degrees; nothing is reported from them. Convert them."
+            )
+            flags.append(
+                Flag(
+                    "contradicts-statement",
+                    unit_said,
+                    None,
+                    {"statement": "heading_deg", "file": name},
+                )
+            )
+        wrong = sorted({str(one) for one in table.axis[~upright(table, dataset.full_attitude)]})
+        if wrong and unit is None:
+            axis_said = (
+                f"In `{name}` the attitude does not have the axis up that the row names "
+                f"({', '.join(wrong)}): an axis called by another's name, mounted upside down, or "
+                "pitch and roll exchanged. Such turns are left out. Correct the column `axis`."
+            )
+            flags.append(
+                Flag(
+                    "contradicts-statement",
+                    axis_said,
+                    None,
+                    {"statement": "axis", "axes": wrong, "file": name},
+                )
+            )
+        flags += _temperature_flags(dataset, name, table) + _repeats(name, table)
+        flags += _times(name, table) + _resolution(dataset, name, table)
+    return flags
+
+
+def _times(name: str, table: TurnTable) -> list[Flag]:
+    """Return the flag of times that make table or gyro impossibly fast or slow."""
+    turning = np.abs(table.commanded_deg) > 0.0
+    heat = table.temperature_degC[np.isfinite(table.temperature_degC)]
+    if int(turning.sum()) < FEWEST_HEADINGS or not len(heat):
+        return []
+    speed = float(np.median(np.abs(table.commanded_deg[turning]) / table.duration_s[turning]))
+    span_h = float(np.ptp(table.middle_s)) / SECONDS_PER_HOUR
+    spread = float(np.ptp(np.percentile(heat, (5.0, 95.0))))
+    if SLOWEST_DEG_PER_S < speed < FASTEST_DEG_PER_S and spread <= FASTEST_DEGC_PER_H * span_h:
+        return []
+    times_said = (
+        f"By the times of `{name}` the table turns at {speed:.3g} deg/s and the gyro's temperature "
+        f"changes by {spread:.3g} degC in {span_h:.3g} h: the times are not in seconds. The part "
+        "of the gyro's bias follows them; convert the columns."
+    )
+    return [
+        Flag("contradicts-statement", times_said, None, {"statement": "t_before_s", "file": name})
+    ]
+
+
+def resolution_of(values: Array) -> float:
+    """Return the largest decimal step, 1, 2 or 5, of which all values are multiples; else 0."""
+    values = values[np.isfinite(values)]
+    if len(np.unique(values)) < 2:
+        return 0.0
+    for power in range(2, -6, -1):
+        for digit in (5.0, 2.0, 1.0):
+            step = digit * 10.0**power
+            if bool(np.all(np.abs(values / step - np.rint(values / step)) < 1e-3)):
+                return float(step)
+    return 0.0
+
+
+def heading_resolution_deg(table: TurnTable) -> float:
+    """Return the step in which the headings of a table come, zero where none is seen."""
+    both = np.concatenate((table.attitude_before_deg[:, 0], table.attitude_after_deg[:, 0]))
+    return resolution_of(both)
+
+
+def _resolution(dataset: FogDataset, name: str, table: TurnTable) -> list[Flag]:
+    """Return the flag of headings that are coarser than stated."""
+    stated, found = dataset.heading_resolution_deg, heading_resolution_deg(table)
+    if not stated or found <= COARSER * stated:
+        return []
+    steps_said = (
+        f"The headings of `{name}` come in steps of {found:g} deg, the stated resolution is "
+        f"{stated:g} deg: digits were lost. Export them with all digits, or state what is true."
+    )
+    return [
+        Flag(
+            "contradicts-statement",
+            steps_said,
+            None,
+            {"statement": "heading_resolution", "file": name},
+        )
+    ]
+
+
+def _temperature_flags(dataset: FogDataset, name: str, table: TurnTable) -> list[Flag]:
+    """Return the flags of temperatures that contradict the range, the chamber or one another."""
+    said: list[tuple[str, str]] = []
+    heat, chamber = table.temperature_degC, table.chamber_degC
+    there = np.isfinite(heat)
+    if int(there.sum()) < FROZEN_ROWS:
+        return []
+    low, high = np.percentile(heat[there], (2.0, 98.0))
+    stated = dataset.temperature_range_degC
+    if stated and (low < stated[0] - OUTSIDE_RANGE_DEGC or high > stated[1] + OUTSIDE_RANGE_DEGC):
+        said.append(
+            (
+                "temperature_range",
+                f"go from {low:.1f} to {high:.1f} degC, the stated range from {stated[0]:g} to "
+                f"{stated[1]:g} degC: another unit, another sign, or another log",
+            )
+        )
+    jump = float(
+        np.median(np.abs(table.temperature_after_degC - table.temperature_before_degC)[there])
+    )
+    if jump > AFTER_BEFORE_DEGC:
+        said.append(("gyro_temperature", f"change by {jump:.1f} degC within one turn: two units"))
+    both = there & np.isfinite(chamber)
+    if int(both.sum()) >= FROZEN_ROWS:
+        apart = np.abs(heat - chamber)[both]
+        if float(np.percentile(apart, 90.0)) > FROM_CHAMBER_DEGC:
+            text = f"are up to {apart.max():.0f} degC from the chamber's: another unit or sign"
+            said.append(("gyro_temperature", text))
+        sides = (table.temperature_before_degC, table.temperature_after_degC)
+        near = np.min([np.abs(side - chamber)[both] for side in sides], axis=0) < SAME_DEGC
+        if float(near.mean()) > 0.9 and high - low > AFTER_BEFORE_DEGC:
+            text = "are the chamber's: a gyro lags the chamber and warms itself"
+            said.append(("gyro_temperature", text))
+    flags = [
+        Flag(
+            "contradicts-statement",
+            f"The gyro temperatures of `{name}` {text}. The curve stands at temperatures that may "
+            "be wrong; correct the columns `gyro_temperature_…`.",
+            None,
+            {"statement": statement, "file": name},
+        )
+        for statement, text in said
+    ]
+    return flags + _thermometers(name, table)
+
+
+def _thermometers(name: str, table: TurnTable) -> list[Flag]:
+    """Return the flags of a gyro's thermometer that stands still, or leaves those of the others."""
+    flags, courses = [], {}
+    middle = np.unique(table.middle_s)
+    heat = table.temperature_degC[np.isfinite(table.temperature_degC)]
+    usual = float(np.ptp(heat)) / max(float(np.ptp(middle)), 1.0) if len(heat) else 0.0
+    for axis in AXES:
+        own = (table.axis == axis) & np.isfinite(table.temperature_degC)
+        if int(own.sum()) < FROZEN_ROWS:
+            continue
+        courses[axis] = np.interp(middle, table.middle_s[own], table.temperature_degC[own])
+        pair = np.column_stack((table.temperature_before_degC, table.temperature_after_degC))[own]
+        still = np.concatenate(([False], np.all(pair[1:] == pair[:-1], axis=1), [False]))
+        ends = np.flatnonzero(np.diff(still.astype(int)))
+        for first, last in zip(ends[::2], ends[1::2], strict=True):
+            sets = len(np.unique(table.set_number[own][first : last + 1]))
+            span = np.ptp(table.middle_s[own][first : last + 1])
+            chamber = table.chamber_degC[own][first : last + 1]
+            fine = 0.0 < resolution_of(pair.ravel()) <= FINE_DEGC
+            moved = usual * span * fine
+            if bool(np.isfinite(chamber).all()):
+                moved = float(np.ptp(chamber))
+            if last + 1 - first >= FROZEN_ROWS and sets >= FROZEN_SETS and moved > FROM_OTHERS_DEGC:
+                still_said = (
+                    f"The thermometer of the {axis} gyro in `{name}` reads exactly "
+                    f"{pair[first, 0]:g} degC in {last + 1 - first} turns while the temperature "
+                    "goes on: it stands still. Leave these rows out."
+                )
+                flags.append(Flag("frozen", still_said, axis, {"rows": int(last + 1 - first)}))
+                break
+    for axis, course in courses.items():
+        others = [one for key, one in courses.items() if key != axis]
+        swings = [float(np.ptp(np.percentile(course - one, (10.0, 90.0)))) for one in others]
+        if swings and min(swings) > FROM_OTHERS_DEGC:
+            apart_said = (
+                f"The thermometer of the {axis} gyro in `{name}` leaves those of the others by "
+                f"{min(swings):.1f} degC and more: another unit, a drift, or a loose sensor. The "
+                "curve of this axis stands at wrong temperatures."
+            )
+            flags.append(
+                Flag(
+                    "contradicts-statement",
+                    apart_said,
+                    axis,
+                    {"statement": "gyro_temperature", "file": name},
+                )
+            )
+    return flags
+
+
+def _too_long(marked: Mask) -> bool:
+    """Whether marked rows stand in a row, (rows,), where as many as that are no chance."""
+    edges = np.flatnonzero(np.diff(np.concatenate(([0], marked.astype(int), [0]))))
+    longest = int(np.max(edges[1::2] - edges[::2], initial=0))
+    often = (int(marked.sum()) - longest + 1) / (len(marked) - longest + 2)
+    return longest >= FROZEN_ROWS and len(marked) * often**longest < NO_CHANCE
+
+
+def _repeats(name: str, table: TurnTable) -> list[Flag]:
+    """Return the flag of readings that repeat: a navigator that stood still, or copied rows.
+
+    More turns have exactly the headings of another one than headings before turns, and changes by
+    turns, repeat by chance.
+    """
+    angles = np.column_stack((table.attitude_before_deg, table.attitude_after_deg))
+    angles = np.where(np.isfinite(angles), angles, 0.0)
+    change = np.round(angles[:, 3:] - angles[:, :3], 7)
+    rows = len(angles)
+    if rows < FROZEN_ROWS:
+        return []
+
+    def alike(values: Array) -> float:
+        count = np.unique(values, axis=0, return_counts=True)[1]
+        return float(np.sum(count * (count - 1)) / 2)
+
+    pairs = 0.5 * rows * (rows - 1)
+    repeated = rows - len(np.unique(angles, axis=0))
+    chance = alike(angles[:, :3]) * alike(change) / pairs
+    same = np.concatenate(([False], np.all(angles[1:] == angles[:-1], axis=1)))
+    unmoved = np.all(change == 0.0, axis=1) & (table.commanded_deg != 0.0)
+    if _too_long(unmoved):
+        what = f"In {int(unmoved.sum())} of {rows} turns of `{name}` no angle changes at all"
+    elif _too_long(same) or repeated > COPIED_ROWS + COPIED_BEYOND * chance:
+        what = f"In `{name}` {repeated} of {rows} turns have exactly the readings of another turn"
+    else:
+        return []
+    repeats_said = (
+        f"{what}: a navigator that stood still, or rows that were copied. Leave these rows out."
+    )
+    return [Flag("frozen", repeats_said, None, {"rows": repeated, "file": name})]
