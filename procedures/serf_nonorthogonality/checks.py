@@ -79,7 +79,7 @@ def _chi_square(found: Frequencies) -> Check:
         f"{solution.chi_square:.1f} with {solution.degrees_of_freedom} degrees of freedom, "
         f"probability {100.0 * solution.probability:.3g} %"
     )
-    return Check("chi-square", said, "probability above 0.1 %", not solution.enlarged)
+    return Check("chi-square", said, "probability above 0.1 %", not solution.disagree)
 
 
 def _closed_form(

@@ -11,7 +11,7 @@ from procedures.serf_nonorthogonality.cell import CHANNELS, DIGITIZER, PUMP
 from procedures.serf_nonorthogonality.dataset import SerfDataset
 from procedures.serf_nonorthogonality.findings import AnalysisSettings
 from procedures.serf_nonorthogonality.from_import import dataset_of_import
-from procedures.serf_nonorthogonality.from_record import dataset_of_run
+from procedures.serf_nonorthogonality.from_record import coil_calibration, dataset_of_run
 from procedures.serf_nonorthogonality.parameters import SerfParameters
 from procedures.serf_nonorthogonality.shots import AXES
 from station.findings import Findings, InputQuantity, findings_of
@@ -82,11 +82,10 @@ def bench_inputs(
 
 
 def _coil(coil: str, bench: Bench) -> Iterator[InputQuantity]:
-    generator = CHANNELS[coil][0]
-    record = _record(bench, generator)
-    if record is not None and record.covers("scale", 1.0, "1"):
+    record = coil_calibration(coil, bench)
+    if record is not None:
         u = record.standard_uncertainty("scale", 1.0, "1")
-        said = f"coil constant of {coil} ({generator})"
+        said = f"coil constant of {coil} ({CHANNELS[coil][0]})"
         yield InputQuantity(f"coil_{coil}", said, u, "1", record.source)
 
 

@@ -154,14 +154,15 @@ def _chirp(found: Frequencies, settings: AnalysisSettings) -> list[Flag]:
 
 def _disagree(found: Frequencies) -> list[Flag]:
     solution = found.solution
-    if not solution.enlarged:
+    if not solution.disagree:
         return []
     return [
         Flag(
             "shots-disagree",
             f"Chi-square of the shots is {solution.chi_square:.1f} with "
             f"{solution.degrees_of_freedom} degrees of freedom: the fields were not steady from "
-            "shot to shot; the uncertainties are enlarged accordingly.",
+            "shot to shot, or shots stand under wrong names or commanded fields; the uncertainties "
+            "are enlarged accordingly. Look at the shots' misfits, and repeat those that are off.",
             None,
             {"chi_square": solution.chi_square},
         )

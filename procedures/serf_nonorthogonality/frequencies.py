@@ -13,7 +13,7 @@ from .dataset import SerfDataset
 from .findings import AnalysisSettings
 from .joint import JointFit, NoJointFit, Record, decay_line, fit_jointly, joint_start
 from .light import NO_LEAN, Lean, fields_in_light, lean_of
-from .precession import Precession
+from .precession import Precession, common_decay, decays
 from .spins import SPINS, SlowingDown
 from .tone import pooled_chirp, wild_samples
 
@@ -60,20 +60,26 @@ def frequencies_and_angles(
     spin = SPINS[dataset.nuclear_spin]
     fits = [one.used_fit for one in used]
     commanded_nT = np.array([one.shot.field_nT for one in used])
-    measured = np.array([fit.omega_rad_per_s for fit in fits])
-    decay_u = np.array([fit.decay_u for fit in fits])
-    rate, beta, beta_u = decay_line(measured, np.array([f.decay_per_s for f in fits]), decay_u)
-    beta = beta if beta > BETA_U * beta_u else 0.0
-    omega = measured / (1.0 + spin.pull(beta, measured))
-    covariance = np.diag([fit.omega_u**2 for fit in fits])
+    line = common_decay(fits) or decay_line(*decays(fits))
+    beta = line.beta_s if line.beta_s > BETA_U * line.beta_u else 0.0
     chirp, chirp_u = pooled_chirp(fits)
+    omega = np.array([fit.omega_rad_per_s for fit in fits])
+    covariance = np.diag([fit.omega_u**2 for fit in fits])
+    by_rate = np.array([fit.omega_by_rate for fit in fits])
+    covariance += line.rate_u**2 * np.outer(by_rate, by_rate)
+    if np.isfinite(chirp_u):
+        # A chirp too weak to be seen moves all frequencies alike, and with them the factor.
+        by_chirp = np.array([fit.omega_by_chirp for fit in fits])
+        omega = omega + chirp * by_chirp
+        covariance += chirp_u**2 * np.outer(by_chirp, by_chirp)
+    omega /= 1.0 + spin.pull(beta, omega)
     solution = solve(commanded_nT, omega, covariance, known=dataset.constants_known)
     alone = Frequencies(
         omega,
         covariance,
         chirp,
         chirp_u,
-        rate,
+        line.rate_per_s,
         beta,
         None,
         None,

@@ -7,14 +7,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from procedures.serf_nonorthogonality.cell import DIGITIZER
+from procedures.serf_nonorthogonality.cell import CHANNELS, DIGITIZER
 from procedures.serf_nonorthogonality.dataset import SerfDataset, Shot
 from procedures.serf_nonorthogonality.parameters import SerfParameters
-from procedures.serf_nonorthogonality.shots import Wanted
+from procedures.serf_nonorthogonality.shots import AXES, Wanted
 from procedures.serf_nonorthogonality.steps import REPEATED
 
 if TYPE_CHECKING:
     from station.bench import Bench
+    from station.calibration import Calibration
     from station.record.folder import RunFolder
 
 
@@ -61,4 +62,19 @@ def dataset_of_run(folder: RunFolder, parameters: SerfParameters, bench: Bench) 
         repeated=repeated,
         # The trigger falls anywhere between two samples.
         start_u_s=1.0 / (math.sqrt(12.0) * parameters.sample_rate_Hz),
+        coil_u=_coil_u(bench),
     )
+
+
+def coil_calibration(coil: str, bench: Bench) -> Calibration | None:
+    """Return the calibration record of a coil's supply, None where it says nothing of its scale."""
+    supply = bench.instruments.get(CHANNELS[coil][0])
+    record = supply.calibration if supply is not None else None
+    return record if record is not None and record.covers("scale", 1.0, "1") else None
+
+
+def _coil_u(bench: Bench) -> tuple[float, float, float] | None:
+    """Return the relative u of the three coil constants, None where the bench does not state it."""
+    records = [coil_calibration(coil, bench) for coil in AXES]
+    x, y, z = (one.standard_uncertainty("scale", 1.0, "1") if one else None for one in records)
+    return None if x is None or y is None or z is None else (x, y, z)

@@ -25,6 +25,8 @@ MOST_ITERATIONS = 25
 ENOUGH = 1e-9
 SQUARES = (0.03, 0.08, 0.15, 0.25, 0.36, 0.5, 0.68, 0.85)
 """P² to begin with."""
+UNTOLD = 0.25
+"""Part of a decay: with a larger u the shots do not tell the broadening from the relaxation."""
 
 
 @dataclass(frozen=True)
@@ -244,8 +246,8 @@ def joint_start(
         omega.append(found.omega_rad_per_s)
         decay.append(found.decay_per_s)
     frequencies = np.array(omega)
-    rate, beta = decay_line(frequencies, np.array(decay), np.ones(len(decay)))[:2]
-    return np.array([square, max(rate, 1e-3), beta]), frequencies
+    line = decay_line(frequencies, np.array(decay), np.full(len(decay), 0.01 * rate))
+    return np.array([square, max(line.rate_per_s, 1e-3), line.beta_s]), frequencies
 
 
 def _in_its_time(
@@ -265,20 +267,32 @@ def _in_its_time(
         return None
 
 
-def decay_line(omega: Array, decay: Array, decay_u: Array) -> tuple[float, float, float]:
-    """Return R/q(0) in 1/s, beta in s and its u from decay = R/q(0) + beta w² of several shots.
+@dataclass(frozen=True)
+class DecayLine:
+    """R/q(0) in 1/s and beta in s of decay = R/q(0) + beta w², each with its u."""
 
-    Beta is zero where all frequencies are alike, or would be negative; its u is then infinite.
+    rate_per_s: float
+    rate_u: float
+    beta_s: float
+    beta_u: float
+
+
+def decay_line(omega: Array, decay: Array, decay_u: Array) -> DecayLine:
+    """Return the line of the decays of several shots, each (n,); a baseline has the frequency 0.
+
+    Beta is zero where nothing tells it, or it would be negative; its u is then infinite.
     """
     weight = decay_u**-2
     x = omega**2
     middle = float(weight @ x / weight.sum())
     spread = float(weight @ (x - middle) ** 2)
     mean = float(weight @ decay / weight.sum())
-    if np.ptp(omega) < 0.05 * float(np.mean(omega)) or spread <= 0.0:
-        return mean, 0.0, np.inf
-    beta = float(weight @ ((x - middle) * (decay - mean))) / spread
-    rate = mean - beta * middle
-    if beta <= 0.0 or rate <= 0.0:
-        return mean, 0.0, np.inf
-    return rate, beta, spread**-0.5
+    mean_u = float(weight.sum() ** -0.5)
+    if spread > 0.0:
+        beta = float(weight @ ((x - middle) * (decay - mean))) / spread
+        rate, rate_u = mean - beta * middle, float(np.hypot(mean_u, middle * spread**-0.5))
+        if rate_u > UNTOLD * mean:
+            return DecayLine(mean, UNTOLD * mean, 0.0, np.inf)
+        if beta > 0.0 and rate > 0.0:
+            return DecayLine(rate, rate_u, beta, spread**-0.5)
+    return DecayLine(mean, mean_u, 0.0, np.inf)

@@ -36,8 +36,11 @@ class ToneFit:
     """What the fit of a shot says; angular frequency and rates in rad/s and 1/s, the rest in V.
 
     `amplitude_V` is that of the tone at time zero, `sine_V` and `cosine_V` its parts; `chirp` is by
-    how much the frequency is higher at the beginning than in the end, relative, to first order;
-    `kept` (n,) marks the samples that were used, `residual_V` (n,) what is left of every one.
+    how much the frequency is higher at the beginning than in the end, relative, to first order, and
+    `omega_by_chirp` by how much the frequency in the end is off where that is left aside;
+    `own_rate_per_s` is the decay that the baseline itself shows, `omega_by_rate` what the frequency
+    changes by with the decay that it was given. `kept` (n,) marks the samples that were used,
+    `residual_V` (n,) what is left of every one.
     """
 
     omega_rad_per_s: float
@@ -54,6 +57,10 @@ class ToneFit:
     degrees_of_freedom: int
     chirp: float
     chirp_u: float
+    omega_by_chirp: float
+    own_rate_per_s: float
+    own_rate_u: float
+    omega_by_rate: float
     kept: Mask
     residual_V: Array
     model_V: Array
@@ -135,7 +142,9 @@ class _Found:
     linear: Array
     cost: float
     inverse: Array
-    chirp: tuple[float, float]
+    chirp: tuple[float, float, float]
+    """The value, its u, and the frequency's derivative by it; so too the baseline's decay."""
+    rate: tuple[float, float, float]
     freedom: int
 
 
@@ -200,13 +209,19 @@ def _minimum(
         return None
     inverse = np.asarray(np.linalg.inv(small) / np.outer(scale, scale), dtype=np.float64)
     freedom = max(len(t) - len(here.linear) - 2, 1)
-    share = inverse @ here.normal[:2, 2]
-    power = float(here.normal[2, 2] - here.normal[2, :2] @ share)
-    chirp = 0.0, np.inf
-    if power > 0.0:
-        noise = float(np.sqrt(here.cost / freedom))
-        chirp = float(here.right[2] - share @ here.right[:2]) / power, noise / float(np.sqrt(power))
-    return _Found(omega, decay, here.slow, here.linear, here.cost, inverse, chirp, freedom)
+    noise = float(np.sqrt(here.cost / freedom))
+    more = []
+    for place in (2, 3):
+        share = inverse @ here.normal[:2, place]
+        power = float(here.normal[place, place] - here.normal[place, :2] @ share)
+        if power > 0.0:
+            step = float(here.right[place] - share @ here.right[:2]) / power
+            more.append((step, noise / float(np.sqrt(power)), -float(share[0])))
+        else:
+            more.append((0.0, np.inf, 0.0))
+    chirp, (step, rate_u, by_rate) = more
+    rate = here.slow + step, rate_u if baseline_decay_per_s is not None else np.inf, by_rate
+    return _Found(omega, decay, here.slow, here.linear, here.cost, inverse, chirp, rate, freedom)
 
 
 def _model(t: Array, found: _Found, mains_Hz: float | None) -> Array:
@@ -250,6 +265,10 @@ def _said(
         degrees_of_freedom=found.freedom,
         chirp=found.chirp[0],
         chirp_u=found.chirp[1],
+        omega_by_chirp=found.chirp[2],
+        own_rate_per_s=found.rate[0],
+        own_rate_u=found.rate[1],
+        omega_by_rate=found.rate[2],
         kept=kept,
         residual_V=voltage_V - model,
         model_V=model,
