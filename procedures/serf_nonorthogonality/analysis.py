@@ -13,6 +13,7 @@ from .dataset import SerfDataset
 from .findings import AnalysisSettings, SerfAnalysis, ShotResult
 from .flags import result_flags
 from .frequencies import Frequencies
+from .misfit import misfit_flags
 from .precession import Precession, look_at_all
 from .published import PublishedAngles, published_angles
 from .results import ANGLE, LAW_OF_COSINES, estimates, residual_magnitude_nT, scale_axis
@@ -47,7 +48,7 @@ def analyse(dataset: SerfDataset, settings: AnalysisSettings | None = None) -> S
     shots = _shots(dataset, seen, found)
     solution = found.solution if found is not None else None
     size_nT = residual_magnitude_nT(dataset, solution) if solution is not None else None
-    flags = data_flags(dataset, seen, shots, settings) + denied
+    flags = data_flags(dataset, seen, shots, settings) + denied + misfit_flags(dataset, shots)
     flags += result_flags(dataset, found, results, paper, size_nT, settings)
     return SerfAnalysis(
         shots=shots,

@@ -48,14 +48,15 @@ def result_flags(
             )
         )
     flags += _chirp(found, settings) + _disagree(found) + _stiff(found, settings)
-    if outside_the_isotope(dataset, results):
-        low, high = slowing_down_bounds(dataset.nuclear_spin)
+    if outside_the_isotope(dataset, found, results):
+        low, high = slowing_down_bounds(dataset, found)
         flags.append(
             Flag(
                 "slowing-down-factor-outside",
                 f"The slowing-down factor lies outside the isotope's {low:.4g} to {high:.4g}: the "
-                "commanded fields, the unit of the gyromagnetic ratio, the sample rate or the "
-                "nuclear spin are wrong.",
+                "commanded fields, the coil constants, a residual field taken for zero, the unit "
+                "of the gyromagnetic ratio, the sample rate or the nuclear spin are wrong. Check "
+                "them in this order.",
             )
         )
     return flags
