@@ -17,6 +17,7 @@ from .results import ANGLE, FACTOR, RESIDUAL, SLOWING_DOWN, scale_axis
 from .shots import PAIRS
 
 CHANCE = 4.0
+DRIFT_U = 4.0
 
 
 def result_flags(
@@ -47,7 +48,8 @@ def result_flags(
                 {"field_nT": residual_nT},
             )
         )
-    flags += _chirp(found, settings) + _disagree(found) + _stiff(found, settings)
+    flags += _chirp(found, settings) + _drift(found) + _exchanged(dataset, found)
+    flags += _disagree(found) + _stiff(found, settings)
     if outside_the_isotope(dataset, found, results):
         low, high = slowing_down_bounds(dataset, found)
         flags.append(
@@ -149,6 +151,40 @@ def _chirp(found: Frequencies, settings: AnalysisSettings) -> list[Flag]:
             "the fields was told by the baselines.",
             None,
             {"relative_change": found.chirp, "polarisation": polarisation},
+        )
+    ]
+
+
+def _drift(found: Frequencies) -> list[Flag]:
+    """Return a flag where all frequencies drift steadily, which no polarisation explains."""
+    if abs(found.drift_per_s) <= DRIFT_U * found.drift_u:
+        return []
+    return [
+        Flag(
+            "misfit",
+            f"The frequencies drift by {100.0 * found.drift_per_s:.2g} % per second during the "
+            f"records, {abs(found.drift_per_s) / found.drift_u:.1f} u, beside what a fading "
+            "polarisation does: the fields are not steady, or the recorder's clock is not. The "
+            "slowing-down factor is off by more than its u; measure the coil currents during a "
+            "record.",
+            None,
+            {"drift_per_s": found.drift_per_s},
+        )
+    ]
+
+
+def _exchanged(dataset: SerfDataset, found: Frequencies) -> list[Flag]:
+    """Return a flag where the fall of the frequencies says that pump and probe changed places."""
+    if not found.exchanged:
+        return []
+    return [
+        Flag(
+            "contradicts-statement",
+            f"The pump light is stated along {dataset.pump_axis} and the probe along "
+            f"{dataset.probe_axis}, and the frequencies fall as if it were the other way round: "
+            "correct pump_axis and probe_axis.",
+            None,
+            {"statement": "pump_axis"},
         )
     ]
 

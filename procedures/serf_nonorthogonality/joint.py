@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from .law import clocks
 from .spins import SlowingDown
-from .tone import NoTone, ToneFit, fit_tone
+from .tone import NoTone, ToneFit, beyond, fit_tone
 
 Array = NDArray[np.float64]
 
@@ -47,7 +47,8 @@ class JointFit:
     3) is of these three, `residual_V` are in the records' order; `chi_square` with
     `degrees_of_freedom` is of all samples. `baseline_over_tone` (shots,) compares the amplitudes at
     time zero; `by_late_start` (shots,) are derivatives of the frequencies, in rad/s², by a time
-    zero of the own record that came later than its time stamps say.
+    zero of the own record that came later than its time stamps say; `drift_per_s` (shots,) with its
+    u is a steady drift of the frequency, relative, which nothing of the model follows.
     """
 
     omega_rad_per_s: Array
@@ -60,6 +61,8 @@ class JointFit:
     baseline_over_tone: Array
     baseline_over_tone_u: Array
     by_late_start: Array
+    drift_per_s: Array
+    drift_u: Array
     chi_square: float
     degrees_of_freedom: int
     iterations: int
@@ -83,7 +86,7 @@ class _Step:
     right: Array
     residual_V: tuple[Array, ...]
     of_shots: Array
-    """Baseline over tone, its u, and the frequency's derivative by a late start, (shots, 3)."""
+    """Baseline over tone, its u, the frequency's derivative by a late start, a drift, its u."""
 
 
 def fit_jointly(
@@ -139,6 +142,8 @@ def fit_jointly(
         baseline_over_tone=step.of_shots[:, 0],
         baseline_over_tone_u=step.of_shots[:, 1],
         by_late_start=step.of_shots[:, 2],
+        drift_per_s=step.of_shots[:, 3],
+        drift_u=step.of_shots[:, 4],
         chi_square=step.cost,
         degrees_of_freedom=samples - own * len(records) - SHARED,
         iterations=iterations,
@@ -192,12 +197,15 @@ def _evaluate(
                 w**2 * by_broad,
                 u * turned + 2.0 * beta * w * by_broad,
                 broad[k] * tone - by_clock * np.gradient(u, t),
+                0.5 * w * t * u * turned,
             ]
         )
         slopes -= basis @ (basis.T @ slopes)
         late = float(slopes[:, 3] @ slopes[:, 4]) / float(slopes[:, 3] @ slopes[:, 3])
-        slopes = slopes[:, :4]
         residual = y - basis @ (basis.T @ y)
+        own = slopes[:, [0, 1, 2, 3, 5]]
+        drift = beyond(own.T @ own, own.T @ residual, record.noise_V)
+        slopes = slopes[:, :4]
         weight = record.noise_V**-2
         places = np.array([0, 1, 2, SHARED + k])
         normal[np.ix_(places, places)] += weight * (slopes.T @ slopes)
@@ -206,7 +214,9 @@ def _evaluate(
         residuals.append(residual)
         size = np.hypot(linear[0], linear[1])
         last = np.linalg.solve(triangle.T, np.eye(len(linear))[2])
-        of_shots.append((linear[2] / size, record.noise_V * np.linalg.norm(last) / size, late))
+        of_shots.append(
+            (linear[2] / size, record.noise_V * np.linalg.norm(last) / size, late, *drift)
+        )
     return _Step(cost, normal, right, tuple(residuals), np.array(of_shots))
 
 
