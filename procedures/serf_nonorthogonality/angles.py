@@ -28,7 +28,7 @@ PLACES = {"xy": (0, 1), "xz": (0, 2), "yz": (1, 2)}
 INDEPENDENT = 1e-3
 """Part of a scaled column, orthogonal to those before it, that makes it one of its own."""
 MOST_ITERATIONS = 60
-IMPROBABLE, DOUBTFUL = 1e-3, 0.05
+IMPROBABLE, DOUBTFUL = 1e-4, 0.05
 """Below the first probability something is wrong; below the second u is enlarged already."""
 
 

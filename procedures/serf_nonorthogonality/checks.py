@@ -88,12 +88,12 @@ def _isotope(dataset: SerfDataset, found: Frequencies, results: Sequence[Estimat
 def _chi_square(found: Frequencies) -> Check:
     solution = found.solution
     if solution.degrees_of_freedom < 1:
-        return Check("chi-square", "as many shots as unknowns", "probability above 0.1 %", None)
+        return Check("chi-square", "as many shots as unknowns", "probability above 0.01 %", None)
     said = (
         f"{solution.chi_square:.1f} with {solution.degrees_of_freedom} degrees of freedom, "
         f"probability {100.0 * solution.probability:.3g} %"
     )
-    return Check("chi-square", said, "probability above 0.1 %", not solution.disagree)
+    return Check("chi-square", said, "probability above 0.01 %", not solution.disagree)
 
 
 def _closed_form(
