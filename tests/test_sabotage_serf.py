@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from serf_shots import FOUR, Cell
+from serf_shots import Cell
 
 from benchmarks.sabotage import analysed, clean_runs, faults_of
 from procedures.serf_nonorthogonality.analysis import analyse
@@ -88,11 +88,13 @@ def test_coil_factors_are_not_biased_when_single_coil_shots_are_rejected(exchang
 
 
 def test_a_chirp_too_weak_to_be_seen_moves_no_slowing_down_factor() -> None:
-    for cell in (Cell(polarisation=0.03), Cell(polarisation=0.03, pattern=FOUR, known=True)):
-        for seed in range(2):
-            analysis = analyse(cell.dataset(seed))
-            assert analysis.joint is None
-            assert abs(pull(analysis, "slowing_down_factor", None, 6.0)) < 4.0
+    cell = Cell(polarisation=0.03)
+    clean, pulls = cell.clean_V(), []
+    for seed in range(3):
+        analysis = analyse(cell.dataset(seed, clean))
+        assert analysis.joint is None
+        pulls.append(pull(analysis, "slowing_down_factor", None, 6.0))
+    assert abs(np.mean(pulls)) < 1.5
 
 
 @pytest.mark.parametrize(

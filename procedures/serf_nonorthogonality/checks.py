@@ -19,7 +19,7 @@ from .spins import SPINS
 MARGIN_U = 3.0
 FACTOR_MARGIN = 0.02
 """A coil constant that is wrong by a per cent moves the factor by as much."""
-EXACT_MARGIN, TAKEN_FOR_ZERO = 0.002, 0.005
+EXACT_MARGIN, TAKEN_FOR_ZERO = 0.0005, 0.005
 """Where the constants are exact, for what the model leaves out, and for a little residual field."""
 ACCEPTED_RESIDUAL_NT = 1.5
 LOWEST_DEG, HIGHEST_DEG = 80.0, 100.0

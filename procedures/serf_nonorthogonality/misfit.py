@@ -21,6 +21,8 @@ CHANCE = 1e-4
 """How often white noise alone is flagged, at most."""
 BINS, SAMPLES = (1, 4, 16), (4, 16, 64)
 """Widths of the windows over a spectrum and over a record."""
+ROUNDING = 1e-9
+"""Noise over signal of records that are computed and have none."""
 BESIDE = 16
 """Bins to either side of a tone in which what all shots leave is taken together."""
 
@@ -70,8 +72,12 @@ def misfit_flags(dataset: SerfDataset, shots: Sequence[ShotResult]) -> list[Flag
 
 
 def _used(dataset: SerfDataset, shots: Sequence[ShotResult]) -> Iterator[tuple[Shot, ShotResult]]:
+    """Yield the shots of the solution whose residuals are more than rounding."""
     for shot, one in zip(dataset.shots, shots, strict=True):
-        if one.used and len(one.residual_V) > 4 * BESIDE and float(np.ptp(one.residual_V)) > 0.0:
+        if not one.used or one.fit is None or not np.isfinite(one.omega_rad_per_s):
+            continue
+        noisy = one.fit.noise_V > ROUNDING * one.fit.amplitude_V
+        if noisy and len(one.residual_V) > 4 * BESIDE:
             yield shot, one
 
 
