@@ -117,8 +117,22 @@ class Cell:
         pull = n**2 * (q**2 - n**2) / (2.0 * q**2) / self.exchange**2 if self.pull else 0.0
         return np.asarray(bare * (1.0 + pull * bare**2))
 
+    def waves_V(self) -> Array:
+        """Return what a shot's signal is a sum of, shape (3, samples, shots).
+
+        The tone's cosine and sine, and what fades without turning; of a detector that sees all.
+        """
+        return self._waves()[0]
+
     def clean_V(self) -> Array:
         """Return the voltages without noise, shape (shots, samples)."""
+        waves, shares = self._waves()
+        mains = self.mains_V * np.sin(2.0 * np.pi * 50.0 * self.time_s + 0.7)
+        seen = np.sum(waves * shares[:, None], axis=0)
+        return np.asarray((seen + self.offset_V + mains[:, None]).T)
+
+    def _waves(self) -> tuple[Array, Array]:
+        """Return the waves and the share (3, shots) of each that the probe sees."""
         fields = self.fields_nT
         size = np.linalg.norm(fields, axis=1)
         n = fields / size[:, None]
@@ -152,9 +166,8 @@ class Cell:
         first = np.linalg.norm(across_s, axis=1)
         even = np.sum(across_s * across_p, axis=1) / np.where(first > 0, first, 1.0)
         odd = np.sum(turned * across_p, axis=1) / np.where(first > 0, first, 1.0)
-        seen = at[:, 1] * (even * np.cos(at[:, 2]) + odd * np.sin(at[:, 2])) + at[:, 0] * (n @ p)
-        mains = self.mains_V * np.sin(2.0 * np.pi * 50.0 * self.time_s + 0.7)
-        return np.asarray((gain * seen + self.offset_V + mains[:, None]).T)
+        waves = [at[:, 1] * np.cos(at[:, 2]), at[:, 1] * np.sin(at[:, 2]), at[:, 0]]
+        return gain * np.array(waves), np.array([even, odd, n @ p])
 
     def dataset(self, seed: int, clean: Array | None = None) -> SerfDataset:
         """Return the shots with their noise; `clean` saves the integration in a long series."""

@@ -66,7 +66,7 @@ RESULT_KEYS = {
     "flags[].code": "one of the [codes](flags.md)",
     "flags[].axis": "the axis it concerns, or null",
     "flags[].message": "the sentence",
-    "flags[].shares": "of `cross-axis`: the field on each undriven axis, over that of the driven one",
+    "flags[].shares": "of `cross-axis`: the field on each axis over the driven one",
     "flags[].undriven[]": "of `cross-axis`: the axes that were not driven",
     "run": "`station run --json` only: the run folder",
     "exit_code": "`station run --json` only",

@@ -5,13 +5,15 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from station.findings import Published
+from station.findings import Flag, Published
 
+from .agreement import agreed
 from .checks import checks_of
 from .dataset import SerfDataset
 from .findings import AnalysisSettings, SerfAnalysis, ShotResult
 from .flags import result_flags
-from .frequencies import Frequencies, frequencies_and_angles
+from .frequencies import Frequencies
+from .misfit import misfit_flags
 from .precession import Precession, look_at_all
 from .published import PublishedAngles, published_angles
 from .results import ANGLE, LAW_OF_COSINES, estimates, residual_magnitude_nT, scale_axis
@@ -33,20 +35,20 @@ def analyse(dataset: SerfDataset, settings: AnalysisSettings | None = None) -> S
     """
     settings = settings or AnalysisSettings()
     seen = look_at_all(dataset, settings)
-    used = [one for one in seen if one.used]
     found: Frequencies | None = None
-    if used:
+    denied: list[Flag] = []
+    if any(one.used for one in seen):
         try:
-            found = frequencies_and_angles(dataset, used, settings)
+            dataset, seen, found, denied = agreed(dataset, seen, settings)
         except np.linalg.LinAlgError:
             found = None
-    freedom = float(sum(one.used_fit.degrees_of_freedom for one in used))
+    freedom = float(sum(one.used_fit.degrees_of_freedom for one in seen if one.used))
     results = estimates(dataset, found, freedom)
     paper = _published(dataset, seen)
     shots = _shots(dataset, seen, found)
     solution = found.solution if found is not None else None
     size_nT = residual_magnitude_nT(dataset, solution) if solution is not None else None
-    flags = data_flags(dataset, seen, shots, settings)
+    flags = data_flags(dataset, seen, shots, settings) + denied + misfit_flags(dataset, shots)
     flags += result_flags(dataset, found, results, paper, size_nT, settings)
     return SerfAnalysis(
         shots=shots,

@@ -28,7 +28,8 @@ PLACES = {"xy": (0, 1), "xz": (0, 2), "yz": (1, 2)}
 INDEPENDENT = 1e-3
 """Part of a scaled column, orthogonal to those before it, that makes it one of its own."""
 MOST_ITERATIONS = 60
-IMPROBABLE = 1e-3
+IMPROBABLE, DOUBTFUL = 1e-4, 0.05
+"""Below the first probability something is wrong; below the second u is enlarged already."""
 
 
 @dataclass(frozen=True)
@@ -36,7 +37,7 @@ class Solution:
     """The nine unknowns: a (3,) in rad/s/nT, cosines (3,) of xy, xz, yz, r (3,) in rad/s.
 
     `covariance` (9, 9) is that of the noise of the frequencies, enlarged by chi-square over its
-    degrees of freedom where that is improbable (`enlarged`); rows of what is not free are zero.
+    degrees of freedom where that is doubtful (`enlarged`); rows of what is not free are zero.
     `determined` (9,) says which of them the shots determine, cosines and a given that residual
     fields which are not determined are zero. `by_field` (9, 3) are the derivatives by relative
     errors of the commanded fields of x, y, z; `by_residual` (9, 3) those by a residual field (as r)
@@ -74,6 +75,18 @@ class Solution:
         """How probable a chi-square as large as this is where the model holds."""
         freedom = self.degrees_of_freedom
         return float(chdtrc(freedom, self.chi_square)) if freedom > 0 else 1.0
+
+    @property
+    def disagree(self) -> bool:
+        """Whether the shots contradict one another beyond doubt."""
+        return self.probability < IMPROBABLE
+
+    def ratios(self) -> tuple[Array, Array]:
+        """Return the factors of coils y and z over that of x, less one, and their covariance."""
+        slopes = np.zeros((2, COUNT))
+        slopes[:, 0] = -self.scale[1:] / self.scale[0] ** 2
+        slopes[[0, 1], [1, 2]] = 1.0 / self.scale[0]
+        return self.scale[1:] / self.scale[0] - 1.0, slopes @ self.covariance @ slopes.T
 
 
 def gram_of(cosine: Array) -> Array:
@@ -121,6 +134,8 @@ def solve(commanded_nT: Array, omega: Array, covariance: Array, *, known: bool) 
     kept, determined, free_of_residual = _judge(commanded_nT, p, natural, maps)
     if free_of_residual:
         p = _begin(commanded_nT, omega, p)
+        if known:
+            p[:3] = float(np.mean(p[:3]))
     mapping = maps[:, kept] * natural[:, None]
     weight: Array = np.asarray(np.linalg.inv(covariance), dtype=np.float64)
     root = _root(weight)
@@ -145,7 +160,7 @@ def solve(commanded_nT: Array, omega: Array, covariance: Array, *, known: bool) 
     left = omega - frequencies(commanded_nT, p)
     chi_square = float(left @ weight @ left)
     freedom = len(omega) - len(kept)
-    improbable = freedom > 0 and float(chdtrc(freedom, chi_square)) < IMPROBABLE
+    doubtful = freedom > 0 and float(chdtrc(freedom, chi_square)) < DOUBTFUL
     covered = mapping @ inverse @ mapping.T
     by_residual = np.zeros((COUNT, 3))
     if not free_of_residual:
@@ -154,7 +169,7 @@ def solve(commanded_nT: Array, omega: Array, covariance: Array, *, known: bool) 
         scale=p[:3],
         cosine=p[3:6],
         residual=p[6:],
-        covariance=covered * (chi_square / freedom if improbable else 1.0),
+        covariance=covered * (chi_square / freedom if doubtful else 1.0),
         determined=determined,
         free_of_residual=free_of_residual,
         by_field=-gain @ (slopes[:, :3] * p[:3]),
@@ -163,7 +178,7 @@ def solve(commanded_nT: Array, omega: Array, covariance: Array, *, known: bool) 
         misfit_rad_per_s=left,
         chi_square=chi_square,
         degrees_of_freedom=freedom,
-        enlarged=improbable,
+        enlarged=doubtful,
         converged=converged,
     )
 

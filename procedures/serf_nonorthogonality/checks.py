@@ -19,23 +19,37 @@ from .spins import SPINS
 MARGIN_U = 3.0
 FACTOR_MARGIN = 0.02
 """A coil constant that is wrong by a per cent moves the factor by as much."""
+EXACT_MARGIN, TAKEN_FOR_ZERO = 0.0005, 0.005
+"""Where the constants are exact, for what the model leaves out, and for a little residual field."""
 ACCEPTED_RESIDUAL_NT = 1.5
 LOWEST_DEG, HIGHEST_DEG = 80.0, 100.0
 
 
-def slowing_down_bounds(nuclear_spin: float) -> tuple[float, float]:
-    """Return the slowing-down factor of fully and of not polarised vapour."""
-    spin = SPINS[nuclear_spin]
-    return spin.polarised, spin.at_rest
+def slowing_down_bounds(dataset: SerfDataset, found: Frequencies) -> tuple[float, float]:
+    """Return the slowing-down factors that a vapour of this isotope can show.
+
+    The frequencies are those of the end, when the polarisation is gone; where a chirp may be there
+    that is not taken off, the factor is smaller by as much.
+    """
+    spin = SPINS[dataset.nuclear_spin]
+    unseen = 0.0 if found.failed is None else max(found.chirp, 0.0)
+    unseen += MARGIN_U * found.chirp_u
+    return max(spin.polarised, spin.at_rest / (1.0 + unseen)), spin.at_rest
 
 
-def outside_the_isotope(dataset: SerfDataset, results: Sequence[Estimate]) -> bool | None:
+def outside_the_isotope(
+    dataset: SerfDataset, found: Frequencies, results: Sequence[Estimate]
+) -> bool | None:
     """Tell whether the slowing-down factor cannot be the isotope's; None where there is none."""
     one = next(one for one in results if one.name == SLOWING_DOWN)
     if one.value is None or one.standard_uncertainty is None:
         return None
-    low, high = slowing_down_bounds(dataset.nuclear_spin)
-    room = MARGIN_U * one.standard_uncertainty + FACTOR_MARGIN * one.value
+    low, high = slowing_down_bounds(dataset, found)
+    margin = FACTOR_MARGIN
+    if dataset.constants_known and dataset.coil_u is not None:
+        margin = EXACT_MARGIN if found.solution.free_of_residual else TAKEN_FOR_ZERO
+        margin += MARGIN_U * max(dataset.coil_u)
+    room = MARGIN_U * one.standard_uncertainty + margin * one.value
     return not low - room <= one.value <= high + room
 
 
@@ -50,7 +64,7 @@ def checks_of(
     if found is None:
         return ()
     return (
-        _isotope(dataset, results),
+        _isotope(dataset, found, results),
         _chi_square(found),
         _closed_form(dataset, shots, found, results),
         _axes(found, results),
@@ -58,10 +72,10 @@ def checks_of(
     )
 
 
-def _isotope(dataset: SerfDataset, results: Sequence[Estimate]) -> Check:
-    low, high = slowing_down_bounds(dataset.nuclear_spin)
+def _isotope(dataset: SerfDataset, found: Frequencies, results: Sequence[Estimate]) -> Check:
+    low, high = slowing_down_bounds(dataset, found)
     one = next(one for one in results if one.name == SLOWING_DOWN)
-    outside = outside_the_isotope(dataset, results)
+    outside = outside_the_isotope(dataset, found, results)
     value = "undetermined" if one.value is None else f"{one.value:.4f}"
     return Check(
         "slowing-down factor is the isotope's",
@@ -74,12 +88,12 @@ def _isotope(dataset: SerfDataset, results: Sequence[Estimate]) -> Check:
 def _chi_square(found: Frequencies) -> Check:
     solution = found.solution
     if solution.degrees_of_freedom < 1:
-        return Check("chi-square", "as many shots as unknowns", "probability above 0.1 %", None)
+        return Check("chi-square", "as many shots as unknowns", "probability above 0.01 %", None)
     said = (
         f"{solution.chi_square:.1f} with {solution.degrees_of_freedom} degrees of freedom, "
         f"probability {100.0 * solution.probability:.3g} %"
     )
-    return Check("chi-square", said, "probability above 0.1 %", not solution.enlarged)
+    return Check("chi-square", said, "probability above 0.01 %", not solution.disagree)
 
 
 def _closed_form(

@@ -43,6 +43,7 @@ class SerfDataset:
     `constants_known`: commanded fields are exact; otherwise each coil has a factor. `mains_Hz`:
     frequency of the pick-up, None where there is none. `repeated`: names of shots that were taken
     again, with the reason of each. `start_u_s`: standard uncertainty of each record's time zero.
+    `coil_u`: relative standard uncertainties of the coil constants; None where nobody states them.
     """
 
     shots: Sequence[Shot]
@@ -55,6 +56,7 @@ class SerfDataset:
     mains_Hz: float | None = None
     repeated: Sequence[tuple[str, str]] = ()
     start_u_s: float = 0.0
+    coil_u: tuple[float, float, float] | None = (0.0, 0.0, 0.0)
 
     @property
     def gamma_rad_per_s_nT(self) -> float:

@@ -17,6 +17,7 @@ from .results import ANGLE, FACTOR, RESIDUAL, SLOWING_DOWN, scale_axis
 from .shots import PAIRS
 
 CHANCE = 4.0
+DRIFT_U = 4.0
 
 
 def result_flags(
@@ -47,15 +48,17 @@ def result_flags(
                 {"field_nT": residual_nT},
             )
         )
-    flags += _chirp(found, settings) + _disagree(found) + _stiff(found, settings)
-    if outside_the_isotope(dataset, results):
-        low, high = slowing_down_bounds(dataset.nuclear_spin)
+    flags += _chirp(found, settings) + _drift(found) + _exchanged(dataset, found)
+    flags += _disagree(found) + _stiff(found, settings)
+    if outside_the_isotope(dataset, found, results):
+        low, high = slowing_down_bounds(dataset, found)
         flags.append(
             Flag(
                 "slowing-down-factor-outside",
                 f"The slowing-down factor lies outside the isotope's {low:.4g} to {high:.4g}: the "
-                "commanded fields, the unit of the gyromagnetic ratio, the sample rate or the "
-                "nuclear spin are wrong.",
+                "commanded fields, the coil constants, a residual field taken for zero, the unit "
+                "of the gyromagnetic ratio, the sample rate or the nuclear spin are wrong. Check "
+                "them in this order.",
             )
         )
     return flags
@@ -152,16 +155,51 @@ def _chirp(found: Frequencies, settings: AnalysisSettings) -> list[Flag]:
     ]
 
 
+def _drift(found: Frequencies) -> list[Flag]:
+    """Return a flag where all frequencies drift steadily, which no polarisation explains."""
+    if abs(found.drift_per_s) <= DRIFT_U * found.drift_u:
+        return []
+    return [
+        Flag(
+            "misfit",
+            f"The frequencies drift by {100.0 * found.drift_per_s:.2g} % per second during the "
+            f"records, {abs(found.drift_per_s) / found.drift_u:.1f} u, beside what a fading "
+            "polarisation does: the fields are not steady, or the recorder's clock is not. The "
+            "slowing-down factor is off by more than its u; measure the coil currents during a "
+            "record.",
+            None,
+            {"drift_per_s": found.drift_per_s},
+        )
+    ]
+
+
+def _exchanged(dataset: SerfDataset, found: Frequencies) -> list[Flag]:
+    """Return a flag where the fall of the frequencies says that pump and probe changed places."""
+    if not found.exchanged:
+        return []
+    return [
+        Flag(
+            "contradicts-statement",
+            f"The pump light is stated along {dataset.pump_axis} and the probe along "
+            f"{dataset.probe_axis}, and the frequencies fall as if it were the other way round: "
+            "correct pump_axis and probe_axis.",
+            None,
+            {"statement": "pump_axis"},
+        )
+    ]
+
+
 def _disagree(found: Frequencies) -> list[Flag]:
     solution = found.solution
-    if not solution.enlarged:
+    if not solution.disagree:
         return []
     return [
         Flag(
             "shots-disagree",
             f"Chi-square of the shots is {solution.chi_square:.1f} with "
             f"{solution.degrees_of_freedom} degrees of freedom: the fields were not steady from "
-            "shot to shot; the uncertainties are enlarged accordingly.",
+            "shot to shot, or shots stand under wrong names or commanded fields; the uncertainties "
+            "are enlarged accordingly. Look at the shots' misfits, and repeat those that are off.",
             None,
             {"chi_square": solution.chi_square},
         )

@@ -13,9 +13,9 @@ from .dataset import SerfDataset
 from .findings import AnalysisSettings
 from .joint import JointFit, NoJointFit, Record, decay_line, fit_jointly, joint_start
 from .light import NO_LEAN, Lean, fields_in_light, lean_of
-from .precession import Precession
+from .precession import Precession, common_decay, decays
 from .spins import SPINS, SlowingDown
-from .tone import pooled_chirp, wild_samples
+from .tone import pooled, pooled_chirp, wild_samples
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -27,6 +27,8 @@ STILL = 0.02
 """A change of the cosines, in their uncertainties, at which the directions stand still."""
 BETA_U = 3.0
 LEAN_RAD = 2e-3
+EXCHANGED = 25.0
+"""Chi-square of all samples that is saved where pump and probe light change places."""
 
 
 @dataclass(frozen=True)
@@ -35,7 +37,9 @@ class Frequencies:
 
     `covariance` (n, n); `chirp` with `chirp_u` is the relative fall over the decay. `lean` is that
     of the spins and the probe where the fit is a joint one. `kept` and `residual_V` are by shot:
-    which samples were used, and what is left of these. `failed` says why a joint fit was wanted but
+    which samples were used, and what is left of these. `drift_per_s` is a steady drift of all
+    frequencies, relative, beside a chirp; `exchanged` tells that the shots fit pump and probe light
+    much better the other way round. `failed` says why a joint fit was wanted but
     is not there.
     """
 
@@ -50,6 +54,9 @@ class Frequencies:
     solution: Solution
     kept: tuple[Mask, ...]
     residual_V: tuple[Array, ...]
+    drift_per_s: float
+    drift_u: float
+    exchanged: bool = False
     failed: str | None = None
 
 
@@ -60,26 +67,33 @@ def frequencies_and_angles(
     spin = SPINS[dataset.nuclear_spin]
     fits = [one.used_fit for one in used]
     commanded_nT = np.array([one.shot.field_nT for one in used])
-    measured = np.array([fit.omega_rad_per_s for fit in fits])
-    decay_u = np.array([fit.decay_u for fit in fits])
-    rate, beta, beta_u = decay_line(measured, np.array([f.decay_per_s for f in fits]), decay_u)
-    beta = beta if beta > BETA_U * beta_u else 0.0
-    omega = measured / (1.0 + spin.pull(beta, measured))
-    covariance = np.diag([fit.omega_u**2 for fit in fits])
+    line = common_decay(fits) or decay_line(*decays(fits))
+    beta = line.beta_s if line.beta_s > BETA_U * line.beta_u else 0.0
     chirp, chirp_u = pooled_chirp(fits)
+    omega = np.array([fit.omega_rad_per_s for fit in fits])
+    covariance = np.diag([fit.omega_u**2 for fit in fits])
+    by_rate = np.array([fit.omega_by_rate for fit in fits])
+    covariance += line.rate_u**2 * np.outer(by_rate, by_rate)
+    if np.isfinite(chirp_u):
+        # A chirp too weak to be seen moves all frequencies alike, and with them the factor.
+        by_chirp = np.array([fit.omega_by_chirp for fit in fits])
+        omega = omega + chirp * by_chirp
+        covariance += chirp_u**2 * np.outer(by_chirp, by_chirp)
+    omega /= 1.0 + spin.pull(beta, omega)
     solution = solve(commanded_nT, omega, covariance, known=dataset.constants_known)
     alone = Frequencies(
         omega,
         covariance,
         chirp,
         chirp_u,
-        rate,
+        line.rate_per_s,
         beta,
         None,
         None,
         solution,
         tuple(fit.kept for fit in fits),
         tuple(fit.residual_V[fit.kept] for fit in fits),
+        *pooled([fit.drift_per_s for fit in fits], [fit.drift_u for fit in fits]),
     )
     if not chirp > settings.chirp_u * chirp_u:
         return alone
@@ -126,6 +140,11 @@ def _jointly(
         along = _along(fields, lean)
         if round_ >= 2 and bool(np.all(np.abs(solution.cosine - before) <= STILL * size)):
             break
+    turned = replace(dataset, pump_axis=dataset.probe_axis, probe_axis=dataset.pump_axis)
+    fields = _fields(turned, commanded_nT, solution)
+    across = lean_of(fields, joint.baseline_over_tone, joint.baseline_over_tone_u)
+    other = fit_jointly(records, spin, _along(fields, across), start, mains_Hz)
+    fields = _fields(dataset, commanded_nT, solution)
     chirp, slope = _fall(spin, joint.square)
     chirp_u = abs(slope) * float(np.sqrt(joint.shared_covariance[0, 0]))
     moved = [
@@ -149,6 +168,8 @@ def _jointly(
         solution,
         tuple(kept),
         joint.residual_V,
+        *pooled(joint.drift_per_s.tolist(), joint.drift_u.tolist()),
+        exchanged=joint.chi_square - other.chi_square > EXCHANGED,
     )
 
 

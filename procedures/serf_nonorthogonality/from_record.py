@@ -71,4 +71,11 @@ def dataset_of_run(folder: RunFolder, parameters: SerfParameters, bench: Bench) 
         repeated=repeated,
         # The trigger falls anywhere between two samples.
         start_u_s=1.0 / (math.sqrt(12.0) * parameters.sample_rate_Hz),
+        coil_u=_coil_u(bench),
     )
+
+
+def _coil_u(bench: Bench) -> tuple[float, float, float] | None:
+    """Return the relative u of the three coil constants, None where the bench does not state it."""
+    x, y, z = (bench.stated(CHANNELS[coil][0], "scale", 1.0, "1") for coil in AXES)
+    return None if x is None or y is None or z is None else (x[0], y[0], z[0])

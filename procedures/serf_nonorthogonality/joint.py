@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from .law import clocks
 from .spins import SlowingDown
-from .tone import NoTone, ToneFit, fit_tone
+from .tone import NoTone, ToneFit, beyond, fit_tone
 
 Array = NDArray[np.float64]
 
@@ -25,6 +25,8 @@ MOST_ITERATIONS = 25
 ENOUGH = 1e-9
 SQUARES = (0.03, 0.08, 0.15, 0.25, 0.36, 0.5, 0.68, 0.85)
 """P² to begin with."""
+UNTOLD = 0.25
+"""Part of a decay: with a larger u the shots do not tell the broadening from the relaxation."""
 
 
 @dataclass(frozen=True)
@@ -45,7 +47,8 @@ class JointFit:
     3) is of these three, `residual_V` are in the records' order; `chi_square` with
     `degrees_of_freedom` is of all samples. `baseline_over_tone` (shots,) compares the amplitudes at
     time zero; `by_late_start` (shots,) are derivatives of the frequencies, in rad/s², by a time
-    zero of the own record that came later than its time stamps say.
+    zero of the own record that came later than its time stamps say; `drift_per_s` (shots,) with its
+    u is a steady drift of the frequency, relative, which nothing of the model follows.
     """
 
     omega_rad_per_s: Array
@@ -58,6 +61,8 @@ class JointFit:
     baseline_over_tone: Array
     baseline_over_tone_u: Array
     by_late_start: Array
+    drift_per_s: Array
+    drift_u: Array
     chi_square: float
     degrees_of_freedom: int
     iterations: int
@@ -81,7 +86,7 @@ class _Step:
     right: Array
     residual_V: tuple[Array, ...]
     of_shots: Array
-    """Baseline over tone, its u, and the frequency's derivative by a late start, (shots, 3)."""
+    """Baseline over tone, its u, the frequency's derivative by a late start, a drift, its u."""
 
 
 def fit_jointly(
@@ -137,6 +142,8 @@ def fit_jointly(
         baseline_over_tone=step.of_shots[:, 0],
         baseline_over_tone_u=step.of_shots[:, 1],
         by_late_start=step.of_shots[:, 2],
+        drift_per_s=step.of_shots[:, 3],
+        drift_u=step.of_shots[:, 4],
         chi_square=step.cost,
         degrees_of_freedom=samples - own * len(records) - SHARED,
         iterations=iterations,
@@ -190,12 +197,15 @@ def _evaluate(
                 w**2 * by_broad,
                 u * turned + 2.0 * beta * w * by_broad,
                 broad[k] * tone - by_clock * np.gradient(u, t),
+                0.5 * w * t * u * turned,
             ]
         )
         slopes -= basis @ (basis.T @ slopes)
         late = float(slopes[:, 3] @ slopes[:, 4]) / float(slopes[:, 3] @ slopes[:, 3])
-        slopes = slopes[:, :4]
         residual = y - basis @ (basis.T @ y)
+        own = slopes[:, [0, 1, 2, 3, 5]]
+        drift = beyond(own.T @ own, own.T @ residual, record.noise_V)
+        slopes = slopes[:, :4]
         weight = record.noise_V**-2
         places = np.array([0, 1, 2, SHARED + k])
         normal[np.ix_(places, places)] += weight * (slopes.T @ slopes)
@@ -204,7 +214,9 @@ def _evaluate(
         residuals.append(residual)
         size = np.hypot(linear[0], linear[1])
         last = np.linalg.solve(triangle.T, np.eye(len(linear))[2])
-        of_shots.append((linear[2] / size, record.noise_V * np.linalg.norm(last) / size, late))
+        of_shots.append(
+            (linear[2] / size, record.noise_V * np.linalg.norm(last) / size, late, *drift)
+        )
     return _Step(cost, normal, right, tuple(residuals), np.array(of_shots))
 
 
@@ -244,8 +256,8 @@ def joint_start(
         omega.append(found.omega_rad_per_s)
         decay.append(found.decay_per_s)
     frequencies = np.array(omega)
-    rate, beta = decay_line(frequencies, np.array(decay), np.ones(len(decay)))[:2]
-    return np.array([square, max(rate, 1e-3), beta]), frequencies
+    line = decay_line(frequencies, np.array(decay), np.full(len(decay), 0.01 * rate))
+    return np.array([square, max(line.rate_per_s, 1e-3), line.beta_s]), frequencies
 
 
 def _in_its_time(
@@ -265,20 +277,32 @@ def _in_its_time(
         return None
 
 
-def decay_line(omega: Array, decay: Array, decay_u: Array) -> tuple[float, float, float]:
-    """Return R/q(0) in 1/s, beta in s and its u from decay = R/q(0) + beta w² of several shots.
+@dataclass(frozen=True)
+class DecayLine:
+    """R/q(0) in 1/s and beta in s of decay = R/q(0) + beta w², each with its u."""
 
-    Beta is zero where all frequencies are alike, or would be negative; its u is then infinite.
+    rate_per_s: float
+    rate_u: float
+    beta_s: float
+    beta_u: float
+
+
+def decay_line(omega: Array, decay: Array, decay_u: Array) -> DecayLine:
+    """Return the line of the decays of several shots, each (n,); a baseline has the frequency 0.
+
+    Beta is zero where nothing tells it, or it would be negative; its u is then infinite.
     """
     weight = decay_u**-2
     x = omega**2
     middle = float(weight @ x / weight.sum())
     spread = float(weight @ (x - middle) ** 2)
     mean = float(weight @ decay / weight.sum())
-    if np.ptp(omega) < 0.05 * float(np.mean(omega)) or spread <= 0.0:
-        return mean, 0.0, np.inf
-    beta = float(weight @ ((x - middle) * (decay - mean))) / spread
-    rate = mean - beta * middle
-    if beta <= 0.0 or rate <= 0.0:
-        return mean, 0.0, np.inf
-    return rate, beta, spread**-0.5
+    mean_u = float(weight.sum() ** -0.5)
+    if spread > 0.0:
+        beta = float(weight @ ((x - middle) * (decay - mean))) / spread
+        rate, rate_u = mean - beta * middle, float(np.hypot(mean_u, middle * spread**-0.5))
+        if rate_u > UNTOLD * mean:
+            return DecayLine(mean, UNTOLD * mean, 0.0, np.inf)
+        if beta > 0.0 and rate > 0.0:
+            return DecayLine(rate, rate_u, beta, spread**-0.5)
+    return DecayLine(mean, mean_u, 0.0, np.inf)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from .dataset import SerfDataset, Shot
 from .findings import AnalysisSettings
-from .joint import decay_line
+from .joint import DecayLine, decay_line
 from .shots import LEAST_CYCLES
 from .tone import NoTone, ToneFit, fit_tone
 
@@ -24,6 +24,9 @@ CLIPPED = 4
 MOST_SATURATED = 0.1
 ALIKE = 0.1
 LEAST_ALIKE = 4
+MOST_ROUNDS = 5
+SAME = 0.1
+"""Of its u: a change of the baselines' decay that needs no other round."""
 UNLIKE = 0.1
 UNLIKE_U = 5.0
 """By how much, relative and in uncertainties, a decay may be faster than that of the others."""
@@ -101,24 +104,42 @@ def _too_few(shot: Shot, fit: ToneFit, settings: AnalysisSettings) -> str | None
 
 
 def look_at_all(dataset: SerfDataset, settings: AnalysisSettings) -> list[Precession]:
-    """Fit all shots, the baseline decaying as they say together, and judge them."""
+    """Fit all shots, the baseline decaying as they say together, and judge them.
+
+    Where all frequencies are alike only the baselines tell their decay from that of the tones.
+    """
     found = [look_at(shot, settings, dataset.mains_Hz) for shot in dataset.shots]
-    for _ in range(2):
-        rate = common_rate([one.used_fit for one in found if one.used])
-        if rate is None:
-            return found
+    rate = None
+    for _ in range(MOST_ROUNDS):
+        line = common_decay([one.used_fit for one in found if one.used])
+        if line is None or (rate is not None and abs(line.rate_per_s - rate) < SAME * line.rate_u):
+            break
+        rate = line.rate_per_s
         found = [_again(one, dataset, settings, rate) for one in found]
     return _unlike_the_others(found)
 
 
-def common_rate(fits: Sequence[ToneFit]) -> float | None:
-    """Return the decay in 1/s that the baselines of all shots have, None with too few of them."""
+def common_decay(fits: Sequence[ToneFit]) -> DecayLine | None:
+    """Return how the tones fade, and the baselines of all shots alike; None with too few of them.
+
+    The baselines have no spin exchange: they are the line's point at no frequency. Their u is
+    enlarged where they do not agree.
+    """
     if len(fits) < 3:
         return None
-    return decay_line(*_decays(fits))[0]
+    omega, decay, decay_u = decays(fits)
+    own = np.array([fit.own_rate_per_s for fit in fits])
+    weight = np.array([fit.own_rate_u for fit in fits]) ** -2.0
+    if float(weight.sum()) > 0.0:
+        mean = float(weight @ own / weight.sum())
+        scatter = float(weight @ (own - mean) ** 2) / (len(fits) - 1)
+        omega, decay = np.append(omega, 0.0), np.append(decay, mean)
+        decay_u = np.append(decay_u, np.sqrt(max(scatter, 1.0) / weight.sum()))
+    return decay_line(omega, decay, decay_u)
 
 
-def _decays(fits: Sequence[ToneFit]) -> tuple[Array, Array, Array]:
+def decays(fits: Sequence[ToneFit]) -> tuple[Array, Array, Array]:
+    """Return frequencies in rad/s, decays in 1/s and the decays' u of shots, each (shots,)."""
     return (
         np.array([fit.omega_rad_per_s for fit in fits]),
         np.array([fit.decay_per_s for fit in fits]),
@@ -155,7 +176,7 @@ def fades_unlike(fit: ToneFit, fits: Sequence[ToneFit]) -> str | None:
     Its like among `fits`, itself included, are those of about its frequency: spin exchange makes
     pairs fade faster than single coils.
     """
-    omega, decay, _ = _decays(fits)
+    omega, decay, _ = decays(fits)
     alike = decay[np.abs(omega / fit.omega_rad_per_s - 1.0) < ALIKE]
     if len(alike) < LEAST_ALIKE:
         return None

@@ -31,7 +31,8 @@ class Projection:
     """The linear solution at a place: what is left of record and slopes beside the columns.
 
     `normal` (k, k) and `right` (k,) are the normal equations of the slopes by w and G, and by the
-    chirp where that was asked for, `cost` the sum of squares that is left.
+    chirp, the baseline's own decay and a steady drift of the frequency (relative, in 1/s) where
+    these were asked for, `cost` the sum of squares that is left.
     """
 
     linear: Array
@@ -66,7 +67,7 @@ def project(
         late.append(t * rows[2])
     if chirp:
         early = -np.expm1(-2.0 * decay * t) / (2.0 * decay)
-        late += [early * tone[0], early * tone[1]]
+        late += [early * tone[0], early * tone[1], t * rows[2], t * late[0], t * late[1]]
     everything = np.vstack([rows, *late, y])
     products = everything @ everything.T
     scale = np.sqrt(np.diag(products)[:count])
@@ -77,13 +78,15 @@ def project(
     left = products[count:, count:] - beside.T @ solved
     linear = solved[:, -1] / scale
     a, b, c = (float(one) for one in linear[:3])
-    mixing = np.zeros((len(late), 3 if chirp else 2))
+    mixing = np.zeros((len(late), 5 if chirp else 2))
     mixing[:2, 0] = b, -a
     mixing[:2, 1] = -a, -b
     if baseline_decay_per_s is None:
         mixing[2, 1] = -c
     if chirp:
-        mixing[-2:, 2] = omega * b - decay * a, -omega * a - decay * b
+        mixing[-5:-3, 2] = omega * b - decay * a, -omega * a - decay * b
+        mixing[-3, 3] = -c
+        mixing[-2:, 4] = 0.5 * omega * b, -0.5 * omega * a
     return Projection(
         linear=linear,
         normal=mixing.T @ left[:-1, :-1] @ mixing,

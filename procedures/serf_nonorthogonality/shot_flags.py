@@ -9,14 +9,17 @@ import numpy as np
 from procedures.estimation.excitation import excitation_flags
 from station.findings import Flag
 
-from .checks import slowing_down_bounds
 from .dataset import SerfDataset
 from .findings import AnalysisSettings, ShotResult
 from .precession import Precession
 from .shots import AXES, LEAST_SIGNAL_TO_NOISE
+from .spins import GAMMA_HZ_PER_NT, SPINS
 
 LARGE_BASELINE = 1.5
 """A baseline beyond this many amplitudes of the tone."""
+GAMMA_MARGIN = 1e-3
+"""Alkali atoms differ from the free electron, and from one another, by less than 2e-4."""
+CLOCK_MARGIN = 2e-4
 
 
 def data_flags(
@@ -26,8 +29,14 @@ def data_flags(
     settings: AnalysisSettings,
 ) -> list[Flag]:
     """Return the flags on the shots themselves."""
-    flags = [*_repeated(dataset), *_overload(seen), *_rejected(seen), *_outliers(seen, shots)]
-    flags += _excitation(dataset, seen)
+    flags = [
+        *_statements(dataset),
+        *_repeated(dataset),
+        *_overload(seen),
+        *_rejected(seen),
+        *_outliers(seen, shots),
+        *_excitation(dataset, seen),
+    ]
     return [*flags, *_gap(dataset, settings), *_shape(seen, settings)]
 
 
@@ -46,13 +55,13 @@ def _excitation(dataset: SerfDataset, seen: Sequence[Precession]) -> Iterator[Fl
     omega = np.array([one.used_fit.omega_rad_per_s for one in clear])
     squares = np.array([one.shot.field_nT**2 for one in clear])
     found = np.sqrt(np.maximum(np.linalg.lstsq(squares, omega**2, rcond=None)[0], 0.0))
-    lowest, highest = slowing_down_bounds(dataset.nuclear_spin)
+    spin = SPINS[dataset.nuclear_spin]
     for k, axis in enumerate(AXES):
         driving = [one for one in seen if one.shot.field_nT[k]]
         if not driving or (not squares[:, k].any() and any(one.saturated for one in driving)):
             continue
         per_nT = float(found[k]) / dataset.gamma_rad_per_s_nT
-        share = min(max(1.0, lowest * per_nT), highest * per_nT)
+        share = min(max(1.0, spin.polarised * per_nT), spin.at_rest * per_nT)
         largest_nT = max(abs(float(one.shot.field_nT[k])) for one in driving)
         yield from excitation_flags(axis, axis, {axis: share}, (largest_nT, "nT"), axis)
 
@@ -108,6 +117,34 @@ def _outliers(seen: Sequence[Precession], shots: Sequence[ShotResult]) -> list[F
         f"in {', '.join(name for name, number in left_out.items() if number)}."
     )
     return [Flag("outliers-rejected", said, None, {"count": count})]
+
+
+def _statements(dataset: SerfDataset) -> list[Flag]:
+    """Return a flag for each stated number that nature or the rows' times deny."""
+    flags = []
+    if abs(dataset.gamma_Hz_per_nT / GAMMA_HZ_PER_NT - 1.0) > GAMMA_MARGIN:
+        said = (
+            f"The gyromagnetic ratio is stated as {dataset.gamma_Hz_per_nT:.6g} Hz/nT; the "
+            f"electron's is {GAMMA_HZ_PER_NT} Hz/nT, and the slowing-down factor is as wrong as "
+            "the statement. Correct gyromagnetic_ratio."
+        )
+        flags.append(Flag("contradicts-statement", said, None, {"statement": "gyromagnetic_ratio"}))
+    for shot in dataset.shots:
+        steps = np.rint(np.diff(shot.time_s) * dataset.sample_rate_Hz)
+        place = np.concatenate([[0.0], np.cumsum(steps)])
+        slope, start = np.polyfit(place, shot.time_s, 1)
+        uneven_s = float(np.max(np.abs(shot.time_s - start - slope * place)))
+        span_s = float(place[-1]) / dataset.sample_rate_Hz
+        off = float(slope) * dataset.sample_rate_Hz - 1.0
+        if abs(off) > CLOCK_MARGIN + 3.0 * uneven_s / span_s:
+            said = (
+                f"The rows of {shot.name} are {float(slope):.7g} s apart, {100.0 * off:+.2g} % "
+                f"off the stated {dataset.sample_rate_Hz:g} Hz, and the slowing-down factor is as "
+                "uncertain. Find out which clock is right, and correct t_s or sample_rate."
+            )
+            flags.append(Flag("contradicts-statement", said, None, {"statement": "sample_rate"}))
+            break
+    return flags
 
 
 def _gap(dataset: SerfDataset, settings: AnalysisSettings) -> list[Flag]:

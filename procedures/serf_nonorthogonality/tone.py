@@ -36,8 +36,12 @@ class ToneFit:
     """What the fit of a shot says; angular frequency and rates in rad/s and 1/s, the rest in V.
 
     `amplitude_V` is that of the tone at time zero, `sine_V` and `cosine_V` its parts; `chirp` is by
-    how much the frequency is higher at the beginning than in the end, relative, to first order;
-    `kept` (n,) marks the samples that were used, `residual_V` (n,) what is left of every one.
+    how much the frequency is higher at the beginning than in the end, relative, to first order, and
+    `omega_by_chirp` by how much the frequency in the end is off where that is left aside;
+    `own_rate_per_s` is the decay that the baseline itself shows, `omega_by_rate` what the frequency
+    changes by with the decay that it was given; `drift_per_s` is a steady drift of the frequency,
+    relative, beside a chirp. `kept` (n,) marks the samples that were used,
+    `residual_V` (n,) what is left of every one.
     """
 
     omega_rad_per_s: float
@@ -54,6 +58,12 @@ class ToneFit:
     degrees_of_freedom: int
     chirp: float
     chirp_u: float
+    omega_by_chirp: float
+    own_rate_per_s: float
+    own_rate_u: float
+    omega_by_rate: float
+    drift_per_s: float
+    drift_u: float
     kept: Mask
     residual_V: Array
     model_V: Array
@@ -135,7 +145,10 @@ class _Found:
     linear: Array
     cost: float
     inverse: Array
-    chirp: tuple[float, float]
+    chirp: tuple[float, float, float]
+    """The value, its u, and the frequency's derivative by it; so too the baseline's decay."""
+    rate: tuple[float, float, float]
+    drift: tuple[float, float]
     freedom: int
 
 
@@ -200,13 +213,35 @@ def _minimum(
         return None
     inverse = np.asarray(np.linalg.inv(small) / np.outer(scale, scale), dtype=np.float64)
     freedom = max(len(t) - len(here.linear) - 2, 1)
-    share = inverse @ here.normal[:2, 2]
-    power = float(here.normal[2, 2] - here.normal[2, :2] @ share)
-    chirp = 0.0, np.inf
-    if power > 0.0:
-        noise = float(np.sqrt(here.cost / freedom))
-        chirp = float(here.right[2] - share @ here.right[:2]) / power, noise / float(np.sqrt(power))
-    return _Found(omega, decay, here.slow, here.linear, here.cost, inverse, chirp, freedom)
+    noise = float(np.sqrt(here.cost / freedom))
+    more = []
+    for place in (2, 3):
+        share = inverse @ here.normal[:2, place]
+        power = float(here.normal[place, place] - here.normal[place, :2] @ share)
+        if power > 0.0:
+            step = float(here.right[place] - share @ here.right[:2]) / power
+            more.append((step, noise / float(np.sqrt(power)), -float(share[0])))
+        else:
+            more.append((0.0, np.inf, 0.0))
+    chirp, (step, rate_u, by_rate) = more
+    drift = beyond(here.normal[:, [0, 1, 2, 4]][[0, 1, 2, 4]], here.right[[0, 1, 2, 4]], noise)
+    rate = here.slow + step, rate_u if baseline_decay_per_s is not None else np.inf, by_rate
+    return _Found(
+        omega, decay, here.slow, here.linear, here.cost, inverse, chirp, rate, drift, freedom
+    )
+
+
+def beyond(normal: Array, right: Array, noise: float) -> tuple[float, float]:
+    """Return the last unknown of normal equations (k, k), and its u; infinite where not told."""
+    scale = np.sqrt(np.diag(normal))
+    if not bool(np.all(scale > 0.0)):
+        return 0.0, np.inf
+    small = normal / np.outer(scale, scale)
+    if np.linalg.cond(small) > 1e12:
+        return 0.0, np.inf
+    inverse = np.linalg.inv(small)
+    value = float(inverse[-1] @ (right / scale)) / float(scale[-1])
+    return value, noise * float(np.sqrt(inverse[-1, -1])) / float(scale[-1])
 
 
 def _model(t: Array, found: _Found, mains_Hz: float | None) -> Array:
@@ -250,6 +285,12 @@ def _said(
         degrees_of_freedom=found.freedom,
         chirp=found.chirp[0],
         chirp_u=found.chirp[1],
+        omega_by_chirp=found.chirp[2],
+        own_rate_per_s=found.rate[0],
+        own_rate_u=found.rate[1],
+        omega_by_rate=found.rate[2],
+        drift_per_s=found.drift[0],
+        drift_u=found.drift[1],
         kept=kept,
         residual_V=voltage_V - model,
         model_V=model,
@@ -258,9 +299,14 @@ def _said(
 
 def pooled_chirp(fits: Sequence[ToneFit]) -> tuple[float, float]:
     """Return the weighted mean of the shots' chirps and its standard uncertainty."""
-    told = [fit for fit in fits if np.isfinite(fit.chirp_u) and fit.chirp_u > 0.0]
-    if not told:
+    return pooled([fit.chirp for fit in fits], [fit.chirp_u for fit in fits])
+
+
+def pooled(values: Sequence[float], u: Sequence[float]) -> tuple[float, float]:
+    """Return the weighted mean of what several shots tell, and its u; infinite where none does."""
+    value, size = np.array(values), np.array(u)
+    told = np.isfinite(size) & (size > 0.0)
+    if not told.any():
         return 0.0, np.inf
-    weights = np.array([fit.chirp_u**-2 for fit in told])
-    values = np.array([fit.chirp for fit in told])
-    return float(weights @ values / weights.sum()), float(weights.sum() ** -0.5)
+    weight = size[told] ** -2.0
+    return float(weight @ value[told] / weight.sum()), float(weight.sum() ** -0.5)

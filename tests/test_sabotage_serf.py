@@ -1,0 +1,136 @@
+"""Faults planted in shots, the short form of `benchmarks/sabotage.py`: none stays unnamed."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from serf_shots import Cell
+
+from benchmarks.sabotage import analysed, clean_runs, faults_of
+from procedures.serf_nonorthogonality.analysis import analyse
+from procedures.serf_nonorthogonality.dataset import SerfDataset
+from procedures.serf_nonorthogonality.findings import SerfAnalysis
+
+COILS, RESIDUAL = (1.010, 0.995, 1.008), (1.0, -0.6, 0.8)
+FAULTS = {one.name: one for one in faults_of("serf-nonorthogonality")}
+
+
+def pull(analysis: SerfAnalysis, name: str, axis: str | None, truth: float) -> float:
+    """Return the error of a result in its standard uncertainties."""
+    one = analysis.estimate(name, axis)
+    assert one.value is not None and one.standard_uncertainty is not None
+    return (one.value - truth) / one.standard_uncertainty
+
+
+def statements(analysis: SerfAnalysis) -> set[object]:
+    """Return what the data contradict."""
+    flags = [flag for flag in analysis.flags if flag.code == "contradicts-statement"]
+    return {flag.details["statement"] for flag in flags}
+
+
+def without(dataset: SerfDataset, *names: str) -> SerfDataset:
+    """Return the dataset without the signal of some shots."""
+    shots = [
+        replace(one, voltage_V=np.zeros_like(one.voltage_V)) if one.name in names else one
+        for one in dataset.shots
+    ]
+    return replace(dataset, shots=shots)
+
+
+def test_known_coil_constants_that_fourteen_shots_contradict_are_overruled_and_flagged() -> None:
+    cell = Cell(factors=(1.001, 0.9995, 1.0008), known=True)
+    analysis = analyse(cell.dataset(0))
+    assert statements(analysis) == {"coil_constants"}
+    for pair, angle in zip(("xy", "xz", "yz"), cell.angles_deg, strict=True):
+        assert abs(pull(analysis, "nonorthogonality_angle", pair, angle)) < 4.0
+    for axis, factor in zip("yz", cell.factors[1:], strict=True):
+        assert abs(pull(analysis, "coil_factor", axis, factor / cell.factors[0])) < 4.0
+    # What the bench file's uncertainty covers is solved for too, and contradicts nothing.
+    covered = analyse(replace(cell.dataset(0), coil_u=(0.002, 0.002, 0.002)))
+    assert not statements(covered)
+    assert covered.estimates == analysis.estimates
+
+
+def test_known_coil_constants_are_one_number_in_the_solution() -> None:
+    cell = Cell(known=True, residual_nT=RESIDUAL)
+    for seed in range(2):
+        analysis = analyse(cell.dataset(seed))
+        assert analysis.solution is not None and float(np.ptp(analysis.solution.scale)) == 0.0
+        assert abs(pull(analysis, "slowing_down_factor", None, 6.0)) < 4.0
+        assert not statements(analysis)
+
+
+def test_doubtful_coil_constants_are_kept_and_widen_the_uncertainty() -> None:
+    still, off = (Cell(known=True, factors=(1.0, 1.0, one)) for one in (1.0, 1.0003))
+    u = []
+    for cell in (still, off):
+        analysis = analyse(cell.dataset(0))
+        assert not statements(analysis)
+        assert abs(pull(analysis, "slowing_down_factor", None, 6.0)) < 4.0
+        u.append(analysis.estimate("slowing_down_factor").standard_uncertainty or 0.0)
+    assert u[1] > 1.3 * u[0]
+
+
+@pytest.mark.parametrize("exchange", [5e5, 2e5])
+def test_coil_factors_are_not_biased_when_single_coil_shots_are_rejected(exchange: float) -> None:
+    cell = Cell(polarisation=0.02, exchange=exchange, factors=COILS, residual_nT=RESIDUAL)
+    clean, pulls = cell.clean_V(), []
+    for seed in range(2):
+        analysis = analyse(without(cell.dataset(seed, clean), "s01", "s14"))
+        assert sum(shot.used for shot in analysis.shots) == 12
+        pulls += [
+            pull(analysis, "coil_factor", axis, factor / COILS[0])
+            for axis, factor in zip("yz", COILS[1:], strict=True)
+        ]
+    assert abs(np.mean(pulls)) < 1.5 and np.max(np.abs(pulls)) < 4.0
+
+
+def test_a_chirp_too_weak_to_be_seen_moves_no_slowing_down_factor() -> None:
+    cell = Cell(polarisation=0.03)
+    clean, pulls = cell.clean_V(), []
+    for seed in range(3):
+        analysis = analyse(cell.dataset(seed, clean))
+        assert analysis.joint is None
+        pulls.append(pull(analysis, "slowing_down_factor", None, 6.0))
+    assert abs(np.mean(pulls)) < 1.5
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "known coils, all off by 1 %",
+        "a commanded sign is wrong",
+        "opposite polarities exchanged",
+        "pick-up 50 Hz not stated",
+        "field droops",
+        "rows lost unseen, few",
+        "recorder stands still",
+        "light goes off late",
+        "stamps 0.5 % too fast",
+        "gyromagnetic ratio off",
+        "wrong isotope",
+        "pump and probe exchanged",
+    ],
+)
+def test_a_planted_fault_is_named(name: str) -> None:
+    fault = FAULTS[name]
+    assert {flag["code"] for flag in analysed(fault.planted(0))["flags"]} & fault.flags
+
+
+def test_clean_shots_of_every_kind_raise_no_flag_of_a_fault() -> None:
+    for one in clean_runs("serf-nonorthogonality", 9):
+        assert not one["false"] and one["error_u"] < 4.5, one
+
+
+def test_a_shot_that_all_others_contradict_is_left_out_and_named() -> None:
+    dataset = Cell(residual_nT=RESIDUAL).dataset(0)
+    shots = list(dataset.shots)
+    shots[5] = replace(shots[5], field_nT=shots[5].field_nT * np.array([1.0, 1.0, -1.0]))
+    analysis = analyse(replace(dataset, shots=shots))
+    assert [shot.name for shot in analysis.shots if not shot.used] == ["s06"]
+    said = next(flag.message for flag in analysis.flags if flag.code == "shot-rejected")
+    assert "commanded field is wrong" in said
+    for pair, angle in zip(("xy", "xz", "yz"), Cell().angles_deg, strict=True):
+        assert abs(pull(analysis, "nonorthogonality_angle", pair, angle)) < 4.0
