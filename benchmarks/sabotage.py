@@ -94,12 +94,16 @@ def analysed(made: Made) -> dict[str, Any]:
     """Return the results of a dataset as the contract writes them."""
     from station.dataset_reading import read_dataset
     from station.evaluation import evaluate_dataset
+    from station.faults import FaultList
 
     with tempfile.TemporaryDirectory() as place:
         folder = Path(place) / "dataset"
         folder.mkdir()
         made.write(folder)
-        document, _ = evaluate_dataset(read_dataset(folder))
+        try:
+            document, _ = evaluate_dataset(read_dataset(folder))
+        except FaultList as faults:
+            return {"results": [], "flags": [{"code": "refused", "message": str(faults)}]}
         return document.to_data()
 
 

@@ -18,16 +18,16 @@ from .findings import (
     Path,
 )
 from .flags import (
+    cause_flags,
     data_flags,
     frozen_flags,
     jump_flags,
     result_flags,
     scale_drift_flags,
-    step_flags,
 )
 from .identifiability import Identifiability, judge
 from .model import COEFFICIENTS, FIELD_POWER, UNITS, accelerations, model_columns
-from .nuisances import FEWEST_LEFT, KI_DRIFT, STEP, unit_of
+from .nuisances import FEWEST_LEFT, KI_DRIFT, unit_of
 from .published import finite_memory_path, published_values
 from .rows import Rows
 from .screening import frozen_temperature, screen
@@ -95,9 +95,8 @@ def analyse(
         flags += jump_flags(dataset, off, solution.jump)
     if solution is not None and KI_DRIFT in solution.names:
         flags += scale_drift_flags()
-    if solution is not None and solution.step_row is not None:
-        step_V = float(solution.coefficients[solution.names.index(STEP)])
-        flags += step_flags(int(np.flatnonzero(usable)[solution.step_row]), step_V)
+    if solution is not None and solution.cause is not None:
+        flags += cause_flags(solution, np.flatnonzero(usable))
     count = found.rank if solution is not None else 0
     return AccelerometerAnalysis(
         identifiability=found,
@@ -125,6 +124,7 @@ def _rows(dataset: AccelerometerDataset, usable: Mask) -> Rows:
         plane=dataset.plane[usable],
         theta_rad=np.radians(dataset.theta_deg[usable]),
         field_T=dataset.field_T[usable],
+        commanded_T=dataset.field_commanded_T[usable],
         output_V=dataset.output_V[usable],
         temperature_degC=None if temperature is None else temperature[usable],
         noise_group=None if group is None else group[usable],
@@ -211,12 +211,14 @@ def _path(
 def _nuisances(solution: Solution | None, rank: int) -> tuple[Nuisance, ...]:
     if solution is None:
         return ()
+    cause = solution.cause
+    units = dict.fromkeys(cause.names, cause.unit) if cause is not None else {}
     return tuple(
         Nuisance(
             name,
             float(solution.coefficients[j]),
             float(np.sqrt(solution.covariance[j, j])),
-            unit_of(name),
+            units.get(name, unit_of(name)),
         )
         for j, name in enumerate(solution.names)
         if j >= rank

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .model import Names, accelerations
+from .model import Names, accelerations, accelerations_by_angle
 
 Array = NDArray[np.float64]
 
@@ -20,10 +20,16 @@ class Rows:
     plane: Names
     theta_rad: Array
     field_T: Array
+    commanded_T: Array
     output_V: Array
     temperature_degC: Array | None
     noise_group: NDArray[np.int64] | None
     gravity_g: float = 1.0
+
+    @property
+    def slope(self) -> Array:
+        """Return the derivative of Ai by the angle, g/rad (rows,)."""
+        return accelerations_by_angle(self.plane, self.theta_rad, self.gravity_g)[:, 0]
 
     def accelerations(self, offset_rad: Array | float = 0.0) -> Array:
         """Return Ai, Ao, Ap in g (rows, 3) at an encoder offset."""

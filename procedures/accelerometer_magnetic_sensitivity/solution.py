@@ -17,6 +17,7 @@ from procedures.estimation.orthogonal import (
     solve_by_qr,
 )
 
+from .causes import causes_to_try, known_causes
 from .findings import AnalysisSettings
 from .jump import Jump, Suspects, find_jumps
 from .nuisances import (
@@ -28,8 +29,7 @@ from .nuisances import (
     slow_terms,
 )
 from .rows import Rows
-from .solved import Solution, Solved
-from .steps_of_output import steps_to_try
+from .solved import Cause, Solution, Solved
 from .suspicion import may_be_off
 from .turned_model import ROUNDS, TurnedModel
 
@@ -56,8 +56,9 @@ def solve_rows(rows: Rows, kept_names: tuple[str, ...], settings: AnalysisSettin
     model = TurnedModel(rows, kept_names)
     whole = np.ones(len(rows.time_s), dtype=bool)
     solutions = [found]
-    steps = steps_to_try(first, model.with_misalignment(0.0), rows.output_V, suspects)
-    solutions += [_solve(rows, kept_names, settings, step_row=row).solution for row in steps]
+    known = known_causes(rows, first.acceleration_g, first.model_coefficients, rows.output_V)
+    causes = causes_to_try(first, rows, rows.output_V, suspects, known)
+    solutions += [_solve(rows, kept_names, settings, cause=one).solution for one in causes]
     if OFFSET not in found.names or not may_be_off(first, rows.output_V, suspects, settings):
         return _best(solutions, len(whole))
     tried = set()
@@ -85,13 +86,13 @@ def _solve(
     kept_names: tuple[str, ...],
     settings: AnalysisSettings,
     jump: Jump | None = None,
-    step_row: int | None = None,
+    cause: Cause | None = None,
 ) -> Solved:
     """Solve with the encoder off in the rows of a jump, which begins at the jump's angle.
 
-    Or with an output that steps at a row.
+    Or with the columns of another cause.
     """
-    model = TurnedModel(rows, kept_names, None if jump is None else jump.rows, step_row)
+    model = TurnedModel(rows, kept_names, None if jump is None else jump.rows, cause)
     angles = {} if jump is None else {JUMP: jump.angle_rad}
     begin, data = model.correction_rad(angles), rows.output_V
     start = model.with_misalignment(begin)
@@ -135,8 +136,9 @@ def _solve(
     if jump is not None:
         jump = replace(jump, angle_rad=angles[JUMP])
     solution = _solution(model, design, data, fit, kept, names, solved_rad, lost, warmth, jump)
-    solution = replace(solution, step_row=step_row)
-    return Solved(solution, design, model.slope, terms.columns)
+    solution = replace(solution, cause=cause)
+    turned_g = rows.accelerations(model.correction_rad(angles))
+    return Solved(solution, design, model.slope, terms.columns, turned_g, model.coefficients)
 
 
 def far(design: Array, sigmas: float) -> float:
