@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from station.findings import Estimate, undetermined
+from station.findings import Estimate, Flag, undetermined
 
 from .dataset import AccelerometerDataset
 from .findings import (
@@ -22,10 +22,13 @@ from .flags import (
     data_flags,
     frozen_flags,
     jump_flags,
+    residual_flags,
     result_flags,
     scale_drift_flags,
 )
 from .identifiability import Identifiability, judge
+from .lack_of_fit import groups_of
+from .misreadings import misread_flags
 from .model import COEFFICIENTS, FIELD_POWER, UNITS, accelerations, model_columns
 from .nuisances import FEWEST_LEFT, KI_DRIFT, unit_of
 from .published import finite_memory_path, published_values
@@ -73,6 +76,10 @@ def analyse(
         solution = solve_rows(rows, found.kept, settings)
         if solution.degrees_of_freedom < FEWEST_LEFT:
             solution = None
+    misread: list[Flag] = []
+    if solution is not None:
+        misread, certain = misread_flags(rows, solution)
+        solution = None if certain else solution
     residual_V = np.full(len(dataset), np.nan)
     used = np.zeros(len(dataset), dtype=bool)
     if solution is not None:
@@ -95,6 +102,9 @@ def analyse(
         flags += jump_flags(dataset, off, solution.jump)
     if solution is not None and KI_DRIFT in solution.names:
         flags += scale_drift_flags()
+    flags += misread
+    if solution is not None:
+        flags += residual_flags(solution)
     if solution is not None and solution.cause is not None:
         flags += cause_flags(solution, np.flatnonzero(usable))
     count = found.rank if solution is not None else 0
@@ -129,6 +139,7 @@ def _rows(dataset: AccelerometerDataset, usable: Mask) -> Rows:
         temperature_degC=None if temperature is None else temperature[usable],
         noise_group=None if group is None else group[usable],
         gravity_g=dataset.gravity_g,
+        groups=groups_of(dataset, usable),
     )
 
 

@@ -101,6 +101,7 @@ def causes_to_try(
 
     Drift takes a step's place, so each is looked for with slow terms and without.
     """
+    input_g = solved.acceleration_g[:, 0]
     found: dict[bytes, tuple[float, Cause]] = {}
     everything = np.ones(len(data), dtype=bool)
     slow = solved.slow.shape[1]
@@ -114,7 +115,7 @@ def causes_to_try(
             design = columns * inside[:, None]
             free = int(inside.sum()) - columns.shape[1]
             tried = [_explained(one, design, left, inside) for one in known]
-            tried += _steps(suspects, design, left, inside, solved.acceleration_g[:, 0])
+            tried += _steps(suspects, design, left, inside, input_g, rows.field_T)
             tried += _lines(rows.time_s, design, left, inside)
             for gain, one in tried:
                 width = one.columns.shape[1]
@@ -137,12 +138,13 @@ def _explained(cause: Cause, design: Array, left: Array, inside: Mask) -> tuple[
 
 
 def _steps(
-    suspects: Suspects, design: Array, left: Array, inside: Mask, input_g: Array
+    suspects: Suspects, design: Array, left: Array, inside: Mask, input_g: Array, field_T: Array
 ) -> list[tuple[float, Cause]]:
     """Return the best step of the output and of its gain, each of zero mean over the rows."""
     begins, _ = suspects.kinds(inside)
     found = []
-    for what, unit, shape in (("output", "V", np.ones(len(left))), ("gain", "V/g", input_g)):
+    shapes = (("output", "V", np.ones(len(left))), ("gain", "V/g", input_g))
+    for what, unit, shape in (*shapes, ("sensitivity", "V/T", field_T)):
         gains = np.where(begins, small_jumps(suspects, design, shape * inside, left)[0], 0.0)
         row = int(np.argmax(gains))
         after = (np.arange(len(left)) >= row).astype(np.float64)

@@ -19,6 +19,7 @@ from .solved import Cause, Solution
 
 MAGNETIC = ("Km", "Kmm", "Kim", "Kom", "Kpm")
 MOST_LISTED = 12
+STEP_KEYS = {"V": "step_V", "V/g": "step_V_per_g", "V/T": "step_V_per_T"}
 Mask = NDArray[np.bool_]
 
 
@@ -203,10 +204,9 @@ def cause_flags(solution: Solution, rows: NDArray[np.int64]) -> list[Flag]:
 
 def step_flags(cause: Cause, size: float, rows: NDArray[np.int64]) -> list[Flag]:
     """Return the flag of an output, or a gain, that steps at a row or is another in a plane."""
-    gain = cause.what.startswith("gain")
-    more = f"{1e6 * size:+.4g} µV{'/g' if gain else ''}"
+    more = f"{1e6 * size:+.4g} µ{cause.unit}"
     where, than = f"In {cause.what.removeprefix('gain of ')}", "in the others"
-    details: dict[str, object] = {"gain_V_per_g" if gain else "step_V": size}
+    details: dict[str, object] = {STEP_KEYS[cause.unit]: size}
     if cause.row is not None:
         row = int(rows[cause.row])
         where, than = f"From row {row} on, counted from 0,", "before"
@@ -217,6 +217,31 @@ def step_flags(cause: Cause, size: float, rows: NDArray[np.int64]) -> list[Flag]
         "Look at the voltmeter, its range and input, and the device."
     )
     return [Flag("output-step", step_said, details=details)]
+
+
+def residual_flags(solution: Solution) -> list[Flag]:
+    """Return the flags of what groups of rows share, and of noise that is not even."""
+    flags = []
+    found, noise = solution.misfit, solution.uneven
+    if found is not None:
+        shared_said = (
+            f"The rows of the same {found.what} are off together, most in {found.largest} by "
+            f"{1e6 * found.size_V:+.3g} µV: the model does not follow the output there. The "
+            f"uncertainties are {found.ratio**0.5:.2g} times larger for it. Look at the encoder, "
+            "the mounting, and what is not linear."
+        )
+        details = {"what": found.what, "at": found.largest, "size_V": found.size_V}
+        flags.append(Flag("misfit", shared_said, details=details))
+    if noise is not None:
+        sizes = ", ".join(f"{1e6 * one:.3g}" for one in noise.noise_V)
+        where = "the planes in alphabetic order" if noise.what == "plane" else "thirds of the rows"
+        noise_said = (
+            f"The noise is not even: {sizes} µV in {where}. Each row weighs by its own. Look for "
+            "what disturbed the noisy part: a loose cable, a motor, a range of the voltmeter."
+        )
+        noisy = {"by": noise.what, "noise_V": [float(one) for one in noise.noise_V]}
+        flags.append(Flag("uneven-noise", noise_said, details=noisy))
+    return flags
 
 
 def result_flags(

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +15,11 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Rows:
-    """The usable rows, each array (rows,): encoder angle, measured field, output in V."""
+    """The usable rows, each array (rows,): encoder angle, measured field, output in V.
+
+    `root_weight` is one over the noise where it is known before anything is solved. `groups` names
+    the rows that share an angle or a field.
+    """
 
     time_s: Array
     plane: Names
@@ -25,6 +30,8 @@ class Rows:
     temperature_degC: Array | None
     noise_group: NDArray[np.int64] | None
     gravity_g: float = 1.0
+    root_weight: Array | None = None
+    groups: Mapping[str, Names] = field(default_factory=dict)
 
     @property
     def slope(self) -> Array:

@@ -20,6 +20,7 @@ from procedures.estimation.orthogonal import (
 from .causes import causes_to_try, known_causes
 from .findings import AnalysisSettings
 from .jump import Jump, Suspects, find_jumps
+from .lack_of_fit import uneven, with_misfit
 from .nuisances import (
     ARCSEC_PER_RAD,
     JUMP,
@@ -50,15 +51,26 @@ def solve_rows(rows: Rows, kept_names: tuple[str, ...], settings: AnalysisSettin
     criterion asks for them; a jump of the encoder where the model follows the rows badly without
     it and well with it.
     """
+    solved = _best_of(rows, kept_names, settings)
+    noise = uneven(rows, solved.solution) if rows.noise_group is None else None
+    if noise is not None:
+        weight = float(np.median(noise.noise_V)) / noise.noise_V[noise.group]
+        rows = replace(rows, noise_group=noise.group, root_weight=weight)
+        solved = _best_of(rows, kept_names, settings)
+    return replace(with_misfit(solved, rows.groups), uneven=noise)
+
+
+def _best_of(rows: Rows, kept_names: tuple[str, ...], settings: AnalysisSettings) -> Solved:
+    """Return the best of the solutions with no, or one, cause beside the model."""
     first = _solve(rows, kept_names, settings)
     found = first.solution
     suspects = Suspects.of(rows.plane, rows.theta_rad)
     model = TurnedModel(rows, kept_names)
     whole = np.ones(len(rows.time_s), dtype=bool)
-    solutions = [found]
+    solutions = [first]
     known = known_causes(rows, first.acceleration_g, first.model_coefficients, rows.output_V)
     causes = causes_to_try(first, rows, rows.output_V, suspects, known)
-    solutions += [_solve(rows, kept_names, settings, cause=one).solution for one in causes]
+    solutions += [_solve(rows, kept_names, settings, cause=one) for one in causes]
     if OFFSET not in found.names or not may_be_off(first, rows.output_V, suspects, settings):
         return _best(solutions, len(whole))
     tried = set()
@@ -71,14 +83,15 @@ def solve_rows(rows: Rows, kept_names: tuple[str, ...], settings: AnalysisSettin
             for jump in find_jumps(suspects, columns_at, first.slope, rows.output_V, inside):
                 if jump.rows.tobytes() not in tried:
                     tried.add(jump.rows.tobytes())
-                    solutions.append(_solve(rows, kept_names, settings, jump).solution)
+                    solutions.append(_solve(rows, kept_names, settings, jump))
     return _best(solutions, len(whole))
 
 
-def _best(solutions: list[Solution], rows: int) -> Solution:
+def _best(solutions: list[Solved], rows: int) -> Solved:
     """Return the solution that the information criterion prefers."""
-    squares = [one.sum_of_squares for one in solutions]
-    return solutions[choose_by_information(squares, [one.price for one in solutions], rows)]
+    squares = [one.solution.sum_of_squares for one in solutions]
+    prices = [one.solution.price for one in solutions]
+    return solutions[choose_by_information(squares, prices, rows)]
 
 
 def _solve(
@@ -96,7 +109,7 @@ def _solve(
     angles = {} if jump is None else {JUMP: jump.angle_rad}
     begin, data = model.correction_rad(angles), rows.output_V
     start = model.with_misalignment(begin)
-    inside = keep_inliers(start, data, far(start, settings.outlier))
+    inside = keep_inliers(start, data, far(start, settings.outlier), rows.root_weight)
     model.guess(solve_by_qr(start[inside], data[inside]).coefficients)
     begin = model.without_large_offset(begin, inside)
     fixed_names, fixed = model.fixed(begin)
@@ -109,7 +122,7 @@ def _solve(
     )
     usable = separable(fixed, slow, np.ones(len(data), dtype=bool))
     whole = np.column_stack((fixed, usable.columns))
-    inside = keep_inliers(whole, data, far(whole, settings.outlier))
+    inside = keep_inliers(whole, data, far(whole, settings.outlier), rows.root_weight)
     usable = separable(fixed, usable, inside)
     weight = group_weights(rows, np.column_stack((fixed, usable.columns)), inside)
     terms = usable.only(chosen(fixed, data, usable, inside, weight))
@@ -156,7 +169,7 @@ def group_weights(rows: Rows, design: Array, kept: Mask) -> Array:
 
     The noise of a group is told by its own residuals where there are enough of them.
     """
-    weight = np.ones(len(kept))
+    weight = np.ones(len(kept)) if rows.root_weight is None else rows.root_weight.copy()
     if rows.noise_group is None or len(np.unique(rows.noise_group)) < 2:
         return weight
     for _ in range(3):

@@ -42,6 +42,28 @@ class Cause:
 
 
 @dataclass(frozen=True)
+class Misfit:
+    """Residuals that rows of a group share: groups by `what`, the largest, its mean.
+
+    `ratio` is how many times as large as by chance the squares of what is shared are.
+    """
+
+    what: str
+    largest: str
+    size_V: float
+    ratio: float
+
+
+@dataclass(frozen=True)
+class Uneven:
+    """Noise that differs by `what`: the group of each row (rows,) and the noise of each group."""
+
+    what: str
+    group: NDArray[np.int64]
+    noise_V: Array
+
+
+@dataclass(frozen=True)
 class Solution:
     """Coefficients of the kept columns first, then nuisance terms, `names` in that order.
 
@@ -61,6 +83,8 @@ class Solution:
     not_separable: tuple[str, ...]
     jump: Jump | None
     cause: Cause | None = None
+    misfit: Misfit | None = None
+    uneven: Uneven | None = None
 
     @property
     def sum_of_squares(self) -> float:
