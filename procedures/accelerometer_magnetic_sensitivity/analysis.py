@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from station.findings import Estimate, Flag, undetermined
 
+from .causes import cause_flags
 from .dataset import AccelerometerDataset
 from .findings import (
     AccelerometerAnalysis,
@@ -18,7 +19,6 @@ from .findings import (
     Path,
 )
 from .flags import (
-    cause_flags,
     data_flags,
     frozen_flags,
     jump_flags,
@@ -33,7 +33,7 @@ from .model import COEFFICIENTS, FIELD_POWER, UNITS, accelerations, model_column
 from .nuisances import FEWEST_LEFT, KI_DRIFT, unit_of
 from .published import finite_memory_path, published_values
 from .rows import Rows
-from .screening import frozen_temperature, screen
+from .screening import coarse_step_V, frozen_temperature, screen
 from .solution import solve_rows
 from .solved import Solution
 
@@ -104,7 +104,7 @@ def analyse(
         flags += scale_drift_flags()
     flags += misread
     if solution is not None:
-        flags += residual_flags(solution)
+        flags += residual_flags(solution, coarse_step_V(dataset.output_V[usable]))
     if solution is not None and solution.cause is not None:
         flags += cause_flags(solution, np.flatnonzero(usable))
     count = found.rank if solution is not None else 0

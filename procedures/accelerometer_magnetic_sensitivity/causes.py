@@ -15,11 +15,12 @@ from scipy.special import fdtrc, ndtr
 
 from procedures.estimation.linear import combine
 from procedures.estimation.orthogonal import independent_of, project, solve_by_qr, thin_qr
+from station.findings import Flag
 
 from .jump import Suspects, small_jumps
 from .model import model_columns
 from .rows import Rows
-from .solved import PLACE, Cause, Solved
+from .solved import PLACE, Cause, Solution, Solved
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -28,10 +29,14 @@ RARE = 2.0 * float(ndtr(-4.5))
 """As seldom as this noise may look so much like a cause that it is tried."""
 LEAST_PART = 1e-2
 """A column with less of its own takes the place of the coefficients it resembles."""
-MOST_TRIED = 3
+LEAST_TURNED = 0.05
+DEAR = PLACE + 2
+"""Planes and gains go with time, and drift and temperature with both."""
+MOST_TRIED = 2
 FEWEST_LEFT = 6
 SLOWEST_CYCLES = 4.5
 """What is slower in the record is drift."""
+STEP_KEYS = {"V": "step_V", "V/g": "step_V_per_g", "V/T": "step_V_per_T"}
 
 
 def direction(commanded_T: Array) -> Array:
@@ -86,12 +91,28 @@ def known_causes(
             ("drift-removed", "Ki", "V/g", time * i),
             ("drift-removed", "Ki", "V/g", np.column_stack((time * i, square * i))),
         ]
+    if not _alternates(up, rows.commanded_T):
+        shapes = [one for one in shapes if one[0] != "hysteresis"]
     planes = np.unique(rows.plane)
-    for plane in planes if len(planes) > 1 else []:
+    # Of two planes the one is what the other is not.
+    for plane in planes if len(planes) > 2 else planes[1:]:
         there = (rows.plane == plane) - float(np.mean(rows.plane == plane))
         shapes += [("output-step", f"plane {plane}", "V", there)]
         shapes += [("output-step", f"gain of plane {plane}", "V/g", there * i)]
-    return [Cause(code, what, unit, one.reshape(len(data), -1)) for code, what, unit, one in shapes]
+    return [
+        Cause(code, what, unit, one.reshape(len(data), -1), None, DEAR if "plane" in what else 1)
+        for code, what, unit, one in shapes
+    ]
+
+
+def _alternates(up: Array, commanded_T: Array) -> bool:
+    """Return whether the same fields were come to from both sides.
+
+    Where they were not, what hysteresis does is a shape over the field.
+    """
+    _, level = np.unique(commanded_T, return_inverse=True)
+    mean = np.bincount(level, up) / np.bincount(level)
+    return float(np.mean((up - mean[level]) ** 2)) > LEAST_TURNED
 
 
 def causes_to_try(
@@ -102,7 +123,7 @@ def causes_to_try(
     Drift takes a step's place, so each is looked for with slow terms and without.
     """
     input_g = solved.acceleration_g[:, 0]
-    found: dict[bytes, tuple[float, Cause]] = {}
+    found: dict[bytes, Cause] = {}
     everything = np.ones(len(data), dtype=bool)
     slow = solved.slow.shape[1]
     still = solved.design[:, : solved.design.shape[1] - slow]
@@ -117,16 +138,18 @@ def causes_to_try(
             tried = [_explained(one, design, left, inside) for one in known]
             tried += _steps(suspects, design, left, inside, input_g, rows.field_T)
             tried += _lines(rows.time_s, design, left, inside)
+            rare = []
             for gain, one in tried:
                 width = one.columns.shape[1]
                 if not width:
                     continue
                 rest = max(float(left @ left) - gain, 1e-300) / (free - width)
                 chance = float(fdtrc(width, free - width, gain / width / rest))
-                key = one.columns.tobytes()
-                if chance < RARE and chance < found.get(key, (1.0, one))[0]:
-                    found[key] = (chance, one)
-    return [one for _, one in sorted(found.values(), key=lambda x: x[0])[:MOST_TRIED]]
+                if chance < RARE:
+                    rare.append((chance, -gain, one))
+            for _, _, one in sorted(rare, key=lambda x: x[:2])[:MOST_TRIED]:
+                found.setdefault(one.columns.tobytes(), one)
+    return list(found.values())
 
 
 def _explained(cause: Cause, design: Array, left: Array, inside: Mask) -> tuple[float, Cause]:
@@ -143,13 +166,17 @@ def _steps(
     """Return the best step of the output and of its gain, each of zero mean over the rows."""
     begins, _ = suspects.kinds(inside)
     found = []
-    shapes = (("output", "V", np.ones(len(left))), ("gain", "V/g", input_g))
-    for what, unit, shape in (*shapes, ("sensitivity", "V/T", field_T)):
+    shapes = (
+        ("output", "V", np.ones(len(left)), PLACE),
+        ("gain", "V/g", input_g, DEAR),
+        ("sensitivity", "V/T", field_T, DEAR),
+    )
+    for what, unit, shape, places in shapes:
         gains = np.where(begins, small_jumps(suspects, design, shape * inside, left)[0], 0.0)
         row = int(np.argmax(gains))
         after = (np.arange(len(left)) >= row).astype(np.float64)
         columns = (shape * (after - after.mean()))[:, None]
-        found.append((float(gains[row]), Cause("output-step", what, unit, columns, row, PLACE)))
+        found.append((float(gains[row]), Cause("output-step", what, unit, columns, row, places)))
     return found
 
 
@@ -176,3 +203,85 @@ def _lines(time_s: Array, design: Array, left: Array, inside: Mask) -> list[tupl
         return []
     what = f"{spacing_s / cycles[best]:.4g} s"
     return [(float(gains[best]), Cause("periodic", what, "V", waves[:, :, best].T, None, PLACE))]
+
+
+def cause_flags(solution: Solution, rows: NDArray[np.int64]) -> list[Flag]:
+    """Return the flag of what moved the output beside the model; `rows` are those of the dataset.
+
+    Its size is the largest change of the output that it makes over the rows.
+    """
+    cause = solution.cause
+    if cause is None:
+        return []
+    places = [solution.names.index(name) for name in cause.names]
+    terms = solution.coefficients[places]
+    course_V = np.einsum("ij,j->i", cause.columns, terms)
+    size_V = float(np.ptp(course_V))
+    details: dict[str, object] = {"what": cause.what, "size_V": size_V}
+    size = f"{1e6 * size_V:.3g} µV"
+    if cause.code == "hysteresis":
+        moved = {
+            "bias": "the output differs by where the field came from",
+            "scale": "the scale factor differs by where the field came from",
+            "last field": "the output still holds a part of the field of the row before",
+        }[cause.what]
+        hysteresis_said = (
+            f"Hysteresis: {moved}, by up to {size}; it is fitted and removed. A core or a torquer "
+            "keeps a part of its magnetisation, or the field had not settled: degauss before each "
+            "point, wait longer, and compare field up with field down."
+        )
+        return [Flag("hysteresis", hysteresis_said, details=details)]
+    if cause.code == "not-settled":
+        part = float(terms[0])
+        settled_said = (
+            f"Each output holds {100.0 * part:.2g} % of the one before: it was read before it had "
+            "settled, or stands in the wrong row. The solution corrects a small part. Lengthen "
+            "the dwell, and look at the filter of the voltmeter and at the rows."
+        )
+        return [Flag("not-settled", settled_said, details={"part": part})]
+    if cause.code == "field-differs-from-commanded":
+        field_said = (
+            f"The output follows the commanded field, not the gaussmeter, by {float(terms[0]):.2f} "
+            f"of their difference (up to {size}); the solution corrects that. Look at the "
+            "gaussmeter: its range, zero, cable and place, and whether its column is shifted."
+        )
+        return [Flag("field-differs-from-commanded", field_said, details=details)]
+    if cause.code == "periodic":
+        line_said = (
+            f"The output has a line with a period of {cause.what} and a range of {size}, which is "
+            "fitted and removed: mains pick-up or another disturbance, aliased by the interval "
+            "of the rows. Look at grounding, shields and the integration time of the voltmeter."
+        )
+        return [Flag("periodic", line_said, details=details)]
+    if cause.code == "drift-removed":
+        drift_said = (
+            f"{cause.what} drifted in the course of the rows (up to {size} of the output), and no "
+            "temperature says why; terms of zero mean were fitted and removed. Look at the "
+            "thermometer's place, and warm the device up for longer."
+        )
+        return [Flag("drift-removed", drift_said, details={"term": cause.what})]
+    if cause.code == "misfit":
+        misfit_said = (
+            f"The output has a shape that the model does not have, by {cause.what} (up to {size}); "
+            "one term for it is fitted, and what it leaves is not known. Look for a saturated "
+            "core, a voltmeter that is not linear, and an encoder's scale."
+        )
+        return [Flag("misfit", misfit_said, details=details)]
+    return step_flags(cause, float(terms[0]), rows)
+
+
+def step_flags(cause: Cause, size: float, rows: NDArray[np.int64]) -> list[Flag]:
+    """Return the flag of an output, or a gain, that steps at a row or is another in a plane."""
+    more = f"{1e6 * size:+.4g} µ{cause.unit}"
+    where, than = f"In {cause.what.removeprefix('gain of ')}", "in the others"
+    details: dict[str, object] = {STEP_KEYS[cause.unit]: size}
+    if cause.row is not None:
+        row = int(rows[cause.row])
+        where, than = f"From row {row} on, counted from 0,", "before"
+        details["row"] = row
+    step_said = (
+        f"{where} the output reads {more} more than {than} at the same angle and field; the "
+        "solution takes the step for one of the output and removes it, K0 and Ki being the mean. "
+        "Look at the voltmeter, its range and input, and the device."
+    )
+    return [Flag("output-step", step_said, details=details)]

@@ -15,11 +15,11 @@ from .identifiability import Identifiability, describe, listed
 from .jump import Jump
 from .model import COEFFICIENTS
 from .nuisances import ARCSEC_PER_RAD
-from .solved import Cause, Solution
+from .screening import COPIED, SATURATED, STUCK
+from .solved import Solution
 
 MAGNETIC = ("Km", "Kmm", "Kim", "Kom", "Kpm")
 MOST_LISTED = 12
-STEP_KEYS = {"V": "step_V", "V/g": "step_V_per_g", "V/T": "step_V_per_T"}
 Mask = NDArray[np.bool_]
 
 
@@ -38,7 +38,11 @@ def data_flags(
                 details={"count": len(overloaded), "rows": [int(row) for row in overloaded]},
             )
         )
-    rejected = [one for one in left_out if not dataset.overloaded[one.row]]
+    flags += _pattern_flags(dataset, left_out)
+    known = (STUCK, COPIED, SATURATED)
+    rejected = [
+        one for one in left_out if not dataset.overloaded[one.row] and one.reason not in known
+    ]
     if rejected:
         reasons = list(dict.fromkeys(one.reason for one in rejected))
         shown = ", ".join(str(one.row) for one in rejected[:MOST_LISTED])
@@ -52,6 +56,40 @@ def data_flags(
             )
         )
     return flags + _gap(dataset, settings) + _field(dataset, left_out, settings)
+
+
+def _pattern_flags(dataset: AccelerometerDataset, left_out: Sequence[LeftOut]) -> list[Flag]:
+    """Return the flags of readings that stand still, are copies, or stand at a limit."""
+    flags = []
+    still = [one.row for one in left_out if one.reason == STUCK]
+    if still:
+        stuck_said = (
+            f"Voltmeter or gaussmeter repeat their reading to the last digit in {len(still)} rows, "
+            f"from row {still[0]} on, counted from 0, though the field changed; these rows are "
+            "left out. Look at the instrument, its trigger and its cable."
+        )
+        what = "voltmeter or gaussmeter"
+        details = {"count": len(still), "row": still[0], "what": what}
+        flags.append(Flag("frozen", stuck_said, details=details))
+    copies = [one.row for one in left_out if one.reason == COPIED]
+    if copies:
+        copied_said = (
+            f"{len(copies)} rows, the first is row {copies[0]}, counted from 0, hold field and "
+            "output of an earlier row to the last digit: they were not measured, and are left "
+            "out. Look at what wrote the file."
+        )
+        details = {"count": len(copies), "row": copies[0]}
+        flags.append(Flag("repeated-rows", copied_said, details=details))
+    limit = [one.row for one in left_out if one.reason == SATURATED]
+    if limit:
+        limit_said = (
+            f"The output stands at {dataset.output_V[limit[0]]:.6g} V in {len(limit)} rows, the "
+            f"first is row {limit[0]}, counted from 0: voltmeter or device are at their limit, and "
+            "these rows are left out. Take a higher range, or a smaller load resistor."
+        )
+        details = {"count": len(limit), "row": limit[0]}
+        flags.append(Flag("saturated", limit_said, details=details))
+    return flags
 
 
 def _gap(dataset: AccelerometerDataset, settings: AnalysisSettings) -> list[Flag]:
@@ -137,91 +175,19 @@ def scale_drift_flags() -> list[Flag]:
     return [Flag("drift-removed", scale_said, details={"term": "Ki"})]
 
 
-def cause_flags(solution: Solution, rows: NDArray[np.int64]) -> list[Flag]:
-    """Return the flag of what moved the output beside the model; `rows` are those of the dataset.
+def residual_flags(solution: Solution, coarse_V: float) -> list[Flag]:
+    """Return the flags of what groups of rows share, of noise that is not even, and of rounding.
 
-    Its size is the largest change of the output that it makes over the rows.
+    `coarse_V` is the step that the readings are multiples of.
     """
-    cause = solution.cause
-    if cause is None:
-        return []
-    places = [solution.names.index(name) for name in cause.names]
-    terms = solution.coefficients[places]
-    course_V = np.einsum("ij,j->i", cause.columns, terms)
-    size_V = float(np.ptp(course_V))
-    details: dict[str, object] = {"what": cause.what, "size_V": size_V}
-    size = f"{1e6 * size_V:.3g} µV"
-    if cause.code == "hysteresis":
-        moved = {
-            "bias": "the output differs by where the field came from",
-            "scale": "the scale factor differs by where the field came from",
-            "last field": "the output still holds a part of the field of the row before",
-        }[cause.what]
-        hysteresis_said = (
-            f"Hysteresis: {moved}, by up to {size}; it is fitted and removed. A core or a torquer "
-            "keeps a part of its magnetisation, or the field had not settled: degauss before each "
-            "point, wait longer, and compare field up with field down."
-        )
-        return [Flag("hysteresis", hysteresis_said, details=details)]
-    if cause.code == "not-settled":
-        part = float(terms[0])
-        settled_said = (
-            f"Each output holds {100.0 * part:.2g} % of the one before: it was read before it had "
-            "settled, or stands in the wrong row. The solution corrects a small part. Lengthen "
-            "the dwell, and look at the filter of the voltmeter and at the rows."
-        )
-        return [Flag("not-settled", settled_said, details={"part": part})]
-    if cause.code == "field-differs-from-commanded":
-        field_said = (
-            f"The output follows the commanded field, not the gaussmeter, by {float(terms[0]):.2f} "
-            f"of their difference (up to {size}); the solution corrects that. Look at the "
-            "gaussmeter: its range, zero, cable and place, and whether its column is shifted."
-        )
-        return [Flag("field-differs-from-commanded", field_said, details=details)]
-    if cause.code == "periodic":
-        line_said = (
-            f"The output has a line with a period of {cause.what} and a range of {size}, which is "
-            "fitted and removed: mains pick-up or another disturbance, aliased by the interval "
-            "of the rows. Look at grounding, shields and the integration time of the voltmeter."
-        )
-        return [Flag("periodic", line_said, details=details)]
-    if cause.code == "drift-removed":
-        drift_said = (
-            f"{cause.what} drifted in the course of the rows (up to {size} of the output), and no "
-            "temperature says why; terms of zero mean were fitted and removed. Look at the "
-            "thermometer's place, and warm the device up for longer."
-        )
-        return [Flag("drift-removed", drift_said, details={"term": cause.what})]
-    if cause.code == "misfit":
-        misfit_said = (
-            f"The output has a shape that the model does not have, by {cause.what} (up to {size}); "
-            "one term for it is fitted, and what it leaves is not known. Look for a saturated "
-            "core, a voltmeter that is not linear, and an encoder's scale."
-        )
-        return [Flag("misfit", misfit_said, details=details)]
-    return step_flags(cause, float(terms[0]), rows)
-
-
-def step_flags(cause: Cause, size: float, rows: NDArray[np.int64]) -> list[Flag]:
-    """Return the flag of an output, or a gain, that steps at a row or is another in a plane."""
-    more = f"{1e6 * size:+.4g} µ{cause.unit}"
-    where, than = f"In {cause.what.removeprefix('gain of ')}", "in the others"
-    details: dict[str, object] = {STEP_KEYS[cause.unit]: size}
-    if cause.row is not None:
-        row = int(rows[cause.row])
-        where, than = f"From row {row} on, counted from 0,", "before"
-        details["row"] = row
-    step_said = (
-        f"{where} the output reads {more} more than {than} at the same angle and field; the "
-        "solution takes the step for one of the output and removes it, K0 and Ki being the mean. "
-        "Look at the voltmeter, its range and input, and the device."
-    )
-    return [Flag("output-step", step_said, details=details)]
-
-
-def residual_flags(solution: Solution) -> list[Flag]:
-    """Return the flags of what groups of rows share, and of noise that is not even."""
     flags = []
+    if coarse_V > solution.noise_V:
+        coarse_said = (
+            f"The output has steps of {1e6 * coarse_V:.4g} µV, and the noise that is left is "
+            f"{1e6 * solution.noise_V:.3g} µV: rounding decides the uncertainty. Take a lower "
+            "range or a longer integration, and write all digits into the file."
+        )
+        flags.append(Flag("coarse-output", coarse_said, details={"step_V": coarse_V}))
     found, noise = solution.misfit, solution.uneven
     if found is not None:
         shared_said = (
