@@ -19,6 +19,7 @@ from station.findings import Flag
 
 from .jump import Suspects, small_jumps
 from .model import model_columns
+from .nuisances import ARCSEC_PER_RAD, OFFSET
 from .rows import Rows
 from .solved import PLACE, Cause, Solution, Solved
 
@@ -27,11 +28,13 @@ Mask = NDArray[np.bool_]
 
 RARE = 2.0 * float(ndtr(-4.5))
 """As seldom as this noise may look so much like a cause that it is tried."""
+DOUBTFUL = 2.0 * float(ndtr(-3.0))
 LEAST_PART = 1e-2
 """A column with less of its own takes the place of the coefficients it resembles."""
 LEAST_TURNED = 0.05
 DEAR = PLACE + 2
-"""Planes and gains go with time, and drift and temperature with both."""
+DEARLY = {"plane", "encoder"}
+"""Planes, angles and gains go with time, and drift and temperature with all of them."""
 MOST_TRIED = 2
 FEWEST_LEFT = 6
 SLOWEST_CYCLES = 4.5
@@ -46,13 +49,12 @@ def direction(commanded_T: Array) -> Array:
     return np.asarray(steps[moved])
 
 
-def known_causes(
-    rows: Rows, acceleration_g: Array, coefficients: Array, data: Array
-) -> list[Cause]:
+def known_causes(rows: Rows, acceleration_g: Array, coefficients: Array) -> list[Cause]:
     """Return the causes that have a shape of their own.
 
-    `acceleration_g` (rows, 3), `coefficients` (13,) of a first solution, `data` (rows,) in V.
+    `acceleration_g` (rows, 3), `coefficients` (13,) of a first solution.
     """
+    data = rows.output_V
     i, o, p = acceleration_g.T
     largest_T = float(np.max(np.abs(rows.field_T))) or 1.0
     b = rows.field_T / largest_T
@@ -75,6 +77,7 @@ def known_causes(
         ("field-differs-from-commanded", "gaussmeter", "1", off_T * by_field),
         ("misfit", "field", "V", b**3),
         ("misfit", "field", "V", np.abs(b) * b),
+        ("misfit", "field", "V", b**4),
         ("misfit", "field and acceleration", "V/g", i * b**2),
         ("misfit", "acceleration", "V/g", np.abs(i)),
         ("misfit", "acceleration", "V/g^2", np.abs(i) * i),
@@ -93,14 +96,21 @@ def known_causes(
         ]
     if not _alternates(up, rows.commanded_T):
         shapes = [one for one in shapes if one[0] != "hysteresis"]
-    planes = np.unique(rows.plane)
-    # Of two planes the one is what the other is not.
-    for plane in planes if len(planes) > 2 else planes[1:]:
+    for plane in np.unique(rows.plane):
+        if np.count_nonzero(np.diff(rows.plane == plane)) < 2:
+            continue  # It begins or ends once, as a step does.
         there = (rows.plane == plane) - float(np.mean(rows.plane == plane))
         shapes += [("output-step", f"plane {plane}", "V", there)]
         shapes += [("output-step", f"gain of plane {plane}", "V/g", there * i)]
     return [
-        Cause(code, what, unit, one.reshape(len(data), -1), None, DEAR if "plane" in what else 1)
+        Cause(
+            code,
+            what,
+            unit,
+            one.reshape(len(data), -1),
+            None,
+            DEAR if DEARLY & set(what.split()) else 1,
+        )
         for code, what, unit, one in shapes
     ]
 
@@ -116,40 +126,81 @@ def _alternates(up: Array, commanded_T: Array) -> bool:
 
 
 def causes_to_try(
-    solved: Solved, rows: Rows, data: Array, suspects: Suspects, known: list[Cause]
+    solved: Solved, rows: Rows, suspects: Suspects, known: list[Cause]
 ) -> list[Cause]:
     """Return the causes that explain more than noise does; none where nothing looks like it.
 
     Drift takes a step's place, so each is looked for with slow terms and without.
     """
-    input_g = solved.acceleration_g[:, 0]
     found: dict[bytes, Cause] = {}
-    everything = np.ones(len(data), dtype=bool)
+    everything = np.ones(len(rows.output_V), dtype=bool)
     slow = solved.slow.shape[1]
     still = solved.design[:, : solved.design.shape[1] - slow]
     for columns in (solved.design, still)[: 1 + slow]:
         for inside in (solved.solution.kept, everything):
-            if int(inside.sum()) - columns.shape[1] < FEWEST_LEFT:
-                continue
-            fit = solve_by_qr(columns[inside], data[inside])
-            left = (data - combine(columns, fit.coefficients)) * inside
-            design = columns * inside[:, None]
-            free = int(inside.sum()) - columns.shape[1]
-            tried = [_explained(one, design, left, inside) for one in known]
-            tried += _steps(suspects, design, left, inside, input_g, rows.field_T)
-            tried += _lines(rows.time_s, design, left, inside)
-            rare = []
-            for gain, one in tried:
-                width = one.columns.shape[1]
-                if not width:
-                    continue
-                rest = max(float(left @ left) - gain, 1e-300) / (free - width)
-                chance = float(fdtrc(width, free - width, gain / width / rest))
-                if chance < RARE:
-                    rare.append((chance, -gain, one))
+            rare = [
+                one
+                for one in _chances(columns, solved, rows, suspects, known, inside)
+                if one[0] < RARE
+            ]
             for _, _, one in sorted(rare, key=lambda x: x[:2])[:MOST_TRIED]:
                 found.setdefault(one.columns.tobytes(), one)
     return list(found.values())
+
+
+def with_doubt(solved: Solved, rows: Rows, suspects: Suspects, known: list[Cause]) -> Solved:
+    """Return a solution whose uncertainties hold the likeliest cause that noise may just imitate.
+
+    What that cause would change of each coefficient counts as one standard uncertainty more.
+    """
+    data, kept, solution = rows.output_V, solved.solution.kept, solved.solution
+    if solution.cause is not None or solution.jump is not None:
+        return solved
+    chances = _chances(solved.design, solved, rows, suspects, known, kept)
+    places = len(data)
+    likely = [(p * (places if one.places > 1 else 1), one) for p, _, one in chances]
+    chance, cause = min(likely, key=lambda x: x[0], default=(1.0, None))
+    if cause is None or chance > DOUBTFUL:
+        return solved
+    both = np.column_stack((solved.design, cause.columns))
+    width = solved.design.shape[1]
+    with_it = solve_by_qr(both[kept], data[kept]).coefficients[:width]
+    moved = with_it - solve_by_qr(solved.design[kept], data[kept]).coefficients
+    angles = [solution.names.index(name) for name in (OFFSET,) if name in solution.names]
+    moved[angles] *= ARCSEC_PER_RAD
+    covariance = solution.covariance + np.outer(moved, moved)
+    return replace(solved, solution=replace(solution, covariance=covariance))
+
+
+def _chances(
+    columns: Array,
+    solved: Solved,
+    rows: Rows,
+    suspects: Suspects,
+    known: list[Cause],
+    inside: Mask,
+) -> list[tuple[float, float, Cause]]:
+    """Return each cause with the probability that noise explains so much, and less what it gains.
+
+    `columns` (rows, k) are those that it is held against; only rows `inside` count.
+    """
+    data, free = rows.output_V, int(inside.sum()) - columns.shape[1]
+    if free < FEWEST_LEFT:
+        return []
+    fit = solve_by_qr(columns[inside], data[inside])
+    left = (data - combine(columns, fit.coefficients)) * inside
+    design = columns * inside[:, None]
+    tried = [_explained(one, design, left, inside) for one in known]
+    tried += _steps(suspects, design, left, inside, solved.acceleration_g[:, 0], rows.field_T)
+    tried += _lines(rows.time_s, design, left, inside)
+    found = []
+    for gain, one in tried:
+        width = one.columns.shape[1]
+        if width:
+            rest = max(float(left @ left) - gain, 1e-300) / (free - width)
+            chance = float(fdtrc(width, free - width, gain / width / rest))
+            found.append((chance, -gain, one))
+    return found
 
 
 def _explained(cause: Cause, design: Array, left: Array, inside: Mask) -> tuple[float, Cause]:

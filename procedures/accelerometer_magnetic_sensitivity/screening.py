@@ -95,6 +95,8 @@ def stuck(reading: Array, dataset: AccelerometerDataset) -> Mask:
     To the last digit, though the commanded field changed, in three rows and more; none where
     readings are so coarse that others repeat, too.
     """
+    if len(np.unique(reading)) < 2:
+        return np.zeros(len(reading), dtype=bool)
     changed = np.diff(dataset.field_commanded_T, prepend=np.nan) != 0.0
     if reading is dataset.output_V:
         changed |= np.diff(dataset.theta_commanded_deg, prepend=np.nan) != 0.0

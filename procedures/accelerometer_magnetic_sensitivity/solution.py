@@ -17,7 +17,7 @@ from procedures.estimation.orthogonal import (
     solve_by_qr,
 )
 
-from .causes import causes_to_try, known_causes
+from .causes import causes_to_try, known_causes, with_doubt
 from .findings import AnalysisSettings
 from .jump import Jump, Suspects, find_jumps
 from .lack_of_fit import uneven, with_misfit
@@ -68,11 +68,11 @@ def _best_of(rows: Rows, kept_names: tuple[str, ...], settings: AnalysisSettings
     model = TurnedModel(rows, kept_names)
     whole = np.ones(len(rows.time_s), dtype=bool)
     solutions = [first]
-    known = known_causes(rows, first.acceleration_g, first.model_coefficients, rows.output_V)
-    causes = causes_to_try(first, rows, rows.output_V, suspects, known)
+    known = known_causes(rows, first.acceleration_g, first.model_coefficients)
+    causes = causes_to_try(first, rows, suspects, known)
     solutions += [_solve(rows, kept_names, settings, cause=one) for one in causes]
     if OFFSET not in found.names or not may_be_off(first, rows.output_V, suspects, settings):
-        return _best(solutions, len(whole))
+        return with_doubt(_best(solutions, len(whole)), rows, suspects, known)
     tried = set()
     for slow in (first.slow[:, :0], first.slow) if first.slow.shape[1] else (first.slow,):
 
@@ -84,7 +84,7 @@ def _best_of(rows: Rows, kept_names: tuple[str, ...], settings: AnalysisSettings
                 if jump.rows.tobytes() not in tried:
                     tried.add(jump.rows.tobytes())
                     solutions.append(_solve(rows, kept_names, settings, jump))
-    return _best(solutions, len(whole))
+    return with_doubt(_best(solutions, len(whole)), rows, suspects, known)
 
 
 def _best(solutions: list[Solved], rows: int) -> Solved:
