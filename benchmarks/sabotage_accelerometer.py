@@ -107,7 +107,7 @@ def table(kind: Kind, seed: int) -> Table:
     made = Table(
         kind,
         INTERVAL_S * np.arange(count),
-        plane,
+        plane.astype("<U8"),
         theta_deg,
         commanded_T,
         kind.fields_grow * commanded_T + FIELD_NOISE_T * generator.standard_normal(count),
@@ -341,7 +341,7 @@ _PLANTED: Sequence[tuple[str, str, Sequence[Kind], Plant]] = (
      output(lambda t: 2e-5 * went(t) * t.axes()[0])),
     ("hysteresis, one way only", "hysteresis misfit", (_A,),
      output(lambda t: 20e-6 * (went(t) - np.mean(went(t))))),
-    ("remanence, 3 % of the last field", HYSTERESIS, (_S, _E),
+    ("remanence, 3 % of the last field", HYSTERESIS, (_S, _E, _A),
      output(lambda t: 0.03 * TRUTH["Km"] * before(t.field_T))),
     ("voltmeter lags 0.1 %", SETTLED, (_S, _E, _P),
      output(lambda t: 1e-3 * (before(t.output_V) - t.output_V))),

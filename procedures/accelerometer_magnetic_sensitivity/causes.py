@@ -31,7 +31,6 @@ RARE = 2.0 * float(ndtr(-4.5))
 DOUBTFUL = 2.0 * float(ndtr(-3.0))
 LEAST_PART = 1e-2
 """A column with less of its own takes the place of the coefficients it resembles."""
-LEAST_TURNED = 0.05
 DEAR = PLACE + 2
 DEARLY = {"plane", "encoder"}
 """Planes, angles and gains go with time, and drift and temperature with all of them."""
@@ -78,6 +77,7 @@ def known_causes(rows: Rows, acceleration_g: Array, coefficients: Array) -> list
         ("misfit", "field", "V", b**3),
         ("misfit", "field", "V", np.abs(b) * b),
         ("misfit", "field", "V", b**4),
+        ("misfit", "field", "V", np.column_stack((b**3, b**4))),
         ("misfit", "field and acceleration", "V/g", i * b**2),
         ("misfit", "acceleration", "V/g", np.abs(i)),
         ("misfit", "acceleration", "V/g^2", np.abs(i) * i),
@@ -94,8 +94,6 @@ def known_causes(rows: Rows, acceleration_g: Array, coefficients: Array) -> list
             ("drift-removed", "Ki", "V/g", time * i),
             ("drift-removed", "Ki", "V/g", np.column_stack((time * i, square * i))),
         ]
-    if not _alternates(up, rows.commanded_T):
-        shapes = [one for one in shapes if one[0] != "hysteresis"]
     for plane in np.unique(rows.plane):
         if np.count_nonzero(np.diff(rows.plane == plane)) < 2:
             continue  # It begins or ends once, as a step does.
@@ -113,16 +111,6 @@ def known_causes(rows: Rows, acceleration_g: Array, coefficients: Array) -> list
         )
         for code, what, unit, one in shapes
     ]
-
-
-def _alternates(up: Array, commanded_T: Array) -> bool:
-    """Return whether the same fields were come to from both sides.
-
-    Where they were not, what hysteresis does is a shape over the field.
-    """
-    _, level = np.unique(commanded_T, return_inverse=True)
-    mean = np.bincount(level, up) / np.bincount(level)
-    return float(np.mean((up - mean[level]) ** 2)) > LEAST_TURNED
 
 
 def causes_to_try(

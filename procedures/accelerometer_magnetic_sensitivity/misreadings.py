@@ -25,6 +25,8 @@ Array = NDArray[np.float64]
 UNITS_DEG = {"rad": 180.0 / np.pi, "gon": 0.9, "turns": 360.0, "arcmin": 1 / 60, "arcsec": 1 / 3600}
 POOR_PART = 1e-3
 """Noise of this part of the output's range is none of a voltmeter or an accelerometer."""
+POOR_V = 1e-3
+"""The same where no input acceleration spreads the output."""
 MANY_STRAYS = 0.2
 BETTER = 0.1
 """A reading of the columns that leaves so small a part of the rms is the right one."""
@@ -40,11 +42,11 @@ def misread_flags(rows: Rows, solution: Solution) -> tuple[list[Flag], bool]:
 
     Where it is, no coefficient can be reported.
     """
-    spread_V = float(np.std(rows.output_V)) or 1.0
+    values = dict(zip(solution.names, solution.coefficients, strict=True))
+    poor_V = POOR_PART * float(np.std(rows.output_V)) if "Ki" in values else POOR_V
     noise_V = float(np.sqrt(np.mean(solution.residual_V**2)))
     strays = float(np.mean(~solution.kept))
-    values = dict(zip(solution.names, solution.coefficients, strict=True))
-    if max(noise_V, solution.noise_V) > POOR_PART * spread_V or strays > MANY_STRAYS:
+    if max(noise_V, solution.noise_V) > poor_V or strays > MANY_STRAYS:
         stated_V = _left(rows)
         tried = [(_left(other), said, details) for other, said, details in _readings(rows)]
         best_V, said, details = min(tried, key=lambda one: one[0])
@@ -73,7 +75,7 @@ def misread_flags(rows: Rows, solution: Solution) -> tuple[list[Flag], bool]:
             "look whether the accelerometer is mounted as stated."
         )
         return [Flag("wrong-position", zero_said, details={"offset_deg": offset_deg})], False
-    if solution.noise_V > POOR_PART * spread_V or strays > MANY_STRAYS:
+    if solution.noise_V > poor_V or strays > MANY_STRAYS:
         astray_said = (
             f"The output does not follow angle and field: {100.0 * strays:.2g} % of the rows are "
             f"left out, and the others miss the model by {1e6 * solution.noise_V:.3g} µV. No one "
