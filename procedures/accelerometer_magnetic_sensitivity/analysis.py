@@ -22,6 +22,7 @@ from .flags import (
     data_flags,
     frozen_flags,
     jump_flags,
+    moved_flags,
     residual_flags,
     result_flags,
     scale_drift_flags,
@@ -90,26 +91,30 @@ def analyse(
         left_out = tuple(
             sorted((*left_out, *(LeftOut(int(row), reason) for row in far)), key=lambda x: x.row)
         )
-    estimates = _estimates(found, solution, rows.temperature_degC)
+    measured = found
+    if solution is not None and solution.shares is not None:
+        largest_T = float(np.max(np.abs(rows.commanded_T))) or 1.0
+        measured = found.as_measured(solution.shares[: found.rank], largest_T)
+    estimates = _estimates(measured, solution, rows.temperature_degC)
     path = _path(dataset, usable, found, settings)
     drift = solution.drift_order if solution is not None else 0
     lag_one = solution.lag_one_correlation if solution is not None else None
     flags = [*frozen_flags(frozen), *data_flags(dataset, left_out, settings)]
     counted = int(used.sum() if solution is not None else usable.sum())
-    flags += result_flags(found, estimates, drift, lag_one, counted, settings, as_planned)
+    flags += result_flags(found, estimates, drift, lag_one, counted, settings, as_planned, measured)
     if solution is not None and solution.jump is not None:
         off = [int(row) for row in np.flatnonzero(usable)[solution.jump.rows]]
         flags += jump_flags(dataset, off, solution.jump)
     if solution is not None and KI_DRIFT in solution.names:
         flags += scale_drift_flags()
-    flags += misread
+    flags += [*misread, *moved_flags(found, measured)]
     if solution is not None:
         flags += residual_flags(solution, coarse_step_V(dataset.output_V[usable]))
     if solution is not None and solution.cause is not None:
         flags += cause_flags(solution, np.flatnonzero(usable))
     count = found.rank if solution is not None else 0
     return AccelerometerAnalysis(
-        identifiability=found,
+        identifiability=measured,
         estimates=estimates,
         covariance=solution.covariance[:count, :count] if solution else np.zeros((0, 0)),
         published=published_values(path),

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from station.findings import Estimate, Flag
+from station.findings import Estimate, Flag, combination_text
 
 from .dataset import AccelerometerDataset
 from .findings import AnalysisSettings, LeftOut
@@ -210,6 +210,20 @@ def residual_flags(solution: Solution, coarse_V: float) -> list[Flag]:
     return flags
 
 
+def moved_flags(found: Identifiability, measured: Identifiability) -> list[Flag]:
+    """Return the flag of combinations that the measured field or angle moves from the commanded."""
+    moved = [name for name, own in measured.terms.items() if own != found.terms[name]]
+    if not moved:
+        return []
+    stand = ", ".join(combination_text(measured.terms[name], 6) for name in moved)
+    moved_said = (
+        f"The fields or angles that were measured are not those that were commanded, and move what "
+        f"{listed(moved)} stand{'s' if len(moved) == 1 else ''} for: {stand}. The terms given are "
+        "those of the measured ones."
+    )
+    return [Flag("field-differs-from-commanded", moved_said, details={"coefficients": moved})]
+
+
 def result_flags(
     found: Identifiability,
     estimates: Sequence[Estimate],
@@ -218,6 +232,7 @@ def result_flags(
     rows: int,
     settings: AnalysisSettings,
     as_planned: bool = True,
+    measured: Identifiability | None = None,
 ) -> list[Flag]:
     """Return the flags on the solution: what it cannot tell, drift, what the model leaves."""
     flags: list[Flag] = []
@@ -225,7 +240,7 @@ def result_flags(
     wanting = [n for n in COEFFICIENTS if n in found.not_alone or n in undetermined]
     if wanting:
         few = bool(set(undetermined) - set(found.folded))
-        why = f"{rows} usable rows are too few." if few else " ".join(describe(found))
+        why = f"{rows} usable rows are too few." if few else " ".join(describe(measured or found))
         if few and not as_planned:
             why = "The measured angles or fields do not follow the commanded ones: nothing is told."
         flags.append(

@@ -21,6 +21,7 @@ from .causes import causes_to_try, known_causes, with_doubt
 from .findings import AnalysisSettings
 from .jump import Jump, Suspects, find_jumps
 from .lack_of_fit import uneven, with_misfit
+from .model import model_columns
 from .nuisances import (
     ARCSEC_PER_RAD,
     JUMP,
@@ -57,7 +58,11 @@ def solve_rows(rows: Rows, kept_names: tuple[str, ...], settings: AnalysisSettin
         weight = float(np.median(noise.noise_V)) / noise.noise_V[noise.group]
         rows = replace(rows, noise_group=noise.group, root_weight=weight)
         solved = _best_of(rows, kept_names, settings)
-    return replace(with_misfit(solved, rows.groups), uneven=noise)
+    kept = solved.solution.kept
+    columns = model_columns(solved.acceleration_g, rows.field_T)[kept]
+    scale = np.linalg.norm(solved.design[kept], axis=0)
+    shares = np.linalg.lstsq(solved.design[kept] / scale, columns, rcond=None)[0] / scale[:, None]
+    return replace(with_misfit(solved, rows.groups), uneven=noise, shares=shares)
 
 
 def _best_of(rows: Rows, kept_names: tuple[str, ...], settings: AnalysisSettings) -> Solved:

@@ -69,7 +69,7 @@ class Solution:
 
     Offset and jump of the encoder are in arcsec; `jump` says in which rows it is off, `cause` what
     else moved the output. `kept` (rows,) are the rows that count; `covariance` holds the scale of
-    the noise.
+    the noise. `shares` (names, 13) are what the solution takes of each column of the model.
     """
 
     names: tuple[str, ...]
@@ -83,6 +83,7 @@ class Solution:
     not_separable: tuple[str, ...]
     jump: Jump | None
     cause: Cause | None = None
+    shares: Array | None = None
     misfit: Misfit | None = None
     uneven: Uneven | None = None
 
