@@ -81,6 +81,7 @@ def analyse(
     if solution is not None:
         misread, certain = misread_flags(rows, solution)
         solution = None if certain else solution
+        as_planned = as_planned and not certain
     residual_V = np.full(len(dataset), np.nan)
     used = np.zeros(len(dataset), dtype=bool)
     if solution is not None:

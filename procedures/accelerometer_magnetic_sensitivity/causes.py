@@ -68,7 +68,7 @@ def known_causes(rows: Rows, acceleration_g: Array, coefficients: Array) -> list
     off_T = rows.commanded_T - rows.field_T
     shapes: list[tuple[str, str, str, Array]] = [
         ("hysteresis", "bias", "V", up),
-        ("hysteresis", "bias", "V", up * (1.0 - b**2)),
+        ("hysteresis", "bias", "V", np.column_stack((up, up * b**2))),
         ("hysteresis", "scale", "V/g", up * i),
         ("hysteresis", "last field", "V/T", change_T),
         ("hysteresis", "last field", "1", change_T * by_field),

@@ -46,7 +46,10 @@ def misread_flags(rows: Rows, solution: Solution) -> tuple[list[Flag], bool]:
     poor_V = POOR_PART * float(np.std(rows.output_V)) if "Ki" in values else POOR_V
     noise_V = float(np.sqrt(np.mean(solution.residual_V**2)))
     strays = float(np.mean(~solution.kept))
-    if max(noise_V, solution.noise_V) > poor_V or strays > MANY_STRAYS:
+    offset_deg = values.get(OFFSET, 0.0) / 3600.0
+    poor = max(noise_V, solution.noise_V) > poor_V or strays > MANY_STRAYS
+    explained = (solution.misfit, solution.cause, solution.jump) != (None, None, None)
+    if poor or explained or abs(offset_deg) > LARGE_OFFSET_DEG:
         stated_V = _left(rows)
         tried = [(_left(other), said, details) for other, said, details in _readings(rows)]
         best_V, said, details = min(tried, key=lambda one: one[0])
@@ -68,7 +71,6 @@ def misread_flags(rows: Rows, solution: Solution) -> tuple[list[Flag], bool]:
         )
         details = {"misalignment_V_per_g": tilted}
         return [Flag("wrong-position", tilt_said, details=details)], True
-    offset_deg = values.get(OFFSET, 0.0) / 3600.0
     if abs(offset_deg) > LARGE_OFFSET_DEG:
         zero_said = (
             f"The zero of the encoder is {offset_deg:.4g} deg off, which the solution corrects: "
