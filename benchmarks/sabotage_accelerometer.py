@@ -1,168 +1,35 @@
-"""Datasets of the accelerometer's magnetic sensitivity, clean and with a fault planted in them.
-
-A fault changes the columns of the recorded table, or what the device puts out. The data of a `Made`
-are the output less what the true coefficients give for the recorded angle, field and temperature:
-an error of any column is then an error of the output. Free in a clean dataset are the thirteen
-coefficients, encoder offset, misalignment, temperature terms and a drift of third order.
-"""
+"""Faults of the accelerometer's magnetic sensitivity, each a change of a table's columns."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
 from functools import partial
-from pathlib import Path
+from typing import Any
 
 import numpy as np
-from accelerometer_estimator import Case
-from accelerometer_records import INTERVAL_S, TRUTH, axes_g, output_V
+from accelerometer_records import INTERVAL_S, TRUTH, axes_g
+from accelerometer_tables import (
+    ASCENDING,
+    EFFICIENT,
+    KINDS,
+    ON_OFF,
+    ONE_PLANE,
+    PALINDROME,
+    THREE_PLANES,
+    Kind,
+    Plant,
+    Table,
+    made,
+)
 from numpy.typing import NDArray
-from sabotage import Fault, Made
-
-from procedures.accelerometer_magnetic_sensitivity.identifiability import judge
+from sabotage import Fault
 
 Array = NDArray[np.float64]
-Generator = np.random.Generator
-HEADER = "t_s,plane,theta_deg,field_commanded_T,field_T,temperature_degC,output_V"
-FORMAT = "{:.1f},{},{:.5f},{:.4f},{:.6f},{:.4f},{:.8f}"
-FIELD_NOISE_T = 1e-6
 USUAL_FLAGS = frozenset({"not-identifiable", "not-significant", "drift-removed"})
-DRIFT_ORDER = 3
-
-
-@dataclass(frozen=True)
-class Kind:
-    """A plan and what surrounds it: noise, drift and warming in its course, encoder, mounting."""
-
-    plan: Case
-    noise_V: float = 3e-6
-    drift_V: float = 0.0
-    warming_K: float = 0.02
-    offset_arcsec: float = 8.0
-    misaligned: tuple[float, float] = (2e-4, -3e-4)
-    fields_grow: float = 1.0
-
-
-@dataclass
-class Table:
-    """The columns of a dataset, each (rows,), and `device_V`, which a fault adds to the output."""
-
-    kind: Kind
-    t_s: Array
-    plane: NDArray[np.str_]
-    theta_deg: Array
-    field_commanded_T: Array
-    field_T: Array
-    temperature_degC: Array
-    output_V: Array
-    generator: Generator = field(repr=False)
-
-    def __len__(self) -> int:
-        return len(self.t_s)
-
-    def keep(self, rows: NDArray[np.bool_] | NDArray[np.int64]) -> None:
-        """Keep some rows, or put them in another order; the times stay in theirs."""
-        for name in HEADER.split(","):
-            setattr(self, name, getattr(self, name)[rows])
-        self.t_s = np.sort(self.t_s)
-
-    def row(self, low: float = 0.3, high: float = 0.7) -> int:
-        """Return a row between two parts of the record."""
-        return int(self.generator.integers(int(low * len(self)), int(high * len(self))))
-
-    def axes(self) -> tuple[Array, Array, Array]:
-        """Return Ai, Ao, Ap at the recorded angle and the true offset."""
-        return axes_g(self.plane, np.radians(self.theta_deg + self.kind.offset_arcsec / 3600.0))
-
-    def warmer(self) -> Array:
-        """Return the recorded temperature from its mean."""
-        return np.asarray(self.temperature_degC - np.mean(self.temperature_degC))
-
-    def predicted_V(self) -> Array:
-        """Return what the true coefficients give for the recorded columns, without noise."""
-        i, o, p = self.axes()
-        tilted = self.kind.misaligned[0] * o + self.kind.misaligned[1] * p
-        warmed = (50e-6 + 120e-6 * i) * self.warmer()
-        return np.asarray(output_V(i, o, p, self.field_T) + tilted + warmed)
-
-    def model(self) -> Array:
-        """Return the columns that a clean dataset leaves free, (rows, k)."""
-        i, o, p = self.axes()
-        b, one, warm = self.field_T, np.ones(len(self)), self.warmer()
-        turned = np.column_stack(axes_g(self.plane, np.radians(self.theta_deg) + 0.5 * np.pi))
-        part = (self.t_s - self.t_s.mean()) / max(float(np.ptp(self.t_s)), 1.0)
-        still = (one, i, i**2, i**3, i * o, i * p, o**2, p**2)
-        magnetic = (b, b**2, i * b, o * b, p * b)
-        slow = [part**n for n in range(1, DRIFT_ORDER + 1)] if self.kind.drift_V else []
-        return np.column_stack((*still, *magnetic, turned[:, 0], o, p, warm, i * warm, *slow))
-
-
-def table(kind: Kind, seed: int) -> Table:
-    """Make a clean record."""
-    generator = np.random.default_rng([seed, 17])
-    plane, theta_deg, commanded_T = kind.plan.points()
-    count = len(plane)
-    part = np.linspace(0.0, 1.0, count)
-    warm = 23.0 + kind.warming_K * (1.0 - np.exp(-3.0 * part))
-    made = Table(
-        kind,
-        INTERVAL_S * np.arange(count),
-        plane.astype("<U8"),
-        theta_deg,
-        commanded_T,
-        kind.fields_grow * commanded_T + FIELD_NOISE_T * generator.standard_normal(count),
-        warm + 5e-4 * generator.standard_normal(count),
-        np.zeros(count),
-        generator,
-    )
-    drift = kind.drift_V * (part - 0.5 + 0.3 * (part - 0.5) ** 2)
-    drift = drift - drift.mean()
-    made.output_V = made.predicted_V() + drift + kind.noise_V * generator.standard_normal(count)
-    return made
-
-
-Plant = Callable[[Table], None]
-
-
-def made(kind: Kind, seed: int, plant: Plant | None = None) -> Made:
-    """Return a dataset of a kind, with a fault planted in it."""
-    clean = table(kind, seed)
-    found = judge(clean.plane, clean.theta_deg, clean.field_commanded_T)
-    truth = {
-        (name, None, None): sum(share * TRUTH[part] for part, share in terms.items())
-        for name, terms in found.terms.items()
-    }
-    model = clean.model()
-    if plant is not None:
-        plant(clean)
-
-    def write(folder: Path) -> None:
-        text = ["dataset: 1", "procedure: accelerometer-magnetic-sensitivity"]
-        text += ["files: {samples: samples.csv}", "conditions: {local_gravity: 1 g}", ""]
-        (folder / "dataset.yaml").write_text("\n".join(text), encoding="utf-8")
-        columns = [getattr(clean, name) for name in HEADER.split(",")]
-        lines = [FORMAT.format(*row) for row in zip(*columns, strict=True)]
-        (folder / "samples.csv").write_text("\n".join([HEADER, *lines, ""]), encoding="utf-8")
-
-    noise = np.full(len(clean), kind.noise_V)
-    return Made(truth, write, clean.output_V - clean.predicted_V(), model, noise)
-
-
-TWO_SIDED = (-0.05, 0.0, 0.05)
-FIVE = (-0.04, -0.02, 0.0, 0.02, 0.04)
-THREE_PLANES = Kind(Case("three planes, 12 angles", angles=12, fields_T=FIVE))
-ONE_PLANE = Kind(Case("one plane", ("io",), 12, (0.0, 0.02, 0.04)))
-EFFICIENT = Kind(Case("efficient", ("io", "ip"), 9, TWO_SIDED, passes=2, shuffled=True))
-PALINDROME = Kind(
-    Case("palindrome", ("io", "ip"), 12, FIVE, passes=2), drift_V=30e-6, warming_K=0.8
-)
-ASCENDING = Kind(Case("two planes, ascending", ("io", "ip"), 12), drift_V=15e-6)
-ON_OFF = Kind(Case("fields 0 and B", ("io", "ip"), 24, (0.0, 0.05)), noise_V=1e-6)
-KINDS = (THREE_PLANES, ONE_PLANE, EFFICIENT, PALINDROME, ASCENDING, ON_OFF)
 CLEAN = [partial(made, kind) for kind in KINDS]
 
 
-def output(change: Callable[[Table], Array]) -> Plant:
+def output(change: Callable[[Table], NDArray[Any]]) -> Plant:
     """Add something to the output."""
 
     def plant(one: Table) -> None:
@@ -177,12 +44,12 @@ def slope(one: Table) -> Array:
     return np.asarray(TRUTH["Ki"] * turned[0])
 
 
-def turn(change_deg: Callable[[Table], Array]) -> Plant:
+def turn(change_deg: Callable[[Table], NDArray[Any]]) -> Plant:
     """The table stands elsewhere than the encoder says."""
     return output(lambda one: slope(one) * np.radians(change_deg(one)))
 
 
-def column(name: str, change: Callable[[Table], Array]) -> Plant:
+def column(name: str, change: Callable[[Table], NDArray[Any]]) -> Plant:
     """Replace a recorded column."""
 
     def plant(one: Table) -> None:
@@ -254,9 +121,8 @@ def doubled(one: Table) -> None:
     """Every row of a stretch stands twice, as after a retry."""
     rows = np.arange(len(one))
     twice = np.sort(np.concatenate((rows, rows[within(one, 0.3) > 0.0])))
-    one.t_s = one.t_s[: len(one)]
     one.keep(twice)
-    one.t_s = INTERVAL_S * np.arange(len(one))
+    one.t_s = INTERVAL_S * np.arange(len(one), dtype=np.float64)
 
 
 def lost(one: Table) -> None:
@@ -277,6 +143,11 @@ def mixed_up(one: Table) -> None:
     one.output_V[rows] = one.output_V[np.roll(rows, 1)]
 
 
+def exchanged(one: Table) -> None:
+    """The measured and the commanded field stand in each other's column."""
+    one.field_T, one.field_commanded_T = one.field_commanded_T, one.field_T
+
+
 def spikes(one: Table) -> Array:
     """Return spikes of 0.1 to 10 mV in a twentieth of the rows."""
     size = 10.0 ** one.generator.uniform(-4.0, -2.0, len(one))
@@ -284,7 +155,9 @@ def spikes(one: Table) -> Array:
     return np.where(there, size * one.generator.choice([-1.0, 1.0], len(one)), 0.0)
 
 
-def _fault(name: str, flags: str, kind: Kind, plant: Plant, detectable: bool | None = None) -> Fault:
+def _fault(
+    name: str, flags: str, kind: Kind, plant: Plant, detectable: bool | None = None
+) -> Fault:
     clean, planted = partial(made, kind), partial(made, kind, plant=plant)
     return Fault(f"{name}; {kind.plan.name}", frozenset(flags.split()), clean, planted, detectable)
 
@@ -296,15 +169,15 @@ BURST = "outliers-rejected misfit output-step"
 UNIT = "contradicts-statement"
 
 
-def _field(change: Callable[[Table], Array]) -> Plant:
+def _field(change: Callable[[Table], NDArray[Any]]) -> Plant:
     return column("field_T", lambda one: one.field_T + change(one))
 
 
-def _theta(change: Callable[[Table], Array]) -> Plant:
+def _theta(change: Callable[[Table], NDArray[Any]]) -> Plant:
     return column("theta_deg", change)
 
 
-def _warm(change: Callable[[Table], Array]) -> Plant:
+def _warm(change: Callable[[Table], NDArray[Any]]) -> Plant:
     return column("temperature_degC", change)
 
 
@@ -316,7 +189,7 @@ def _rounded(name: str, step: float) -> Plant:
     return column(name, lambda one: step * np.round(getattr(one, name) / step))
 
 
-def _other_plane(change: Callable[[Table, NDArray[np.bool_]], Array]) -> Plant:
+def _other_plane(change: Callable[[Table, NDArray[np.bool_]], NDArray[Any]]) -> Plant:
     return column("output_V", lambda one: change(one, in_plane(one)))
 
 
@@ -327,6 +200,7 @@ def _quiet(one: Table) -> Array:
 
 
 _S, _E, _P, _A, _O, _F = THREE_PLANES, EFFICIENT, PALINDROME, ASCENDING, ONE_PLANE, ON_OFF
+# fmt: off
 _PLANTED: Sequence[tuple[str, str, Sequence[Kind], Plant]] = (
     ("output step 100 uV", STEP, (_S, _E, _P, _O), output(lambda t: 100e-6 * after(t))),
     ("output step 30 uV", STEP, (_S, _E, _A), output(lambda t: -30e-6 * after(t))),
@@ -349,7 +223,8 @@ _PLANTED: Sequence[tuple[str, str, Sequence[Kind], Plant]] = (
      output(lambda t: 0.03 * (before(t.output_V) - t.output_V))),
     ("gaussmeter lags 3 %", SETTLED + " " + FIELD, (_S, _E, _A),
      _field(lambda t: 0.03 * (before(t.field_T) - t.field_T))),
-    ("output one row late", SETTLED + " misfit wrong-position", (_S, _O), column("output_V", lambda t: before(t.output_V))),
+    ("output one row late", SETTLED + " misfit wrong-position", (_S, _O),
+     column("output_V", lambda t: before(t.output_V))),
     ("field one row late", FIELD, (_S, _P), column("field_T", lambda t: before(t.field_T))),
     ("field of the other sign", FIELD, (_S, _O), column("field_T", lambda t: -t.field_T)),
     ("field in mT", FIELD, (_S, _A), column("field_T", lambda t: 1e3 * t.field_T)),
@@ -363,9 +238,12 @@ _PLANTED: Sequence[tuple[str, str, Sequence[Kind], Plant]] = (
      _field(lambda t: 1e-3 * np.linspace(0.0, 1.0, len(t)))),
     ("gaussmeter noise 0.3 mT", FIELD, (_S, _P),
      _field(lambda t: 3e-4 * t.generator.standard_normal(len(t)))),
-    ("gaussmeter overranges at 35 mT", FIELD + " saturated", (_S, _A), _made_less(0.035, "field_T")),
-    ("gaussmeter frozen", "frozen", (_S, _E, _A), column("field_T", lambda t: stuck(t, t.field_T, 0.3))),
-    ("voltmeter frozen", "frozen", (_S, _E, _O), column("output_V", lambda t: stuck(t, t.output_V, 0.2))),
+    ("gaussmeter overranges at 35 mT", FIELD + " saturated", (_S, _A),
+     _made_less(0.035, "field_T")),
+    ("gaussmeter frozen", "frozen", (_S, _E, _A),
+     column("field_T", lambda t: stuck(t, t.field_T, 0.3))),
+    ("voltmeter frozen", "frozen", (_S, _E, _O),
+     column("output_V", lambda t: stuck(t, t.output_V, 0.2))),
     ("voltmeter frozen for four rows", "frozen outliers-rejected", (_S, _A),
      column("output_V", lambda t: stuck(t, t.output_V, 4.5 / len(t)))),
     ("thermometer frozen", "frozen", (_P, _A), _warm(lambda t: stuck(t, t.temperature_degC, 0.5))),
@@ -393,16 +271,20 @@ _PLANTED: Sequence[tuple[str, str, Sequence[Kind], Plant]] = (
     ("angle in gon", UNIT, (_S, _O), _theta(lambda t: t.theta_deg / 0.9)),
     ("angle of the other sense in a plane", PLANE, (_S, _E),
      _theta(lambda t: np.where(in_plane(t), -t.theta_deg, t.theta_deg))),
-    ("angle 90 deg off", PLANE + " contradicts-statement", (_S, _O), _theta(lambda t: t.theta_deg + 90.0)),
+    ("angle 90 deg off", PLANE + " contradicts-statement", (_S, _O),
+     _theta(lambda t: t.theta_deg + 90.0)),
     ("angle 90 deg off in a plane", PLANE + " encoder-jump", (_S, _E),
      _theta(lambda t: t.theta_deg + 90.0 * in_plane(t))),
     ("angle 1 deg off in a plane", PLANE + " encoder-jump output-step", (_S, _E),
      turn(lambda t: 1.0 * in_plane(t))),
     ("one angle 0.3 deg off", ENCODER, (_S, _E), turn(lambda t: 0.3 * one_angle(t))),
-    ("a plane turned over", PLANE, (_S, _A), _other_plane(lambda t, p: np.where(p, -t.output_V, t.output_V))),
+    ("a plane turned over", PLANE, (_S, _A),
+     _other_plane(lambda t, p: np.where(p, -t.output_V, t.output_V))),
     ("a plane 1 mV higher", STEP, (_S, _A), _other_plane(lambda t, p: t.output_V + 1e-3 * p)),
-    ("a plane with 0.1 % more gain", STEP, (_S, _A), _other_plane(lambda t, p: t.output_V * (1.0 + 1e-3 * p))),
-    ("a plane in mV", PLANE + " " + STEP, (_S, _A), _other_plane(lambda t, p: t.output_V * (1.0 + 999.0 * p))),
+    ("a plane with 0.1 % more gain", STEP, (_S, _A),
+     _other_plane(lambda t, p: t.output_V * (1.0 + 1e-3 * p))),
+    ("a plane in mV", PLANE + " " + STEP, (_S, _A),
+     _other_plane(lambda t, p: t.output_V * (1.0 + 999.0 * p))),
     ("a plane with a field gain of 0.7", FIELD, (_S, _A),
      column("field_T", lambda t: t.field_T * np.where(in_plane(t), 0.7, 1.0))),
     ("plane io called op", PLANE, (_S, _O), lambda t: relabelled(t, "io", "op")),
@@ -410,18 +292,21 @@ _PLANTED: Sequence[tuple[str, str, Sequence[Kind], Plant]] = (
     ("plane io called level", PLANE, (_S, _O), lambda t: relabelled(t, "io", "level")),
     ("planes io and op exchanged", PLANE, (_S,),
      column("plane", lambda t: np.array([{"io": "op", "op": "io"}.get(p, p) for p in t.plane]))),
-    ("field and commanded field exchanged", FIELD, (_S, _F), lambda t: exchanged(t)),
+    ("field and commanded field exchanged", FIELD, (_S, _F), exchanged),
     ("a copied block", "repeated-rows", (_S, _E, _A), copied),
     ("rows twice", "repeated-rows", (_S, _E), doubled),
     ("rows missing", "gap", (_S,), lost),
     ("outputs filled in", "outliers-rejected misfit", (_S, _A), filled),
     ("outputs mixed up", "outliers-rejected", (_S, _A), mixed_up),
-    ("cubic in the field, 3 %", MISFIT, (_S, _P), output(lambda t: 0.03 * TRUTH["Km"] * t.field_T * (t.field_T / 0.05) ** 2)),
+    ("cubic in the field, 3 %", MISFIT, (_S, _P),
+     output(lambda t: 0.03 * TRUTH["Km"] * t.field_T * (t.field_T / 0.05) ** 2)),
     ("iron saturates above 30 mT", MISFIT, (_S, _A),
      output(lambda t: -0.02 * np.sign(t.field_T) * np.maximum(np.abs(t.field_T) - 0.03, 0.0))),
-    ("scale differs by sign, 50 ppm", MISFIT, (_S, _E, _A), output(lambda t: 5e-5 * np.abs(t.axes()[0]))),
+    ("scale differs by sign, 50 ppm", MISFIT, (_S, _E, _A),
+     output(lambda t: 5e-5 * np.abs(t.axes()[0]))),
     ("a dead zone of 20 mV", MISFIT, (_S, _E), output(lambda t: -np.clip(t.output_V, -0.02, 0.02))),
-    ("fifth order of the input, 50 uV", MISFIT, (_S, _A), output(lambda t: 50e-6 * t.axes()[0] ** 5)),
+    ("fifth order of the input, 50 uV", MISFIT, (_S, _A),
+     output(lambda t: 50e-6 * t.axes()[0] ** 5)),
     ("sensitivity drifts 10 %", MISFIT, (_S, _A),
      output(lambda t: 0.1 * TRUTH["Km"] * t.field_T * (np.linspace(0.0, 1.0, len(t)) - 0.5))),
     ("sensitivity gone from a row on", STEP, (_S, _A),
@@ -435,13 +320,8 @@ _PLANTED: Sequence[tuple[str, str, Sequence[Kind], Plant]] = (
      output(lambda t: 1e-4 * t.axes()[0] * np.exp(-np.arange(len(t)) / (0.2 * len(t))))),
     ("first rows before the device settled", "outliers-rejected output-step", (_S, _O),
      output(lambda t: -0.3 * (np.arange(len(t)) < 3))),
-)  # fmt: skip
-
-
-def exchanged(one: Table) -> None:
-    """The measured and the commanded field stand in each other's column."""
-    one.field_T, one.field_commanded_T = one.field_commanded_T, one.field_T
-
+)
+# fmt: on
 
 SHOWN_BY_PATTERN = ("frozen", "copied", "twice", "missing")
 """Shown by repeated or missing readings, which the residuals of a model need not show."""

@@ -36,6 +36,8 @@ DEARLY = {"plane", "encoder"}
 """Planes, angles and gains go with time, and drift and temperature with all of them."""
 MOST_TRIED = 2
 FEWEST_LEFT = 6
+MOST_ROWS = 2000
+"""No line is looked for in a longer record: memory grows with the square."""
 SLOWEST_CYCLES = 4.5
 """What is slower in the record is drift."""
 STEP_KEYS = {"V": "step_V", "V/g": "step_V_per_g", "V/T": "step_V_per_T"}
@@ -121,11 +123,12 @@ def causes_to_try(
     Drift takes a step's place, so each is looked for with slow terms and without.
     """
     found: dict[bytes, Cause] = {}
-    everything = np.ones(len(rows.output_V), dtype=bool)
+    kept = solved.solution.kept
+    masks = (kept,) if kept.all() else (kept, np.ones_like(kept))
     slow = solved.slow.shape[1]
     still = solved.design[:, : solved.design.shape[1] - slow]
     for columns in (solved.design, still)[: 1 + slow]:
-        for inside in (solved.solution.kept, everything):
+        for inside in masks:
             rare = [
                 one
                 for one in _chances(columns, solved, rows, suspects, known, inside)
@@ -225,7 +228,7 @@ def _lines(time_s: Array, design: Array, left: Array, inside: Mask) -> list[tupl
     spacing_s = float(np.median(np.diff(time_s)))
     span = float(time_s[-1] - time_s[0]) / spacing_s
     cycles = np.arange(SLOWEST_CYCLES, 0.5 * span, 0.5) / span
-    if not len(cycles) or spacing_s <= 0.0:
+    if not len(cycles) or spacing_s <= 0.0 or max(count, len(cycles)) > MOST_ROWS:
         return []
     phase = 2.0 * np.pi * np.outer((time_s - time_s[0]) / spacing_s, cycles)
     waves = np.stack((np.cos(phase), np.sin(phase)))

@@ -20,6 +20,7 @@ Mask = NDArray[np.bool_]
 
 RARE = 1e-6
 FEWEST_LEFT = 6
+MOST_GROUPS = 500
 FEWEST_OF_A_GROUP = 20
 UNEVEN_SIGMAS = 5.0
 PARTS = 3
@@ -51,6 +52,8 @@ def misfit(solved: Solved, groups: Mapping[str, NDArray[np.str_]]) -> Misfit | N
     worst: Misfit | None = None
     for what, names in groups.items():
         labels, number = np.unique(names[kept], return_inverse=True)
+        if len(labels) > min(MOST_GROUPS, len(left) // 2):
+            continue
         member = np.eye(len(labels))[number]
         own = member - q @ (q.T @ member)
         basis, size, _ = np.linalg.svd(own, full_matrices=False)
