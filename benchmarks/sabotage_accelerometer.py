@@ -223,7 +223,7 @@ _PLANTED: Sequence[tuple[str, str, Sequence[Kind], Plant]] = (
      output(lambda t: 0.03 * (before(t.output_V) - t.output_V))),
     ("gaussmeter lags 3 %", SETTLED + " " + FIELD, (_S, _E, _A),
      _field(lambda t: 0.03 * (before(t.field_T) - t.field_T))),
-    ("output one row late", SETTLED + " misfit wrong-position", (_S, _O),
+    ("output one row late", SETTLED + " " + UNIT, (_S, _O),
      column("output_V", lambda t: before(t.output_V))),
     ("field one row late", FIELD, (_S, _P), column("field_T", lambda t: before(t.field_T))),
     ("field of the other sign", FIELD, (_S, _O), column("field_T", lambda t: -t.field_T)),

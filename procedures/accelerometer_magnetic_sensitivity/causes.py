@@ -140,25 +140,33 @@ def causes_to_try(
 
 
 def with_doubt(solved: Solved, rows: Rows, suspects: Suspects, known: list[Cause]) -> Solved:
-    """Return a solution whose uncertainties hold the likeliest cause that noise may just imitate.
+    """Return a solution whose uncertainties hold a cause that noise may just imitate.
 
-    What that cause would change of each coefficient counts as one standard uncertainty more.
+    Of those that are likely it is the one that would change a coefficient most; what it would
+    change counts as one standard uncertainty more.
     """
     data, kept, solution = rows.output_V, solved.solution.kept, solved.solution
     if solution.cause is not None or solution.jump is not None:
         return solved
     chances = _chances(solved.design, solved, rows, suspects, known, kept)
     places = len(data)
-    likely = [(p * (places if one.places > 1 else 1), one) for p, _, one in chances]
-    chance, cause = min(likely, key=lambda x: x[0], default=(1.0, None))
-    if cause is None or chance > DOUBTFUL:
+    likely = [
+        one for chance, _, one in chances if chance * (places if one.places > 1 else 1) < DOUBTFUL
+    ]
+    if not likely:
         return solved
-    both = np.column_stack((solved.design, cause.columns))
     width = solved.design.shape[1]
-    with_it = solve_by_qr(both[kept], data[kept]).coefficients[:width]
-    moved = with_it - solve_by_qr(solved.design[kept], data[kept]).coefficients
-    angles = [solution.names.index(name) for name in (OFFSET,) if name in solution.names]
-    moved[angles] *= ARCSEC_PER_RAD
+    plain = solve_by_qr(solved.design[kept], data[kept]).coefficients
+    units = np.ones(width)
+    units[[solution.names.index(name) for name in (OFFSET,) if name in solution.names]] = (
+        ARCSEC_PER_RAD
+    )
+    u = np.sqrt(np.diag(solution.covariance))
+    moves = []
+    for one in likely:
+        both = np.column_stack((solved.design, one.columns))[kept]
+        moves.append((solve_by_qr(both, data[kept]).coefficients[:width] - plain) * units)
+    moved = max(moves, key=lambda one: float(np.max(np.abs(one / u))))
     covariance = solution.covariance + np.outer(moved, moved)
     return replace(solved, solution=replace(solution, covariance=covariance))
 

@@ -55,7 +55,9 @@ def misread_flags(rows: Rows, solution: Solution) -> tuple[list[Flag], bool]:
         best_V, said, details = min(tried, key=lambda one: one[0])
         if best_V < BETTER * stated_V:
             if "statement" in details:
-                unit_said = f"The column theta_deg {said}; nothing is reported. Correct it."
+                unit_said = (
+                    f"The column {details['statement']} {said}; nothing is reported. Correct it."
+                )
                 return [Flag("contradicts-statement", unit_said, details=details)], True
             plane_said = (
                 f"The output fits where {said}, and not as stated; nothing is reported. Look at "
@@ -92,6 +94,11 @@ def _readings(rows: Rows) -> Iterator[tuple[Rows, str, dict[str, object]]]:
     for unit, factor in UNITS_DEG.items():
         details: dict[str, object] = {"statement": "theta_deg", "unit": unit}
         yield replace(rows, theta_rad=factor * rows.theta_rad), f"is in {unit}", details
+    output_V, late = rows.output_V, "stands one row late"
+    details = {"statement": "output_V"}
+    yield replace(rows, output_V=np.append(output_V[1:], output_V[-1])), late, details
+    early = "stands one row early"
+    yield replace(rows, output_V=np.append(output_V[0], output_V[:-1])), early, details
     names = [str(name) for name in np.unique(rows.plane)]
     for name in names:
         there = rows.plane == name
