@@ -97,6 +97,7 @@ def analysed(made: Made) -> dict[str, Any]:
     from station.dataset_reading import read_dataset
     from station.errors import InputError
     from station.evaluation import evaluate_dataset
+    from station.faults import FaultList
 
     with tempfile.TemporaryDirectory() as place:
         folder = Path(place) / "dataset"
@@ -104,8 +105,8 @@ def analysed(made: Made) -> dict[str, Any]:
         made.write(folder)
         try:
             document, _ = evaluate_dataset(read_dataset(folder))
-        except InputError:
-            return {"results": [], "flags": [{"code": "refused"}]}
+        except (InputError, FaultList) as faults:
+            return {"results": [], "flags": [{"code": "refused", "message": str(faults)}]}
         return document.to_data()
 
 

@@ -43,11 +43,11 @@ class Estimate:
         return ", ".join(self.extra.get("conditions", {}).values())
 
 
-def combination_text(terms: Mapping[str, float]) -> str:
+def combination_text(terms: Mapping[str, float], digits: int = 4) -> str:
     """Return a combination as people write it: `K0 + Kpp`, `Kii − Kpp`, `Km + 0.05 Kmm`."""
     text = ""
     for name, share in terms.items():
-        size = "" if abs(abs(share) - 1.0) < 1e-9 else f"{abs(share):.4g} "
+        size = "" if abs(abs(share) - 1.0) < 1e-9 else f"{abs(share):.{digits}g} "
         sign = ("−" if share < 0 else "") if not text else (" − " if share < 0 else " + ")
         text += f"{sign}{size}{name}"
     return text

@@ -8,8 +8,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from station.findings import Estimate, undetermined
+from station.findings import Estimate, Flag, undetermined
 
+from .causes import cause_flags
 from .dataset import AccelerometerDataset
 from .findings import (
     AccelerometerAnalysis,
@@ -22,16 +23,19 @@ from .flags import (
     data_flags,
     frozen_flags,
     jump_flags,
+    moved_flags,
+    residual_flags,
     result_flags,
     scale_drift_flags,
-    step_flags,
 )
 from .identifiability import Identifiability, judge
+from .lack_of_fit import groups_of
+from .misreadings import misread_flags
 from .model import COEFFICIENTS, FIELD_POWER, UNITS, accelerations, model_columns
-from .nuisances import FEWEST_LEFT, KI_DRIFT, STEP, unit_of
+from .nuisances import FEWEST_LEFT, KI_DRIFT, unit_of
 from .published import finite_memory_path, published_values
 from .rows import Rows
-from .screening import frozen_temperature, screen
+from .screening import coarse_step_V, frozen_temperature, screen
 from .solution import solve_rows
 from .solved import Solution
 
@@ -74,6 +78,11 @@ def analyse(
         solution = solve_rows(rows, found.kept, settings)
         if solution.degrees_of_freedom < FEWEST_LEFT:
             solution = None
+    misread: list[Flag] = []
+    if solution is not None:
+        misread, certain = misread_flags(rows, solution)
+        solution = None if certain else solution
+        as_planned = as_planned and not certain
     residual_V = np.full(len(dataset), np.nan)
     used = np.zeros(len(dataset), dtype=bool)
     if solution is not None:
@@ -84,24 +93,30 @@ def analyse(
         left_out = tuple(
             sorted((*left_out, *(LeftOut(int(row), reason) for row in far)), key=lambda x: x.row)
         )
-    estimates = _estimates(found, solution, rows.temperature_degC)
+    measured = found
+    if solution is not None and solution.shares is not None:
+        largest_T = float(np.max(np.abs(rows.commanded_T))) or 1.0
+        measured = found.as_measured(solution.shares[: found.rank], largest_T)
+    estimates = _estimates(measured, solution, rows.temperature_degC)
     path = _path(dataset, usable, found, settings)
     drift = solution.drift_order if solution is not None else 0
     lag_one = solution.lag_one_correlation if solution is not None else None
     flags = [*frozen_flags(frozen), *data_flags(dataset, left_out, settings)]
     counted = int(used.sum() if solution is not None else usable.sum())
-    flags += result_flags(found, estimates, drift, lag_one, counted, settings, as_planned)
+    flags += result_flags(found, estimates, drift, lag_one, counted, settings, as_planned, measured)
     if solution is not None and solution.jump is not None:
         off = [int(row) for row in np.flatnonzero(usable)[solution.jump.rows]]
         flags += jump_flags(dataset, off, solution.jump)
     if solution is not None and KI_DRIFT in solution.names:
         flags += scale_drift_flags()
-    if solution is not None and solution.step_row is not None:
-        step_V = float(solution.coefficients[solution.names.index(STEP)])
-        flags += step_flags(int(np.flatnonzero(usable)[solution.step_row]), step_V)
+    flags += [*misread, *moved_flags(found, measured)]
+    if solution is not None:
+        flags += residual_flags(solution, coarse_step_V(dataset.output_V[usable]))
+    if solution is not None and solution.cause is not None:
+        flags += cause_flags(solution, np.flatnonzero(usable))
     count = found.rank if solution is not None else 0
     return AccelerometerAnalysis(
-        identifiability=found,
+        identifiability=measured,
         estimates=estimates,
         covariance=solution.covariance[:count, :count] if solution else np.zeros((0, 0)),
         published=published_values(path),
@@ -126,10 +141,12 @@ def _rows(dataset: AccelerometerDataset, usable: Mask) -> Rows:
         plane=dataset.plane[usable],
         theta_rad=np.radians(dataset.theta_deg[usable]),
         field_T=dataset.field_T[usable],
+        commanded_T=dataset.field_commanded_T[usable],
         output_V=dataset.output_V[usable],
         temperature_degC=None if temperature is None else temperature[usable],
         noise_group=None if group is None else group[usable],
         gravity_g=dataset.gravity_g,
+        groups=groups_of(dataset, usable),
     )
 
 
@@ -225,12 +242,14 @@ def _path(
 def _nuisances(solution: Solution | None, rank: int) -> tuple[Nuisance, ...]:
     if solution is None:
         return ()
+    cause = solution.cause
+    units = dict.fromkeys(cause.names, cause.unit) if cause is not None else {}
     return tuple(
         Nuisance(
             name,
             float(solution.coefficients[j]),
             float(np.sqrt(solution.covariance[j, j])),
-            unit_of(name),
+            units.get(name, unit_of(name)),
         )
         for j, name in enumerate(solution.names)
         if j >= rank

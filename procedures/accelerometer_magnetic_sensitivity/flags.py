@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from procedures.estimation.excitation import excitation_flags
-from station.findings import Estimate, Flag
+from station.findings import Estimate, Flag, combination_text
 
 from .dataset import AccelerometerDataset
 from .findings import AnalysisSettings, LeftOut
@@ -16,6 +16,8 @@ from .identifiability import Identifiability, describe, listed
 from .jump import Jump
 from .model import COEFFICIENTS
 from .nuisances import ARCSEC_PER_RAD
+from .screening import COPIED, SATURATED, STUCK
+from .solved import Solution
 
 MAGNETIC = ("Km", "Kmm", "Kim", "Kom", "Kpm")
 MOST_LISTED = 12
@@ -38,7 +40,11 @@ def data_flags(
                 details={"count": len(overloaded), "rows": [int(row) for row in overloaded]},
             )
         )
-    rejected = [one for one in left_out if not dataset.overloaded[one.row]]
+    flags += _pattern_flags(dataset, left_out)
+    known = (STUCK, COPIED, SATURATED)
+    rejected = [
+        one for one in left_out if not dataset.overloaded[one.row] and one.reason not in known
+    ]
     if rejected:
         reasons = list(dict.fromkeys(one.reason for one in rejected))
         shown = ", ".join(str(one.row) for one in rejected[:MOST_LISTED])
@@ -52,6 +58,40 @@ def data_flags(
             )
         )
     return flags + _gap(dataset, settings) + _field(dataset, left_out, settings)
+
+
+def _pattern_flags(dataset: AccelerometerDataset, left_out: Sequence[LeftOut]) -> list[Flag]:
+    """Return the flags of readings that stand still, are copies, or stand at a limit."""
+    flags = []
+    still = [one.row for one in left_out if one.reason == STUCK]
+    if still:
+        stuck_said = (
+            f"Voltmeter or gaussmeter repeat their reading to the last digit in {len(still)} rows, "
+            f"from row {still[0]} on, counted from 0, though the field changed; these rows are "
+            "left out. Look at the instrument, its trigger and its cable."
+        )
+        what = "voltmeter or gaussmeter"
+        details = {"count": len(still), "row": still[0], "what": what}
+        flags.append(Flag("frozen", stuck_said, details=details))
+    copies = [one.row for one in left_out if one.reason == COPIED]
+    if copies:
+        copied_said = (
+            f"{len(copies)} rows, the first is row {copies[0]}, counted from 0, hold field and "
+            "output of an earlier row to the last digit: they were not measured, and are left "
+            "out. Look at what wrote the file."
+        )
+        details = {"count": len(copies), "row": copies[0]}
+        flags.append(Flag("repeated-rows", copied_said, details=details))
+    limit = [one.row for one in left_out if one.reason == SATURATED]
+    if limit:
+        limit_said = (
+            f"The output stands at {dataset.output_V[limit[0]]:.6g} V in {len(limit)} rows, the "
+            f"first is row {limit[0]}, counted from 0: voltmeter or device are at their limit, and "
+            "these rows are left out. Take a higher range, or a smaller load resistor."
+        )
+        details = {"count": len(limit), "row": limit[0]}
+        flags.append(Flag("saturated", limit_said, details=details))
+    return flags
 
 
 def _gap(dataset: AccelerometerDataset, settings: AnalysisSettings) -> list[Flag]:
@@ -151,14 +191,53 @@ def scale_drift_flags() -> list[Flag]:
     return [Flag("drift-removed", scale_said, details={"term": "Ki"})]
 
 
-def step_flags(row: int, step_V: float) -> list[Flag]:
-    """Return the flag of an output that steps at a row of the dataset."""
-    step_said = (
-        f"From row {row} on, counted from 0, the output reads {1e6 * step_V:+.4g} µV more than "
-        "before at the same angle and field; the solution takes the step for one of the output and "
-        "removes it, K0 being the mean. Look at the voltmeter, its input, and the device."
+def residual_flags(solution: Solution, coarse_V: float) -> list[Flag]:
+    """Return the flags of what groups of rows share, of noise that is not even, and of rounding.
+
+    `coarse_V` is the step that the readings are multiples of.
+    """
+    flags = []
+    if coarse_V > solution.noise_V:
+        coarse_said = (
+            f"The output has steps of {1e6 * coarse_V:.4g} µV, and the noise that is left is "
+            f"{1e6 * solution.noise_V:.3g} µV: rounding decides the uncertainty. Take a lower "
+            "range or a longer integration, and write all digits into the file."
+        )
+        flags.append(Flag("coarse-output", coarse_said, details={"step_V": coarse_V}))
+    found, noise = solution.misfit, solution.uneven
+    if found is not None:
+        shared_said = (
+            f"The rows of the same {found.what} are off together, most in {found.largest} by "
+            f"{1e6 * found.size_V:+.3g} µV: the model does not follow the output there. The "
+            f"uncertainties are {found.ratio**0.5:.2g} times larger for it. Look at the encoder, "
+            "the mounting, and what is not linear."
+        )
+        details = {"what": found.what, "at": found.largest, "size_V": found.size_V}
+        flags.append(Flag("misfit", shared_said, details=details))
+    if noise is not None:
+        sizes = ", ".join(f"{1e6 * one:.3g}" for one in noise.noise_V)
+        where = "the planes in alphabetic order" if noise.what == "plane" else "thirds of the rows"
+        noise_said = (
+            f"The noise is not even: {sizes} µV in {where}. Each row weighs by its own. Look for "
+            "what disturbed the noisy part: a loose cable, a motor, a range of the voltmeter."
+        )
+        noisy = {"by": noise.what, "noise_V": [float(one) for one in noise.noise_V]}
+        flags.append(Flag("uneven-noise", noise_said, details=noisy))
+    return flags
+
+
+def moved_flags(found: Identifiability, measured: Identifiability) -> list[Flag]:
+    """Return the flag of combinations that the measured field or angle moves from the commanded."""
+    moved = [name for name, own in measured.terms.items() if own != found.terms[name]]
+    if not moved:
+        return []
+    stand = ", ".join(combination_text(measured.terms[name], 6) for name in moved)
+    moved_said = (
+        f"The fields or angles that were measured are not those that were commanded, and move what "
+        f"{listed(moved)} stand{'s' if len(moved) == 1 else ''} for: {stand}. The terms given are "
+        "those of the measured ones."
     )
-    return [Flag("output-step", step_said, details={"row": row, "step_V": step_V})]
+    return [Flag("field-differs-from-commanded", moved_said, details={"coefficients": moved})]
 
 
 def result_flags(
@@ -169,6 +248,7 @@ def result_flags(
     rows: int,
     settings: AnalysisSettings,
     as_planned: bool = True,
+    measured: Identifiability | None = None,
 ) -> list[Flag]:
     """Return the flags on the solution: what it cannot tell, drift, what the model leaves."""
     flags: list[Flag] = []
@@ -176,7 +256,7 @@ def result_flags(
     wanting = [n for n in COEFFICIENTS if n in found.not_alone or n in undetermined]
     if wanting:
         few = bool(set(undetermined) - set(found.folded))
-        why = f"{rows} usable rows are too few." if few else " ".join(describe(found))
+        why = f"{rows} usable rows are too few." if few else " ".join(describe(measured or found))
         if few and not as_planned:
             why = "The measured angles or fields do not follow the commanded ones: nothing is told."
         flags.append(

@@ -18,6 +18,9 @@ Array = NDArray[np.float64]
 SMALLEST_RMS = 1e-6
 """A column is dependent when its part orthogonal to the kept ones has an rms below this."""
 
+MOVED = 1e-4
+"""The noise of a gaussmeter moves no combination by so much."""
+
 SMALLEST_TERM = 5e-6
 """What a dependent column may seem to have of a kept one by the tolerance above."""
 
@@ -54,6 +57,26 @@ class Identifiability:
     def not_alone(self) -> tuple[str, ...]:
         """The coefficients that are not: folded ones, and kept ones that stand for several."""
         return tuple(name for name in COEFFICIENTS if name not in self.alone)
+
+    def as_measured(self, shares: Array, largest_T: float) -> Identifiability:
+        """Return the combinations that the measured fields and angles make of the same columns.
+
+        `shares` (rank, 13) are what the solution takes of each column, in the units of the
+        coefficients. A term stays as commanded where it is moved by less than `MOVED`, the field
+        taken over its largest magnitude.
+        """
+        scale = field_scales(largest_T)
+        terms: dict[str, dict[str, float]] = {}
+        for row, (name, commanded) in enumerate(self.terms.items()):
+            own = dict(commanded)
+            for folded in self.folded:
+                j = COEFFICIENTS.index(folded)
+                share = float(shares[row, j])
+                moved = abs(share - own.get(folded, 0.0)) * scale[COEFFICIENTS.index(name)]
+                if moved > MOVED * scale[j]:
+                    own[folded] = _tidy(float(f"{share:.9g}"))
+            terms[name] = own
+        return Identifiability(terms, self.folded, self.unexcited)
 
 
 def judge(

@@ -31,7 +31,6 @@ same, and what is left out is in the uncertainty."""
 
 ARCSEC_PER_RAD = 3600.0 * 180.0 / np.pi
 OFFSET, JUMP, KO, KP = "encoder offset", "encoder jump", "Ko", "Kp"
-STEP = "output step"
 K0_T, KI_T = "K0_T", "Ki_T"
 KI_DRIFT = "Ki drift"
 """Of the scale factor, linear in time, where no thermometer says what warmed it."""

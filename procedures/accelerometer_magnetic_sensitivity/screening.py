@@ -18,6 +18,13 @@ WILD_TEMPERATURE_K = 5.0
 WILD_SPREADS = 20.0
 NEIGHBOURS = 5
 FEWEST_FROZEN = 10
+FEWEST_STUCK = 3
+"""Voltmeter and gaussmeter read something new wherever angle or field changed."""
+FEWEST_CLIPPED = 4
+FEWEST_COPIED = 5
+STUCK = "reading stands still"
+SATURATED = "at the limit of voltmeter or device"
+COPIED = "copy of an earlier row"
 USUALLY_NEW = 0.5
 """Of the other readings: a thermometer that repeats itself anyway is coarse, and not frozen."""
 
@@ -38,6 +45,9 @@ def screen(dataset: AccelerometerDataset) -> tuple[Mask, tuple[LeftOut, ...]]:
     note(~np.isfinite(dataset.theta_deg), "no angle")
     note(~np.isfinite(dataset.theta_commanded_deg), "angle off the plan's grid")
     note(~np.isfinite(dataset.field_T), "no reading of the field")
+    note(stuck(dataset.output_V, dataset) | stuck(dataset.field_T, dataset), STUCK)
+    note(clipped(dataset.output_V), SATURATED)
+    note(copied(dataset), COPIED)
     note(wild_field(dataset.field_T, dataset.field_commanded_T), "wild reading of the field")
     if dataset.temperature_degC is not None:
         note(wild_temperature(dataset.temperature_degC), "wild reading of the temperature")
@@ -79,18 +89,92 @@ def wild_temperature(temperature_degC: Array) -> Mask:
     return np.asarray(wild, dtype=np.bool_)
 
 
+def stuck(reading: Array, dataset: AccelerometerDataset) -> Mask:
+    """Return which readings (n,) of voltmeter or gaussmeter repeat the one before them, (n,).
+
+    To the last digit, though the commanded field changed, in three rows and more; none where
+    readings are so coarse that others repeat, too.
+    """
+    if len(np.unique(reading)) < 2:
+        return np.zeros(len(reading), dtype=bool)
+    changed = np.diff(dataset.field_commanded_T, prepend=np.nan) != 0.0
+    if reading is dataset.output_V:
+        changed |= np.diff(dataset.theta_commanded_deg, prepend=np.nan) != 0.0
+    held = frozen(np.where(dataset.overloaded, np.nan, reading), FEWEST_STUCK) & changed
+    # The first of them may have been measured.
+    return np.asarray(held & np.append(False, reading[1:] == reading[:-1]))
+
+
+def clipped(output_V: Array) -> Mask:
+    """Return which readings (n,) stand at one same limit of the voltmeter or the device.
+
+    Four and more that are the largest magnitude of one sign to the last digit, where readings are
+    not so coarse that others repeat as often.
+    """
+    found = np.zeros(len(output_V), dtype=bool)
+    values, count = np.unique(output_V[np.isfinite(output_V)], return_counts=True)
+    if len(values) < 3:
+        return found
+    for end, others in ((0, count[1:]), (-1, count[:-1])):
+        if count[end] >= FEWEST_CLIPPED and count[end] > 2 * int(others[1:-1].max(initial=1)):
+            found |= output_V == values[end]
+    return found
+
+
+def copied(dataset: AccelerometerDataset) -> Mask:
+    """Return which rows (n,) hold the field and the output of an earlier one to the last digit.
+
+    Five and more that are the same number of rows behind, where so many cannot be alike by chance:
+    where readings are not coarse.
+    """
+    found = np.zeros(len(dataset), dtype=bool)
+    if len(np.unique(dataset.output_V)) < 0.5 * len(dataset) or len(dataset) < FEWEST_COPIED:
+        return found
+    pairs = np.column_stack((dataset.output_V, dataset.field_T))
+    _, kind = np.unique(pairs, axis=0, return_inverse=True)
+    order = np.argsort(kind.ravel(), kind="stable")
+    same = np.diff(kind.ravel()[order]) == 0
+    earlier, later = order[:-1][same], order[1:][same]
+    behind, count = np.unique(later - earlier, return_counts=True)
+    far = behind[count >= FEWEST_COPIED]
+    found[later[np.isin(later - earlier, far)]] = True
+    return found
+
+
+def coarse_step_V(output_V: Array) -> float:
+    """Return the step of which all readings are multiples, 0 where there is none.
+
+    A voltmeter's last digit is below its noise; where it is above, the error of a reading repeats
+    with the reading.
+    """
+    values = np.unique(output_V[np.isfinite(output_V)])
+    step_V = float(np.min(np.diff(values), initial=np.inf))
+    if not np.isfinite(step_V) or step_V <= 0.0:
+        return 0.0
+    away = np.abs(values / step_V - np.rint(values / step_V))
+    return step_V if float(np.max(away)) < 0.01 else 0.0
+
+
 def frozen_temperature(temperature_degC: Array) -> Mask:
     """Return which readings (n,) repeat the one before to the last digit, ten and more in a row.
 
     A thermometer that stands still measures nothing, and what warms the device goes unseen.
     """
-    frozen = np.zeros(len(temperature_degC), dtype=bool)
-    if len(frozen) < FEWEST_FROZEN:
+    return frozen(temperature_degC, FEWEST_FROZEN)
+
+
+def frozen(reading: Array, fewest: int) -> Mask:
+    """Return which readings (n,) are `fewest` and more of the same in a row.
+
+    None where half of the others repeat themselves, too: such readings are coarse.
+    """
+    frozen = np.zeros(len(reading), dtype=bool)
+    if len(frozen) < fewest:
         return frozen
-    new = np.append(True, temperature_degC[1:] != temperature_degC[:-1])
+    new = np.append(True, reading[1:] != reading[:-1])
     starts = np.flatnonzero(new)
     for start, length in zip(starts, np.diff(np.append(starts, len(new))), strict=True):
-        if length >= FEWEST_FROZEN:
+        if length >= fewest:
             frozen[start : start + length] = True
     others = new[~frozen]
     return frozen if not len(others) or float(others.mean()) > USUALLY_NEW else frozen & False

@@ -17,8 +17,11 @@ from procedures.estimation.orthogonal import (
     solve_by_qr,
 )
 
+from .causes import causes_to_try, known_causes, with_doubt
 from .findings import AnalysisSettings
 from .jump import Jump, Suspects, find_jumps
+from .lack_of_fit import uneven, with_misfit
+from .model import model_columns
 from .nuisances import (
     ARCSEC_PER_RAD,
     JUMP,
@@ -28,8 +31,7 @@ from .nuisances import (
     slow_terms,
 )
 from .rows import Rows
-from .solved import Solution, Solved
-from .steps_of_output import steps_to_try
+from .solved import Cause, Solution, Solved
 from .suspicion import may_be_off
 from .turned_model import ROUNDS, TurnedModel
 
@@ -50,16 +52,32 @@ def solve_rows(rows: Rows, kept_names: tuple[str, ...], settings: AnalysisSettin
     criterion asks for them; a jump of the encoder where the model follows the rows badly without
     it and well with it.
     """
+    solved = _best_of(rows, kept_names, settings)
+    noise = uneven(rows, solved.solution) if rows.noise_group is None else None
+    if noise is not None:
+        weight = float(np.median(noise.noise_V)) / noise.noise_V[noise.group]
+        rows = replace(rows, noise_group=noise.group, root_weight=weight)
+        solved = _best_of(rows, kept_names, settings)
+    kept = solved.solution.kept
+    columns = model_columns(solved.acceleration_g, rows.field_T)[kept]
+    scale = np.linalg.norm(solved.design[kept], axis=0)
+    shares = np.linalg.lstsq(solved.design[kept] / scale, columns, rcond=None)[0] / scale[:, None]
+    return replace(with_misfit(solved, rows.groups), uneven=noise, shares=shares)
+
+
+def _best_of(rows: Rows, kept_names: tuple[str, ...], settings: AnalysisSettings) -> Solved:
+    """Return the best of the solutions with no, or one, cause beside the model."""
     first = _solve(rows, kept_names, settings)
     found = first.solution
     suspects = Suspects.of(rows.plane, rows.theta_rad)
     model = TurnedModel(rows, kept_names)
     whole = np.ones(len(rows.time_s), dtype=bool)
-    solutions = [found]
-    steps = steps_to_try(first, model.with_misalignment(0.0), rows.output_V, suspects)
-    solutions += [_solve(rows, kept_names, settings, step_row=row).solution for row in steps]
+    solutions = [first]
+    known = known_causes(rows, first.acceleration_g, first.model_coefficients)
+    causes = causes_to_try(first, rows, suspects, known)
+    solutions += [_solve(rows, kept_names, settings, cause=one) for one in causes]
     if OFFSET not in found.names or not may_be_off(first, rows.output_V, suspects, settings):
-        return _best(solutions, len(whole))
+        return with_doubt(_best(solutions, len(whole)), rows, suspects, known)
     tried = set()
     for slow in (first.slow[:, :0], first.slow) if first.slow.shape[1] else (first.slow,):
 
@@ -70,14 +88,15 @@ def solve_rows(rows: Rows, kept_names: tuple[str, ...], settings: AnalysisSettin
             for jump in find_jumps(suspects, columns_at, first.slope, rows.output_V, inside):
                 if jump.rows.tobytes() not in tried:
                     tried.add(jump.rows.tobytes())
-                    solutions.append(_solve(rows, kept_names, settings, jump).solution)
-    return _best(solutions, len(whole))
+                    solutions.append(_solve(rows, kept_names, settings, jump))
+    return with_doubt(_best(solutions, len(whole)), rows, suspects, known)
 
 
-def _best(solutions: list[Solution], rows: int) -> Solution:
+def _best(solutions: list[Solved], rows: int) -> Solved:
     """Return the solution that the information criterion prefers."""
-    squares = [one.sum_of_squares for one in solutions]
-    return solutions[choose_by_information(squares, [one.price for one in solutions], rows)]
+    squares = [one.solution.sum_of_squares for one in solutions]
+    prices = [one.solution.price for one in solutions]
+    return solutions[choose_by_information(squares, prices, rows)]
 
 
 def _solve(
@@ -85,17 +104,17 @@ def _solve(
     kept_names: tuple[str, ...],
     settings: AnalysisSettings,
     jump: Jump | None = None,
-    step_row: int | None = None,
+    cause: Cause | None = None,
 ) -> Solved:
     """Solve with the encoder off in the rows of a jump, which begins at the jump's angle.
 
-    Or with an output that steps at a row.
+    Or with the columns of another cause.
     """
-    model = TurnedModel(rows, kept_names, None if jump is None else jump.rows, step_row)
+    model = TurnedModel(rows, kept_names, None if jump is None else jump.rows, cause)
     angles = {} if jump is None else {JUMP: jump.angle_rad}
     begin, data = model.correction_rad(angles), rows.output_V
     start = model.with_misalignment(begin)
-    inside = keep_inliers(start, data, far(start, settings.outlier))
+    inside = keep_inliers(start, data, far(start, settings.outlier), rows.root_weight)
     model.guess(solve_by_qr(start[inside], data[inside]).coefficients)
     begin = model.without_large_offset(begin, inside)
     fixed_names, fixed = model.fixed(begin)
@@ -108,7 +127,7 @@ def _solve(
     )
     usable = separable(fixed, slow, np.ones(len(data), dtype=bool))
     whole = np.column_stack((fixed, usable.columns))
-    inside = keep_inliers(whole, data, far(whole, settings.outlier))
+    inside = keep_inliers(whole, data, far(whole, settings.outlier), rows.root_weight)
     usable = separable(fixed, usable, inside)
     weight = group_weights(rows, np.column_stack((fixed, usable.columns)), inside)
     terms = usable.only(chosen(fixed, data, usable, inside, weight))
@@ -135,8 +154,9 @@ def _solve(
     if jump is not None:
         jump = replace(jump, angle_rad=angles[JUMP])
     solution = _solution(model, design, data, fit, kept, names, solved_rad, lost, warmth, jump)
-    solution = replace(solution, step_row=step_row)
-    return Solved(solution, design, model.slope, terms.columns)
+    solution = replace(solution, cause=cause)
+    turned_g = rows.accelerations(model.correction_rad(angles))
+    return Solved(solution, design, model.slope, terms.columns, turned_g, model.coefficients)
 
 
 def far(design: Array, sigmas: float) -> float:
@@ -154,7 +174,7 @@ def group_weights(rows: Rows, design: Array, kept: Mask) -> Array:
 
     The noise of a group is told by its own residuals where there are enough of them.
     """
-    weight = np.ones(len(kept))
+    weight = np.ones(len(kept)) if rows.root_weight is None else rows.root_weight.copy()
     if rows.noise_group is None or len(np.unique(rows.noise_group)) < 2:
         return weight
     for _ in range(3):

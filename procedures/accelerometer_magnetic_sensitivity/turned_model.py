@@ -22,12 +22,12 @@ from .nuisances import (
     KO,
     KP,
     OFFSET,
-    STEP,
     USUAL,
     Candidates,
     has_warmed,
 )
 from .rows import Rows
+from .solved import Cause
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -45,18 +45,14 @@ class TurnedModel:
         rows: Rows,
         kept_names: tuple[str, ...],
         off: Mask | None = None,
-        step_row: int | None = None,
+        cause: Cause | None = None,
     ) -> None:
-        """Take the rows, in which of them the encoder is `off`, and where the output steps."""
+        """Take the rows, in which of them the encoder is `off`, and what else moved the output."""
         self.rows = rows
         self.slope = np.zeros(len(rows.time_s))
         self._off = self.slope.copy() if off is None else off.astype(np.float64)
-        count = len(rows.time_s)
-        self._step: Array = np.zeros((count, 0))
-        if step_row is not None:
-            # Of zero mean over the rows, as drift is: K0 stays their mean.
-            after = (np.arange(count) >= step_row).astype(np.float64)
-            self._step = np.asarray(after - after.mean())[:, None]
+        self._more = np.zeros((len(rows.time_s), 0)) if cause is None else cause.columns
+        self._more_names = () if cause is None else cause.names
         self.names = kept_names
         self._places = [COEFFICIENTS.index(name) for name in kept_names]
         self._guess = np.zeros(len(COEFFICIENTS))
@@ -80,7 +76,7 @@ class TurnedModel:
             still, other = self.columns(0.0), self.rows.accelerations()[:, 1:]
             self._misalignment = list(independent_of(still, other, INDEPENDENT_PART))
         other = self.rows.accelerations(offset_rad)[:, 1:]
-        columns = (self.columns(offset_rad), other[:, self._misalignment], self._step)
+        columns = (self.columns(offset_rad), other[:, self._misalignment], self._more)
         return np.column_stack(columns)
 
     def without_large_offset(self, begin_rad: Array, inside: Mask) -> Array:
@@ -99,6 +95,11 @@ class TurnedModel:
                 break
             begin_rad = begin_rad + step_rad
         return begin_rad
+
+    @property
+    def coefficients(self) -> Array:
+        """All thirteen coefficients as they were last taken, zero where they are folded."""
+        return self._guess
 
     def guess(self, coefficients: Array) -> None:
         """Take the kept coefficients as those of the next derivative by the angle."""
@@ -133,8 +134,8 @@ class TurnedModel:
                 name for j, name in enumerate(known) if j not in taken and np.any(other[:, j])
             )
         places = [known.index(name) for name in self._alignment]
-        names = (*self.names, *self._alignment, *(STEP,) * self._step.shape[1])
-        return names, np.column_stack((columns, other[:, places], self._step))
+        names = (*self.names, *self._alignment, *self._more_names)
+        return names, np.column_stack((columns, other[:, places], self._more))
 
     def unfitted_warmth(self, usable: Candidates, taken: tuple[str, ...], kept: Mask) -> Array:
         """Return the columns (kept rows, m), in V, of a warming that too few rows could fit.

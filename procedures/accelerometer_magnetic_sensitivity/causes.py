@@ -1,0 +1,337 @@
+"""What else may have moved the output: a table of causes, each with the columns it would have.
+
+Each is held against what a solution left, with drift and without, in all rows and in those that the
+solution keeps. Those that explain far more than noise does are solved for beside the coefficients,
+and the information criterion says which it was: an encoder that jumps, drift, or one of these.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import fdtrc, ndtr
+
+from procedures.estimation.linear import combine
+from procedures.estimation.orthogonal import independent_of, project, solve_by_qr, thin_qr
+from station.findings import Flag
+
+from .jump import Suspects, small_jumps
+from .model import model_columns
+from .nuisances import ARCSEC_PER_RAD, OFFSET
+from .rows import Rows
+from .solved import PLACE, Cause, Solution, Solved
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+RARE = 2.0 * float(ndtr(-4.5))
+"""As seldom as this noise may look so much like a cause that it is tried."""
+DOUBTFUL = 2.0 * float(ndtr(-3.0))
+LEAST_PART = 1e-2
+"""A column with less of its own takes the place of the coefficients it resembles."""
+DEAR = PLACE + 2
+DEARLY = {"plane", "encoder"}
+"""Planes, angles and gains go with time, and drift and temperature with all of them."""
+MOST_TRIED = 2
+FEWEST_LEFT = 6
+MOST_ROWS = 2000
+"""No line is looked for in a longer record: memory grows with the square."""
+SLOWEST_CYCLES = 4.5
+"""What is slower in the record is drift."""
+STEP_KEYS = {"V": "step_V", "V/g": "step_V_per_g", "V/T": "step_V_per_T"}
+
+
+def direction(commanded_T: Array) -> Array:
+    """Return +1 where the field has come up last, -1 where it has come down, 0 before it moved."""
+    steps = np.sign(np.diff(commanded_T, prepend=commanded_T[:1]))
+    moved = np.maximum.accumulate(np.where(steps != 0.0, np.arange(len(steps)), 0))
+    return np.asarray(steps[moved])
+
+
+def known_causes(rows: Rows, acceleration_g: Array, coefficients: Array) -> list[Cause]:
+    """Return the causes that have a shape of their own.
+
+    `acceleration_g` (rows, 3), `coefficients` (13,) of a first solution.
+    """
+    data = rows.output_V
+    i, o, p = acceleration_g.T
+    largest_T = float(np.max(np.abs(rows.field_T))) or 1.0
+    b = rows.field_T / largest_T
+    time = rows.time_s - rows.time_s.mean()
+    time = time / (float(np.max(np.abs(time))) or 1.0)
+    up = direction(rows.commanded_T)
+    ahead = model_columns(acceleration_g, rows.field_T + largest_T)
+    behind = model_columns(acceleration_g, rows.field_T - largest_T)
+    by_field = combine(ahead - behind, coefficients) / (2.0 * largest_T)
+    last = np.concatenate(([0], np.arange(len(data) - 1)))
+    change_T = rows.field_T[last] - rows.field_T
+    off_T = rows.commanded_T - rows.field_T
+    shapes: list[tuple[str, str, str, Array]] = [
+        ("hysteresis", "bias", "V", up),
+        ("hysteresis", "bias", "V", np.column_stack((up, up * b**2))),
+        ("hysteresis", "scale", "V/g", up * i),
+        ("hysteresis", "last field", "V/T", change_T),
+        ("hysteresis", "last field", "1", change_T * by_field),
+        ("not-settled", "output", "1", data[last] - data),
+        ("field-differs-from-commanded", "gaussmeter", "1", off_T * by_field),
+        ("misfit", "field", "V", b**3),
+        ("misfit", "field", "V", np.abs(b) * b),
+        ("misfit", "field", "V", b**4),
+        ("misfit", "field", "V", np.column_stack((b**3, b**4))),
+        ("misfit", "field and acceleration", "V/g", i * b**2),
+        ("misfit", "acceleration", "V/g", np.abs(i)),
+        ("misfit", "acceleration", "V/g^2", np.abs(i) * i),
+        ("misfit", "acceleration", "V/g^4", i**4),
+        ("misfit", "acceleration", "V/g^5", i**5),
+        ("misfit", "acceleration", "V/g^2", o * p),
+        ("misfit", "scale of the encoder", "V/g", rows.slope * rows.theta_rad),
+        ("misfit", "drift of the encoder", "V/g", rows.slope * time),
+        ("drift-removed", "Km", "V", time * b),
+    ]
+    if rows.temperature_degC is not None:
+        square = time**2 - np.mean(time**2)
+        shapes += [
+            ("drift-removed", "Ki", "V/g", time * i),
+            ("drift-removed", "Ki", "V/g", np.column_stack((time * i, square * i))),
+        ]
+    for plane in np.unique(rows.plane):
+        if np.count_nonzero(np.diff(rows.plane == plane)) < 2:
+            continue  # It begins or ends once, as a step does.
+        there = (rows.plane == plane) - float(np.mean(rows.plane == plane))
+        shapes += [("output-step", f"plane {plane}", "V", there)]
+        shapes += [("output-step", f"gain of plane {plane}", "V/g", there * i)]
+    return [
+        Cause(
+            code,
+            what,
+            unit,
+            one.reshape(len(data), -1),
+            None,
+            DEAR if DEARLY & set(what.split()) else 1,
+        )
+        for code, what, unit, one in shapes
+    ]
+
+
+def causes_to_try(
+    solved: Solved, rows: Rows, suspects: Suspects, known: list[Cause]
+) -> list[Cause]:
+    """Return the causes that explain more than noise does; none where nothing looks like it.
+
+    Drift takes a step's place, so each is looked for with slow terms and without.
+    """
+    found: dict[bytes, Cause] = {}
+    kept = solved.solution.kept
+    masks = (kept,) if kept.all() else (kept, np.ones_like(kept))
+    slow = solved.slow.shape[1]
+    still = solved.design[:, : solved.design.shape[1] - slow]
+    for columns in (solved.design, still)[: 1 + slow]:
+        for inside in masks:
+            rare = [
+                one
+                for one in _chances(columns, solved, rows, suspects, known, inside)
+                if one[0] < RARE
+            ]
+            for _, _, one in sorted(rare, key=lambda x: x[:2])[:MOST_TRIED]:
+                found.setdefault(one.columns.tobytes(), one)
+    return list(found.values())
+
+
+def with_doubt(solved: Solved, rows: Rows, suspects: Suspects, known: list[Cause]) -> Solved:
+    """Return a solution whose uncertainties hold a cause that noise may just imitate.
+
+    Of those that are likely it is the one that would change a coefficient most; what it would
+    change counts as one standard uncertainty more.
+    """
+    data, kept, solution = rows.output_V, solved.solution.kept, solved.solution
+    if solution.cause is not None or solution.jump is not None:
+        return solved
+    chances = _chances(solved.design, solved, rows, suspects, known, kept)
+    places = len(data)
+    likely = [
+        one for chance, _, one in chances if chance * (places if one.places > 1 else 1) < DOUBTFUL
+    ]
+    if not likely:
+        return solved
+    width = solved.design.shape[1]
+    plain = solve_by_qr(solved.design[kept], data[kept]).coefficients
+    units = np.ones(width)
+    units[[solution.names.index(name) for name in (OFFSET,) if name in solution.names]] = (
+        ARCSEC_PER_RAD
+    )
+    u = np.sqrt(np.diag(solution.covariance))
+    moves = []
+    for one in likely:
+        both = np.column_stack((solved.design, one.columns))[kept]
+        moves.append((solve_by_qr(both, data[kept]).coefficients[:width] - plain) * units)
+    moved = max(moves, key=lambda one: float(np.max(np.abs(one / u))))
+    covariance = solution.covariance + np.outer(moved, moved)
+    return replace(solved, solution=replace(solution, covariance=covariance))
+
+
+def _chances(
+    columns: Array,
+    solved: Solved,
+    rows: Rows,
+    suspects: Suspects,
+    known: list[Cause],
+    inside: Mask,
+) -> list[tuple[float, float, Cause]]:
+    """Return each cause with the probability that noise explains so much, and less what it gains.
+
+    `columns` (rows, k) are those that it is held against; only rows `inside` count.
+    """
+    data, free = rows.output_V, int(inside.sum()) - columns.shape[1]
+    if free < FEWEST_LEFT:
+        return []
+    fit = solve_by_qr(columns[inside], data[inside])
+    left = (data - combine(columns, fit.coefficients)) * inside
+    design = columns * inside[:, None]
+    tried = [_explained(one, design, left, inside) for one in known]
+    tried += _steps(suspects, design, left, inside, solved.acceleration_g[:, 0], rows.field_T)
+    tried += _lines(rows.time_s, design, left, inside)
+    found = []
+    for gain, one in tried:
+        width = one.columns.shape[1]
+        if width:
+            rest = max(float(left @ left) - gain, 1e-300) / (free - width)
+            chance = float(fdtrc(width, free - width, gain / width / rest))
+            found.append((chance, -gain, one))
+    return found
+
+
+def _explained(cause: Cause, design: Array, left: Array, inside: Mask) -> tuple[float, Cause]:
+    """Return by how much the squares fall with a cause, and the cause with what is its own."""
+    own = independent_of(design, cause.columns * inside[:, None], LEAST_PART)
+    columns = cause.columns[:, list(own)]
+    q = thin_qr(np.column_stack((design, columns * inside[:, None])))[0][:, design.shape[1] :]
+    return float(np.sum(project(q, left) ** 2)), replace(cause, columns=columns)
+
+
+def _steps(
+    suspects: Suspects, design: Array, left: Array, inside: Mask, input_g: Array, field_T: Array
+) -> list[tuple[float, Cause]]:
+    """Return the best step of the output and of its gain, each of zero mean over the rows."""
+    begins, _ = suspects.kinds(inside)
+    found = []
+    shapes = (
+        ("output", "V", np.ones(len(left)), PLACE),
+        ("gain", "V/g", input_g, DEAR),
+        ("sensitivity", "V/T", field_T, DEAR),
+    )
+    for what, unit, shape, places in shapes:
+        gains = np.where(begins, small_jumps(suspects, design, shape * inside, left)[0], 0.0)
+        row = int(np.argmax(gains))
+        after = (np.arange(len(left)) >= row).astype(np.float64)
+        columns = (shape * (after - after.mean()))[:, None]
+        found.append((float(gains[row]), Cause("output-step", what, unit, columns, row, places)))
+    return found
+
+
+def _lines(time_s: Array, design: Array, left: Array, inside: Mask) -> list[tuple[float, Cause]]:
+    """Return the strongest line in what a solution left, none where rows are too few."""
+    count = len(left)
+    spacing_s = float(np.median(np.diff(time_s)))
+    span = float(time_s[-1] - time_s[0]) / spacing_s
+    cycles = np.arange(SLOWEST_CYCLES, 0.5 * span, 0.5) / span
+    if not len(cycles) or spacing_s <= 0.0 or max(count, len(cycles)) > MOST_ROWS:
+        return []
+    phase = 2.0 * np.pi * np.outer((time_s - time_s[0]) / spacing_s, cycles)
+    waves = np.stack((np.cos(phase), np.sin(phase)))
+    q = thin_qr(design)[0]
+    own = waves * inside[:, None]
+    own = own - np.einsum("nk,akc->anc", q, np.einsum("nk,anc->akc", q, own))
+    (cc, ss), cs = np.einsum("anc,anc->ac", own, own), np.einsum("nc,nc->c", *own)
+    cr, sr = np.einsum("anc,n->ac", own, left)
+    determinant = cc * ss - cs**2
+    told = determinant > (LEAST_PART * count) ** 2
+    gains = (ss * cr**2 - 2.0 * cs * cr * sr + cc * sr**2) / np.where(told, determinant, 1.0)
+    best = int(np.argmax(np.where(told, gains, 0.0)))
+    if not told[best]:
+        return []
+    what = f"{spacing_s / cycles[best]:.4g} s"
+    return [(float(gains[best]), Cause("periodic", what, "V", waves[:, :, best].T, None, PLACE))]
+
+
+def cause_flags(solution: Solution, rows: NDArray[np.int64]) -> list[Flag]:
+    """Return the flag of what moved the output beside the model; `rows` are those of the dataset.
+
+    Its size is the largest change of the output that it makes over the rows.
+    """
+    cause = solution.cause
+    if cause is None:
+        return []
+    places = [solution.names.index(name) for name in cause.names]
+    terms = solution.coefficients[places]
+    course_V = np.einsum("ij,j->i", cause.columns, terms)
+    size_V = float(np.ptp(course_V))
+    details: dict[str, object] = {"what": cause.what, "size_V": size_V}
+    size = f"{1e6 * size_V:.3g} µV"
+    if cause.code == "hysteresis":
+        moved = {
+            "bias": "the output differs by where the field came from",
+            "scale": "the scale factor differs by where the field came from",
+            "last field": "the output still holds a part of the field of the row before",
+        }[cause.what]
+        hysteresis_said = (
+            f"Hysteresis: {moved}, by up to {size}; it is fitted and removed. A core or a torquer "
+            "keeps a part of its magnetisation, or the field had not settled: degauss before each "
+            "point, wait longer, and compare field up with field down."
+        )
+        return [Flag("hysteresis", hysteresis_said, details=details)]
+    if cause.code == "not-settled":
+        part = float(terms[0])
+        settled_said = (
+            f"Each output holds {100.0 * part:.2g} % of the one before: it was read before it had "
+            "settled, or stands in the wrong row. The solution corrects a small part. Lengthen "
+            "the dwell, and look at the filter of the voltmeter and at the rows."
+        )
+        return [Flag("not-settled", settled_said, details={"part": part})]
+    if cause.code == "field-differs-from-commanded":
+        field_said = (
+            f"The output follows the commanded field, not the gaussmeter, by {float(terms[0]):.2f} "
+            f"of their difference (up to {size}); the solution corrects that. Look at the "
+            "gaussmeter: its range, zero, cable and place, and whether its column is shifted."
+        )
+        return [Flag("field-differs-from-commanded", field_said, details=details)]
+    if cause.code == "periodic":
+        line_said = (
+            f"The output has a line with a period of {cause.what} and a range of {size}, which is "
+            "fitted and removed: mains pick-up or another disturbance, aliased by the interval "
+            "of the rows. Look at grounding, shields and the integration time of the voltmeter."
+        )
+        return [Flag("periodic", line_said, details=details)]
+    if cause.code == "drift-removed":
+        drift_said = (
+            f"{cause.what} drifted in the course of the rows (up to {size} of the output), and no "
+            "temperature says why; terms of zero mean were fitted and removed. Look at the "
+            "thermometer's place, and warm the device up for longer."
+        )
+        return [Flag("drift-removed", drift_said, details={"term": cause.what})]
+    if cause.code == "misfit":
+        misfit_said = (
+            f"The output has a shape that the model does not have, by {cause.what} (up to {size}); "
+            "one term for it is fitted, and what it leaves is not known. Look for a saturated "
+            "core, a voltmeter that is not linear, and an encoder's scale."
+        )
+        return [Flag("misfit", misfit_said, details=details)]
+    return step_flags(cause, float(terms[0]), rows)
+
+
+def step_flags(cause: Cause, size: float, rows: NDArray[np.int64]) -> list[Flag]:
+    """Return the flag of an output, or a gain, that steps at a row or is another in a plane."""
+    more = f"{1e6 * size:+.4g} µ{cause.unit}"
+    where, than = f"In {cause.what.removeprefix('gain of ')}", "in the others"
+    details: dict[str, object] = {STEP_KEYS[cause.unit]: size}
+    if cause.row is not None:
+        row = int(rows[cause.row])
+        where, than = f"From row {row} on, counted from 0,", "before"
+        details["row"] = row
+    step_said = (
+        f"{where} the output reads {more} more than {than} at the same angle and field; the "
+        "solution takes the step for one of the output and removes it, K0 and Ki being the mean. "
+        "Look at the voltmeter, its range and input, and the device."
+    )
+    return [Flag("output-step", step_said, details=details)]
