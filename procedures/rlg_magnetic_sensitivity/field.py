@@ -29,6 +29,8 @@ _OUTLIER = 8.0
 _FEWEST_SIGMAS = 8.0
 _LEAST_KEPT = 0.5
 """Where more of the field's samples are wild than not, nobody can say which of them are right."""
+_LEAST_EXPLAINED = 0.5
+"""Of the power of a coil's own component, the part that its own line must have."""
 
 
 @dataclass(frozen=True)
@@ -52,11 +54,19 @@ class FieldLine:
 
 @dataclass(frozen=True)
 class FieldFit:
-    """The lines of one segment's field, its mean (ambient) field, rows set aside as wild."""
+    """The lines of one segment's field, its mean (ambient) field, rows set aside as wild.
+
+    `wild` (m,) marks these rows.
+    """
 
     lines: tuple[FieldLine, ...]
     ambient_mT: Array
-    rows_rejected: int
+    wild: NDArray[np.bool_]
+
+    @property
+    def rows_rejected(self) -> int:
+        """The number of wild rows."""
+        return int(self.wild.sum())
 
 
 def fit_field(segment: Segment, middle_s: float) -> FieldFit:
@@ -77,12 +87,14 @@ def fit_field(segment: Segment, middle_s: float) -> FieldFit:
             groups, field_mT, f"the field record holds {len(time_s)} samples, too few for a fit"
         )
     frequencies, uncertainties, kept = _frequencies(groups, time_s, field_mT)
+    wild = ~finite
+    wild[np.flatnonzero(finite)[~kept]] = True
     rejected = int((~kept).sum())
     if len(time_s) - rejected < max(2 * columns, _LEAST_KEPT * len(time_s)):
         reason = f"{rejected} of {len(time_s)} samples of the field fit no sine of one amplitude"
         return _no_fit(groups, field_mT, reason)
     found = frequencies, uncertainties
-    return _linear_fit(segment, groups, *found, time_s[kept], field_mT[kept], rejected)
+    return _linear_fit(segment, groups, *found, time_s[kept], field_mT[kept], wild)
 
 
 def stretch_of_field(
@@ -114,7 +126,8 @@ def stretch_of_field(
 
 def _no_fit(groups: list[tuple[tuple[str, ...], float]], field_mT: Array, reason: str) -> FieldFit:
     ambient = np.median(field_mT, axis=0) if len(field_mT) else np.zeros(3)
-    return FieldFit(tuple(_empty(axes, f, reason) for axes, f in groups), ambient, 0)
+    lines = tuple(_empty(axes, f, reason) for axes, f in groups)
+    return FieldFit(lines, ambient, np.zeros(len(field_mT), dtype=bool))
 
 
 def _groups(drive: Mapping[str, Drive], span_s: float) -> list[tuple[tuple[str, ...], float]]:
@@ -181,7 +194,7 @@ def _linear_fit(
     uncertainties: list[float],
     time_s: Array,
     field_mT: Array,
-    rejected: int,
+    wild: NDArray[np.bool_],
 ) -> FieldFit:
     span_s = float(time_s[-1] - time_s[0])
     step_s = float(np.median(np.diff(time_s)))
@@ -206,7 +219,10 @@ def _linear_fit(
     lines = []
     for k, (axes, _) in enumerate(groups):
         factor = averaging_factor(frequencies[k], segment.field_averaging_s)
-        problem = _problem(axes, segment, frequencies, k, found[k], variance[k], step_s, span_s)
+        scatter_mT = np.std(field_mT, axis=0)
+        problem = _problem(
+            axes, segment, frequencies, k, found, variance[k], scatter_mT, step_s, span_s
+        )
         if abs(factor) < 0.1 and problem is None:
             problem = "the gaussmeter's averaging removes the driven frequency"
         factor = factor if abs(factor) >= 0.1 else 1.0
@@ -226,7 +242,7 @@ def _linear_fit(
                 problem=problem,
             )
         )
-    return FieldFit(tuple(lines), ambient, rejected)
+    return FieldFit(tuple(lines), ambient, wild)
 
 
 def _problem(
@@ -234,11 +250,13 @@ def _problem(
     segment: Segment,
     frequencies: list[float],
     k: int,
-    found: Complex,
+    lines_mT: Complex,
     variance: Array,
+    scatter_mT: Array,
     step_s: float,
     span_s: float,
 ) -> str | None:
+    found = lines_mT[k]
     if frequencies[k] * step_s >= 0.45:
         return "the field was sampled too slowly for the driven frequency"
     if any(abs(f - frequencies[k]) * span_s < 1.0 for j, f in enumerate(frequencies) if j != k):
@@ -249,6 +267,21 @@ def _problem(
         wanted = 1e-3 * segment.drive[axis].amplitude_mT
         if size <= max(_FEWEST_SIGMAS * float(np.sqrt(variance[a])), wanted, 1e-12):
             return f"the field record shows no line at the driven frequency on {axis}"
+        beside = max(
+            [abs(found[b]) for b, other in enumerate(AXES) if other not in axes], default=0
+        )
+        explained = size**2 > 2.0 * _LEAST_EXPLAINED * float(scatter_mT[a]) ** 2
+        if size < 0.5 * beside or not explained:
+            at, of = int(np.argmax(np.abs(found))), int(np.argmax(np.abs(lines_mT[:, a])))
+            seen = "swings otherwise"
+            if AXES[at] not in axes:
+                seen = f"swings more on {AXES[at]} at this frequency"
+            elif of != k:
+                seen = f"swings more at {frequencies[of]:.4g} Hz"
+            return (
+                f"the field on {axis} should swing at {frequencies[k]:.4g} Hz and {seen}: look for "
+                "exchanged columns, probes or coils, and for a wrong drive"
+            )
     return None
 
 
