@@ -16,6 +16,7 @@ CHANCE = 1e-7
 """That a sound record is called stuck."""
 LEAST_ROWS = 12
 JUMP_SIGMAS = 8.0
+_FACTOR = 6364136223846793005  # odd and large: windows of values get keys that all but never meet
 
 
 def resolution(values: Array) -> float:
@@ -26,34 +27,56 @@ def resolution(values: Array) -> float:
     return float(steps.min()) if len(steps) else 0.0
 
 
-def part_at_limits(values: Array, expected: Array | None = None, sigma: float = 0.0) -> float:
-    """Return the part of the values (n,) that stand at the highest or lowest one, if too many.
+def piled_up(
+    values: Array, expected: Array | None = None, sigma: float = 0.0
+) -> tuple[float, float]:
+    """Return the parts of the values (n,) at the outermost ones, and at one inside, if too many.
 
-    Where the channel is fine, it comes to the limit too often if it does so five times more than
-    five times as often as to the values next to it: a sine without noise does three times as often.
-    With a model `expected` (n,) and the noise `sigma` about it, too many are also ten more than
-    these put there, beyond chance.
+    Where the channel is fine, it comes to a value too often if it does so five times more than five
+    times as often as to those next to it: a sine without noise comes to its peaks three times as
+    often. With a model `expected` (n,) and the noise `sigma` about it, too many are also more than
+    these put there, beyond chance: ten at a limit, a twentieth of all at a value inside.
     """
     step = resolution(values)
     if step == 0.0:
-        return 0.0
-    part = 0.0
-    for side in (1.0, -1.0):
-        below = np.rint((np.max(side * values) - side * values) / step)
-        count, visits = int(np.sum(below == 0)), _visits(below == 0)
-        beside = _visits((below >= 1) & (below <= 3)) / 3.0
-        many = np.ptp(values) > 30.0 * step and visits > 5.0 * beside + 5.0
-        if expected is not None and sigma > 0.5 * step and visits > 5:
-            reach = np.max(side * values) - 0.5 * step - side * expected
-            chance = float(np.sum(ndtr(-reach / sigma)))
-            many = many or count > chance + 6.0 * math.sqrt(chance) + 10.0
-        if many:
-            part += count / len(values)
-    return part
+        return 0.0, 0.0
+    level = np.rint((values - np.min(values)) / step).astype(np.int64)
+    levels, counts = np.unique(level, return_counts=True)
+    top, mode = int(levels[-1]), int(levels[np.argmax(counts)])
+    parts = {0: 0.0, mode: 0.0, top: 0.0}
+    for one in parts:
+        away = level - one
+        count, visits = int(np.sum(away == 0)), _visits(away == 0)
+        sides = 1 if one in (0, top) else 2
+        beside = _visits((away != 0) & (np.abs(away) <= 3)) / (3.0 * sides)
+        many = top > 30 and visits > 5.0 * beside + 5.0
+        if expected is not None and sigma > 0.5 * step * sides and visits > 5:
+            from_model = np.min(values) + one * step - expected
+            upper = ndtr((from_model + 0.5 * step) / sigma) if one < top else 1.0
+            lower = ndtr((from_model - 0.5 * step) / sigma) if one > 0 else 0.0
+            chance = float(np.sum(upper - lower))
+            slack = 10.0 if sides == 1 else 0.05 * len(values)
+            many = many or count > chance + 6.0 * math.sqrt(chance) + slack
+        parts[one] = count / len(values) if many else 0.0
+    inside = parts[mode] if 0 < mode < top else 0.0
+    return parts[0] + (parts[top] if top else 0.0), inside
 
 
 def _visits(here: NDArray[np.bool_]) -> int:
     return int(here[0]) + int(np.sum(here[1:] & ~here[:-1]))
+
+
+def _chance_of_equal(values: Array, step: float) -> float:
+    """Return how often a sample meets a value to one and a half steps, given those before it.
+
+    It then scatters like the innovation of the noise.
+    """
+    sigma = min(
+        float(np.quantile(np.abs(np.diff(values, order)), 0.9)) / 1.645 / math.sqrt(power)
+        for order, power in ((2, 6.0), (3, 20.0), (4, 70.0))
+    )
+    chance = float(erf(1.5 * step / (math.sqrt(2.0) * sigma))) if sigma > 0.0 else 0.0
+    return max(chance, 1e-3)
 
 
 def stuck_rows(values: Array) -> tuple[int, int] | None:
@@ -64,15 +87,10 @@ def stuck_rows(values: Array) -> tuple[int, int] | None:
     step = resolution(values)
     if len(values) < 4 * LEAST_ROWS:
         return None
-    # Conditional on those before, a sample scatters like the innovation of the noise.
-    sigma = min(
-        float(np.quantile(np.abs(np.diff(values, order)), 0.9)) / 1.645 / math.sqrt(power)
-        for order, power in ((2, 6.0), (3, 20.0), (4, 70.0))
-    )
-    chance = float(erf(1.5 * step / (math.sqrt(2.0) * sigma))) if sigma > 0.0 else 0.0
+    chance = _chance_of_equal(values, step)
     if chance > 0.9:
         return None
-    needed = math.log(CHANCE / len(values)) / math.log(max(chance, 1e-3))
+    needed = math.log(CHANCE / len(values)) / math.log(chance)
     straight = np.abs(np.diff(values, 2)) <= 1.01 * step
     edges = np.flatnonzero(np.diff(np.concatenate(([0], straight.astype(np.int8), [0]))))
     if not len(edges):
@@ -83,6 +101,33 @@ def stuck_rows(values: Array) -> tuple[int, int] | None:
         return None
     first = int(edges[2 * longest])
     return first, first + int(lengths[longest]) + 1
+
+
+def repeated_rows(values: Array) -> tuple[int, int, int] | None:
+    """Return two first rows and the length of the longest stretch that is there twice.
+
+    None where noise and the channel's steps make such a stretch by themselves.
+    """
+    step = resolution(values)
+    if len(values) < 4 * LEAST_ROWS or step == 0.0:
+        return None
+    chance = _chance_of_equal(values, step)
+    if chance > 0.9:
+        return None
+    width = math.ceil(math.log(CHANCE / len(values) ** 2) / math.log(chance))
+    width = max(width, LEAST_ROWS)
+    if len(values) < 4 * width:
+        return None
+    level = np.rint((values - np.min(values)) / step).astype(np.uint64)
+    key = np.zeros(len(values) - width + 1, dtype=np.uint64)
+    for k in range(width):
+        key = key * np.uint64(_FACTOR) + level[k : k + len(key)]
+    _, first, back = np.unique(key, return_index=True, return_inverse=True)
+    twice = np.flatnonzero(first[back] != np.arange(len(key)))
+    if not len(twice):
+        return None
+    row = int(twice[0])
+    return int(first[back[row]]), row, width - 1 + len(twice)
 
 
 def largest_jump(residuals: Array, period: float, step: float) -> tuple[int, float] | None:

@@ -9,7 +9,13 @@ import numpy as np
 
 from procedures.estimation.noise import grid_index
 from procedures.estimation.quantisation import find_beat, folded_Hz
-from procedures.estimation.recorder import largest_jump, part_at_limits, resolution, stuck_rows
+from procedures.estimation.recorder import (
+    largest_jump,
+    piled_up,
+    repeated_rows,
+    resolution,
+    stuck_rows,
+)
 from station.findings import Flag
 
 from .dataset import AXES, Segment
@@ -23,10 +29,10 @@ AMPLITUDE_RANGE_MT = (0.1, 2.0)
 EARTH_RATE_DEG_PER_H = 15.041
 TURNS_TOO_FAST = 3.0 * EARTH_RATE_DEG_PER_H
 """A mean output beyond three times the earth's rate is no gyro at rest."""
-TOO_QUIET_DEG_PER_SQRT_H, TOO_SLOW_DEG_PER_H = 1e-5, 0.05
-"""A hundredth of the random walk of the best laser gyros, beside no earth rate."""
+TOO_QUIET_DEG_PER_SQRT_H, TOO_SLOW_DEG_PER_H = 3e-5, 0.5
+"""A tenth of the random walk of the best laser gyros, beside hardly any earth rate."""
 INTERVAL_OFF = 0.01
-OVERTONE_CHANCE = 1e-6
+OVERTONE_CHANCE = 3e-5
 COARSE = 0.58
 """Scatter over a step of the output: with noise below half a step, rounding is no noise."""
 COUNTED_OUT = 0.7
@@ -113,22 +119,30 @@ def recorder_findings(
     kept = gyro.kept
     rate, sigma = segment.rate_deg_per_h[kept], gyro.residual_sigma_deg_per_h
     step = resolution(segment.rate_deg_per_h[np.isfinite(segment.rate_deg_per_h)])
-    part = part_at_limits(rate, gyro.model_deg_per_h[kept], sigma)
-    channels = [("output", part)]
+    limited, filled = piled_up(rate, gyro.model_deg_per_h[kept], sigma)
+    channels = [("output", limited)]
     channels += [
-        (f"field on {a}", part_at_limits(segment.field_mT[~field.wild, AXES.index(a)]))
+        (f"field on {a}", piled_up(segment.field_mT[~field.wild, AXES.index(a)])[0])
         for a in detail.axes
     ]
+    # A limit, or one value for many, takes no more of the slope than it takes of the samples.
+    for part in [filled, *(cut for _, cut in channels)]:
+        doubt = math.hypot(doubt, part / max(1.0 - part, 0.1) / math.sqrt(3.0))
     for name, cut in channels:
         if cut > 0.0:
-            # A limit takes away no more of the slope than it takes of the samples.
-            doubt = math.hypot(doubt, cut / max(1.0 - cut, 0.1) / math.sqrt(3.0))
             said = (
                 f"{100.0 * cut:.2g} % of the samples of the {name} stand at its highest or lowest "
                 "value: a limit of the instrument or its recorder cuts them. The uncertainty holds "
                 "what that may take from the result. Choose a wider range and measure again."
             )
             flags.append(Flag("saturated", said, axis, {"part": cut, "channel": name}))
+    if filled > 0.0:
+        said = (
+            f"{100.0 * filled:.2g} % of the samples of the output have one and the same value: "
+            "missing ones were filled in, or the output rests there. The uncertainty holds what "
+            "that may take from the result. Leave filled rows out and analyse again."
+        )
+        flags.append(Flag("frozen", said, axis, {"part": filled, "what": "output"}))
     coarse = step > 0.0 and sigma < COARSE * step
     if coarse and not _counted(segment, gyro, step):
         noise = math.sqrt(max((sigma / step) ** 2 - 1.0 / 12.0, 0.0))
@@ -139,7 +153,7 @@ def recorder_findings(
             "Record the output with more digits, or as counts."
         )
         flags.append(Flag("coarse-output", said, axis, {"step_deg_per_h": step}))
-    if part == 0.0 and not coarse:
+    if limited == filled == 0.0 and not coarse:
         flags += _stuck(segment, axis)
     return [*flags, *_jumps(segment, gyro, axis, step)], doubt
 
@@ -174,6 +188,17 @@ def _stuck(segment: Segment, axis: str | None) -> Iterator[Flag]:
             "Leave these rows out and analyse again."
         )
         details = {"row": first, "count": last - first + 1, "what": "output"}
+        yield Flag("frozen", said, axis, details)
+        return
+    again = repeated_rows(segment.rate_deg_per_h)
+    if again is not None:
+        first, row, count = again
+        said = (
+            f"{count} rows of the output from row {row} on, counted from 0, repeat those from row "
+            f"{first} on to the last digit: a buffer was read twice or rows were copied. Leave "
+            "these rows out and analyse again."
+        )
+        details = {"row": row, "count": count, "what": "repeated"}
         yield Flag("frozen", said, axis, details)
 
 

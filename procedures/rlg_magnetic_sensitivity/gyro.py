@@ -169,6 +169,7 @@ def fit_gyro(
     spectrum = periodogram(fit.residuals, index, interval_s)
     lowest_Hz = 0.5 * (order + 2) / span_s
     highest_Hz = 0.5 / interval_s - 0.5 / span_s
+    band = (lowest_Hz, highest_Hz)
     all_phasors = phasors(fit.coefficients[:line_count])
     for slot, place in enumerate(result_lines):
         if place is None:
@@ -176,7 +177,6 @@ def fit_gyro(
         f = lines[place]
         factor = averaging_factor(f, interval_s)
         others = lines[:place] + lines[place + 1 :]
-        band = (lowest_Hz, highest_Hz)
         near = noise_near_line(spectrum, f, others, *band, overall, colour.order > 0)
         freedoms[slot] = near.degrees_of_freedom
         phasor[slot] = all_phasors[place] / factor
@@ -209,7 +209,7 @@ def fit_gyro(
         lag_one_correlation=lag_one_correlation(residuals[kept], index),
         residual_sigma_deg_per_h=float(np.sqrt(np.mean(residuals[kept] ** 2) * samples / freedom)),
         noise_floor_deg_per_h=np.sqrt(power[: len(frequencies)]) * np.abs(factors),
-        overtones=_overtones(frequencies, lines, spectrum, lowest_Hz, highest_Hz, overall),
+        overtones=_overtones(frequencies, lines, spectrum, band, overall, colour.order > 0),
     )
 
 
@@ -217,17 +217,17 @@ def _overtones(
     frequencies: Sequence[float],
     lines: Sequence[float],
     spectrum: Periodogram,
-    lowest_Hz: float,
-    highest_Hz: float,
+    band_Hz: tuple[float, float],
     overall: LocalNoise,
+    coloured: bool,
 ) -> tuple[Overtone, ...]:
     """Return what stands at three times each driven frequency, where no fitted line is near."""
     found = []
     for f in frequencies:
         triple = 3.0 * f
-        if triple > highest_Hz or any(abs(triple - g) * spectrum.span_s < 1.5 for g in lines):
+        if triple > band_Hz[1] or any(abs(triple - g) * spectrum.span_s < 1.5 for g in lines):
             continue
-        near = noise_near_line(spectrum, triple, lines, lowest_Hz, highest_Hz, overall, True)
+        near = noise_near_line(spectrum, triple, lines, *band_Hz, overall, coloured)
         place = int(np.argmin(np.abs(spectrum.frequency_Hz - triple)))
         ratio = float(spectrum.ordinate[place]) / near.variance if near.variance > 0.0 else 0.0
         chance = float(fdtrc(2.0, near.degrees_of_freedom, ratio))

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scipy.special import fdtrc
 
 from procedures.estimation.linear import least_squares
+from procedures.estimation.noise import LocalNoise, Periodogram, grid_index, periodogram
 from procedures.estimation.sine import line_columns, phasors
 from station.findings import Flag
 
@@ -29,6 +30,9 @@ WANDERS_SIGMAS = 6.0
 CHANCE = 1e-5
 """That a steady answer is called unsteady, of one line."""
 ISOLATED_ROWS = 3
+REDDER = 1.5
+"""Noise at a line over that beside it, at most: drift that is left is small there."""
+LEAST_ORDINATES = 16
 
 
 def block_edges(start_s: float, stop_s: float, frequencies_Hz: Sequence[float]) -> Array:
@@ -42,14 +46,16 @@ def block_edges(start_s: float, stop_s: float, frequencies_Hz: Sequence[float]) 
 
 def block_phasors(
     time_s: Array, data: Array, frequencies_Hz: Sequence[float], edges_s: Array
-) -> tuple[Complex, Array]:
+) -> tuple[Complex, Array, Array]:
     """Return phasors (blocks, lines) about time zero, and their variances over that of a sample.
 
-    Each block is fitted for itself, with a mean and a slope; too few samples make NaN.
+    Each block is fitted for itself, with a mean and a slope; too few samples make NaN. Third, what
+    the fits leave of the data (n,).
     """
     shape = len(edges_s) - 1, len(frequencies_Hz)
     found = np.full(shape, np.nan + 0j)
     variance = np.full(shape, np.nan)
+    residuals = np.zeros(len(data))
     place = np.clip(np.searchsorted(edges_s, time_s, side="right") - 1, 0, shape[0] - 1)
     for block in range(shape[0]):
         here = place == block
@@ -60,9 +66,10 @@ def block_phasors(
         design = np.column_stack((line_columns(t, frequencies_Hz), np.ones(len(t)), slope))
         fit = least_squares(design, data[here])
         found[block] = phasors(fit.coefficients[: 2 * shape[1]])
+        residuals[here] = fit.residuals
         spread = np.diag(fit.inverse_normal)[: 2 * shape[1]]
         variance[block] = 0.5 * (spread[0::2] + spread[1::2])
-    return found, variance
+    return found, variance, residuals
 
 
 def field_by_block(
@@ -85,8 +92,8 @@ def field_by_block(
     for k, line in enumerate(field.lines):
         own = max((AXES.index(axis) for axis in line.axes), key=lambda a: abs(line.phasor_mT[a]))
         values = segment.field_mT[used, own]
-        whole, _ = block_phasors(time_s, values, frequencies, np.array([edges_s[0], edges_s[-1]]))
-        found, variance = block_phasors(time_s, values, frequencies, edges_s)
+        whole, *_ = block_phasors(time_s, values, frequencies, np.array([edges_s[0], edges_s[-1]]))
+        found, variance, _ = block_phasors(time_s, values, frequencies, edges_s)
         sample = 2.0 * float(line.variance_mT2[own]) * len(time_s) / 2.0
         relative[:, k] = found[:, k] / whole[0, k]
         spread[:, k] = np.sqrt(variance[:, k] * sample) / abs(whole[0, k])
@@ -141,35 +148,57 @@ def _unfaithful(
     time_s = segment.time_s[kept] - 0.5 * float(segment.time_s[0] + segment.time_s[-1])
     data = gyro.lines_deg_per_h[kept] + gyro.residual_deg_per_h[kept]
     frequencies = [field.lines[k].frequency_Hz for k in lines]
-    found, variance = block_phasors(time_s, data, frequencies, edges_s)
+    found, variance, left = block_phasors(time_s, data, frequencies, edges_s)
+    index = grid_index(segment.time_s, segment.sample_interval_s)[kept]
+    spectrum = periodogram(left, index - index[0], segment.sample_interval_s)
+    block_Hz = 1.0 / float(edges_s[1] - edges_s[0])
     for slot, k in enumerate(lines):
-        sample = 0.25 * gyro.noise_floor_deg_per_h[slot] ** 2 * len(time_s)
-        used = np.isfinite(variance[:, slot]) & np.isfinite(relative[:, k])
-        weight = 1.0 / (variance[used, slot] * sample)
+        noise = 0.25 * float(gyro.noise_floor_deg_per_h[slot]) ** 2 * len(time_s)
         freedom = float(gyro.degrees_of_freedom[slot])
-        gained = changes(found[used, slot], relative[used, k], weight)
-        if not len(gained) or not np.isfinite(gained).all():
+        beside = noise_beside(spectrum, frequencies[slot], frequencies, block_Hz)
+        if beside is not None and REDDER * beside.variance < noise:
+            noise, freedom = REDDER * beside.variance, beside.degrees_of_freedom
+        used = np.isfinite(variance[:, slot]) & np.isfinite(relative[:, k])
+        if int(used.sum()) < 2 or noise <= 0.0:
             continue
-        worst = int(np.argmax(gained))
-        chance = len(gained) * float(fdtrc(2.0, freedom, gained[worst] / 2.0))
+        answer, wave = found[used, slot], relative[used, k]
+        gained, scatter = changes(answer, wave, 1.0 / (variance[used, slot] * noise))
+        worst, degrees = int(np.argmax(gained)), 2.0 * (int(used.sum()) - 1)
+        by_change = len(gained) * float(fdtrc(2.0, freedom, gained[worst] / 2.0))
+        chance = min(by_change, float(fdtrc(degrees, freedom, scatter / degrees)))
         if chance < CHANCE:
             at_s = float(edges_s[:-1][used][worst + 1] - edges_s[0])
             axes = field.lines[k].axes
             said = (
-                f"The answer to the field on {' and '.join(axes)} is not the same before and "
-                f"after {at_s:.4g} s of the record, though the field is (F test, "
-                f"{chance:.1g} by chance): the output changed its scale, sign or delay there or "
-                "lost rows, or the field was not what was recorded. Look at the record and "
-                "measure again."
+                f"The answer to the field on {' and '.join(axes)} is not the same throughout the "
+                f"record, though the field is (F test, {chance:.1g} by chance); it changes most "
+                f"at {at_s:.4g} s. The output changed its scale, sign or delay or lost rows, or "
+                "the field was not what was recorded. Look at the record and measure again."
             )
             details = {"at_s": at_s, "chance": chance}
             yield Flag("misfit", said, axes[0] if len(axes) == 1 else None, details)
 
 
-def changes(found: Complex, field: Complex, weight: Array) -> Array:
+def noise_beside(
+    spectrum: Periodogram, frequency_Hz: float, lines_Hz: Sequence[float], block_Hz: float
+) -> LocalNoise | None:
+    """Return the noise some blocks' width beside a line, where no modulation of it reaches."""
+    away = np.abs(spectrum.frequency_Hz - frequency_Hz)
+    ring = (away < 4.0 * block_Hz) & (spectrum.frequency_Hz > block_Hz)
+    for f in lines_Hz:
+        ring &= np.abs(spectrum.frequency_Hz - f) > 1.2 * block_Hz
+    count = int(ring.sum())
+    if count < LEAST_ORDINATES:
+        return None
+    # Ordinates are exponentially distributed: a median, which no line moves, is ln 2 of the mean.
+    return LocalNoise(float(np.median(spectrum.ordinate[ring])) / np.log(2.0), float(count) / 2.0)
+
+
+def changes(found: Complex, field: Complex, weight: Array) -> tuple[Array, float]:
     """Return by how much the weighted sum of squares falls with another answer from each block on.
 
     `found` (blocks,) is `field` (blocks,) times an answer, with `weight` over each part's variance.
+    Second, the sum of squares with one answer.
     """
 
     def explained(product: Complex, power: Array) -> Array:
@@ -177,7 +206,6 @@ def changes(found: Complex, field: Complex, weight: Array) -> Array:
 
     product = np.cumsum(weight * found * field.conj())
     power = np.cumsum(weight * np.abs(field) ** 2)
-    if not len(product):
-        return np.zeros(0)
+    whole = explained(product[-1:], power[-1:])[0]
     before, after = explained(product, power), explained(product[-1] - product, power[-1] - power)
-    return np.asarray((before + after - explained(product[-1:], power[-1:]))[:-1])
+    return (before + after - whole)[:-1], float(np.sum(weight * np.abs(found) ** 2) - whole)
