@@ -27,15 +27,13 @@ def resolution(values: Array) -> float:
     return float(steps.min()) if len(steps) else 0.0
 
 
-def piled_up(
-    values: Array, expected: Array | None = None, sigma: float = 0.0
-) -> tuple[float, float]:
+def piled_up(values: Array, sigma: float, expected: Array | None = None) -> tuple[float, float]:
     """Return the parts of the values (n,) at the outermost ones, and at one inside, if too many.
 
-    Where the channel is fine, it comes to a value too often if it does so five times more than five
-    times as often as to those next to it: a sine without noise comes to its peaks three times as
-    often. With a model `expected` (n,) and the noise `sigma` about it, too many are also more than
-    these put there, beyond chance: ten at a limit, a twentieth of all at a value inside.
+    `sigma` is what a model leaves of them. Where that is more than two of the channel's steps, it
+    comes to a value too often if it does so five times more than five times as often as to those
+    next to it. With the model `expected` (n,), too many are also more than it and normal noise put
+    there, beyond chance: ten at a limit, a twentieth of all at a value inside.
     """
     step = resolution(values)
     if step == 0.0:
@@ -49,7 +47,7 @@ def piled_up(
         count, visits = int(np.sum(away == 0)), _visits(away == 0)
         sides = 1 if one in (0, top) else 2
         beside = _visits((away != 0) & (np.abs(away) <= 3)) / (3.0 * sides)
-        many = top > 30 and visits > 5.0 * beside + 5.0
+        many = sigma > 2.0 * step and visits > 5.0 * beside + 5.0
         if expected is not None and sigma > 0.5 * step * sides and visits > 5:
             from_model = np.min(values) + one * step - expected
             upper = ndtr((from_model + 0.5 * step) / sigma) if one < top else 1.0

@@ -119,12 +119,13 @@ def recorder_findings(
     kept = gyro.kept
     rate, sigma = segment.rate_deg_per_h[kept], gyro.residual_sigma_deg_per_h
     step = resolution(segment.rate_deg_per_h[np.isfinite(segment.rate_deg_per_h)])
-    limited, filled = piled_up(rate, gyro.model_deg_per_h[kept], sigma)
+    limited, filled = piled_up(rate, sigma, gyro.model_deg_per_h[kept])
     channels = [("output", limited)]
-    channels += [
-        (f"field on {a}", piled_up(segment.field_mT[~field.wild, AXES.index(a)])[0])
-        for a in detail.axes
-    ]
+    for line in field.lines:
+        for a in line.axes:
+            values = segment.field_mT[~field.wild, AXES.index(a)]
+            left_mT = math.sqrt(0.5 * len(values) * float(line.variance_mT2[AXES.index(a)]))
+            channels.append((f"field on {a}", piled_up(values, left_mT)[0]))
     # A limit, or one value for many, takes no more of the slope than it takes of the samples.
     for part in [filled, *(cut for _, cut in channels)]:
         doubt = math.hypot(doubt, part / max(1.0 - part, 0.1) / math.sqrt(3.0))

@@ -156,7 +156,9 @@ def _unfaithful(
         noise = 0.25 * float(gyro.noise_floor_deg_per_h[slot]) ** 2 * len(time_s)
         freedom = float(gyro.degrees_of_freedom[slot])
         beside = noise_beside(spectrum, frequencies[slot], frequencies, block_Hz)
-        if beside is not None and REDDER * beside.variance < noise:
+        # Rounded counts have lines of their own, which a median does not see.
+        counted = segment.quantum_deg_per_h > gyro.residual_sigma_deg_per_h
+        if beside is not None and not counted and REDDER * beside.variance < noise:
             noise, freedom = REDDER * beside.variance, beside.degrees_of_freedom
         used = np.isfinite(variance[:, slot]) & np.isfinite(relative[:, k])
         if int(used.sum()) < 2 or noise <= 0.0:
