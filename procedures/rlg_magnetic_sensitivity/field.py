@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from procedures.estimation.drift import legendre_columns
 from procedures.estimation.linear import combine, least_squares
+from procedures.estimation.recorder import resolution
 from procedures.estimation.robust import robust_sigma
 from procedures.estimation.sine import (
     averaging_factor,
@@ -168,8 +169,9 @@ def _frequencies(
         residuals = field_mT[:, a] - combine(
             design, least_squares(design, clipped[:, a]).coefficients
         )
-        # The waveform of a programmed list is not a perfect sine; its steps are no outliers.
-        floor = 0.01 * float(np.ptp(clipped[:, a]))
+        # The waveform of a programmed list is not a perfect sine; its steps are no outliers, nor
+        # are those of a gaussmeter with few digits.
+        floor = max(0.01 * float(np.ptp(clipped[:, a])), resolution(field_mT[:, a]))
         kept &= np.abs(residuals) <= _OUTLIER * robust_sigma(residuals, floor) + 1e-12
     for k, part in enumerate(parts if kept.any() else ()):
         frequencies[k], uncertainties[k] = refine_frequency(

@@ -125,14 +125,14 @@ def _wanders(
     segment: Segment, axes: Sequence[str], edges_s: Array, block: int, relative: complex
 ) -> Flag:
     start_s, stop_s = float(edges_s[block]), float(edges_s[block + 1])
-    said = (
+    wanders_said = (
         f"The field on {' and '.join(axes)} is not one steady sine: from {start_s:.4g} s to "
         f"{stop_s:.4g} s of the record its amplitude is {abs(relative):.3g} of that of the whole "
         f"and its phase {np.degrees(np.angle(relative)):+.3g} deg off. Look at coil supply, "
         "gaussmeter and time stamps, and measure again."
     )
     details = {"start_s": start_s, "stop_s": stop_s, "relative_amplitude": abs(relative)}
-    return Flag("field-wanders", said, axes[0] if len(axes) == 1 else None, details)
+    return Flag("field-wanders", wanders_said, axes[0] if len(axes) == 1 else None, details)
 
 
 def _unfaithful(
@@ -152,33 +152,32 @@ def _unfaithful(
     index = grid_index(segment.time_s, segment.sample_interval_s)[kept]
     spectrum = periodogram(left, index - index[0], segment.sample_interval_s)
     block_Hz = 1.0 / float(edges_s[1] - edges_s[0])
+    cut_pulse = segment.quantum_deg_per_h * segment.sample_interval_s * block_Hz  # at an edge
     for slot, k in enumerate(lines):
         noise = 0.25 * float(gyro.noise_floor_deg_per_h[slot]) ** 2 * len(time_s)
         freedom = float(gyro.degrees_of_freedom[slot])
         beside = noise_beside(spectrum, frequencies[slot], frequencies, block_Hz)
-        # Rounded counts have lines of their own, which a median does not see.
-        counted = segment.quantum_deg_per_h > gyro.residual_sigma_deg_per_h
-        if beside is not None and not counted and REDDER * beside.variance < noise:
+        if beside is not None and REDDER * beside.variance < noise:
             noise, freedom = REDDER * beside.variance, beside.degrees_of_freedom
         used = np.isfinite(variance[:, slot]) & np.isfinite(relative[:, k])
         if int(used.sum()) < 2 or noise <= 0.0:
             continue
         answer, wave = found[used, slot], relative[used, k]
-        gained, scatter = changes(answer, wave, 1.0 / (variance[used, slot] * noise))
+        gained, scatter = changes(answer, wave, 1.0 / (variance[used, slot] * noise + cut_pulse**2))
         worst, degrees = int(np.argmax(gained)), 2.0 * (int(used.sum()) - 1)
         by_change = len(gained) * float(fdtrc(2.0, freedom, gained[worst] / 2.0))
         chance = min(by_change, float(fdtrc(degrees, freedom, scatter / degrees)))
         if chance < CHANCE:
             at_s = float(edges_s[:-1][used][worst + 1] - edges_s[0])
             axes = field.lines[k].axes
-            said = (
+            unfaithful_said = (
                 f"The answer to the field on {' and '.join(axes)} is not the same throughout the "
                 f"record, though the field is (F test, {chance:.1g} by chance); it changes most "
                 f"at {at_s:.4g} s. The output changed its scale, sign or delay or lost rows, or "
                 "the field was not what was recorded. Look at the record and measure again."
             )
             details = {"at_s": at_s, "chance": chance}
-            yield Flag("misfit", said, axes[0] if len(axes) == 1 else None, details)
+            yield Flag("misfit", unfaithful_said, axes[0] if len(axes) == 1 else None, details)
 
 
 def noise_beside(
