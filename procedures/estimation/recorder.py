@@ -20,22 +20,30 @@ _FACTOR = 6364136223846793005  # odd and large: windows of values get keys that 
 
 
 def resolution(values: Array) -> float:
-    """Return the least difference of two values (n,) of a channel, 0 where all are equal."""
-    steps = np.diff(np.unique(values))
+    """Return the least difference of two values (n,) of a channel, 0 where all are equal.
+
+    Where most samples share theirs with another one only such values count: a few that were made up
+    between a channel's steps make no finer steps.
+    """
+    found, counts = np.unique(values, return_counts=True)
+    if 2 * int(counts[counts > 1].sum()) > len(values) and int(np.sum(counts > 1)) > 1:
+        found = found[counts > 1]
+    steps = np.diff(found)
     # What a unit's factor leaves of equal values is no step.
     steps = steps[steps > 1e-9 * float(np.max(np.abs(values), initial=0.0))]
     return float(steps.min()) if len(steps) else 0.0
 
 
-def piled_up(values: Array, sigma: float, expected: Array | None = None) -> tuple[float, float]:
+def piled_up(
+    values: Array, step: float, sigma: float, expected: Array | None = None
+) -> tuple[float, float]:
     """Return the parts of the values (n,) at the outermost ones, and at one inside, if too many.
 
-    `sigma` is what a model leaves of them. Where that is more than two of the channel's steps, it
-    comes to a value too often if it does so five times more than five times as often as to those
-    next to it. With the model `expected` (n,), too many are also more than it and normal noise put
-    there, beyond chance: ten at a limit, a twentieth of all at a value inside.
+    `step` is the channel's, `sigma` what a model leaves of the values. Where that is more than two
+    steps, the channel comes to a value too often if it does so five times more than five times as
+    often as to those next to it. With the model `expected` (n,), too many are also more than it and
+    normal noise put there, beyond chance: ten at a limit, a twentieth of all at a value inside.
     """
-    step = resolution(values)
     if step == 0.0:
         return 0.0, 0.0
     level = np.rint((values - np.min(values)) / step).astype(np.int64)
@@ -77,12 +85,11 @@ def _chance_of_equal(values: Array, step: float) -> float:
     return max(chance, 1e-3)
 
 
-def stuck_rows(values: Array) -> tuple[int, int] | None:
+def stuck_rows(values: Array, step: float) -> tuple[int, int] | None:
     """Return first and last row of the longest stretch that is a straight line to the last digit.
 
     None where noise and the channel's steps make such a stretch by themselves.
     """
-    step = resolution(values)
     if len(values) < 4 * LEAST_ROWS:
         return None
     chance = _chance_of_equal(values, step)
@@ -101,12 +108,11 @@ def stuck_rows(values: Array) -> tuple[int, int] | None:
     return first, first + int(lengths[longest]) + 1
 
 
-def repeated_rows(values: Array) -> tuple[int, int, int] | None:
+def repeated_rows(values: Array, step: float) -> tuple[int, int, int] | None:
     """Return two first rows and the length of the longest stretch that is there twice.
 
     None where noise and the channel's steps make such a stretch by themselves.
     """
-    step = resolution(values)
     if len(values) < 4 * LEAST_ROWS or step == 0.0:
         return None
     chance = _chance_of_equal(values, step)

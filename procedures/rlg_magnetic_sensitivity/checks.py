@@ -118,14 +118,15 @@ def recorder_findings(
     doubt = 0.0
     kept = gyro.kept
     rate, sigma = segment.rate_deg_per_h[kept], gyro.residual_sigma_deg_per_h
-    step = resolution(segment.rate_deg_per_h[np.isfinite(segment.rate_deg_per_h)])
-    limited, filled = piled_up(rate, sigma, gyro.model_deg_per_h[kept])
+    finite = np.isfinite(segment.rate_deg_per_h)
+    step = max(resolution(segment.rate_deg_per_h[finite]), segment.quantum_deg_per_h)
+    limited, filled = piled_up(rate, step, sigma, gyro.model_deg_per_h[kept])
     channels = [("output", limited)]
     for line in field.lines:
         for a in line.axes:
             values = segment.field_mT[~field.wild, AXES.index(a)]
             left_mT = math.sqrt(0.5 * len(values) * float(line.variance_mT2[AXES.index(a)]))
-            channels.append((f"field on {a}", piled_up(values, left_mT)[0]))
+            channels.append((f"field on {a}", piled_up(values, resolution(values), left_mT)[0]))
     # A limit, or one value for many, takes no more of the slope than it takes of the samples.
     for part in [filled, *(cut for _, cut in channels)]:
         doubt = math.hypot(doubt, part / max(1.0 - part, 0.1) / math.sqrt(3.0))
@@ -155,7 +156,7 @@ def recorder_findings(
         )
         flags.append(Flag("coarse-output", coarse_said, axis, {"step_deg_per_h": step}))
     if limited == filled == 0.0 and not coarse:
-        flags += _stuck(segment, axis)
+        flags += _stuck(segment, axis, step)
     return [*flags, *_jumps(segment, gyro, axis, step)], doubt
 
 
@@ -179,9 +180,9 @@ def _counted(segment: Segment, gyro: GyroFit, step: float) -> bool:
     return wandered < COUNTED_OUT * power and (next_to < COUNTED_OUT * power or beyond > 0.02)
 
 
-def _stuck(segment: Segment, axis: str | None) -> Iterator[Flag]:
+def _stuck(segment: Segment, axis: str | None, step: float) -> Iterator[Flag]:
     """Yield a flag of a stretch that was not measured."""
-    stuck = stuck_rows(segment.rate_deg_per_h)
+    stuck = stuck_rows(segment.rate_deg_per_h, step)
     if stuck is not None:
         first, last = stuck
         stuck_said = (
@@ -192,7 +193,7 @@ def _stuck(segment: Segment, axis: str | None) -> Iterator[Flag]:
         details = {"row": first, "count": last - first + 1, "what": "output"}
         yield Flag("frozen", stuck_said, axis, details)
         return
-    again = repeated_rows(segment.rate_deg_per_h)
+    again = repeated_rows(segment.rate_deg_per_h, step)
     if again is not None:
         first, row, count = again
         repeated_said = (
