@@ -40,8 +40,8 @@ def piled_up(
     """Return the parts of the values (n,) at the outermost ones, and at one inside, if too many.
 
     `step` is the channel's, `sigma` what a model leaves of the values. Where that is more than two
-    steps, the channel comes to a value too often if it does so five times more than five times as
-    often as to those next to it. With the model `expected` (n,), too many are also more than it and
+    steps, the channel comes to a value too often if it does so five times, inside fifteen times,
+    more than five times as often as to those next to it. With the model `expected` (n,), too many are also more than it and
     normal noise put there, beyond chance: ten at a limit, a twentieth of all at a value inside.
     """
     if step == 0.0:
@@ -55,7 +55,7 @@ def piled_up(
         count, visits = int(np.sum(away == 0)), _visits(away == 0)
         sides = 1 if one in (0, top) else 2
         beside = _visits((away != 0) & (np.abs(away) <= 3)) / (3.0 * sides)
-        many = sigma > 2.0 * step and visits > 5.0 * beside + 5.0
+        many = sigma > 2.0 * step and visits > 5.0 * beside + (5.0 if sides == 1 else 15.0)
         if expected is not None and sigma > 0.5 * step * sides and visits > 5:
             from_model = np.min(values) + one * step - expected
             upper = ndtr((from_model + 0.5 * step) / sigma) if one < top else 1.0

@@ -29,7 +29,7 @@ AMPLITUDE_RANGE_MT = (0.1, 2.0)
 EARTH_RATE_DEG_PER_H = 15.041
 TURNS_TOO_FAST = 3.0 * EARTH_RATE_DEG_PER_H
 """A mean output beyond three times the earth's rate is no gyro at rest."""
-TOO_QUIET_DEG_PER_SQRT_H, TOO_SLOW_DEG_PER_H = 3e-5, 0.5
+TOO_QUIET_DEG_PER_SQRT_H, TOO_SLOW_DEG_PER_H = 5e-5, 0.5
 """A tenth of the random walk of the best laser gyros, beside hardly any earth rate."""
 INTERVAL_OFF = 0.01
 OVERTONE_CHANCE = 3e-5
