@@ -41,8 +41,9 @@ def piled_up(
 
     `step` is the channel's, `sigma` what a model leaves of the values. Where that is more than two
     steps, the channel comes to a value too often if it does so five times, inside fifteen times,
-    more than five times as often as to those next to it. With the model `expected` (n,), too many are also more than it and
-    normal noise put there, beyond chance: ten at a limit, a twentieth of all at a value inside.
+    more than five times as often as to those next to it. With the model `expected` (n,), too many
+    are also more than it and normal noise put there, beyond chance: ten at a limit, a twentieth of
+    all at a value inside.
     """
     if step == 0.0:
         return 0.0, 0.0
