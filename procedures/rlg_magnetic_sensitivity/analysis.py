@@ -12,6 +12,13 @@ from procedures.estimation.allan import AllanDeviation, allan_deviation, noise_c
 from procedures.estimation.noise import grid_index
 from station.findings import Estimate, Flag, Published, undetermined
 
+from .checks import (
+    collisions,
+    condition_flags,
+    output_flags,
+    overtone_flags,
+    recorder_findings,
+)
 from .dataset import AXES, RlgDataset, Segment
 from .field import FieldFit, fit_field
 from .findings import (
@@ -28,9 +35,12 @@ from .flags import cross_axis_flags, drive_flags, field_flags, record_flags, res
 from .gyro import GyroFit, fit_gyro
 from .published import plotted_spectrum, published_value
 from .pulse_beat import beat_flags
-from .response import Observed, Response, solve
+from .response import Observed, Response, in_doubt, solve
+from .steadiness import steadiness_flags
 
 Array = NDArray[np.float64]
+
+MOST_IN_DOUBT = 0.5
 
 __all__ = ["AnalysisSettings", "RlgAnalysis", "analyse", "published_value"]
 
@@ -52,7 +62,12 @@ def analyse(dataset: RlgDataset, settings: AnalysisSettings | None = None) -> Rl
         field = fit_field(segment, _middle_s(segment))
         fields.append(field)
         observed.append(_observe(segment, field, settings, reasons))
-    response = solve(observed)
+    segments = [
+        _segment_detail(segment, field, one)
+        for segment, field, one in zip(dataset.segments, fields, observed, strict=True)
+    ]
+    recorded, doubts = _recorder(dataset, fields, observed, segments, reasons)
+    response = in_doubt(solve(observed), doubts)
     driven = tuple(a for a in AXES if any(a in s.drive for s in dataset.segments))
     for axis, known in zip(response.axes, response.determined, strict=True):
         if not known:
@@ -63,16 +78,14 @@ def analyse(dataset: RlgDataset, settings: AnalysisSettings | None = None) -> Rl
     places = [response.axes.index(a) for a in determined]
     estimates = tuple(_estimate(axis, response, determined) for axis in driven)
     lines: list[LineDetail] = []
-    segments: list[SegmentDetail] = []
-    flags: list[Flag] = []
+    flags: list[Flag] = [*recorded]
     for number, segment in enumerate(dataset.segments):
         own = _lines(number, fields[number], observed[number], response, determined, settings)
-        detail = _segment_detail(segment, fields[number], observed[number])
+        detail = segments[number]
         flags += field_flags(segment, fields[number])
         flags += record_flags(segment, detail, settings) + drive_flags(segment, own, settings)
         flags += beat_flags(segment, detail, own)
         lines += own
-        segments.append(detail)
     flags += result_flags(estimates, lines, reasons, settings)
     flags += cross_axis_flags(estimates, settings)
     return RlgAnalysis(
@@ -84,6 +97,37 @@ def analyse(dataset: RlgDataset, settings: AnalysisSettings | None = None) -> Rl
         lines=tuple(lines),
         segments=tuple(segments),
     )
+
+
+def _recorder(
+    dataset: RlgDataset,
+    fields: Sequence[FieldFit],
+    observed: list[Observed | None],
+    details: Sequence[SegmentDetail],
+    reasons: dict[str, str],
+) -> tuple[list[Flag], dict[str, float]]:
+    """Return the flags of what the data deny, and by axis the part of a result in doubt.
+
+    A record of which half is in doubt is taken out of `observed`.
+    """
+    flags: list[Flag] = []
+    doubts: dict[str, float] = {}
+    for number, segment in enumerate(dataset.segments):
+        detail, one = details[number], observed[number]
+        flags += [*condition_flags(segment), *collisions(segment), *output_flags(segment, detail)]
+        if one is None:
+            continue
+        found, doubt = recorder_findings(segment, fields[number], one.gyro, detail)
+        flags += [*found, *overtone_flags(segment, one.gyro, detail)]
+        middle_s = _middle_s(segment)
+        flags += steadiness_flags(segment, fields[number], one.gyro, one.lines, middle_s)
+        if doubt > MOST_IN_DOUBT:
+            reason = "its record is cut or rounded too much, see the other flags"
+            reasons.update(dict.fromkeys(detail.axes, reason))
+            observed[number] = None
+        elif doubt > 0.0:
+            doubts.update({a: max(doubts.get(a, 0.0), doubt) for a in detail.axes})
+    return flags, doubts
 
 
 def _middle_s(segment: Segment) -> float:

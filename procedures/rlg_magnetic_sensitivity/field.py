@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from procedures.estimation.drift import legendre_columns
 from procedures.estimation.excitation import SEEN
 from procedures.estimation.linear import combine, least_squares
+from procedures.estimation.recorder import resolution
 from procedures.estimation.robust import robust_sigma
 from procedures.estimation.sine import (
     averaging_factor,
@@ -30,6 +31,8 @@ _OUTLIER = 8.0
 _FEWEST_SIGMAS = 8.0
 _LEAST_KEPT = 0.5
 """Where more of the field's samples are wild than not, nobody can say which of them are right."""
+_LEAST_EXPLAINED = 0.5
+"""Of the power of a coil's own component, the part that its own line must have."""
 
 
 @dataclass(frozen=True)
@@ -54,11 +57,19 @@ class FieldLine:
 
 @dataclass(frozen=True)
 class FieldFit:
-    """The lines of one segment's field, its mean (ambient) field, rows set aside as wild."""
+    """The lines of one segment's field, its mean (ambient) field, rows set aside as wild.
+
+    `wild` (m,) marks these rows.
+    """
 
     lines: tuple[FieldLine, ...]
     ambient_mT: Array
-    rows_rejected: int
+    wild: NDArray[np.bool_]
+
+    @property
+    def rows_rejected(self) -> int:
+        """The number of wild rows."""
+        return int(self.wild.sum())
 
 
 def fit_field(segment: Segment, middle_s: float) -> FieldFit:
@@ -79,12 +90,14 @@ def fit_field(segment: Segment, middle_s: float) -> FieldFit:
             groups, field_mT, f"the field record holds {len(time_s)} samples, too few for a fit"
         )
     frequencies, uncertainties, kept = _frequencies(segment.drive, groups, time_s, field_mT)
+    wild = ~finite
+    wild[np.flatnonzero(finite)[~kept]] = True
     rejected = int((~kept).sum())
     if len(time_s) - rejected < max(2 * columns, _LEAST_KEPT * len(time_s)):
         reason = f"{rejected} of {len(time_s)} samples of the field fit no sine of one amplitude"
         return _no_fit(groups, field_mT, reason)
     found = frequencies, uncertainties
-    return _linear_fit(segment, groups, *found, time_s[kept], field_mT[kept], rejected)
+    return _linear_fit(segment, groups, *found, time_s[kept], field_mT[kept], wild)
 
 
 def stretch_of_field(
@@ -116,7 +129,8 @@ def stretch_of_field(
 
 def _no_fit(groups: list[tuple[tuple[str, ...], float]], field_mT: Array, reason: str) -> FieldFit:
     ambient = np.median(field_mT, axis=0) if len(field_mT) else np.zeros(3)
-    return FieldFit(tuple(_empty(axes, f, reason) for axes, f in groups), ambient, 0)
+    lines = tuple(_empty(axes, f, reason) for axes, f in groups)
+    return FieldFit(lines, ambient, np.zeros(len(field_mT), dtype=bool))
 
 
 def _groups(drive: Mapping[str, Drive], span_s: float) -> list[tuple[tuple[str, ...], float]]:
@@ -162,8 +176,9 @@ def _frequencies(
         residuals = field_mT[:, a] - combine(
             design, least_squares(design, clipped[:, a]).coefficients
         )
-        # The waveform of a programmed list is not a perfect sine; its steps are no outliers.
-        floor = 0.01 * float(np.ptp(clipped[:, a]))
+        # The waveform of a programmed list is not a perfect sine; its steps are no outliers, nor
+        # are those of a gaussmeter with few digits.
+        floor = max(0.01 * float(np.ptp(clipped[:, a])), resolution(field_mT[:, a]))
         kept &= np.abs(residuals) <= _OUTLIER * robust_sigma(residuals, floor) + 1e-12
     for k, part in enumerate(parts if kept.any() else ()):
         frequencies[k], uncertainties[k] = refine_frequency(
@@ -210,7 +225,7 @@ def _linear_fit(
     uncertainties: list[float],
     time_s: Array,
     field_mT: Array,
-    rejected: int,
+    wild: NDArray[np.bool_],
 ) -> FieldFit:
     span_s = float(time_s[-1] - time_s[0])
     step_s = float(np.median(np.diff(time_s)))
@@ -232,11 +247,14 @@ def _linear_fit(
         spread = np.diag(fit.inverse_normal) * fit.sum_of_squares / freedom
         pairs = spread[first : first + 2 * len(frequencies)]
         variance[:, a] = 0.5 * (pairs[0::2] + pairs[1::2])
+    scatter_mT = np.std(field_mT, axis=0)
     lines = []
     for k, (axes, _) in enumerate(groups):
         factor = averaging_factor(frequencies[k], segment.field_averaging_s)
         blurred = _blurred(frequencies, k, step_s, span_s, factor)
-        problem = blurred or _absent(axes, segment.drive, found[k], variance[k])
+        problem = blurred or _absent(
+            axes, segment.drive, frequencies, k, found, variance[k], scatter_mT
+        )
         factor = factor if abs(factor) >= 0.1 else 1.0
         double = np.zeros(3, dtype=np.complex128)
         if 2.0 * frequencies[k] in doubles:
@@ -255,7 +273,7 @@ def _linear_fit(
                 measured=blurred is None,
             )
         )
-    return FieldFit(tuple(lines), ambient, rejected)
+    return FieldFit(tuple(lines), ambient, wild)
 
 
 def _blurred(
@@ -272,15 +290,41 @@ def _blurred(
 
 
 def _absent(
-    axes: tuple[str, ...], drive: Mapping[str, Drive], found: Complex, variance: Array
+    axes: tuple[str, ...],
+    drive: Mapping[str, Drive],
+    frequencies: list[float],
+    k: int,
+    lines_mT: Complex,
+    variance: Array,
+    scatter_mT: Array,
 ) -> str | None:
-    """Return that an axis which should drive a line does not, None where all do."""
+    """Return that an axis which should drive line `k` does not, or not alone; None where all do.
+
+    `lines_mT` (n, 3) holds the phasors of all lines, `scatter_mT` (3,) is that of the readings.
+    """
+    lines_mT = lines_mT[: len(frequencies)]
+    found = lines_mT[k]
     for axis in axes:
         a = AXES.index(axis)
         size = abs(found[a])
         wanted = 1e-3 * drive[axis].amplitude_mT
         if size <= max(_FEWEST_SIGMAS * float(np.sqrt(variance[a])), wanted, 1e-12):
             return f"the field record shows no line at the driven frequency on {axis}"
+        beside = max(
+            [abs(found[b]) for b, other in enumerate(AXES) if other not in axes], default=0
+        )
+        explained = size**2 > 2.0 * _LEAST_EXPLAINED * float(scatter_mT[a]) ** 2
+        if size < 0.5 * beside or not explained:
+            at, of = int(np.argmax(np.abs(found))), int(np.argmax(np.abs(lines_mT[:, a])))
+            seen = "swings otherwise"
+            if AXES[at] not in axes:
+                seen = f"swings more on {AXES[at]} at this frequency"
+            elif of != k:
+                seen = f"swings more at {frequencies[of]:.4g} Hz"
+            return (
+                f"the field on {axis} should swing at {frequencies[k]:.4g} Hz and {seen}: look for "
+                "exchanged columns, probes or coils, and for a wrong drive"
+            )
     return None
 
 

@@ -153,12 +153,27 @@ def drive_flags(
                     "field-differs-from-commanded",
                     f"The measured field on {line.axis} has an amplitude of "
                     f"{line.field_amplitude_mT:.5g} mT, {100.0 * off:+.2g} % from the commanded "
-                    f"{drive.amplitude_mT:g} mT; the result uses the measured field.",
+                    f"{drive.amplitude_mT:g} mT{_likely(1.0 + off)}; the result uses the measured "
+                    "field. Check coil, supply and gaussmeter.",
                     line.axis,
                     {"relative_difference": off},
                 )
             )
     return flags
+
+
+LIKELY = {
+    10.0: "the field's columns may be in gauss",
+    1e3: "the field's columns may be in uT",
+    1e-3: "the field's columns may be in T",
+    2.0**0.5: "the stated amplitude may be an rms value",
+    0.5: "the stated amplitude may be peak to peak",
+}
+"""What a measured amplitude over the commanded one may come from."""
+
+
+def _likely(ratio: float) -> str:
+    return next((f" ({said})" for at, said in LIKELY.items() if abs(ratio / at - 1.0) < 0.03), "")
 
 
 def recorded_span_s(segment: Segment) -> float:

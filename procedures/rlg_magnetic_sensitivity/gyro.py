@@ -7,12 +7,14 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import fdtrc
 
 from procedures.estimation.columns import Columns, Rows
 from procedures.estimation.drift import drift_order, legendre_columns
 from procedures.estimation.linear import least_squares
 from procedures.estimation.noise import (
     LocalNoise,
+    Periodogram,
     fit_autoregression,
     grid_index,
     lag_one_correlation,
@@ -29,6 +31,19 @@ from .findings import AnalysisSettings
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 Mask = NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class Overtone:
+    """Three times a driven frequency in what the fit leaves: power over that of the noise there.
+
+    `chance` is how often noise alone has as much.
+    """
+
+    frequency_Hz: float
+    driven_Hz: float
+    power: float
+    chance: float
 
 
 @dataclass(frozen=True)
@@ -55,6 +70,7 @@ class GyroFit:
     lag_one_correlation: float
     residual_sigma_deg_per_h: float
     noise_floor_deg_per_h: Array
+    overtones: tuple[Overtone, ...]
 
 
 def extra_lines(frequencies: Sequence[float], span_s: float, interval_s: float) -> list[float]:
@@ -153,6 +169,7 @@ def fit_gyro(
     spectrum = periodogram(fit.residuals, index, interval_s)
     lowest_Hz = 0.5 * (order + 2) / span_s
     highest_Hz = 0.5 / interval_s - 0.5 / span_s
+    band = (lowest_Hz, highest_Hz)
     all_phasors = phasors(fit.coefficients[:line_count])
     for slot, place in enumerate(result_lines):
         if place is None:
@@ -160,7 +177,6 @@ def fit_gyro(
         f = lines[place]
         factor = averaging_factor(f, interval_s)
         others = lines[:place] + lines[place + 1 :]
-        band = (lowest_Hz, highest_Hz)
         near = noise_near_line(spectrum, f, others, *band, overall, colour.order > 0)
         freedoms[slot] = near.degrees_of_freedom
         phasor[slot] = all_phasors[place] / factor
@@ -193,7 +209,30 @@ def fit_gyro(
         lag_one_correlation=lag_one_correlation(residuals[kept], index),
         residual_sigma_deg_per_h=float(np.sqrt(np.mean(residuals[kept] ** 2) * samples / freedom)),
         noise_floor_deg_per_h=np.sqrt(power[: len(frequencies)]) * np.abs(factors),
+        overtones=_overtones(frequencies, lines, spectrum, band, overall, colour.order > 0),
     )
+
+
+def _overtones(
+    frequencies: Sequence[float],
+    lines: Sequence[float],
+    spectrum: Periodogram,
+    band_Hz: tuple[float, float],
+    overall: LocalNoise,
+    coloured: bool,
+) -> tuple[Overtone, ...]:
+    """Return what stands at three times each driven frequency, where no fitted line is near."""
+    found = []
+    for f in frequencies:
+        triple = 3.0 * f
+        if triple > band_Hz[1] or any(abs(triple - g) * spectrum.span_s < 1.5 for g in lines):
+            continue
+        near = noise_near_line(spectrum, triple, lines, *band_Hz, overall, coloured)
+        place = int(np.argmin(np.abs(spectrum.frequency_Hz - triple)))
+        ratio = float(spectrum.ordinate[place]) / near.variance if near.variance > 0.0 else 0.0
+        chance = float(fdtrc(2.0, near.degrees_of_freedom, ratio))
+        found.append(Overtone(triple, f, ratio, chance))
+    return tuple(found)
 
 
 def _line_slots(frequencies: Sequence[float], extra: list[float]) -> list[int | None]:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -139,6 +139,13 @@ def solve(observed: Sequence[Observed | None]) -> Response:
         undriven=dict(zip(_others(axes), (gain[:count] @ system.undriven).T, strict=True)),
         residuals=_residuals(observed, system, design, gain, solution, covariance, count),
     )
+
+
+def in_doubt(response: Response, doubts: Mapping[str, float]) -> Response:
+    """Return a response of which by axis a part is in doubt, as a standard uncertainty."""
+    part = np.array([doubts.get(axis, 0.0) for axis in response.axes])
+    extra = np.diag((part * response.sensitivity) ** 2)
+    return replace(response, covariance=response.covariance + extra)
 
 
 def _driven(observed: Sequence[Observed | None]) -> tuple[str, ...]:

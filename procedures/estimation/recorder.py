@@ -1,0 +1,154 @@
+"""What a recorder does to a channel: steps of its values, limits, stretches that stand still."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import erf, ndtr
+
+from .robust import MAD_TO_SIGMA
+
+Array = NDArray[np.float64]
+
+CHANCE = 1e-7
+"""That a sound record is called stuck."""
+LEAST_ROWS = 12
+JUMP_SIGMAS = 8.0
+_FACTOR = 6364136223846793005  # odd and large: windows of values get keys that all but never meet
+
+
+def resolution(values: Array) -> float:
+    """Return the least difference of two values (n,) of a channel, 0 where all are equal.
+
+    Where most samples share theirs with another one only such values count: a few that were made up
+    between a channel's steps make no finer steps.
+    """
+    found, counts = np.unique(values, return_counts=True)
+    if 2 * int(counts[counts > 1].sum()) > len(values) and int(np.sum(counts > 1)) > 1:
+        found = found[counts > 1]
+    steps = np.diff(found)
+    # What a unit's factor leaves of equal values is no step.
+    steps = steps[steps > 1e-9 * float(np.max(np.abs(values), initial=0.0))]
+    return float(steps.min()) if len(steps) else 0.0
+
+
+def piled_up(
+    values: Array, step: float, sigma: float, expected: Array | None = None
+) -> tuple[float, float]:
+    """Return the parts of the values (n,) at the outermost ones, and at one inside, if too many.
+
+    `step` is the channel's, `sigma` what a model leaves of the values. Where that is more than two
+    steps, the channel comes to a value too often if it does so five times, inside fifteen times,
+    more than five times as often as to those next to it. With the model `expected` (n,), too many
+    are also more than it and normal noise put there, beyond chance: ten at a limit, a twentieth of
+    all at a value inside.
+    """
+    if step == 0.0:
+        return 0.0, 0.0
+    level = np.rint((values - np.min(values)) / step).astype(np.int64)
+    levels, counts = np.unique(level, return_counts=True)
+    top, mode = int(levels[-1]), int(levels[np.argmax(counts)])
+    parts = {0: 0.0, mode: 0.0, top: 0.0}
+    for one in parts:
+        away = level - one
+        count, visits = int(np.sum(away == 0)), _visits(away == 0)
+        sides = 1 if one in (0, top) else 2
+        beside = _visits((away != 0) & (np.abs(away) <= 3)) / (3.0 * sides)
+        many = sigma > 2.0 * step and visits > 5.0 * beside + (5.0 if sides == 1 else 15.0)
+        if expected is not None and sigma > 0.5 * step * sides and visits > 5:
+            from_model = np.min(values) + one * step - expected
+            upper = ndtr((from_model + 0.5 * step) / sigma) if one < top else 1.0
+            lower = ndtr((from_model - 0.5 * step) / sigma) if one > 0 else 0.0
+            chance = float(np.sum(upper - lower))
+            slack = 10.0 if sides == 1 else 0.05 * len(values)
+            many = many or count > chance + 6.0 * math.sqrt(chance) + slack
+        parts[one] = count / len(values) if many else 0.0
+    inside = parts[mode] if 0 < mode < top else 0.0
+    return parts[0] + (parts[top] if top else 0.0), inside
+
+
+def _visits(here: NDArray[np.bool_]) -> int:
+    return int(here[0]) + int(np.sum(here[1:] & ~here[:-1]))
+
+
+def _chance_of_equal(values: Array, step: float) -> float:
+    """Return how often a sample meets a value to one and a half steps, given those before it.
+
+    It then scatters like the innovation of the noise.
+    """
+    sigma = min(
+        float(np.quantile(np.abs(np.diff(values, order)), 0.9)) / 1.645 / math.sqrt(power)
+        for order, power in ((2, 6.0), (3, 20.0), (4, 70.0))
+    )
+    chance = float(erf(1.5 * step / (math.sqrt(2.0) * sigma))) if sigma > 0.0 else 0.0
+    return max(chance, 1e-3)
+
+
+def stuck_rows(values: Array, step: float) -> tuple[int, int] | None:
+    """Return first and last row of the longest stretch that is a straight line to the last digit.
+
+    None where noise and the channel's steps make such a stretch by themselves.
+    """
+    if len(values) < 4 * LEAST_ROWS:
+        return None
+    chance = _chance_of_equal(values, step)
+    if chance > 0.9:
+        return None
+    needed = math.log(CHANCE / len(values)) / math.log(chance)
+    straight = np.abs(np.diff(values, 2)) <= 1.01 * step
+    edges = np.flatnonzero(np.diff(np.concatenate(([0], straight.astype(np.int8), [0]))))
+    if not len(edges):
+        return None
+    lengths = edges[1::2] - edges[::2]
+    longest = int(np.argmax(lengths))
+    if lengths[longest] < max(needed, LEAST_ROWS):
+        return None
+    first = int(edges[2 * longest])
+    return first, first + int(lengths[longest]) + 1
+
+
+def repeated_rows(values: Array, step: float) -> tuple[int, int, int] | None:
+    """Return two first rows and the length of the longest stretch that is there twice.
+
+    None where noise and the channel's steps make such a stretch by themselves.
+    """
+    if len(values) < 4 * LEAST_ROWS or step == 0.0:
+        return None
+    chance = _chance_of_equal(values, step)
+    if chance > 0.9:
+        return None
+    width = math.ceil(math.log(CHANCE / len(values) ** 2) / math.log(chance))
+    width = max(width, LEAST_ROWS)
+    if len(values) < 4 * width:
+        return None
+    level = np.rint((values - np.min(values)) / step).astype(np.uint64)
+    key = np.zeros(len(values) - width + 1, dtype=np.uint64)
+    for k in range(width):
+        key = key * np.uint64(_FACTOR) + level[k : k + len(key)]
+    _, first, back = np.unique(key, return_index=True, return_inverse=True)
+    twice = np.flatnonzero(first[back] != np.arange(len(key)))
+    if not len(twice):
+        return None
+    row = int(twice[0])
+    return int(first[back[row]]), row, width - 1 + len(twice)
+
+
+def largest_jump(residuals: Array, period: float, step: float) -> tuple[int, float] | None:
+    """Return row and size of the largest jump of the mean, None where none stands out.
+
+    The means of equal stretches, whole periods (in rows) of a line long, before and after each row
+    are compared, and their difference with all others: noise of any colour and slow drift have none
+    that stands out. The rounding of counts to a `step` makes four steps over a stretch at most.
+    """
+    width = round(math.ceil(max(len(residuals) // 40, 8) / period) * period)
+    if len(residuals) < 8 * width:
+        return None
+    total = np.concatenate(([0.0], np.cumsum(residuals)))
+    jumps = (total[2 * width :] - 2.0 * total[width:-width] + total[: -2 * width]) / width
+    sigma = MAD_TO_SIGMA * float(np.median(np.abs(jumps - np.median(jumps))))
+    row = int(np.argmax(np.abs(jumps)))
+    if abs(jumps[row]) <= JUMP_SIGMAS * sigma + 4.0 * step / width or sigma == 0.0:
+        return None
+    return row + width, float(jumps[row])

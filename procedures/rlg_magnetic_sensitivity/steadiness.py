@@ -1,0 +1,212 @@
+"""Whether field and answer stay what they are throughout a record: both, block by block."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import fdtrc
+
+from procedures.estimation.linear import least_squares
+from procedures.estimation.noise import LocalNoise, Periodogram, grid_index, periodogram
+from procedures.estimation.sine import line_columns, phasors
+from station.findings import Flag
+
+from .dataset import AXES, Segment
+from .field import FieldFit
+from .gyro import GyroFit
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+Mask = NDArray[np.bool_]
+
+MOST_BLOCKS = 12
+LEAST_CYCLES = 2.0
+WANDERS = 0.02
+"""Part of its amplitude by which a field may differ in a block."""
+WANDERS_SIGMAS = 6.0
+CHANCE = 1e-5
+"""That a steady answer is called unsteady, of one line."""
+ISOLATED_ROWS = 3
+REDDER = 1.5
+"""Noise at a line over that beside it, at most: drift that is left is small there."""
+LEAST_ORDINATES = 16
+
+
+def block_edges(start_s: float, stop_s: float, frequencies_Hz: Sequence[float]) -> Array:
+    """Return the edges in s of blocks that tell the lines apart and hold two cycles of each."""
+    ordered = sorted(frequencies_Hz)
+    apart_Hz = min([b - a for a, b in pairwise(ordered)], default=np.inf)
+    least_s = max(LEAST_CYCLES / ordered[0], 1.0 / apart_Hz)
+    blocks = int(min((stop_s - start_s) / least_s + 1e-6, MOST_BLOCKS))
+    return np.linspace(start_s, stop_s, max(blocks, 1) + 1)
+
+
+def block_phasors(
+    time_s: Array, data: Array, frequencies_Hz: Sequence[float], edges_s: Array
+) -> tuple[Complex, Array, Array]:
+    """Return phasors (blocks, lines) about time zero, and their variances over that of a sample.
+
+    Each block is fitted for itself, with a mean and a slope; too few samples make NaN. Third, what
+    the fits leave of the data (n,).
+    """
+    shape = len(edges_s) - 1, len(frequencies_Hz)
+    found = np.full(shape, np.nan + 0j)
+    variance = np.full(shape, np.nan)
+    residuals = np.zeros(len(data))
+    place = np.clip(np.searchsorted(edges_s, time_s, side="right") - 1, 0, shape[0] - 1)
+    for block in range(shape[0]):
+        here = place == block
+        if int(here.sum()) < 3 * (2 * shape[1] + 2):
+            continue
+        t = time_s[here]
+        slope = (t - t.mean()) / (np.ptp(t) or 1.0)
+        design = np.column_stack((line_columns(t, frequencies_Hz), np.ones(len(t)), slope))
+        fit = least_squares(design, data[here])
+        found[block] = phasors(fit.coefficients[: 2 * shape[1]])
+        residuals[here] = fit.residuals
+        spread = np.diag(fit.inverse_normal)[: 2 * shape[1]]
+        variance[block] = 0.5 * (spread[0::2] + spread[1::2])
+    return found, variance, residuals
+
+
+def field_by_block(
+    segment: Segment, field: FieldFit, middle_s: float, edges_s: Array
+) -> tuple[Complex, Array]:
+    """Return what each coil's own component does in each block (blocks, lines), over its phasor.
+
+    With it the standard uncertainty. Single wild readings are left out, stretches of them are not:
+    they are what is looked for.
+    """
+    frequencies = [line.frequency_Hz for line in field.lines]
+    runs = np.flatnonzero(np.diff(np.concatenate(([0], field.wild.astype(np.int8), [0]))))
+    used = np.isfinite(segment.field_mT).all(axis=1) & np.isfinite(segment.field_time_s)
+    for first, stop in zip(runs[::2], runs[1::2], strict=True):
+        if stop - first <= ISOLATED_ROWS:
+            used[first:stop] = False
+    time_s = segment.field_time_s[used] - middle_s
+    relative = np.full((len(edges_s) - 1, len(frequencies)), np.nan + 0j)
+    spread = np.full(relative.shape, np.nan)
+    for k, line in enumerate(field.lines):
+        own = max((AXES.index(axis) for axis in line.axes), key=lambda a: abs(line.phasor_mT[a]))
+        values = segment.field_mT[used, own]
+        whole, *_ = block_phasors(time_s, values, frequencies, np.array([edges_s[0], edges_s[-1]]))
+        found, variance, _ = block_phasors(time_s, values, frequencies, edges_s)
+        sample = 2.0 * float(line.variance_mT2[own]) * len(time_s) / 2.0
+        relative[:, k] = found[:, k] / whole[0, k]
+        spread[:, k] = np.sqrt(variance[:, k] * sample) / abs(whole[0, k])
+    return relative, spread
+
+
+def steadiness_flags(
+    segment: Segment, field: FieldFit, gyro: GyroFit, lines: Sequence[int], middle_s: float
+) -> Iterator[Flag]:
+    """Yield flags of fields that are not one sine, and of answers that do not follow the field.
+
+    `lines` are the field lines that the gyro was fitted at, in the order of its phasors.
+    """
+    half_s = 0.5 * (float(segment.time_s[-1]) - float(segment.time_s[0]))
+    edges_s = block_edges(-half_s, half_s, [line.frequency_Hz for line in field.lines])
+    if len(edges_s) < 3 or any(line.problem for line in field.lines):
+        return
+    relative, spread = field_by_block(segment, field, middle_s, edges_s)
+    for k, line in enumerate(field.lines):
+        off = np.nan_to_num(np.abs(relative[:, k] - 1.0))
+        beyond = off > np.maximum(WANDERS, WANDERS_SIGMAS * np.nan_to_num(spread[:, k]))
+        if beyond.any():
+            worst = int(np.argmax(np.where(beyond, off, 0.0)))
+            yield _wanders(segment, line.axes, edges_s + half_s, worst, relative[worst, k])
+    yield from _unfaithful(segment, field, gyro, lines, edges_s, relative)
+
+
+def _wanders(
+    segment: Segment, axes: Sequence[str], edges_s: Array, block: int, relative: complex
+) -> Flag:
+    start_s, stop_s = float(edges_s[block]), float(edges_s[block + 1])
+    wanders_said = (
+        f"The field on {' and '.join(axes)} is not one steady sine: from {start_s:.4g} s to "
+        f"{stop_s:.4g} s of the record its amplitude is {abs(relative):.3g} of that of the whole "
+        f"and its phase {np.degrees(np.angle(relative)):+.3g} deg off. Look at coil supply, "
+        "gaussmeter and time stamps, and measure again."
+    )
+    details = {"start_s": start_s, "stop_s": stop_s, "relative_amplitude": abs(relative)}
+    return Flag("field-wanders", wanders_said, axes[0] if len(axes) == 1 else None, details)
+
+
+def _unfaithful(
+    segment: Segment,
+    field: FieldFit,
+    gyro: GyroFit,
+    lines: Sequence[int],
+    edges_s: Array,
+    relative: Complex,
+) -> Iterator[Flag]:
+    """Yield a flag for each line whose answer changes at some time though the field does not."""
+    kept = gyro.kept
+    time_s = segment.time_s[kept] - 0.5 * float(segment.time_s[0] + segment.time_s[-1])
+    data = gyro.lines_deg_per_h[kept] + gyro.residual_deg_per_h[kept]
+    frequencies = [field.lines[k].frequency_Hz for k in lines]
+    found, variance, left = block_phasors(time_s, data, frequencies, edges_s)
+    index = grid_index(segment.time_s, segment.sample_interval_s)[kept]
+    spectrum = periodogram(left, index - index[0], segment.sample_interval_s)
+    block_Hz = 1.0 / float(edges_s[1] - edges_s[0])
+    cut_pulse = segment.quantum_deg_per_h * segment.sample_interval_s * block_Hz  # at an edge
+    for slot, k in enumerate(lines):
+        noise = 0.25 * float(gyro.noise_floor_deg_per_h[slot]) ** 2 * len(time_s)
+        freedom = float(gyro.degrees_of_freedom[slot])
+        beside = noise_beside(spectrum, frequencies[slot], frequencies, block_Hz)
+        if beside is not None and REDDER * beside.variance < noise:
+            noise, freedom = REDDER * beside.variance, beside.degrees_of_freedom
+        used = np.isfinite(variance[:, slot]) & np.isfinite(relative[:, k])
+        if int(used.sum()) < 2 or noise <= 0.0:
+            continue
+        answer, wave = found[used, slot], relative[used, k]
+        gained, scatter = changes(answer, wave, 1.0 / (variance[used, slot] * noise + cut_pulse**2))
+        worst, degrees = int(np.argmax(gained)), 2.0 * (int(used.sum()) - 1)
+        by_change = len(gained) * float(fdtrc(2.0, freedom, gained[worst] / 2.0))
+        chance = min(by_change, float(fdtrc(degrees, freedom, scatter / degrees)))
+        if chance < CHANCE:
+            at_s = float(edges_s[:-1][used][worst + 1] - edges_s[0])
+            axes = field.lines[k].axes
+            unfaithful_said = (
+                f"The answer to the field on {' and '.join(axes)} is not the same throughout the "
+                f"record, though the field is (F test, {chance:.1g} by chance); it changes most "
+                f"at {at_s:.4g} s. The output changed its scale, sign or delay or lost rows, or "
+                "the field was not what was recorded. Look at the record and measure again."
+            )
+            details = {"at_s": at_s, "chance": chance}
+            yield Flag("misfit", unfaithful_said, axes[0] if len(axes) == 1 else None, details)
+
+
+def noise_beside(
+    spectrum: Periodogram, frequency_Hz: float, lines_Hz: Sequence[float], block_Hz: float
+) -> LocalNoise | None:
+    """Return the noise some blocks' width beside a line, where no modulation of it reaches."""
+    away = np.abs(spectrum.frequency_Hz - frequency_Hz)
+    ring = (away < 4.0 * block_Hz) & (spectrum.frequency_Hz > block_Hz)
+    for f in lines_Hz:
+        ring &= np.abs(spectrum.frequency_Hz - f) > 1.2 * block_Hz
+    count = int(ring.sum())
+    if count < LEAST_ORDINATES:
+        return None
+    # Ordinates are exponentially distributed: a median, which no line moves, is ln 2 of the mean.
+    return LocalNoise(float(np.median(spectrum.ordinate[ring])) / np.log(2.0), float(count) / 2.0)
+
+
+def changes(found: Complex, field: Complex, weight: Array) -> tuple[Array, float]:
+    """Return by how much the weighted sum of squares falls with another answer from each block on.
+
+    `found` (blocks,) is `field` (blocks,) times an answer, with `weight` over each part's variance.
+    Second, the sum of squares with one answer.
+    """
+
+    def explained(product: Complex, power: Array) -> Array:
+        return np.abs(product) ** 2 / np.where(power > 0.0, power, np.inf)
+
+    product = np.cumsum(weight * found * field.conj())
+    power = np.cumsum(weight * np.abs(field) ** 2)
+    whole = explained(product[-1:], power[-1:])[0]
+    before, after = explained(product, power), explained(product[-1] - product, power[-1] - power)
+    return (before + after - whole)[:-1], float(np.sum(weight * np.abs(found) ** 2) - whole)
