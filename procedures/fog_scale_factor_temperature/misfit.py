@@ -38,7 +38,7 @@ OWN_PART = 1e-3
 """Of a shape; what the polynomial follows to here shows nothing."""
 AGREE = 5.0
 """Of the usual deviation of a set's bias from that of the sets around it."""
-PERHAPS, BETTER = 0.0, 13.0
+PERHAPS, BETTER = 0.0, 16.0
 """Of the information criterion: so much more a kink explains than the polynomial's waves do, that
 it may be one and is in the uncertainty, and that it is one."""
 KINKS = 0.25
