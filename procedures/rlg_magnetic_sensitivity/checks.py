@@ -32,7 +32,7 @@ TURNS_TOO_FAST = 3.0 * EARTH_RATE_DEG_PER_H
 TOO_QUIET_DEG_PER_SQRT_H, TOO_SLOW_DEG_PER_H = 5e-5, 0.5
 """A tenth of the random walk of the best laser gyros, beside hardly any earth rate."""
 INTERVAL_OFF = 0.01
-OVERTONE_CHANCE = 3e-5
+OVERTONE_CHANCE = 1e-6
 COARSE = 0.58
 """Scatter over a step of the output: with noise below half a step, rounding is no noise."""
 COUNTED_OUT = 0.7
