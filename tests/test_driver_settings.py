@@ -113,6 +113,12 @@ def test_a_record_of_before_is_read_and_its_resumption_refused() -> None:
         ("signal_generator.xy", "keysight-33522b", {"load": "1 V"}, "must be high-impedance, or"),
         ("coil_supply.x", "kepco-bop-36-12", {"coil_constant": "0 mT/A"}, "may not be zero"),
         (
+            "coil_supply.x",
+            "kepco-bop-36-12",
+            {"coil_constant": "1 mT/A", "coil_resistance": "2 V"},
+            "coil_resistance: '2 V' is a voltage, expected a resistance",
+        ),
+        (
             "pump_laser",
             "thorlabs-sc10",
             {"trigger_to_dark": "8 degC"},

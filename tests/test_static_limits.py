@@ -11,7 +11,6 @@ from interlock_helpers import bench_from
 
 from station import registry
 from station.bench import Bench
-from station.faults import FaultList
 from station.lookup import BENCHES, PLANS, find
 from station.plan import read_plan
 from station.procedure import Forecast, Problem, SetPoint
@@ -151,11 +150,6 @@ def test_heating_that_nobody_can_compute_is_a_problem_where_it_has_a_limit() -> 
     assert "give settings.coil_resistance in the bench file" in sentence
     assert said(SetPoint("S1", "coil_supply.x", "0 A, output off"), on=unknown) == []
     assert said(coil(current_A=4.0), on=bench(resistance="note: none")) == []
-
-
-def test_a_resistance_that_cannot_be_read_is_a_fault_of_the_bench_file() -> None:
-    with pytest.raises(FaultList, match=r"bench.yaml:7:\d+: .*coil_resistance: '2 V' is a voltage"):
-        said(coil(current_A=1.0), on=bench(resistance="coil_resistance: 2 V"))
 
 
 def test_a_problem_stands_at_the_key_of_the_plan_that_decides() -> None:
