@@ -302,4 +302,4 @@ CLEAN: Sequence[Callable[[int], Made]] = tuple(
 # Chance raises the third as often as it exceeds 3 u; the others say what a clean record is like.
 USUAL_FLAGS = frozenset(
     ("not-significant", "non-integer-cycles", "quadrature-significant", "drift-removed")
-) | {"quantisation-beat", "outliers-rejected"}
+) | {"quantisation-beat", "outliers-rejected", "cross-axis"}
