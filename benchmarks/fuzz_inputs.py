@@ -153,7 +153,7 @@ def attempt(number: int, datasets: Sequence[Path]) -> Outcome:
         broken = "a fault of the program"
     elif "Warning: " in err.getvalue():
         broken = "a warning of a library"
-    elif code not in RIGHT:
+    elif code not in RIGHT and not (code == 3 and "There is no verdict on the device" in said):
         broken = broken or f"exit code {code}"
     elif seconds > LONGEST_S:
         broken = f"longer than {LONGEST_S:g} s"

@@ -153,6 +153,9 @@ def told_well(
         yield f"exit code 5 without an interlock: {ended.error}"
     if ended.outcome and ended.outcome.unsafe:
         return  # the sentence is that about the safe state
+    document = ended.outcome.document if ended.outcome else None
+    if document and any(flag.code == "wrong-excitation" for flag in document.flags):
+        return  # the sentence is that of the flag: no verdict on the device
     if ended.error == "":
         yield f"exit code {code} without a sentence"
     head, *more = ended.error.split("\n")

@@ -157,7 +157,7 @@ def test_validate_says_so(tmp_path: Path) -> None:
     (tmp_path / "plan.yaml").write_text(PLAN, encoding="utf-8")
     done = station(tmp_path, "validate", "plan.yaml", "--bench", "bench.yaml")
     assert done.returncode == 2
-    assert "bench.yaml:14:70: instruments.coil_supply.x.limits.zero_current: 100 A" in done.stderr
+    assert "bench.yaml:15:70: instruments.coil_supply.x.limits.zero_current: 100 A" in done.stderr
 
 
 @pytest.mark.parametrize(

@@ -155,7 +155,7 @@ def test_guardians_that_have_no_room_for_a_thread_make_the_bench_safe_all_the_sa
         subprocess.run(["prlimit", f"--pid={pid}", f"--as={most}:"], check=True)
     run.end_by(signal.SIGKILL)
     until(lambda: bench.at_rest("x"), DOUBLE_DEATH_S)
-    assert "the bench is safe" in run.wait_for_guardian()
+    assert "coil_supply.x output off" in run.wait_for_guardian()
     assert run.safe_states()[-1] == {"coil_supply.x": True}
 
 
@@ -166,7 +166,7 @@ def test_a_guardian_that_stands_still_keeps_no_instrument_of_a_run_that_is_over(
     _, second = run.guardians
     os.kill(second, signal.SIGSTOP)
     run.end_by(signal.SIGKILL)
-    assert "the bench is safe" in run.wait_for_guardian()
+    assert "coil_supply.x output off" in run.wait_for_guardian()
     until(lambda: not is_alive(second), DOUBLE_DEATH_S)
     with_it = start_run(bench, tmp_path / "next")
     with_it.end_by(signal.SIGKILL)

@@ -23,6 +23,7 @@ LARGEST_FIELD = ("parameters", "largest_field")
 ANGLES = ("parameters", "angles")
 LARGEST_G = 1.1
 """What the voltmeter's first range must hold, in the scale factor's units of 1 g."""
+FULL_TURN_DEG = 360.0
 
 
 def instruments(parameters: AccelerometerParameters) -> tuple[str, ...]:
@@ -41,6 +42,7 @@ def records(parameters: AccelerometerParameters, bench: Bench) -> tuple[RecordUs
         RecordUse(GAUSSMETER, "field", parameters.largest_field_mT, "mT"),
         RecordUse(MULTIMETER, "voltage", parameters.scale_factor_V_per_g, "V"),
         RecordUse(STAGE, "angle", 0.0, "deg", **apart),
+        RecordUse(STAGE, "graduation", FULL_TURN_DEG, "deg", needed=False, corrected=False),
         RecordUse(THERMOMETER, "temperature", 20.0, "degC", **apart),
     )
 

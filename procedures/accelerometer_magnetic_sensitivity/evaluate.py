@@ -8,7 +8,12 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from procedures.accelerometer_magnetic_sensitivity.analysis import analyse
-from procedures.accelerometer_magnetic_sensitivity.check import GAUSSMETER, MULTIMETER, STAGE
+from procedures.accelerometer_magnetic_sensitivity.check import (
+    FULL_TURN_DEG,
+    GAUSSMETER,
+    MULTIMETER,
+    STAGE,
+)
 from procedures.accelerometer_magnetic_sensitivity.findings import AnalysisSettings
 from procedures.accelerometer_magnetic_sensitivity.from_import import dataset_of_import
 from procedures.accelerometer_magnetic_sensitivity.from_record import (
@@ -22,8 +27,6 @@ if TYPE_CHECKING:
     from station.bench import Bench
     from station.dataset_reading import RawDataset
     from station.record.folder import RunFolder
-
-FULL_TURN_DEG = 360.0
 
 
 def findings_of_run(
@@ -70,17 +73,17 @@ def type_b_inputs(parameters: AccelerometerParameters, bench: Bench) -> list[Inp
 
 def _graduation(bench: Bench) -> Iterable[InputQuantity]:
     """Yield what is left of the stage's angle within a turn, where its certificate says it."""
-    record = bench.instruments[STAGE].calibration
-    if record is None or not record.covers("graduation", FULL_TURN_DEG, "deg"):
+    stated = bench.stated(STAGE, "graduation", FULL_TURN_DEG, "deg")
+    if stated is None:
         return
-    u_rad = math.radians(record.standard_uncertainty("graduation", FULL_TURN_DEG, "deg"))
+    u_deg, source = stated
     for wave in ("sine", "cosine"):
         yield InputQuantity(
             f"graduation_{wave}_rad",
             f"graduation of {STAGE}, {wave} of the angle",
-            u_rad,
+            math.radians(u_deg),
             "rad",
-            record.source,
+            source,
         )
 
 

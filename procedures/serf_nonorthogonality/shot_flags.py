@@ -15,6 +15,8 @@ from .precession import Precession
 from .shots import AXES, LEAST_SIGNAL_TO_NOISE
 from .spins import GAMMA_HZ_PER_NT, SPINS
 
+UNEXPLAINED = 0.3
+"""Of the squares of the frequencies: what coils that lean leave at most."""
 LARGE_BASELINE = 1.5
 """A baseline beyond this many amplitudes of the tone."""
 GAMMA_MARGIN = 1e-3
@@ -50,11 +52,14 @@ def _excitation(dataset: SerfDataset, seen: Sequence[Precession]) -> Iterator[Fl
     clear = [
         one for one in seen if one.used and one.used_fit.signal_to_noise >= LEAST_SIGNAL_TO_NOISE
     ]
-    if not clear:
-        return
+    if 2 * len(clear) < len(seen):
+        return  # it is the light, or the cell
     omega = np.array([one.used_fit.omega_rad_per_s for one in clear])
     squares = np.array([one.shot.field_nT**2 for one in clear])
-    found = np.sqrt(np.maximum(np.linalg.lstsq(squares, omega**2, rcond=None)[0], 0.0))
+    of_coils = np.linalg.lstsq(squares, omega**2, rcond=None)[0]
+    if np.linalg.norm(omega**2 - squares @ of_coils) > UNEXPLAINED * np.linalg.norm(omega**2):
+        return  # the coils are not what makes these tones: that is said of the shots
+    found = np.sqrt(np.maximum(of_coils, 0.0))
     spin = SPINS[dataset.nuclear_spin]
     for k, axis in enumerate(AXES):
         driving = [one for one in seen if one.shot.field_nT[k]]
