@@ -32,9 +32,9 @@ from station.control.place import LONGEST_ADDRESS, places
 from station.control.requests import ENDS_ALREADY, RECEIVED, Control
 from station.control.spans import is_paused, paused_s
 from station.errors import Aborted, InterlockTripped, PauseRefused
-from station.procedure import Prompt
 from station.record.events import Event as LogEvent
 from station.record.folder import RunRecord
+from station.runner.consent import Prompt
 from station.runner.opening import Place
 from station.runner.progress import Progress
 from station.runner.prompts import Operator

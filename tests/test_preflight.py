@@ -15,8 +15,8 @@ from small_disk import small_disk
 
 from station.clock import RealClock, VirtualClock, system_clock_synchronised
 from station.lookup import BENCHES, find
-from station.procedure import Prompt
 from station.record.folder import RunFolder, RunRecord
+from station.runner.consent import Prompt
 from station.runner.preflight import (
     SystemClockWatch,
     fault_of_output,

@@ -20,9 +20,9 @@ from drivers.operator_power import OperatorPower
 from station.cli.running import told
 from station.clock import RealClock
 from station.errors import Aborted, InputError
-from station.procedure import Prompt
 from station.record.folder import RunFolder
 from station.runner import execute as executing
+from station.runner.consent import Prompt
 from station.runner.opening import Place
 from station.runner.outcome import Outcome
 from station.runner.prompts import Operator

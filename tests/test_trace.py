@@ -18,6 +18,7 @@ from station.conformance.hostile import HostileServer
 from station.errors import InstrumentTimeout
 from station.lookup import BENCHES, find
 from station.plan import read_plan
+from station.procedure import Procedures
 from station.runner.execute import Request, execute
 from station.runner.opening import Place
 from station.runner.outcome import Outcome
@@ -29,7 +30,7 @@ SPOKEN = ("coil_supply.x", "gaussmeter", "gyro_acquisition", "interlock_chain")
 
 
 def traced_run(folder: Path, *, trace: bool) -> Outcome:
-    plan = read_plan(short_plan(folder, axes=["IA"]), registry.Procedures())
+    plan = read_plan(short_plan(folder, axes=["IA"]), Procedures())
     bench = read_bench(find(BENCHES, "sim"), registry.names(registry.DRIVERS))
     outcome = execute(Request(plan, bench, folder / "runs", quiet=True, report=False, trace=trace))
     assert outcome.exit_code == 0, outcome.error

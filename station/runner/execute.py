@@ -18,11 +18,12 @@ from station.errors import EXIT_ABORTED, EXIT_FAULT, EXIT_INTERLOCK, InputError,
 from station.evaluation import conclude_run, exit_code_of
 from station.plan import Plan
 from station.plan.resolved import resolved_text
-from station.procedure import Procedure, Prompt
+from station.procedure import Procedure, procedure_of
 from station.record.creation import BENCH, PLAN, RUN
 from station.record.files import json_text
 from station.record.folder import EXPORTS, RunFolder, RunRecord
 from station.record.integrity import hash_of_data
+from station.runner.consent import Prompt
 from station.runner.outcome import NO_MEMORY, Outcome, in_one_sentence, is_lack_of_memory
 from station.runner.preflight import look_before_a_run, watch_system_clock
 from station.runner.progress import Progress, how_long
@@ -64,7 +65,7 @@ def execute(request: Request) -> Outcome:
     NotAcknowledged when an interlock of this bench tripped and nobody has looked.
     """
     plan, bench = request.plan, request.bench
-    procedure = registry.procedure(plan.procedure)
+    procedure = procedure_of(plan.procedure)
     refuse_until_acknowledged(bench.path, [] if request.served else addresses_of(bench))
     with BenchSession(bench, plan.procedure, request.served) as session:
         clock = session.clock

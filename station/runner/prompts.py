@@ -10,12 +10,12 @@ from dataclasses import dataclass
 from station.clock import Clock
 from station.console import tell
 from station.errors import Aborted, InputError, UnansweredPrompt
-from station.procedure import Prompt
 from station.runner.consent import (
     ABORT,
     DONE,
     HINT,
     HINT_AT_THE_END,
+    Prompt,
     discard_typed,
     meaning,
 )
