@@ -9,8 +9,8 @@ from pkgutil import resolve_name
 from typing import TYPE_CHECKING, Any, TypedDict
 
 from station import registry
+from station.consent import Prompt as Prompt
 from station.errors import InputError
-from station.runner.consent import Prompt as Prompt
 
 if TYPE_CHECKING:
     from station.bench import Bench

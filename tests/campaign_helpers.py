@@ -26,11 +26,11 @@ from sim_instruments.bench import SimulatedBench
 from station import registry
 from station.bench import read_bench
 from station.clock import VirtualClock
+from station.instruments.opening import Place
 from station.plan import read_plan
 from station.procedure import Procedures
 from station.record.folder import RunRecord
 from station.runner.acquisition import acquire
-from station.runner.opening import Place
 from station.runner.progress import Progress
 from station.runner.prompts import Operator
 from station.runner.run import Run

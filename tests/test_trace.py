@@ -16,11 +16,11 @@ from station.bench import read_bench
 from station.clock import VirtualClock
 from station.conformance.hostile import HostileServer
 from station.errors import InstrumentTimeout
+from station.instruments.opening import Place
 from station.lookup import BENCHES, find
 from station.plan import read_plan
 from station.procedure import Procedures
 from station.runner.execute import Request, execute
-from station.runner.opening import Place
 from station.runner.outcome import Outcome
 from station.runner.trace import Trace, readable
 from tests.campaign_helpers import file_hashes, short_plan

@@ -15,9 +15,9 @@ from typing import Any
 from station import registry
 from station.cli.validating import read_bench_named
 from station.clock import RealClock
+from station.control.signals import wishes
 from station.errors import InputError
 from station.procedure import procedure_of
-from station.runner.signals import wishes
 from station.runner.simulation import serve_bench
 
 MOST_AT_ONCE = 1 << 16

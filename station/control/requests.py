@@ -19,8 +19,8 @@ from station.clock import Clock
 from station.console import tell
 from station.control.channel import Channel, Incoming
 from station.control.pausing import ask_devices
+from station.control.signals import wishes
 from station.errors import Aborted
-from station.runner.signals import wishes
 
 if TYPE_CHECKING:
     from station.record.folder import RunRecord

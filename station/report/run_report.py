@@ -9,7 +9,7 @@ from station.bench import Bench
 from station.fields import to_yaml_data
 from station.findings import Findings
 from station.procedure import procedure_of
-from station.record.events import Event
+from station.record.events import LEFT_FOR_THE_END, Event
 from station.record.folder import RunFolder
 from station.recorded import left_unverified, read_plan_and_bench
 from station.report.context import (
@@ -22,7 +22,6 @@ from station.report.context import (
 )
 from station.report.html import render_html
 from station.results import ResultDocument
-from station.runner.run import LEFT_FOR_THE_END
 from station.safety.interlocks.reading import CHAIN
 
 ASKED_LAST = "asked once bench and results were done"

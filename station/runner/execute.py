@@ -13,7 +13,9 @@ from typing import Any
 from station import registry
 from station.bench import Bench
 from station.clock import Clock, system_clock_synchronised, utc_now
+from station.consent import Prompt
 from station.console import tell
+from station.control.signals import wishes_held
 from station.errors import EXIT_ABORTED, EXIT_FAULT, EXIT_INTERLOCK, InputError, RecordError
 from station.evaluation import conclude_run, exit_code_of
 from station.plan import Plan
@@ -23,14 +25,12 @@ from station.record.creation import BENCH, PLAN, RUN
 from station.record.files import json_text
 from station.record.folder import EXPORTS, RunFolder, RunRecord
 from station.record.integrity import hash_of_data
-from station.runner.consent import Prompt
 from station.runner.outcome import NO_MEMORY, Outcome, in_one_sentence, is_lack_of_memory
 from station.runner.preflight import look_before_a_run, watch_system_clock
 from station.runner.progress import Progress, how_long
 from station.runner.prompts import Operator
 from station.runner.run import Run
 from station.runner.session import BenchSession
-from station.runner.signals import wishes_held
 from station.runner.trace import Trace
 from station.runner.walking import Walk
 from station.safety.acknowledgement import addresses_of, refuse_until_acknowledged

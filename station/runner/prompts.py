@@ -8,9 +8,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 
 from station.clock import Clock
-from station.console import tell
-from station.errors import Aborted, InputError, UnansweredPrompt
-from station.runner.consent import (
+from station.consent import (
     ABORT,
     DONE,
     HINT,
@@ -19,7 +17,9 @@ from station.runner.consent import (
     discard_typed,
     meaning,
 )
-from station.runner.signals import wishes_end_a_prompt
+from station.console import tell
+from station.control.signals import wishes_end_a_prompt
+from station.errors import Aborted, InputError, UnansweredPrompt
 
 
 @dataclass(frozen=True)

@@ -10,6 +10,7 @@ from typing import Any
 
 from station.bench import Bench, faults_of_use
 from station.clock import RealClock, utc_now
+from station.consent import Prompt
 from station.console import span
 from station.errors import InputError
 from station.evaluation import evaluate_run, exit_code_of
@@ -18,18 +19,17 @@ from station.guardian.at_work import guardian_at_work
 from station.plan import Plan
 from station.procedure import Procedure, procedure_of
 from station.record.creation import EVENTS, RUN
-from station.record.events import RESUMED
+from station.record.events import LEFT_FOR_THE_END, RESUMED
 from station.record.folder import RESULTS, RunFolder, RunRecord
 from station.record.integrity import sentence_of
 from station.record.manifest import covered_files
 from station.recorded import read_plan_and_bench, used_instruments
-from station.runner.consent import Prompt
 from station.runner.execute import SERVED_SINCE, all_prompts, conclude
 from station.runner.outcome import Outcome
 from station.runner.preflight import watch_system_clock
 from station.runner.progress import Progress, how_long
 from station.runner.prompts import Operator
-from station.runner.run import LEFT_FOR_THE_END, Past, Run
+from station.runner.run import Past, Run
 from station.runner.session import RESUME, BenchSession
 from station.runner.trace import Trace
 from station.runner.walking import Walk

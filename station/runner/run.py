@@ -8,10 +8,11 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from station.clock import Clock
+from station.consent import Prompt
 from station.errors import InputError
 from station.readings import Readings
+from station.record.events import LEFT_FOR_THE_END
 from station.record.folder import RunFolder, RunRecord
-from station.runner.consent import Prompt
 from station.runner.progress import Progress
 from station.runner.prompts import Operator
 
@@ -29,8 +30,6 @@ SENTENCES = {
     "frames-dropped": "more came than was taken; the oldest frames were dropped",
 }
 """What the operator reads of the first event of a kind of an instrument; all are in the log."""
-LEFT_FOR_THE_END = "prompt-left"
-"""Logs a request that a person is put only once bench and results are done."""
 COMPUTES_WITHIN_S = 120.0
 """Real time that a step may work on what was recorded, without a sign of life."""
 

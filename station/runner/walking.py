@@ -13,19 +13,19 @@ from typing import TYPE_CHECKING
 from station.clock import RealClock
 from station.console import tell
 from station.control.requests import Control
+from station.control.signals import AbortSignals
 from station.errors import EXIT_FAULT, InterlockTripped, StationError
 from station.guardian.watched import Guardian
+from station.instruments.instrument_locks import InstrumentLocks
+from station.instruments.opening import Found, open_instruments
+from station.instruments.whole_bench import BenchReading, Bystanders, read_used
 from station.runner.folder_watch import FolderWatch
-from station.runner.instrument_locks import InstrumentLocks
-from station.runner.opening import Found, open_instruments
 from station.runner.outcome import Outcome, in_one_sentence
 from station.runner.run import Run
 from station.runner.session import BenchSession
-from station.runner.signals import AbortSignals
 from station.runner.staying_awake import StayingAwake
 from station.runner.stillness import Stillness
 from station.runner.trace import Trace
-from station.runner.whole_bench import BenchReading, Bystanders, read_used
 from station.safety.acknowledgement import refuse_identified, remember_trip
 from station.safety.interlocks.monitor import Monitor
 from station.safety.interlocks.reading import watched_in_a_run
