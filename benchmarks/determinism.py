@@ -24,6 +24,7 @@ from station import registry
 from station.bench import read_bench
 from station.lookup import BENCHES, PLANS, find
 from station.plan import read_plan
+from station.procedure import Procedures
 from station.runner.execute import Request, execute
 
 
@@ -34,7 +35,7 @@ def main() -> None:
     arguments = parser.parse_args()
 
     def shipped_plan(parent: Path) -> dict[str, str]:
-        plan = read_plan(find(PLANS, arguments.plan), registry.Procedures())
+        plan = read_plan(find(PLANS, arguments.plan), Procedures())
         bench = read_bench(find(BENCHES, "sim"), registry.names(registry.DRIVERS))
         outcome = execute(Request(plan, bench, parent, quiet=True))
         assert outcome.error is None, outcome.error

@@ -27,11 +27,11 @@ from campaign_helpers import PROCEDURE, undirected_run
 from sim_instruments.bench import SimulatedBench
 from station.bench import read_bench
 from station.clock import VirtualClock
+from station.instruments.opening import open_instruments
 from station.lookup import BENCHES, find
 from station.record.folder import RunRecord
 from station.registry import DRIVERS, names
 from station.runner.acquisition import acquire
-from station.runner.opening import open_instruments
 from station.runner.progress import Progress
 
 HOUR_S = 3600.0

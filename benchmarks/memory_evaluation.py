@@ -27,6 +27,7 @@ from station import registry
 from station.bench import read_bench
 from station.lookup import BENCHES, PLANS, find
 from station.plan import read_plan
+from station.procedure import Procedures, procedure_of
 from station.runner.memory import memory_of
 
 
@@ -52,8 +53,8 @@ def main() -> None:
     ]
     bench = read_bench(find(BENCHES, "sim"), registry.names(registry.DRIVERS))
     with tempfile.TemporaryDirectory() as parent:
-        plan = read_plan(find(PLANS, "rlg-magnetic-sensitivity"), registry.Procedures(), settings)
-        foreseen = registry.procedure(plan.procedure).forecast(plan.parameters, bench)
+        plan = read_plan(find(PLANS, "rlg-magnetic-sensitivity"), Procedures(), settings)
+        foreseen = procedure_of(plan.procedure).forecast(plan.parameters, bench)
         began = time.perf_counter()
         folder = made_run(arguments.keep or Path(parent), plan, bench, lost=arguments.lost)
         case = {

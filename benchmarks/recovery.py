@@ -32,6 +32,7 @@ from station import registry
 from station.bench import read_bench
 from station.lookup import BENCHES, PLANS, find
 from station.plan import read_plan
+from station.procedure import Procedures
 from station.results import Result
 from station.runner.execute import Request, execute
 
@@ -45,7 +46,7 @@ def main() -> None:
     parser.add_argument("--set", action="append", default=[], dest="overrides")
     parser.add_argument("--world", action="append", default=[])
     arguments = parser.parse_args()
-    plan = read_plan(find(PLANS, arguments.plan), registry.Procedures(), arguments.overrides)
+    plan = read_plan(find(PLANS, arguments.plan), Procedures(), arguments.overrides)
     ratios: dict[str, list[float]] = {}
     inside: list[bool] = []
     curves: list[float] = []

@@ -20,6 +20,7 @@ from station import registry
 from station.bench import read_bench
 from station.lookup import BENCHES, PLANS, find
 from station.plan import read_plan
+from station.procedure import Procedures
 from station.record.folder import RunFolder
 from station.runner.execute import Request, execute
 
@@ -34,7 +35,7 @@ def main() -> None:
     for number in range(arguments.runs):
         with tempfile.TemporaryDirectory() as parent:
             path = find(PLANS, arguments.plan)
-            plan = read_plan(path, registry.Procedures(), arguments.overrides)
+            plan = read_plan(path, Procedures(), arguments.overrides)
             bench = read_bench(find(BENCHES, arguments.bench), registry.names(registry.DRIVERS))
             began, worked = time.perf_counter(), time.process_time()
             outcome = execute(Request(plan, bench, Path(parent), quiet=True))

@@ -25,7 +25,7 @@ from kill_helpers import served_bench
 
 from drivers.transport.visa_line import VisaLine
 from station.clock import RealClock
-from station.runner.opening import Place
+from station.instruments.opening import Place
 
 QUESTIONS = {"gaussmeter": ("*IDN?", "\r\n"), "coil_supply.x": ("MEAS:CURR?", "\n")}
 

@@ -10,11 +10,11 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, ValidationInfo, field_validator
 
+from station.addresses import why_unknown
 from station.calibration import Calibration, Number
 from station.driver_checks import driver_faults
 from station.faults import Fault, FaultList, listed, nearest
 from station.fields import Celsius, Degree, Second, StrictModel, Unit, key_of, to_yaml_data
-from station.runner.addresses import why_unknown
 from station.safety.bounds import bound_faults
 from station.safety.interlocks.model import InterlockEntry
 from station.safety.interlocks.quantities import role_of

@@ -11,7 +11,6 @@ from datetime import date
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from station import registry
 from station.bench import Bench
 from station.console import span
 from station.errors import (
@@ -24,6 +23,7 @@ from station.errors import (
 )
 from station.faults import FaultList, listed, not_there
 from station.findings import Findings, Flag
+from station.procedure import Procedures, procedure_of
 from station.record.events import RESUMED
 from station.record.files import write_whole_file
 from station.record.folder import REPORT, RESULTS, RunFolder
@@ -51,7 +51,7 @@ def evaluate_run(folder: RunFolder) -> tuple[ResultDocument, Findings]:
     damage.refuse_altered()
     folder.leave_out(damage.units)
     plan, bench = read_plan_and_bench(folder)
-    procedure = registry.procedure(plan.procedure)
+    procedure = procedure_of(plan.procedure)
     try:
         with quiet_numbers():
             findings, missing = findings_of_run(folder, plan, bench)
@@ -87,7 +87,7 @@ def findings_of_run(folder: RunFolder, plan: Plan, bench: Bench) -> tuple[Findin
 
     Such a unit is left out, and the others are evaluated again.
     """
-    procedure, missing = registry.procedure(plan.procedure), list[Flag]()
+    procedure, missing = procedure_of(plan.procedure), list[Flag]()
     while True:
         try:
             return procedure.evaluate_run(folder, plan.parameters, bench), missing
@@ -263,7 +263,7 @@ def write_results(place: Path, document: ResultDocument) -> None:
 
 def write_files(place: Path, document: ResultDocument, findings: Findings) -> None:
     """Write what the procedure leaves beside the results, such as a calibration file."""
-    procedure = registry.procedure(document.procedure)
+    procedure = procedure_of(document.procedure)
     for name, text in procedure.files(findings, document).items():
         write_whole_file(place / name, text.encode())
 
@@ -273,11 +273,11 @@ def evaluate_dataset(raw: RawDataset) -> tuple[ResultDocument, Findings]:
 
     Raises FaultList when there is no such procedure, or for whatever is wrong in its files.
     """
-    known = registry.Procedures()
+    known = Procedures()
     if raw.procedure not in known:
         said = not_there("procedure", raw.procedure, known)
         raise FaultList([raw.document.fault(("procedure",), *said)])
-    procedure = registry.procedure(raw.procedure)
+    procedure = procedure_of(raw.procedure)
     try:
         with quiet_numbers():
             findings = procedure.evaluate_dataset(raw)

@@ -8,6 +8,8 @@ from pathlib import Path
 from pkgutil import resolve_name
 from typing import TYPE_CHECKING, Any, TypedDict
 
+from station import registry
+from station.consent import Prompt as Prompt
 from station.errors import InputError
 
 if TYPE_CHECKING:
@@ -40,18 +42,6 @@ class Step:
     title: str
     body: Callable[[Run], None]
     duration_s: Callable[[Any], float]
-
-
-@dataclass(frozen=True)
-class Prompt:
-    """A request to the operator: a stable id, the sentence, and whether it is a physical act.
-
-    A simulated bench does physical acts itself.
-    """
-
-    id: str
-    text: str
-    physical: bool = True
 
 
 @dataclass(frozen=True)
@@ -287,3 +277,27 @@ class Procedure:
     def duration_s(self, parameters: Any) -> float:
         """Return the bench time in s that a run is expected to take."""
         return sum(step.duration_s(parameters) for step in self.steps)
+
+
+def procedure_of(name: str) -> Procedure:
+    """Return the procedure that a package offers under a name; raises InputError."""
+    loaded: Procedure = registry.load(registry.PROCEDURES, name)
+    return loaded
+
+
+class Procedures(Mapping[str, Procedure]):
+    """All procedures; each is loaded when it is asked for."""
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(registry.names(registry.PROCEDURES))
+
+    def __len__(self) -> int:
+        return len(registry.names(registry.PROCEDURES))
+
+    def __contains__(self, name: object) -> bool:
+        return name in registry.names(registry.PROCEDURES)
+
+    def __getitem__(self, name: str) -> Procedure:
+        if name not in self:
+            raise KeyError(name)
+        return procedure_of(name)

@@ -8,11 +8,12 @@ from pathlib import Path
 from station import registry
 from station.bench import Bench, bench_of
 from station.errors import InputError
-from station.guardian.log import SAFE_STATE, guardian_events, latest_safe_state
 from station.lookup import is_there
 from station.plan import Plan, read_plan
+from station.procedure import Procedures
 from station.record.creation import BENCH, EVENTS, PLAN
 from station.record.folder import RunFolder
+from station.record.guardian_log import SAFE_STATE, guardian_events, latest_safe_state
 from station.safety.interlocks.quantities import role_of
 from station.yaml.reading import read_yaml
 
@@ -31,7 +32,7 @@ def read_plan_and_bench(folder: RunFolder) -> tuple[Plan, Bench]:
 
     The resolved copies are read: a plan as given may extend another that is not in the folder.
     """
-    plan = read_plan(folder.path / PLAN, registry.Procedures())
+    plan = read_plan(folder.path / PLAN, Procedures())
     document = read_yaml(folder.path / BENCH)
     bench = bench_of(document, registry.names(registry.DRIVERS))
     return plan, bench

@@ -8,12 +8,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 from functools import lru_cache
 from importlib.metadata import Distribution, EntryPoint, EntryPoints, distributions
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from station.errors import InputError
-
-if TYPE_CHECKING:
-    from station.procedure import Procedure
 
 PROCEDURES = "station.procedures"
 DRIVERS = "station.drivers"
@@ -109,27 +106,3 @@ def why_not(group: str, name: str) -> str | None:
     except InputError as error:
         return str(error)
     return None
-
-
-def procedure(name: str) -> Procedure:
-    """Return the procedure `name`."""
-    loaded: Procedure = load(PROCEDURES, name)
-    return loaded
-
-
-class Procedures:
-    """All procedures as a mapping that loads one when it is asked for."""
-
-    def __contains__(self, name: object) -> bool:
-        return name in names(PROCEDURES)
-
-    def __iter__(self):  # type: ignore[no-untyped-def]
-        return iter(names(PROCEDURES))
-
-    def __len__(self) -> int:
-        return len(names(PROCEDURES))
-
-    def __getitem__(self, name: str) -> Procedure:
-        if name not in self:
-            raise KeyError(name)
-        return procedure(name)

@@ -19,7 +19,7 @@ from typing import Any
 
 from station import registry
 from station.clock import RealClock
-from station.runner.opening import Place
+from station.instruments.opening import Place
 
 CONNECT_S = 1.0
 ANSWER_S = 1.0

@@ -12,10 +12,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from station.clock import utc_now
-from station.control.spans import is_paused, paused_s
 from station.errors import InputError
 from station.guardian.at_work import AtWork, guardian_at_work
-from station.guardian.log import (
+from station.locks import is_held
+from station.record.creation import EVENTS
+from station.record.events import RESUMED, Event, read_events
+from station.record.guardian_log import (
     BENCH_READ,
     LEFT,
     SAFE_STATE,
@@ -24,10 +26,8 @@ from station.guardian.log import (
     latest_left_out,
     latest_safe_state,
 )
-from station.locks import is_held
-from station.record.creation import EVENTS
-from station.record.events import RESUMED, Event, read_events
 from station.record.manifest import LOCK
+from station.record.spans import is_paused, paused_s
 from station.time_left import FinishedUnit, time_left_s
 
 if TYPE_CHECKING:

@@ -26,10 +26,11 @@ from sim_instruments.bench import SimulatedBench
 from station import registry
 from station.bench import read_bench
 from station.clock import VirtualClock
+from station.instruments.opening import Place
 from station.plan import read_plan
+from station.procedure import Procedures
 from station.record.folder import RunRecord
 from station.runner.acquisition import acquire
-from station.runner.opening import Place
 from station.runner.progress import Progress
 from station.runner.prompts import Operator
 from station.runner.run import Run
@@ -240,9 +241,7 @@ def four_streams(parent: Path, *, seed: int = 1, duration_s: float = 60.0) -> Pa
 
 def undirected_run(clock: VirtualClock, record: RunRecord, progress: Progress) -> Run:
     """Return a run without steps, for code that records by itself."""
-    plan = read_plan(
-        Path(str(files("config") / "plans" / f"{PROCEDURE}.yaml")), registry.Procedures()
-    )
+    plan = read_plan(Path(str(files("config") / "plans" / f"{PROCEDURE}.yaml")), Procedures())
     bench = read_bench(
         Path(str(files("config") / "benches" / "sim.yaml")), registry.names(registry.DRIVERS)
     )

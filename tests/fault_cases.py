@@ -31,7 +31,7 @@ from station.clock import VirtualClock
 from station.faults import FaultList
 from station.lookup import BENCHES, PLANS, available, find
 from station.plan import Plan
-from station.procedure import Step
+from station.procedure import Step, procedure_of
 from station.record.folder import RunFolder, RunRecord
 from station.runner.execute import conclude, head_of, inputs_of
 from station.runner.outcome import Outcome
@@ -196,7 +196,7 @@ def roles_and_kinds(plan: str, bench_name: str = BENCH) -> list[tuple[str, str]]
     """Return every kind of fault of every role that a plan needs, chosen without a run."""
     bench = read_bench_at(find(BENCHES, bench_name))
     read = short(plan, bench)
-    procedure = registry.procedure(read.procedure)
+    procedure = procedure_of(read.procedure)
     simulated = served(read.procedure, bench_name)
     pairs: dict[tuple[str, str], None] = {}
     for name in (*procedure.instruments(read.parameters), "interlock_chain"):
@@ -210,7 +210,7 @@ def roles_and_kinds(plan: str, bench_name: str = BENCH) -> list[tuple[str, str]]
 def steps(plan: str) -> list[str]:
     """Return the numbers of the steps of a plan's procedure."""
     read = short(plan, read_bench_at(find(BENCHES, BENCH)))
-    return [step.number for step in registry.procedure(read.procedure).steps]
+    return [step.number for step in procedure_of(read.procedure).steps]
 
 
 @lru_cache
@@ -230,7 +230,7 @@ def reference_run(plan_name: str, folder: Path, bench_name: str = BENCH) -> Refe
     bench_file.write_text(yaml.safe_dump(data), encoding="utf-8")
     bench = read_bench_at(bench_file)
     plan = short(plan_name, bench)
-    procedure, simulated = registry.procedure(plan.procedure), served(plan.procedure, bench_name)
+    procedure, simulated = procedure_of(plan.procedure), served(plan.procedure, bench_name)
     marks: list[Mark] = []
     with BenchSession(bench, plan.procedure) as session:
         clock = session.clock

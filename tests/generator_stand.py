@@ -16,7 +16,7 @@ from sim_instruments.keysight_33522b import Keysight33522B as SimulatedGenerator
 from sim_instruments.world.trigger_line import TriggerLine
 from sim_instruments.world.voltages import VoltageHistory
 from station.clock import Clock
-from station.runner.opening import Place
+from station.instruments.opening import Place
 
 NAME = "signal_generator.xy"
 TRUTH: dict[str, Any] = {

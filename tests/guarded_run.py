@@ -17,11 +17,12 @@ from station import registry
 from station.bench import read_bench
 from station.clock import RealClock
 from station.guardian.watched import Guardian
+from station.instruments.instrument_locks import InstrumentLocks
+from station.instruments.opening import open_instruments
 from station.plan import read_plan
+from station.procedure import Procedures
 from station.record.folder import RunRecord
 from station.runner.execute import head_of
-from station.runner.instrument_locks import InstrumentLocks
-from station.runner.opening import open_instruments
 
 PROCEDURE = "rlg-magnetic-sensitivity"
 
@@ -31,7 +32,7 @@ def main(served: Path, parent: Path, frequency_Hz: float, amplitude_A: float, *c
     clock = RealClock(head["clock"]["speed"], head["clock"]["epoch_unix"])
     addresses = {name: one["address"] for name, one in head["instruments"].items()}
     config = Path(str(files("config")))
-    plan = read_plan(config / "plans" / f"{PROCEDURE}.yaml", registry.Procedures())
+    plan = read_plan(config / "plans" / f"{PROCEDURE}.yaml", Procedures())
     bench = read_bench(config / "benches" / "sim.yaml", registry.names(registry.DRIVERS))
     record = RunRecord(parent, PROCEDURE, "SN-1", clock, head_of(plan, bench, clock))
     world = f"served since {head['clock']['epoch_unix']}"

@@ -14,9 +14,9 @@ import yaml
 from station import registry
 from station.bench import Bench, bench_of
 from station.clock import VirtualClock
+from station.instruments.opening import open_instruments
 from station.lookup import BENCHES, find
 from station.readings import Readings
-from station.runner.opening import open_instruments
 from station.runner.simulation import serve_bench
 from station.safety.interlocks.monitor import Monitor
 from station.safety.interlocks.reading import watched_in_a_run

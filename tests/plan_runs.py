@@ -12,6 +12,7 @@ from station import registry
 from station.bench import read_bench
 from station.lookup import BENCHES, PLANS, find
 from station.plan import read_plan
+from station.procedure import Procedures
 from station.runner.execute import Request, execute
 from station.runner.outcome import Outcome
 
@@ -41,7 +42,7 @@ def run_of(
     bench_path.write_text(yaml.safe_dump(bench), encoding="utf-8")
     return execute(
         Request(
-            read_plan(plan_path, registry.Procedures()),
+            read_plan(plan_path, Procedures()),
             read_bench(bench_path, registry.names(registry.DRIVERS)),
             folder / "runs",
             quiet=True,

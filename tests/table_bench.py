@@ -14,8 +14,8 @@ from sim_instruments.acutrol3000 import Acutrol3000 as Simulator
 from sim_instruments.bench import Maker, SimulatedBench
 from sim_instruments.world.rotation import RotationHistory
 from station.clock import VirtualClock
+from station.instruments.opening import Place
 from station.readings import Readings
-from station.runner.opening import Place
 
 TABLE = "turntable"
 LIMITS = {"rate": 110.0, "acceleration": 50.0}

@@ -19,6 +19,7 @@ from station.cli.validating import outlook_of, read_bench_named, read_plan_for
 from station.evaluation import quiet_numbers, record_flags
 from station.findings import Findings
 from station.lookup import PLANS, find
+from station.procedure import procedure_of
 from station.record.folder import RunFolder
 from station.recorded import read_plan_and_bench
 from station.results import conclude
@@ -62,7 +63,7 @@ def flags_on(procedure: str, bench: Bench, *changes: str) -> dict[str, list[dict
     """Return the flags that a plan gets from the records of a bench, by code."""
     plan = read_plan_for(procedure, read_bench_named("sim"), changes)
     found: dict[str, list[dict[str, Any]]] = {}
-    for flag in record_flags(registry.procedure(plan.procedure), plan.parameters, bench):
+    for flag in record_flags(procedure_of(plan.procedure), plan.parameters, bench):
         found.setdefault(flag.code, []).append({"message": flag.message, **flag.details})
     return found
 
@@ -72,7 +73,7 @@ def findings(folder: Path, bench: Bench) -> Findings:
     run = RunFolder(folder)
     plan, _ = read_plan_and_bench(run)
     with quiet_numbers():
-        return registry.procedure(plan.procedure).evaluate_run(run, plan.parameters, bench)
+        return procedure_of(plan.procedure).evaluate_run(run, plan.parameters, bench)
 
 
 def values(found: Findings) -> dict[tuple[str, str | None], float]:
@@ -110,7 +111,7 @@ def test_shipped_benches_have_the_records_that_shipped_plans_need(path: Path) ->
     for name in ("sim", "sim-alternate"):
         bench = read_bench_named(name)
         plan = read_plan_for(str(path), read_bench_named("sim"))
-        procedure = registry.procedure(plan.procedure)
+        procedure = procedure_of(plan.procedure)
         if set(procedure.instruments(plan.parameters)) <= set(bench.instruments):
             found = record_flags(procedure, plan.parameters, bench)
             assert "uncalibrated" not in {flag.code for flag in found}, name

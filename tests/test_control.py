@@ -26,20 +26,20 @@ from loop_disk import disk_or_skip
 from sim_instruments.bench import SimulatedBench
 from station import registry
 from station.clock import Clock, RealClock, VirtualClock
+from station.consent import Prompt
 from station.control.channel import Channel
 from station.control.client import NotRunning, ask, go_on
 from station.control.place import LONGEST_ADDRESS, places
 from station.control.requests import ENDS_ALREADY, RECEIVED, Control
-from station.control.spans import is_paused, paused_s
+from station.control.signals import AbortSignals
 from station.errors import Aborted, InterlockTripped, PauseRefused
-from station.procedure import Prompt
+from station.instruments.opening import Place
 from station.record.events import Event as LogEvent
 from station.record.folder import RunRecord
-from station.runner.opening import Place
+from station.record.spans import is_paused, paused_s
 from station.runner.progress import Progress
 from station.runner.prompts import Operator
 from station.runner.run import Run
-from station.runner.signals import AbortSignals
 
 LIMITS = {"current": 8.0, "voltage": 30.0, "slew": 2.0, "zero_current": 0.02}
 LONG_S = 20.0

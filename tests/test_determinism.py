@@ -109,7 +109,7 @@ def test_a_stopped_thread_leaves_the_queue_of_a_lock() -> None:
 STUCK = """
 import ctypes, sys, threading
 from station.clock import ClockError, VirtualClock, watchdog
-from station.runner.signals import AbortSignals
+from station.control.signals import AbortSignals
 
 watchdog.HANGS_AFTER_S, watchdog.LOOKS_EVERY_S, watchdog.ENDS_AFTER_S = 0.6, 0.1, 0.5
 

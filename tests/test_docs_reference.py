@@ -15,6 +15,7 @@ from station.dataset_reading import DatasetHeader
 from station.lookup import BENCHES, find
 from station.plan import read_plan
 from station.plan.model import PlanHeader
+from station.procedure import Procedures
 from station.record.folder import RunFolder
 from station.runner.execute import Request, execute
 from station.runner.outcome import Outcome
@@ -70,7 +71,7 @@ def test_the_plan_of_the_readme_has_no_fault(tmp_path: Path) -> None:
     readme = (ROOT / "README.md").read_text(encoding="utf-8")
     (text,) = re.findall(r"^```yaml\n(.*?)^```", readme, re.MULTILINE | re.DOTALL)
     (tmp_path / "plan.yaml").write_text(text, encoding="utf-8")
-    assert read_plan(tmp_path / "plan.yaml", registry.Procedures()).procedure
+    assert read_plan(tmp_path / "plan.yaml", Procedures()).procedure
 
 
 def test_the_image_of_the_readme_is_there_and_small() -> None:
@@ -105,7 +106,7 @@ def test_every_flag_has_a_sentence() -> None:
 def finished(tmp_path_factory: pytest.TempPathFactory) -> Outcome:
     folder = tmp_path_factory.mktemp("docs")
     (folder / "plan.yaml").write_text(SHORT, encoding="utf-8")
-    plan = read_plan(folder / "plan.yaml", registry.Procedures())
+    plan = read_plan(folder / "plan.yaml", Procedures())
     bench = read_bench(find(BENCHES, "sim"), registry.names(registry.DRIVERS))
     return execute(Request(plan, bench, folder / "runs", quiet=True, trace=True))
 

@@ -18,7 +18,7 @@ from drivers.kepco_bop import KepcoBop
 from drivers.lakeshore_f71 import LakeshoreF71
 from station.clock import RealClock
 from station.errors import InstrumentError, InstrumentTimeout
-from station.runner.opening import Place
+from station.instruments.opening import Place
 
 NO_ERROR = b'0,"No error"\n'
 LIMITS = {"current": 8.0, "voltage": 30.0, "slew": 2.0, "zero_current": 0.02}

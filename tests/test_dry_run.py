@@ -17,7 +17,7 @@ from station.bench import Bench, read_bench
 from station.faults import FaultList
 from station.lookup import BENCHES, PLANS, find
 from station.plan import Plan, read_plan
-from station.procedure import SetPoint
+from station.procedure import Procedures, SetPoint, procedure_of
 from station.runner.disk_space import BESIDE_RAW_BYTES, in_bytes, needed_bytes
 from station.runner.dry_run import Extreme, extremes, walk
 from station.runner.simulation import clock_for
@@ -36,7 +36,7 @@ def sim_text() -> str:
 
 
 def shipped_plan() -> Plan:
-    return read_plan(find(PLANS, NAME), registry.Procedures())
+    return read_plan(find(PLANS, NAME), Procedures())
 
 
 def shipped_bench() -> Bench:
@@ -54,7 +54,7 @@ def document(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
 
 
 def test_every_step_is_told_with_its_beginning_and_its_duration(document: dict[str, Any]) -> None:
-    procedure = registry.procedure(NAME)
+    procedure = procedure_of(NAME)
     assert [one["step"] for one in document["steps"]] == [step.number for step in procedure.steps]
     ends_s = 0.0
     for one in document["steps"]:
@@ -75,7 +75,7 @@ def test_set_points_stand_in_the_step_that_commands_them(document: dict[str, Any
 
 def test_no_set_point_stands_outside_the_steps() -> None:
     plan = shipped_plan()
-    procedure = registry.procedure(NAME)
+    procedure = procedure_of(NAME)
     foreseen = procedure.forecast(plan.parameters, shipped_bench())
     assert {one.step for one in foreseen.set_points} <= {step.number for step in procedure.steps}
 
@@ -180,9 +180,9 @@ def test_a_disk_too_small_is_warned_of(tmp_path: Path) -> None:
 def test_the_disk_space_foretold_is_what_a_run_takes(tmp_path: Path) -> None:
     outcome, _ = short_run(tmp_path)
     taken = sum(file.stat().st_size for file in (outcome.folder / "raw").iterdir())
-    plan = read_plan(tmp_path / "plan.yaml", registry.Procedures())
+    plan = read_plan(tmp_path / "plan.yaml", Procedures())
     bench = read_bench(tmp_path / "bench.yaml", registry.names(registry.DRIVERS))
-    foreseen = registry.procedure(NAME).forecast(plan.parameters, bench)
+    foreseen = procedure_of(NAME).forecast(plan.parameters, bench)
     needed = needed_bytes(foreseen, bench, clock_for(bench)) - BESIDE_RAW_BYTES
     assert taken <= needed <= 1.6 * taken
 
@@ -190,7 +190,7 @@ def test_the_disk_space_foretold_is_what_a_run_takes(tmp_path: Path) -> None:
 def test_a_real_bench_is_looked_at_more_often_and_so_takes_more_disk(tmp_path: Path) -> None:
     simulated, plan = shipped_bench(), shipped_plan()
     real = bench_of(sim_text().split("\nsimulation:")[0], tmp_path)
-    foreseen = registry.procedure(NAME).forecast(plan.parameters, real)
+    foreseen = procedure_of(NAME).forecast(plan.parameters, real)
     on_virtual_time = needed_bytes(foreseen, simulated, clock_for(simulated))
     assert needed_bytes(foreseen, real, clock_for(real)) > on_virtual_time
 

@@ -16,6 +16,7 @@ from procedures.fog_scale_factor_temperature.parameters import FogParameters
 from station import registry
 from station.bench import Bench, bench_of
 from station.plan import read_plan
+from station.procedure import Procedures
 from station.safety.static_limits import problems_of_plan
 from station.yaml.reading import read_yaml, read_yaml_text
 
@@ -50,7 +51,7 @@ def bench(**limits: str) -> Bench:
 
 
 def test_the_shipped_plan_is_one() -> None:
-    plan = read_plan(PLAN, registry.Procedures())
+    plan = read_plan(PLAN, Procedures())
     assert plan.parameters.turns == "pairs"
     assert list(check(plan.parameters, bench())) == []
     assert set(plan.limits) == {("residual_scale_factor_error", axis) for axis in "xyz"}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 from collections.abc import Iterator
+from graphlib import TopologicalSorter
 from pathlib import Path
 
 import pytest
@@ -22,14 +23,33 @@ def module_of(path: Path) -> str:
     return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
 
 
-def imports(path: Path) -> Iterator[str]:
+def imports(path: Path, *, typing_too: bool = True, deep: bool = False) -> Iterator[str]:
+    """Yield what a file imports; `deep`: a module named behind `import`, not its package."""
     package = module_of(path) if path.name == "__init__.py" else module_of(path).rpartition(".")[0]
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    if not typing_too:
+        tree = WithoutTypes().visit(tree)
+    for node in ast.walk(tree):
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
             base = package.split(".")[: len(package.split(".")) - node.level + 1]
-            yield ".".join([*(base if node.level else []), *([node.module] if node.module else [])])
+            name = ".".join(
+                [*(base if node.level else []), *([node.module] if node.module else [])]
+            )
+            inside = [f"{name}.{alias.name}" for alias in node.names]
+            yield from [one if one in MODULES else name for one in inside] if deep else [name]
+
+
+class WithoutTypes(ast.NodeTransformer):
+    """Leave out what is imported for types alone."""
+
+    def visit_If(self, node: ast.If) -> ast.AST | None:
+        name = node.test.id if isinstance(node.test, ast.Name) else ""
+        return None if name == "TYPE_CHECKING" else self.generic_visit(node)
+
+
+MODULES = {module_of(path) for path in SOURCES}
 
 
 def within(module: str, *rooms: str) -> bool:
@@ -59,6 +79,35 @@ def test_a_room_imports_only_what_it_may(path: Path) -> None:
     ours = [name for name in imports(path) if within(name, *ROOMS)]
     broken = [name for name in ours if not allowed(importer, name)]
     assert not broken, f"{importer} may not import {broken}"
+
+
+def package_of(module: str) -> str:
+    """Return the part of the engine that a module belongs to, or its room, or its procedure."""
+    parts = module.split(".")
+    return ".".join(parts[: 2 if parts[0] in ("station", "procedures") else 1])
+
+
+def graph(*, typing_too: bool) -> dict[str, set[str]]:
+    """Return which modules of ours each module imports, at its top or later."""
+    found: dict[str, set[str]] = {}
+    for path in SOURCES:
+        names = set(imports(path, typing_too=typing_too, deep=True)) & MODULES
+        found[module_of(path)] = names - {module_of(path)}
+    return found
+
+
+def test_no_module_imports_itself_over_others() -> None:
+    """Imports within functions, and those for types alone, count."""
+    list(TopologicalSorter(graph(typing_too=True)).static_order())  # raises CycleError
+
+
+def test_no_package_imports_itself_over_others() -> None:
+    """Imports within functions count; types may name what uses them."""
+    packages: dict[str, set[str]] = {}
+    for module, names in graph(typing_too=False).items():
+        own = package_of(module)
+        packages.setdefault(own, set()).update({package_of(one) for one in names} - {own})
+    list(TopologicalSorter(packages).static_order())
 
 
 ANALYSIS_FILES = [

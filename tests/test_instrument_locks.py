@@ -18,21 +18,21 @@ import pytest
 from guardian_helpers import World, world
 
 from station import registry
+from station.addresses import forms_of
 from station.bench import read_bench
 from station.cli.running import say
 from station.clock import RealClock
 from station.errors import InstrumentError, InstrumentInUse, InstrumentsMissing
+from station.instruments.instrument_locks import InstrumentLocks, lock_folder, lock_place
+from station.instruments.opening import Probe, open_one, problems_of
+from station.instruments.whole_bench import LeftOut
 from station.lookup import find
-from station.runner.addresses import forms_of
-from station.runner.instrument_locks import InstrumentLocks, lock_folder, lock_place
-from station.runner.opening import Probe, open_one, problems_of
 from station.runner.outcome import Outcome
-from station.runner.whole_bench import LeftOut
 from station.safety.safe_state import SafeOutcome
 
 LOCKER = """
 import os, sys
-from station.runner.instrument_locks import InstrumentLocks
+from station.instruments.instrument_locks import InstrumentLocks
 if sys.argv[2:]:
     os.setgroups([])
     os.setgid(int(sys.argv[2]))

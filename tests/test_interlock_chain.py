@@ -14,8 +14,8 @@ from sim_instruments.bench import SimulatedBench
 from sim_instruments.truth import SimulationError
 from station.clock import RealClock, VirtualClock
 from station.errors import InstrumentError
+from station.instruments.opening import Place
 from station.report.run_report import notes_of
-from station.runner.opening import Place
 
 
 @pytest.fixture

@@ -20,7 +20,7 @@ from sim_instruments.bench import SimulatedBench
 from sim_instruments.kepco_bop import KepcoBop as SimulatedKepco
 from station.clock import VirtualClock
 from station.errors import InstrumentError, PauseRefused
-from station.runner.opening import Place
+from station.instruments.opening import Place
 from station.units import parse_as
 
 NAME = "coil_supply.dc"

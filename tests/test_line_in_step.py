@@ -23,7 +23,7 @@ from drivers.transport.text_line import TextLine
 from drivers.transport.visa_line import VisaLine
 from station.clock import RealClock, boot_seconds
 from station.errors import InstrumentError
-from station.runner.opening import Place
+from station.instruments.opening import Place
 from station.safety.safe_state import make_bench_safe
 
 IDENTITY = "KEPCO,BIT 802E 36-12,H148202,1.15-1.80"

@@ -28,6 +28,7 @@ from station.clock import VirtualClock
 from station.evaluation import evaluate_run
 from station.lookup import BENCHES, PLANS, find
 from station.plan import Plan, read_plan
+from station.procedure import Procedures, procedure_of
 from station.record.folder import PIECE_ROWS, RunFolder, RunRecord
 from station.record.raw import ARRIVAL
 from station.runner.memory import Memory, memory_of
@@ -37,7 +38,7 @@ NAME = "rlg-magnetic-sensitivity"
 
 def bench_and_plan(*settings: str) -> tuple[Bench, Plan]:
     bench = read_bench(find(BENCHES, "sim"), registry.names(registry.DRIVERS))
-    return bench, read_plan(find(PLANS, NAME), registry.Procedures(), settings)
+    return bench, read_plan(find(PLANS, NAME), Procedures(), settings)
 
 
 def test_the_fit_of_blocks_is_the_fit_of_the_whole() -> None:
@@ -208,7 +209,7 @@ except SystemExit as end:
 @pytest.mark.skipif(sys.platform != "linux", reason="the peak is read from Linux")
 def test_the_evaluation_of_a_long_record_stays_near_the_memory_foreseen(tmp_path: Path) -> None:
     bench, plan = bench_and_plan("parameters.duration=6 h", "parameters.axes=[IA]")
-    foreseen = registry.procedure(NAME).forecast(plan.parameters, bench)
+    foreseen = procedure_of(NAME).forecast(plan.parameters, bench)
     needed = memory_of(foreseen).needed_bytes
     run = made_run(tmp_path, plan, bench)
     # Not what the system counts for a child: that holds the peak of whoever started it.

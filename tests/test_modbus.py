@@ -21,7 +21,7 @@ from sim_instruments.modbus_rtu import crc16
 from station.clock import RealClock, VirtualClock
 from station.conformance.hostile import HostileServer
 from station.errors import InstrumentError, InstrumentTimeout
-from station.runner.opening import Place
+from station.instruments.opening import Place
 
 SETTINGS = ModbusSettings(baud_rate=19200)
 MODELS = ("f4t", "f4")

@@ -35,7 +35,7 @@ from sim_instruments.crc32 import crc32
 from sim_instruments.serial_navigator import SerialNavigator as SimulatedOnSerial
 from station.clock import Clock, RealClock, VirtualClock
 from station.errors import InstrumentError
-from station.runner.opening import Place
+from station.instruments.opening import Place
 
 FOG = "fog-scale-factor-temperature"
 START, STOP, IDENTIFY, STATUS, ALIGN = 1, 2, 3, 4, 5

@@ -20,8 +20,8 @@ from sim_instruments.faults.catalogue import applicable_faults
 from sim_instruments.world.rotation import RotationHistory
 from station.clock import RealClock
 from station.errors import InputError, InstrumentError, InstrumentTimeout
+from station.instruments.opening import Place
 from station.lookup import BENCHES, find
-from station.runner.opening import Place
 
 ARCSEC_DEG = 1 / 3600
 

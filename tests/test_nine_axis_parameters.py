@@ -10,9 +10,9 @@ from pydantic import ValidationError
 
 from procedures.nine_axis_calibration.outlook import expectation, outlook
 from procedures.nine_axis_calibration.parameters import NineAxisParameters
-from station import registry
 from station.lookup import PLANS, find
 from station.plan import read_plan
+from station.procedure import Procedures
 
 PLAN = find(PLANS, "nine-axis-calibration")
 GIVEN = {"latitude": "39.9 deg"}
@@ -29,7 +29,7 @@ def said(**given: Any) -> str:
 
 
 def test_a_plan_of_the_method_has_no_fault() -> None:
-    plan = read_plan(PLAN, registry.Procedures())
+    plan = read_plan(PLAN, Procedures())
     assert plan.parameters.turns_at(100.0) == 1
     assert plan.limits["bias", "Z"].max_abs == 1.0
     assert any("scale factor: u = " in line for line in outlook(plan.parameters))

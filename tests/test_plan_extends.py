@@ -7,9 +7,9 @@ from time import process_time
 
 import pytest
 
-from station import registry
 from station.faults import FaultList
 from station.plan import Plan, read_plan
+from station.procedure import Procedures
 
 BASE = """\
 plan: 1
@@ -44,7 +44,7 @@ def write(name: str, text: str) -> Path:
 
 
 def read(name: str, *overrides: str) -> Plan:
-    return read_plan(Path(name), registry.Procedures(), overrides)
+    return read_plan(Path(name), Procedures(), overrides)
 
 
 def faults_of(name: str, *overrides: str) -> list[str]:

@@ -16,6 +16,7 @@ from station.cli.app import app
 from station.evaluation import read_plan_and_bench
 from station.lookup import BENCHES, find
 from station.plan import plan_of, read_plan
+from station.procedure import Procedures
 from station.record.folder import RunFolder
 from station.runner.execute import Request, execute
 from station.yaml.reading import read_yaml_text
@@ -76,7 +77,7 @@ def test_each_value_is_printed_with_its_origin() -> None:
 
 
 def test_what_is_printed_is_a_plan_of_the_same_content() -> None:
-    procedures = registry.Procedures()
+    procedures = Procedures()
     _, text, _ = command("validate", "plan.yaml", "--resolved")
     plan = read_plan(Path("plan.yaml"), procedures)
     again = plan_of(read_yaml_text(text, Path("again.yaml")), procedures)
@@ -117,7 +118,7 @@ def test_a_fault_that_plans_share_is_told_once() -> None:
 
 
 def test_the_run_folder_alone_gives_the_plan_that_was_run(two_plans: Path) -> None:
-    plan = read_plan(Path("plan.yaml"), registry.Procedures(), ["parameters.amplitude=0.5 mT"])
+    plan = read_plan(Path("plan.yaml"), Procedures(), ["parameters.amplitude=0.5 mT"])
     bench = read_bench(find(BENCHES, "sim"), registry.names(registry.DRIVERS))
     outcome = execute(Request(plan, bench, two_plans / "runs", quiet=True, report=False))
     assert outcome.exit_code in (0, 1, 6), outcome.error

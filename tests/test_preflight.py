@@ -14,8 +14,8 @@ from command_line import PLAN, station, with_addresses
 from small_disk import small_disk
 
 from station.clock import RealClock, VirtualClock, system_clock_synchronised
+from station.consent import Prompt
 from station.lookup import BENCHES, find
-from station.procedure import Prompt
 from station.record.folder import RunFolder, RunRecord
 from station.runner.preflight import (
     SystemClockWatch,

@@ -19,11 +19,11 @@ from test_run_rlg import short_run
 from drivers.operator_power import OperatorPower
 from station.cli.running import told
 from station.clock import RealClock
+from station.consent import Prompt
 from station.errors import Aborted, InputError
-from station.procedure import Prompt
+from station.instruments.opening import Place
 from station.record.folder import RunFolder
 from station.runner import execute as executing
-from station.runner.opening import Place
 from station.runner.outcome import Outcome
 from station.runner.prompts import Operator
 from station.runner.resuming import ResumeRequest, resume

@@ -21,7 +21,7 @@ from sim_instruments.red_pitaya import RedPitaya as Board
 from sim_instruments.truth import SimulationError
 from station.clock import RealClock
 from station.errors import InputError, InstrumentError
-from station.runner.opening import Place
+from station.instruments.opening import Place
 from station.scan import recognised
 
 NAME = "digitizer"

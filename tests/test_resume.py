@@ -28,6 +28,7 @@ from station.clock import RealClock
 from station.control.client import ask
 from station.errors import InputError, NotAcknowledged, StationError
 from station.plan import read_plan
+from station.procedure import Procedures
 from station.record.creation import RUN
 from station.record.folder import RunFolder, RunRecord
 from station.runner.execute import SERVED_SINCE, Request, conclude, execute
@@ -56,7 +57,7 @@ def bench_at(folder: Path, *faults: dict[str, Any], **changes: Any) -> Bench:
 
 
 def run_on(bench: Bench, plan: Path, parent: Path) -> Outcome:
-    read = read_plan(plan, registry.Procedures())
+    read = read_plan(plan, Procedures())
     return execute(Request(read, bench, parent, quiet=True, report=False))
 
 

@@ -30,10 +30,10 @@ from procedures.rlg_magnetic_sensitivity.stopping import (
     is_enough,
     samples_at_next_look,
 )
-from station import registry
 from station.cli.validating import read_plan_for
 from station.faults import FaultList
 from station.lookup import PLANS, find
+from station.procedure import procedure_of
 from station.record.folder import RunFolder
 from tests.test_dry_run import shipped_bench
 
@@ -118,7 +118,7 @@ def test_an_early_decision_needs_a_limit_for_every_axis(tmp_path: Path) -> None:
 
 
 def test_coils_at_once_take_a_third_of_the_time_and_stay_within_every_limit() -> None:
-    procedure = registry.procedure("rlg-magnetic-sensitivity")
+    procedure = procedure_of("rlg-magnetic-sensitivity")
     alone, together = plan(frequency="0.1 Hz", duration="200 s"), plan(**AT_ONCE)
     for parameters, records in ((alone, 3), (together, 1)):
         recorded_s = sum(one.samples for one in all_records(parameters)) * 0.1

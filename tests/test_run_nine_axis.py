@@ -17,6 +17,7 @@ from station.cli.analysing import analyse_run
 from station.evaluation import evaluate_run
 from station.lookup import BENCHES, PLANS, find
 from station.plan import read_plan
+from station.procedure import Procedures
 from station.record.folder import RunFolder
 from station.runner.execute import Request, execute
 from station.runner.outcome import Outcome
@@ -56,7 +57,7 @@ def short_run(
     (folder / "bench.yaml").write_text(yaml.safe_dump(bench), encoding="utf-8")
     outcome = execute(
         Request(
-            read_plan(folder / "plan.yaml", registry.Procedures()),
+            read_plan(folder / "plan.yaml", Procedures()),
             read_bench(folder / "bench.yaml", registry.names(registry.DRIVERS)),
             folder / "runs",
             quiet=True,

@@ -15,6 +15,7 @@ from station.bench import bench_of
 from station.cli.app import app
 from station.faults import FaultList
 from station.plan import plan_of
+from station.procedure import Procedures
 from station.schema import KINDS, schema_text
 from station.yaml.reading import read_yaml, read_yaml_text
 
@@ -102,7 +103,7 @@ def test_a_faulty_plan_is_refused_by_the_schema_as_by_the_station(
     assert text != PLAN
     assert where in [fault.split(":")[0] for fault in faults("plan", text)]
     with pytest.raises(FaultList):
-        plan_of(read_yaml_text(text, Path("plan.yaml")), registry.Procedures())
+        plan_of(read_yaml_text(text, Path("plan.yaml")), Procedures())
 
 
 @pytest.mark.parametrize(
@@ -119,7 +120,7 @@ def test_a_faulty_plan_is_refused_by_the_schema_as_by_the_station(
 )
 def test_vars_and_extends_are_known_to_the_schema(text: str) -> None:
     assert faults("plan", text) == []
-    plan_of(read_yaml_text(text, Path("plan.yaml")), registry.Procedures())
+    plan_of(read_yaml_text(text, Path("plan.yaml")), Procedures())
 
 
 def test_a_plan_that_extends_another_is_still_held_to_what_it_says() -> None:

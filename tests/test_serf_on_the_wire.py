@@ -16,7 +16,7 @@ from sim_instruments.bench import SimulatedBench
 from station import registry
 from station.bench import read_bench
 from station.clock import VirtualClock
-from station.runner.opening import Place
+from station.instruments.opening import Place
 
 SIM = Path(__file__).parent.parent / "config" / "benches" / "sim.yaml"
 NAMES = ("signal_generator.xy", "signal_generator.z_gradient", "digitizer", "pump_laser")

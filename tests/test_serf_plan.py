@@ -13,6 +13,7 @@ from station.bench import Bench, read_bench
 from station.faults import FaultList
 from station.lookup import BENCHES, PLANS, find
 from station.plan import Plan, plan_of
+from station.procedure import Procedures
 from station.safety.static_limits import problems_of_plan
 from station.yaml.reading import read_yaml_text
 
@@ -24,7 +25,7 @@ def plan(**parameters: Any) -> Plan:
     data = SHIPPED | {"parameters": SHIPPED["parameters"] | parameters}
     data["parameters"] = {k: v for k, v in data["parameters"].items() if v is not None}
     text = yaml.safe_dump(data)
-    return plan_of(read_yaml_text(text, Path("plan.yaml")), registry.Procedures())
+    return plan_of(read_yaml_text(text, Path("plan.yaml")), Procedures())
 
 
 @pytest.fixture(scope="module")
@@ -33,7 +34,7 @@ def bench() -> Bench:
 
 
 def problems(one: Plan, bench: Bench) -> str:
-    procedure = registry.Procedures()[NAME]
+    procedure = Procedures()[NAME]
     return "\n".join(problem.what for problem in problems_of_plan(procedure, one.parameters, bench))
 
 
@@ -90,7 +91,7 @@ def test_the_field_is_chosen_where_the_angles_are_told_best() -> None:
 
 
 def test_the_outlook_says_how_well_and_what_is_taken_for_granted() -> None:
-    procedure = registry.Procedures()[NAME]
+    procedure = Procedures()[NAME]
     reversal = " ".join(procedure.outlook(plan().parameters))
     assert "xy 23 arcsec, xz 23 arcsec, yz 32 arcsec" in reversal
     published = " ".join(procedure.outlook(plan(shots="as_published").parameters))

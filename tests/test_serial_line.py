@@ -16,7 +16,7 @@ from drivers.transport.serial_port import SerialSettings, wire_address
 from station.clock import Clock, RealClock, VirtualClock
 from station.conformance.hostile import HostileServer, closed_port
 from station.errors import InstrumentError, InstrumentTimeout
-from station.runner.opening import Place
+from station.instruments.opening import Place
 
 SETTINGS = SerialSettings(baud_rate=9600)
 pty = pytest.importorskip("pty", reason="pseudo-terminals are of POSIX")

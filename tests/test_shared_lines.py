@@ -16,8 +16,8 @@ from drivers.interlock_chain_shared import SharedInterlockChain
 from station.clock import RealClock
 from station.errors import InstrumentError
 from station.faults import FaultList
+from station.instruments.opening import Place, with_shared
 from station.record.folder import RunFolder
-from station.runner.opening import Place, with_shared
 
 ALTERNATE = shipped_bench("sim-alternate")
 NARROW: dict[str, Any] = {

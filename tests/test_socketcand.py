@@ -13,7 +13,7 @@ from drivers.transport.can_line import CanLine, Frame
 from drivers.transport.socketcand import LONGEST_MESSAGE, Socketcand
 from station.clock import RealClock
 from station.errors import InstrumentError
-from station.runner.opening import Place
+from station.instruments.opening import Place
 
 FRAMES = b"< frame 111 12.500000 0102030405060708 >< frame 00000222 12.6 AA BB >"
 Said = tuple[int, bytes, bool]

@@ -9,11 +9,10 @@ from typing import Any
 import pytest
 from interlock_helpers import bench_from
 
-from station import registry
 from station.bench import Bench
 from station.lookup import BENCHES, PLANS, find
 from station.plan import read_plan
-from station.procedure import Forecast, Problem, SetPoint
+from station.procedure import Forecast, Problem, Procedures, SetPoint, procedure_of
 from station.safety.static_limits import beyond_limits, problems_of_plan
 
 BENCH = """\
@@ -160,8 +159,8 @@ def test_a_problem_stands_at_the_key_of_the_plan_that_decides() -> None:
 
 
 def test_every_procedure_is_checked_alike_and_nothing_is_told_twice() -> None:
-    procedure = registry.procedure("rlg-magnetic-sensitivity")
-    plan = read_plan(find(PLANS, procedure.name), registry.Procedures())
+    procedure = procedure_of("rlg-magnetic-sensitivity")
+    plan = read_plan(find(PLANS, procedure.name), Procedures())
     shipped = bench_from(find(BENCHES, "sim").read_text(encoding="utf-8"))
     assert list(problems_of_plan(procedure, plan.parameters, shipped)) == []
 

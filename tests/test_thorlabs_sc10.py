@@ -20,7 +20,7 @@ from sim_instruments.thorlabs_sc10 import ThorlabsSc10 as Controller
 from sim_instruments.truth import SimulationError
 from station.clock import RealClock
 from station.errors import InputError, InstrumentError
-from station.runner.opening import Place
+from station.instruments.opening import Place
 
 NAME = "pump_laser"
 TRUTH = {"opening_time": "12 ms", "closing_time": "9 ms", "gate_inverter": True}

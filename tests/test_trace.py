@@ -16,10 +16,11 @@ from station.bench import read_bench
 from station.clock import VirtualClock
 from station.conformance.hostile import HostileServer
 from station.errors import InstrumentTimeout
+from station.instruments.opening import Place
 from station.lookup import BENCHES, find
 from station.plan import read_plan
+from station.procedure import Procedures
 from station.runner.execute import Request, execute
-from station.runner.opening import Place
 from station.runner.outcome import Outcome
 from station.runner.trace import Trace, readable
 from tests.campaign_helpers import file_hashes, short_plan
@@ -29,7 +30,7 @@ SPOKEN = ("coil_supply.x", "gaussmeter", "gyro_acquisition", "interlock_chain")
 
 
 def traced_run(folder: Path, *, trace: bool) -> Outcome:
-    plan = read_plan(short_plan(folder, axes=["IA"]), registry.Procedures())
+    plan = read_plan(short_plan(folder, axes=["IA"]), Procedures())
     bench = read_bench(find(BENCHES, "sim"), registry.names(registry.DRIVERS))
     outcome = execute(Request(plan, bench, folder / "runs", quiet=True, report=False, trace=trace))
     assert outcome.exit_code == 0, outcome.error

@@ -20,11 +20,11 @@ from station.bench import read_bench
 from station.cli.controlling import left_safe, say_how_it_ended
 from station.clock import RealClock, VirtualClock
 from station.guardian.takeover import summary
+from station.instruments.instrument_locks import InstrumentLocks
+from station.instruments.whole_bench import BenchReading, Bystanders, LeftOut, bystanders_of
 from station.lookup import BENCHES, find
-from station.runner.instrument_locks import InstrumentLocks
 from station.runner.session import BenchSession
 from station.runner.trace import Trace
-from station.runner.whole_bench import BenchReading, Bystanders, LeftOut, bystanders_of
 from station.safety.safe_state import SafeOutcome
 from station.status import read_status
 

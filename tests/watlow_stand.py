@@ -21,7 +21,7 @@ from sim_instruments.watlow_f4t import WatlowF4T as F4TSimulator
 from sim_instruments.watlow_plant import ROOM
 from sim_instruments.world.chamber import Chamber
 from station.clock import Clock
-from station.runner.opening import Place
+from station.instruments.opening import Place
 
 NAME = "thermal_chamber"
 LIMITS = {"temperature_low": -45.0, "temperature_high": 70.0}

@@ -20,7 +20,7 @@ from station.dataset_reading import DatasetHeader
 from station.driver_checks import keys_of, settings_of
 from station.fields import Unit, key_of
 from station.plan import PlanHeader
-from station.procedure import Procedure
+from station.procedure import Procedure, procedure_of
 from station.roles import role_settings
 from station.safety.interlocks.quantities import QUANTITIES
 from station.units import expectation, format_quantity
@@ -92,7 +92,7 @@ def dataset_keys() -> str:
 def built_in() -> Iterator[Procedure]:
     """Yield the procedures that come with the station."""
     for name in registry.names(registry.PROCEDURES):
-        procedure = registry.procedure(name)
+        procedure = procedure_of(name)
         if procedure.parameters.__module__.startswith("procedures."):
             yield procedure
 

@@ -16,6 +16,7 @@ from station.bench import read_bench
 from station.evaluation import evaluate_run
 from station.lookup import BENCHES, PLANS, find
 from station.plan import read_plan
+from station.procedure import Procedures
 from station.record.folder import RunFolder
 from station.report.drawing import STYLE, png_bytes
 from station.runner.execute import Request, execute
@@ -25,7 +26,7 @@ PICTURE = Path(__file__).parent / "spectrum.png"
 
 def main() -> None:
     """Run the plan and write the picture beside this file."""
-    plan = read_plan(find(PLANS, "rlg-magnetic-sensitivity"), registry.Procedures())
+    plan = read_plan(find(PLANS, "rlg-magnetic-sensitivity"), Procedures())
     bench = read_bench(find(BENCHES, "sim"), registry.names(registry.DRIVERS))
     with tempfile.TemporaryDirectory() as parent:
         outcome = execute(Request(plan, bench, Path(parent), quiet=True, report=False))

@@ -14,15 +14,15 @@ from station.console import span, tell
 from station.control.client import NoAnswer, ask
 from station.errors import EXIT_DONE, EXIT_FAULT, EXIT_WRONG_INPUT, StationError
 from station.guardian.at_work import AtWork, guardian_at_work
-from station.guardian.log import (
+from station.locks import is_held
+from station.record.creation import EVENTS
+from station.record.events import Event, read_events
+from station.record.guardian_log import (
     guardian_events,
     latest_left_out,
     latest_safe_state,
     whole_bench,
 )
-from station.locks import is_held
-from station.record.creation import EVENTS
-from station.record.events import Event, read_events
 from station.record.manifest import LOCK
 from station.status import RUN_STARTED, Status, read_status, remaining_s
 

@@ -8,11 +8,11 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from station import registry
 from station.cli.running import read_served
 from station.cli.validating import read_bench_named, read_plan_for
 from station.console import span
 from station.errors import EXIT_DONE
+from station.procedure import procedure_of
 from station.runner.disk_space import in_bytes
 from station.runner.dry_run import DryRun, Extreme, walk
 
@@ -53,7 +53,7 @@ def vars_of_dut(plan: Plan) -> dict[str, str]:
 
 def lines(walked: DryRun, plan: Plan, bench: Bench) -> Iterator[str]:
     """Yield the walk as a table of steps and set-points, and what it comes to."""
-    title = registry.procedure(plan.procedure).title
+    title = procedure_of(plan.procedure).title
     yield f"{title}: {plan.dut.model} {plan.dut.serial}, bench {bench.name}"
     yield "step   begins at    takes"
     for one in walked.steps:

@@ -6,8 +6,8 @@ import json
 
 from station.cli.validating import read_bench_named
 from station.errors import EXIT_DONE, EXIT_FAULT
-from station.runner.instrument_locks import InstrumentLocks
-from station.runner.opening import probe
+from station.instruments.instrument_locks import InstrumentLocks
+from station.instruments.opening import probe
 from station.runner.session import BenchSession
 
 

@@ -10,6 +10,7 @@ from station import registry
 from station.console import tell
 from station.errors import InputError
 from station.lookup import BENCHES, PLANS, available
+from station.procedure import procedure_of
 
 
 def list_what_there_is(kind: str | None, *, as_json: bool) -> None:
@@ -55,7 +56,7 @@ def entries(kind: str) -> list[dict[str, Any]]:
 def about(procedure: str) -> str:
     """Return the title of a procedure, or why it cannot be loaded."""
     try:
-        return registry.procedure(procedure).title
+        return procedure_of(procedure).title
     except InputError as error:
         return str(error)
 

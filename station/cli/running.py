@@ -13,13 +13,13 @@ from station.cli.printing import print_document
 from station.cli.validating import read_bench_named, read_plan_for
 from station.console import OutputLost, tell
 from station.errors import EXIT_ABORTED, EXIT_FAULT, EXIT_INTERLOCK, InputError
-from station.guardian.log import not_known, whole_bench
+from station.instruments.whole_bench import IN_USE
 from station.record.folder import REPORT
+from station.record.guardian_log import not_known, whole_bench
 from station.results import SCHEMA
 from station.roles import safe_states
 from station.runner.execute import Request, execute
 from station.runner.outcome import Outcome
-from station.runner.whole_bench import IN_USE
 from station.safety.interlocks.quantities import role_of
 from station.yaml.reading import read_yaml
 

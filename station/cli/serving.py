@@ -15,8 +15,9 @@ from typing import Any
 from station import registry
 from station.cli.validating import read_bench_named
 from station.clock import RealClock
+from station.control.signals import wishes
 from station.errors import InputError
-from station.runner.signals import wishes
+from station.procedure import procedure_of
 from station.runner.simulation import serve_bench
 
 MOST_AT_ONCE = 1 << 16
@@ -31,7 +32,7 @@ def serve(bench_name: str, procedure: str, speed: float) -> None:
     if bench.simulation is None:
         raise InputError(f"{bench.name} is a real bench: its file has no `simulation`")
     if procedure not in registry.names(registry.PROCEDURES):
-        registry.procedure(procedure)  # says which there are
+        procedure_of(procedure)  # says which there are
     clock = RealClock(speed)
     simulation = serve_bench(bench, clock, procedure)
     simulation.make_ready()

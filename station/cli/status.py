@@ -6,7 +6,7 @@ import json
 from pathlib import Path
 
 from station.console import span
-from station.guardian.log import whole_bench
+from station.record.guardian_log import whole_bench
 from station.status import SENTENCES, Status, newest_run, read_status
 
 RUNS = Path("runs")

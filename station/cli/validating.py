@@ -17,6 +17,7 @@ from station.lookup import BENCHES, PLANS, find
 from station.plan import Plan, read_plan
 from station.plan.model import LONGEST, LONGEST_S
 from station.plan.resolved import resolved_data, resolved_text
+from station.procedure import Procedures, procedure_of
 from station.runner.disk_space import in_bytes
 from station.runner.memory import memory_of
 from station.runner.preflight import warned_of_limits, warned_of_memory, warned_of_records
@@ -43,8 +44,8 @@ def read_bench_named(name: str) -> Bench:
 
 def read_plan_for(name: str, bench: Bench, overrides: Sequence[str] = ()) -> Plan:
     """Return a plan that can run on the bench; FaultList holds every reason why it cannot."""
-    plan = read_plan(find(PLANS, name), registry.Procedures(), overrides)
-    procedure = registry.procedure(plan.procedure)
+    plan = read_plan(find(PLANS, name), Procedures(), overrides)
+    procedure = procedure_of(plan.procedure)
     expected_s = procedure.duration_s(plan.parameters)
     if not expected_s <= LONGEST_S:
         what = f"the plan takes {span(expected_s)} of bench time, more than {LONGEST}; divide it"
@@ -68,7 +69,7 @@ def outlook_of(plan: Plan, bench: Bench) -> dict[str, Any]:
 
     It takes `expected_s` of bench time, and `memory_bytes` of this computer for its evaluation.
     """
-    procedure = registry.procedure(plan.procedure)
+    procedure = procedure_of(plan.procedure)
     memory = memory_of(procedure.forecast(plan.parameters, bench))
     warned = (
         *warned_of_limits(plan, procedure),
@@ -145,7 +146,7 @@ def validate_plans(
     for name in names:
         try:
             if bench is None:
-                plans.append(read_plan(find(PLANS, name), registry.Procedures(), overrides))
+                plans.append(read_plan(find(PLANS, name), Procedures(), overrides))
             else:
                 plans.append(read_plan_for(name, bench, overrides))
         except FaultList as found:

@@ -12,7 +12,7 @@ from station.bench import Bench
 from station.clock import Clock, RealClock, VirtualClock
 from station.conformance.hostile import moved_to
 from station.errors import InputError, StationError
-from station.runner.opening import Place
+from station.instruments.opening import Place
 from station.runner.simulation import simulators_of
 from station.safety.interlocks.quantities import role_of
 from station.safety.safe_state import DEFAULT_WITHIN_S, MadeSafe

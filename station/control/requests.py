@@ -13,17 +13,17 @@ from contextlib import contextmanager
 from pathlib import Path
 from threading import Event, Lock, main_thread
 from types import TracebackType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 from station.clock import Clock
 from station.console import tell
 from station.control.channel import Channel, Incoming
 from station.control.pausing import ask_devices
+from station.control.signals import wishes
 from station.errors import Aborted
-from station.runner.signals import wishes
 
 if TYPE_CHECKING:
-    from station.runner.run import Run
+    from station.record.folder import RunRecord
     from station.safety.safe_state import SafeOutcome
 
 LOOKS_EVERY_S = 0.1
@@ -56,6 +56,30 @@ class PauseRequest:
         """Say why the run goes on, by the name of each device that refuses."""
         for one in self._wishes:
             one.answer(outcome="refused", devices=dict(reasons))
+
+
+class Says(Protocol):
+    """Whatever shows the operator a sentence."""
+
+    def say(self, text: str) -> None:
+        """Show it."""
+        ...
+
+
+class PausableRun(Protocol):
+    """What a pause needs of a run."""
+
+    record: RunRecord
+
+    @property
+    def progress(self) -> Says:
+        """What the operator reads."""
+        ...
+
+    @property
+    def instruments(self) -> Mapping[str, object]:
+        """The opened instruments by instance."""
+        ...
 
 
 class Control:
@@ -126,7 +150,7 @@ class Control:
                 if self._abort is not None and not self._ending:
                     self._clock.interrupt(self._abort)  # whatever woke the prompt said less
 
-    def between_units(self, run: Run) -> None:
+    def between_units(self, run: PausableRun) -> None:
         """Pause before a unit of work where somebody asks for it.
 
         Raises what ends the run meanwhile: an abort, a signal, an interlock.
@@ -168,7 +192,7 @@ class Control:
             with self._lock:
                 self._paused, self._goes_on = None, False
 
-    def _pause(self, run: Run, request: PauseRequest) -> None:
+    def _pause(self, run: PausableRun, request: PauseRequest) -> None:
         run.progress.say("a pause was asked for")
         run.record.event("pause-requested", durable=False)
         words = ask_devices(run.instruments)

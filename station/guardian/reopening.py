@@ -7,8 +7,8 @@ from collections.abc import Mapping, Sequence
 from station.bench import Bench
 from station.clock import Clock, RealClock
 from station.guardian.notes import started
-from station.runner.instrument_locks import InstrumentLocks
-from station.runner.opening import Probe, open_one
+from station.instruments.instrument_locks import InstrumentLocks
+from station.instruments.opening import Probe, open_one
 
 OPENS_WITHIN_S = 5.0
 """Real time; a connection that nobody takes is given up after 2 s."""

@@ -19,7 +19,6 @@ from station.bench import read_bench
 from station.clock import RealClock
 from station.errors import EXIT_DONE, EXIT_FAULT, StationError
 from station.guardian.at_work import LEAVE, AtWork, WordOfWork
-from station.guardian.log import BENCH_READ, LEFT, SAFE_STATE, whole_bench
 from station.guardian.messages import DONE, WAITS, Instructions
 from station.guardian.notes import Background, Notes, Words
 from station.guardian.other_process import OtherProcess, end_all, let_end
@@ -27,8 +26,9 @@ from station.guardian.peer import Peer
 from station.guardian.rehearsal import rehearse
 from station.guardian.reopening import OPENS_WITHIN_S, Reopening
 from station.guardian.watching import Duty
-from station.runner.instrument_locks import InstrumentLocks
-from station.runner.whole_bench import BenchReading, Bystanders, LeftOut
+from station.instruments.instrument_locks import InstrumentLocks
+from station.instruments.whole_bench import BenchReading, Bystanders, LeftOut
+from station.record.guardian_log import BENCH_READ, LEFT, SAFE_STATE, whole_bench
 from station.safety.safe_state import ATTEMPTS, MadeSafe, SafeOutcome, make_bench_safe
 
 ENDS_WITHIN_S, LEAVES_WITHIN_S = 10.0, 5.0

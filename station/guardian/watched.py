@@ -34,8 +34,8 @@ from station.guardian.messages import (
     said,
 )
 from station.guardian.partner import RANKS, READY_WITHIN_S, Partner
+from station.instruments.instrument_locks import InstrumentLocks
 from station.record.creation import BENCH
-from station.runner.instrument_locks import InstrumentLocks
 
 ENDS_WITHIN_S, KILLED_WITHIN_S = 5.0, 2.0
 A_BEAT = line_of(said(BEAT))

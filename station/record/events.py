@@ -17,6 +17,9 @@ FIRST_HASH = "0" * 64
 RESUMED = "resumed"
 """The event with which another process goes on with a run."""
 
+LEFT_FOR_THE_END = "prompt-left"
+"""Logs a request that a person is put only once bench and results are done."""
+
 
 @dataclass(frozen=True)
 class Event:

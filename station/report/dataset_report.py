@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from station import registry
 from station.findings import Findings
+from station.procedure import procedure_of
 from station.report.context import ReportContext
 from station.report.html import render_html
 from station.report.run_report import flat_rows, version_rows
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 def report_of_dataset(raw: RawDataset, document: ResultDocument, findings: Findings) -> str:
     """Return the report of an imported dataset as one HTML page."""
-    procedure = registry.procedure(raw.procedure)
+    procedure = procedure_of(raw.procedure)
     context = ReportContext(
         title=procedure.title,
         source=procedure.source,

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from station import registry
 from station.bench import Bench
 from station.fields import to_yaml_data
 from station.findings import Findings
-from station.record.events import Event
+from station.procedure import procedure_of
+from station.record.events import LEFT_FOR_THE_END, Event
 from station.record.folder import RunFolder
 from station.recorded import left_unverified, read_plan_and_bench
 from station.report.context import (
@@ -22,7 +22,6 @@ from station.report.context import (
 )
 from station.report.html import render_html
 from station.results import ResultDocument
-from station.runner.run import LEFT_FOR_THE_END
 from station.safety.interlocks.reading import CHAIN
 
 ASKED_LAST = "asked once bench and results were done"
@@ -31,7 +30,7 @@ ASKED_LAST = "asked once bench and results were done"
 def report_of_run(folder: RunFolder, document: ResultDocument, findings: Findings) -> str:
     """Return the report of a run as one HTML page."""
     plan, bench = read_plan_and_bench(folder)
-    procedure = registry.procedure(plan.procedure)
+    procedure = procedure_of(plan.procedure)
     facts = folder.run_facts()
     simulated = bench.simulation is not None
     context = ReportContext(

@@ -12,8 +12,8 @@ from datetime import datetime, timedelta
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from station import registry
 from station.clock import system_clock_synchronised, utc_now
+from station.procedure import procedure_of
 from station.runner.disk_space import Disk, disk_of
 from station.runner.memory import Memory, memory_of
 from station.runner.preflight import (
@@ -96,7 +96,7 @@ def walk(plan: Plan, bench: Bench, output: Path, served: Mapping[str, Any] | Non
 
     `served` is the first line of a `station sim` that the run would use.
     """
-    procedure = registry.procedure(plan.procedure)
+    procedure = procedure_of(plan.procedure)
     foreseen = procedure.forecast(plan.parameters, bench)
     clock = clock_for(bench, served)
     steps: list[Walked] = []

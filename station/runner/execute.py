@@ -13,12 +13,14 @@ from typing import Any
 from station import registry
 from station.bench import Bench
 from station.clock import Clock, system_clock_synchronised, utc_now
+from station.consent import Prompt
 from station.console import tell
+from station.control.signals import wishes_held
 from station.errors import EXIT_ABORTED, EXIT_FAULT, EXIT_INTERLOCK, InputError, RecordError
 from station.evaluation import conclude_run, exit_code_of
 from station.plan import Plan
 from station.plan.resolved import resolved_text
-from station.procedure import Procedure, Prompt
+from station.procedure import Procedure, procedure_of
 from station.record.creation import BENCH, PLAN, RUN
 from station.record.files import json_text
 from station.record.folder import EXPORTS, RunFolder, RunRecord
@@ -29,7 +31,6 @@ from station.runner.progress import Progress, how_long
 from station.runner.prompts import Operator
 from station.runner.run import Run
 from station.runner.session import BenchSession
-from station.runner.signals import wishes_held
 from station.runner.trace import Trace
 from station.runner.walking import Walk
 from station.safety.acknowledgement import addresses_of, refuse_until_acknowledged
@@ -64,7 +65,7 @@ def execute(request: Request) -> Outcome:
     NotAcknowledged when an interlock of this bench tripped and nobody has looked.
     """
     plan, bench = request.plan, request.bench
-    procedure = registry.procedure(plan.procedure)
+    procedure = procedure_of(plan.procedure)
     refuse_until_acknowledged(bench.path, [] if request.served else addresses_of(bench))
     with BenchSession(bench, plan.procedure, request.served) as session:
         clock = session.clock

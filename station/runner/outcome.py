@@ -12,8 +12,8 @@ from station.clock import ClockError
 from station.errors import EXIT_FAULT, StationError
 
 if TYPE_CHECKING:
+    from station.instruments.whole_bench import LeftOut
     from station.results import ResultDocument
-    from station.runner.whole_bench import LeftOut
     from station.safety.safe_state import SafeOutcome
 
 NO_MEMORY = "this computer has no memory left for the run; end other programs"

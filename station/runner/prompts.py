@@ -8,18 +8,18 @@ from contextlib import suppress
 from dataclasses import dataclass
 
 from station.clock import Clock
-from station.console import tell
-from station.errors import Aborted, InputError, UnansweredPrompt
-from station.procedure import Prompt
-from station.runner.consent import (
+from station.consent import (
     ABORT,
     DONE,
     HINT,
     HINT_AT_THE_END,
+    Prompt,
     discard_typed,
     meaning,
 )
-from station.runner.signals import wishes_end_a_prompt
+from station.console import tell
+from station.control.signals import wishes_end_a_prompt
+from station.errors import Aborted, InputError, UnansweredPrompt
 
 
 @dataclass(frozen=True)

@@ -8,18 +8,18 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from station import registry
 from station.bench import Bench, faults_of_use
 from station.clock import RealClock, utc_now
+from station.consent import Prompt
 from station.console import span
 from station.errors import InputError
 from station.evaluation import evaluate_run, exit_code_of
 from station.faults import FaultList
 from station.guardian.at_work import guardian_at_work
 from station.plan import Plan
-from station.procedure import Procedure, Prompt
+from station.procedure import Procedure, procedure_of
 from station.record.creation import EVENTS, RUN
-from station.record.events import RESUMED
+from station.record.events import LEFT_FOR_THE_END, RESUMED
 from station.record.folder import RESULTS, RunFolder, RunRecord
 from station.record.integrity import sentence_of
 from station.record.manifest import covered_files
@@ -29,7 +29,7 @@ from station.runner.outcome import Outcome
 from station.runner.preflight import watch_system_clock
 from station.runner.progress import Progress, how_long
 from station.runner.prompts import Operator
-from station.runner.run import LEFT_FOR_THE_END, Past, Run
+from station.runner.run import Past, Run
 from station.runner.session import RESUME, BenchSession
 from station.runner.trace import Trace
 from station.runner.walking import Walk
@@ -79,7 +79,7 @@ def resume(request: ResumeRequest) -> Outcome:
     bench = request.bench or recorded_bench
     if beyond := list(faults_of_use(bench.document)):
         raise FaultList(beyond)
-    procedure = registry.procedure(plan.procedure)
+    procedure = procedure_of(plan.procedure)
     refuse_another_bench(folder, recorded_bench, bench)
     facts = folder.run_facts()
     bench_file = bench.path if request.bench else Path(facts.get("bench_file", bench.path))

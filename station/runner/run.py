@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from station.clock import Clock
+from station.consent import Prompt
 from station.errors import InputError
-from station.procedure import Prompt, Step
 from station.readings import Readings
+from station.record.events import LEFT_FOR_THE_END
 from station.record.folder import RunFolder, RunRecord
 from station.runner.progress import Progress
 from station.runner.prompts import Operator
@@ -29,8 +30,6 @@ SENTENCES = {
     "frames-dropped": "more came than was taken; the oldest frames were dropped",
 }
 """What the operator reads of the first event of a kind of an instrument; all are in the log."""
-LEFT_FOR_THE_END = "prompt-left"
-"""Logs a request that a person is put only once bench and results are done."""
 COMPUTES_WITHIN_S = 120.0
 """Real time that a step may work on what was recorded, without a sign of life."""
 
@@ -94,19 +93,19 @@ class Run:
             )
         return instrument
 
-    def do(self, step: Step) -> None:
+    def do(self, number: str, title: str, expected_s: float, body: Callable[[Run], None]) -> None:
         """Do one step, with its beginning and end in the log.
 
         Both survive the death of the process at once. The disk itself is waited for where a unit
         of work is finished and where something is energised: some disks take 4 ms for that.
         """
-        self.progress.step(step.number, step.title, step.duration_s(self.parameters))
+        self.progress.step(number, title, expected_s)
         self._step_began_s = self.clock.now()
-        self.record.event("step-started", durable=False, step=step.number, title=step.title)
+        self.record.event("step-started", durable=False, step=number, title=title)
         self.clock.expect(COMPUTES_WITHIN_S)  # libraries are loaded where they are first used
-        step.body(self)
+        body(self)
         self.log_notes()
-        self.record.event("step-finished", durable=False, step=step.number)
+        self.record.event("step-finished", durable=False, step=number)
 
     def is_finished(self, unit: str) -> bool:
         """Whether an earlier process of this run finished a unit of work: it stays as it is.

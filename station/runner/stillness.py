@@ -18,11 +18,11 @@ from typing import TYPE_CHECKING
 
 from station.clock import Pulse, Quiet, RealClock
 from station.console import tell
+from station.control.signals import wishes
 from station.errors import StationError
-from station.runner.signals import wishes
 
 if TYPE_CHECKING:
-    from station.runner.signals import AbortSignals
+    from station.control.signals import AbortSignals
     from station.safety.safe_state import SafeOutcome
 
 LONGEST_SILENCE_S = 10.0

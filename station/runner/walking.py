@@ -13,27 +13,26 @@ from typing import TYPE_CHECKING
 from station.clock import RealClock
 from station.console import tell
 from station.control.requests import Control
+from station.control.signals import AbortSignals
 from station.errors import EXIT_FAULT, InterlockTripped, StationError
 from station.guardian.watched import Guardian
+from station.instruments.instrument_locks import InstrumentLocks
+from station.instruments.opening import Found, open_instruments
+from station.instruments.whole_bench import BenchReading, Bystanders, read_used
 from station.runner.folder_watch import FolderWatch
-from station.runner.instrument_locks import InstrumentLocks
-from station.runner.opening import Found, open_instruments
 from station.runner.outcome import Outcome, in_one_sentence
 from station.runner.run import Run
 from station.runner.session import BenchSession
-from station.runner.signals import AbortSignals
 from station.runner.staying_awake import StayingAwake
 from station.runner.stillness import Stillness
 from station.runner.trace import Trace
-from station.runner.whole_bench import BenchReading, Bystanders, read_used
 from station.safety.acknowledgement import refuse_identified, remember_trip
 from station.safety.interlocks.monitor import Monitor
 from station.safety.interlocks.reading import watched_in_a_run
-from station.safety.safe_state import MadeSafe, make_bench_safe
+from station.safety.safe_state import MadeSafe, SafeOutcome, make_bench_safe
 
 if TYPE_CHECKING:
     from station.procedure import Procedure, Prompt
-    from station.safety.safe_state import SafeOutcome
 
 
 BALLAST_BYTES = 16_000_000
@@ -113,7 +112,7 @@ class Walk:
                 if self._first is not None:
                     run.ask_again(self._first.id, self._first.text)
                 for step in self._procedure.steps:
-                    run.do(step)
+                    run.do(step.number, step.title, step.duration_s(run.parameters), step.body)
                 outcome.exit_code = 0
             except Exception as error:  # a bug in a step must still leave a safe bench
                 self._ballast.clear()

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any, Protocol
 from station import registry
 from station.clock import Clock, RealClock
 from station.errors import InputError, InstrumentError, InstrumentInUse, InstrumentsMissing
+from station.instruments.instrument_locks import Identity, InstrumentLocks
 from station.readings import Publisher, Readings, Value
-from station.runner.instrument_locks import Identity, InstrumentLocks
 
 if TYPE_CHECKING:
     from station.bench import Bench

@@ -17,8 +17,8 @@ from typing import TYPE_CHECKING, Any
 from station import registry
 from station.clock import Clock, RealClock
 from station.errors import Aborted, BenchEnergised, InstrumentError, InstrumentInUse
-from station.runner.instrument_locks import InstrumentLocks
-from station.runner.opening import LOOK, Found, open_one, take_lock
+from station.instruments.instrument_locks import InstrumentLocks
+from station.instruments.opening import LOOK, Found, open_one, take_lock
 from station.safety.interlocks.quantities import ENERGISED, quantities_of
 from station.safety.safe_state import Hurried, MadeSafe, SafeOutcome, can_harm
 

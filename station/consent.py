@@ -1,15 +1,28 @@
-"""What a person's answer to a prompt means: to go on, to end the run, or nothing that is known."""
+"""What a person is asked, and what the answer means: to go on, to end the run, or nothing."""
 
 from __future__ import annotations
 
 import sys
 from contextlib import suppress
+from dataclasses import dataclass
 
 DONE, ABORT = "done", "abort"
 GO_ON = frozenset(("", DONE, "y", "yes"))
 END = frozenset(("no", "n", "q", "quit", ABORT))
 HINT = f"Enter or `{DONE}` to go on, `{ABORT}` to end the run"
 HINT_AT_THE_END = f"Enter or `{DONE}` once it is, `{ABORT}` to leave it; the results are written"
+
+
+@dataclass(frozen=True)
+class Prompt:
+    """A request to the operator: a stable id, the sentence, and whether it is a physical act.
+
+    A simulated bench does physical acts itself.
+    """
+
+    id: str
+    text: str
+    physical: bool = True
 
 
 def meaning(text: str) -> str | None:

@@ -1,0 +1,1 @@
+"""The instruments of a bench: opened, locked, and read whether they are at rest."""
