@@ -6,6 +6,7 @@ The short form of `benchmarks/sabotage.py --procedure fog-scale-factor-temperatu
 from __future__ import annotations
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -82,13 +83,25 @@ def test_a_feature_between_two_sets_is_in_the_uncertainty(turns: tuple[int, ...]
 
 def test_a_knocked_turn_is_no_feature() -> None:
     for seed in range(8):
-        for turns in ((360, -360), (360,)):
+        for turns in ((360, -360), (360,), (360, 0)):
             dataset = record(seed, turns)
             after = dataset.turns.attitude_after_deg
             rows = np.random.default_rng(seed).choice(len(after), 3, replace=False)
             after[rows, 0] += np.array([0.02, -0.05, 0.1])
             fit = analyse(dataset).fits["x"]
             assert fit.misfit is None or not fit.misfit.sure
+
+
+def test_sets_far_apart_in_temperature_are_not_called_missing() -> None:
+    (said,) = [one.message for one in analyse(record(1, sets=9)).flags if one.code == "gap"]
+    assert "far apart" in said
+    assert "missing" not in said
+
+
+def test_few_sets_are_named_where_the_curve_may_be_taken_for_noise() -> None:
+    dataset = replace(record(1, sets=6), angle_random_walk_deg_per_sqrt_h=0.002)
+    (said,) = [one for one in analyse(dataset).flags if one.code == "contradicts-statement"]
+    assert "measure more sets (6 " in said.message
 
 
 def test_a_kink_that_chance_makes_hardly_widens_the_uncertainty() -> None:

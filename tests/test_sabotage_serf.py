@@ -12,6 +12,7 @@ from benchmarks.sabotage import analysed, clean_runs, faults_of
 from procedures.serf_nonorthogonality.analysis import analyse
 from procedures.serf_nonorthogonality.dataset import SerfDataset
 from procedures.serf_nonorthogonality.findings import SerfAnalysis
+from procedures.serf_nonorthogonality.precession import saturated_samples
 
 COILS, RESIDUAL = (1.010, 0.995, 1.008), (1.0, -0.6, 0.8)
 FAULTS = {one.name: one for one in faults_of("serf-nonorthogonality")}
@@ -71,6 +72,23 @@ def test_doubtful_coil_constants_are_kept_and_widen_the_uncertainty() -> None:
         assert abs(pull(analysis, "slowing_down_factor", None, 6.0)) < 4.0
         u.append(analysis.estimate("slowing_down_factor").standard_uncertainty or 0.0)
     assert u[1] > 1.3 * u[0]
+
+
+def test_known_coil_constants_are_not_denied_by_what_the_model_misses() -> None:
+    cell = Cell(known=True, pull=False, field_nT=80.0, polarisation=0.1, relaxation=100.0)
+    analysis = analyse(cell.but(noise_V=0.001, duration_s=0.2).dataset(2))
+    assert not statements(analysis)
+
+
+@pytest.mark.parametrize("part, seen", [(1.0, False), (0.9, True)])
+def test_the_steps_of_a_coarse_recorder_are_no_saturation(part: float, seen: bool) -> None:
+    clean = Cell(sample_rate_Hz=50_000.0, duration_s=0.02, noise_V=0.005).dataset(0)
+    found = []
+    for shot in clean.shots:
+        steps = np.round(shot.voltage_V * 256.0 / 2.4)
+        clipped = np.minimum(steps, np.round(part * np.max(steps)))
+        found.append(bool(saturated_samples(replace(shot, voltage_V=clipped * 2.4 / 256.0)).any()))
+    assert sum(found) > 10 if seen else not any(found)
 
 
 @pytest.mark.parametrize("exchange", [5e5, 2e5])

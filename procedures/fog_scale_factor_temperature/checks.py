@@ -8,6 +8,7 @@ import numpy as np
 
 from station.findings import Flag
 
+from .axis_problem import PUBLISHED_ORDER
 from .axis_turns import AxisTurns
 from .curve import CHECKED
 from .dataset import FogDataset, Mask, TurnTable
@@ -25,6 +26,8 @@ UNIFORM = 12.0**-0.5
 COARSE_DEGC = 0.5
 SAME_PLACES = 0.25
 """Of the turns: with fewer different headings at their beginnings, errors of rounding repeat."""
+FEW_SETS = 3 * PUBLISHED_ORDER
+"""With no more of them, what is called noise may be a curve of a higher order than they carry."""
 SPEEDS = 1.6
 """Of turns of two commands, one over the other."""
 SMOOTH, FEWEST_SETS = 0.3, 10
@@ -207,10 +210,12 @@ def check_flags(fit: AxisFit, stated_ppm: float | None, settings: AnalysisSettin
         flags.append(Flag("misfit", misfit_said, fit.axis, details))
     noise = fit.noise_ppm
     if stated_ppm and noise is not None and noise > settings.noise_beyond_statement * stated_ppm:
+        few = fit.sets <= FEW_SETS
+        more = f"measure more sets ({fit.sets} show no curve of high order), " if few else ""
         noise_said = (
             f"The noise of a turn about {fit.axis} is {noise:.3g} ppm; random walk, table and "
             f"heading as stated make {stated_ppm:.2g} ppm. The uncertainty follows the data; look "
-            "for what disturbs the turns, or state what is true."
+            f"for what disturbs the turns, {more}or state what is true."
         )
         noisy = {"statement": "angle_random_walk", "noise_ppm": noise, "stated_ppm": stated_ppm}
         flags.append(Flag("contradicts-statement", noise_said, fit.axis, noisy))

@@ -99,11 +99,16 @@ def _gaps(turns: AxisTurns, settings: AnalysisSettings) -> list[Flag]:
     if not gaps and widest_degC <= settings.temperature_gap_degC:
         return []
     missing = int(np.sum(np.rint(steps / nominal_s) - 1.0))
+    lost = (
+        f"Sets of turns about {turns.axis} are missing: {gaps} interval{'s' if gaps > 1 else ''} "
+        f"longer than {settings.gap:g} times the usual {nominal_s:g} s; the"
+        if gaps
+        else f"The turns about {turns.axis} lie far apart in temperature: the"
+    )
     return [
         Flag(
             "gap",
-            f"Sets of turns about {turns.axis} are missing: {gaps} longer intervals than "
-            f"{settings.gap:g} times the usual {nominal_s:g} s; the widest stretch of temperature "
+            f"{lost} widest stretch of temperature "
             f"without a turn is {widest_degC:.1f} degC. In a stretch of more than "
             f"{settings.temperature_gap_degC:g} degC the curve's uncertainty holds what higher "
             f"orders may make; in one of more than {WIDE * settings.temperature_gap_degC:g} degC "

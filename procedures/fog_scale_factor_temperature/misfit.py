@@ -179,7 +179,8 @@ def agreeing(problem: AxisProblem, kept: Mask, solved: Solved) -> Mask:
     """Return the rows of sets with rejected turns that are off as a feature is, (rows,).
 
     Turns of both senses then say the same: they leave the bias of their set where the sets around
-    have it. Turns of one sense are off together with their neighbours.
+    have it. Turns of one sense are off together with their neighbours; a wait beside them says
+    nothing of them.
     """
     turns = problem.turns
     found = np.zeros(len(kept), dtype=bool)
@@ -188,7 +189,7 @@ def agreeing(problem: AxisProblem, kept: Mask, solved: Solved) -> Mask:
         return found
     design, biases = problem.design(solved.domain_degC, solved.order)
     inside = problem.candidates
-    if problem.paired:
+    if len(np.unique(np.sign(turns.turns[inside & turns.sensing]))) > 1:
         left = problem.data - design[:, biases:] @ solved.fit.coefficients[biases:]
         told = list(sets_that_tell_the_bias(turns, inside, left))
         bias = np.array([one.bias_deg_per_h for one in told])

@@ -323,7 +323,8 @@ def _absent(
                 seen = f"swings more at {frequencies[of]:.4g} Hz"
             return (
                 f"the field on {axis} should swing at {frequencies[k]:.4g} Hz and {seen}: look for "
-                "exchanged columns, probes or coils, and for a wrong drive"
+                "exchanged columns, probes or coils, for a wrong drive, and for rows that were "
+                "lost or copied"
             )
     return None
 

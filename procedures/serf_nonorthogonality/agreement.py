@@ -18,6 +18,8 @@ from .precession import Precession
 from .shots import AXES
 
 LEAST_FREEDOM = 2
+MODEL_U = 5e-5
+"""Relative, of a coil factor: what spin exchange does to a frequency and the model may miss."""
 
 
 def agreed(
@@ -58,7 +60,7 @@ def agreed(
     dataset = replace(dataset, constants_known=False)
     found = frequencies_and_angles(dataset, _used(shots), settings)
     flags = []
-    stated = np.array(dataset.coil_u if dataset.coil_u is not None else (0.0, 0.0, 0.0)) ** 2
+    stated = np.square(dataset.coil_u or (0.0, 0.0, 0.0)) + MODEL_U**2
     if _chance(ratios, covariance + np.diag(stated[1:]) + stated[0]) < IMPROBABLE:
         said = " and ".join(
             f"{axis} {1.0 + ratio:.5f}" for axis, ratio in zip(AXES[1:], ratios, strict=True)

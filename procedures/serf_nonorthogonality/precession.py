@@ -21,6 +21,9 @@ AT_THE_END = 0.9995
 """Part of full scale from which a sample counts as saturated."""
 CLIPPED = 4
 """Equal extreme values in a row that nobody knows another reason for."""
+STEPS, TOP = 4.5, 0.62
+"""Within so many steps of a coarse recorder below its crest, a tone has the uppermost value in
+fewer than half of the samples, a clipped one in nearly all."""
 MOST_SATURATED = 0.1
 ALIKE = 0.1
 LEAST_ALIKE = 4
@@ -64,13 +67,22 @@ def saturated_samples(shot: Shot) -> Mask:
     if shot.full_scale_V is not None:
         return np.asarray(np.abs(volts) >= AT_THE_END * shot.full_scale_V)
     found = np.zeros(len(volts), dtype=bool)
+    levels = np.unique(volts)
+    step_V = float(np.median(np.diff(levels))) if len(levels) > 1 else 0.0
     for end in (float(np.max(volts)), float(np.min(volts))):
         here = np.concatenate([[False], volts == end, [False]])
         edges = np.flatnonzero(np.diff(here.astype(np.int8)))
+        near = np.abs(volts - end) <= STEPS * step_V
         for first, last in zip(edges[::2], edges[1::2], strict=True):
-            if last - first >= CLIPPED:
+            crest = last - first + _run(near[:first][::-1]) + _run(near[last:])
+            if last - first >= max(CLIPPED, TOP * crest):
                 found[first:last] = True
     return found
+
+
+def _run(marked: Mask) -> int:
+    """Return how many elements are marked before the first that is not."""
+    return int(np.argmin(np.append(marked, False)))
 
 
 def look_at(shot: Shot, settings: AnalysisSettings, mains_Hz: float | None = None) -> Precession:
