@@ -30,6 +30,7 @@ from station.record.folder import REPORT, RESULTS, RunFolder
 from station.record.manifest import MANIFEST, write_manifest
 from station.recorded import left_out, left_unverified, read_plan_and_bench, used_instruments
 from station.results import ResultDocument, conclude
+from station.runner.memory import refuse_without_room
 
 if TYPE_CHECKING:
     from station.dataset_reading import RawDataset
@@ -291,7 +292,11 @@ def evaluate_dataset(raw: RawDataset) -> tuple[ResultDocument, Findings]:
 
 @contextmanager
 def quiet_numbers() -> Iterator[None]:
-    """Keep the libraries' warnings off the terminal: what they warn of is null and flagged."""
+    """Keep the libraries' warnings off the terminal: what they warn of is null and flagged.
+
+    Raises MemoryError where there is no room for these libraries.
+    """
+    refuse_without_room()
     import numpy as np
 
     with np.errstate(all="ignore"), warnings.catch_warnings():

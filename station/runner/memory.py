@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import mmap
 import os
+import sys
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -14,6 +16,8 @@ if TYPE_CHECKING:
 
 PROGRAM_BYTES = 180_000_000
 """The program with its libraries, and a report of the usual length."""
+LIBRARIES_BYTES = 280_000_000
+"""Address space that SciPy and a report take, once a record is read; little of it is touched."""
 HELD_ROW_BYTES = 250
 """What a recorded row takes in an evaluation that holds all rows at once."""
 GROUP_LIMIT = Path("/sys/fs/cgroup/memory.max")
@@ -90,3 +94,17 @@ def free_bytes() -> int | None:
         return int(line.split()[1]) * 1024
     except (OSError, ValueError, IndexError):
         return None
+
+
+def refuse_without_room() -> None:
+    """Raise MemoryError where the libraries of an evaluation get no address space (`ulimit -v`).
+
+    Their linear algebra would wait for ever, or end the process with an exit code of its own.
+    """
+    if sys.platform == "win32" or "scipy.linalg" in sys.modules:
+        return
+    try:
+        flags = mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS
+        mmap.mmap(-1, LIBRARIES_BYTES, flags, mmap.PROT_READ).close()
+    except OSError as error:
+        raise MemoryError(f"no room for {in_bytes(LIBRARIES_BYTES)} of libraries") from error
