@@ -31,6 +31,8 @@ from station.clock import Clock
 Maker = Callable[[Setting], SimulatedInstrument]
 
 LARGEST_PORT = 65535
+MOST_SAID = 200
+EXAMPLE = "{instrument: coil_supply.x, fault: overdrive}"
 WORLDS: dict[str, Callable[[Truth], World]] = {
     "rlg-magnetic-sensitivity": LaserGyroBench,
     "accelerometer-magnetic-sensitivity": AccelerometerBench,
@@ -153,9 +155,12 @@ class SimulatedBench:
             return json.dumps(self.simulation_report())
         try:
             entry = yaml.safe_load(line)
+            if not isinstance(entry, dict):
+                return f"not injected: write `report`, or a fault such as {EXAMPLE}"
             return self.inject(entry)
         except yaml.YAMLError:
-            return f"not injected: {line.strip()!r} is neither YAML nor JSON"
+            said = line.strip()[:MOST_SAID]
+            return f"not injected: {said!r} is neither YAML nor JSON; write {EXAMPLE}"
         except SimulationError as error:
             return f"not injected: {error}"
 

@@ -10,7 +10,7 @@ DONE, ABORT = "done", "abort"
 GO_ON = frozenset(("", DONE, "y", "yes"))
 END = frozenset(("no", "n", "q", "quit", ABORT))
 HINT = f"Enter or `{DONE}` to go on, `{ABORT}` to end the run"
-HINT_AT_THE_END = f"Enter or `{DONE}` once it is, `{ABORT}` to leave it; the results are written"
+HINT_AT_THE_END = f"Enter or `{DONE}` once it is, `{ABORT}` to leave it; nothing else waits"
 
 
 @dataclass(frozen=True)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import mmap
+import sys
 import warnings
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -37,6 +39,8 @@ if TYPE_CHECKING:
     from station.procedure import Procedure
 
 MOST_UNITS = 6
+LIBRARIES_BYTES = 280_000_000
+"""Address space that SciPy and a report take, once a record is read; little of it is touched."""
 UNCALIBRATED = "uncalibrated"
 
 
@@ -291,7 +295,11 @@ def evaluate_dataset(raw: RawDataset) -> tuple[ResultDocument, Findings]:
 
 @contextmanager
 def quiet_numbers() -> Iterator[None]:
-    """Keep the libraries' warnings off the terminal: what they warn of is null and flagged."""
+    """Keep the libraries' warnings off the terminal: what they warn of is null and flagged.
+
+    Raises MemoryError where there is no room for these libraries.
+    """
+    refuse_without_room()
     import numpy as np
 
     with np.errstate(all="ignore"), warnings.catch_warnings():
@@ -322,3 +330,17 @@ def largest_difference(old: Mapping[str, Any], new: Mapping[str, Any]) -> float:
         if change:
             largest = max(largest, change / u if u else float("inf"))
     return largest
+
+
+def refuse_without_room() -> None:
+    """Raise MemoryError where the libraries of an evaluation get no address space (`ulimit -v`).
+
+    Their linear algebra would wait for ever, or end the process with an exit code of its own.
+    """
+    if sys.platform == "win32" or "scipy.linalg" in sys.modules:
+        return
+    try:
+        flags = mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS
+        mmap.mmap(-1, LIBRARIES_BYTES, flags, mmap.PROT_READ).close()
+    except OSError as error:
+        raise MemoryError("no room for the libraries of an evaluation") from error

@@ -260,6 +260,8 @@ def in_words(event: Event) -> str:
             return f"{details['step']} began: {details['title']}"
         case "step-finished":
             return f"{details['step']} is done"
+        case "prompt-shown":
+            return f"waits at its terminal for an answer to [{details['id']}] {details['text']}"
         case "prompt":
             return f"{details['text']} Answered: {details['answer']}"
         case "unit-started":

@@ -25,6 +25,7 @@ from loop_disk import disk_or_skip
 
 from sim_instruments.bench import SimulatedBench
 from station import registry
+from station.cli import controlling
 from station.clock import Clock, RealClock, VirtualClock
 from station.consent import Prompt
 from station.control.channel import Channel
@@ -32,7 +33,7 @@ from station.control.client import NotRunning, ask, go_on
 from station.control.place import LONGEST_ADDRESS, places
 from station.control.requests import ENDS_ALREADY, RECEIVED, Control
 from station.control.signals import AbortSignals
-from station.errors import Aborted, InterlockTripped, PauseRefused
+from station.errors import Aborted, InterlockTripped, PauseRefused, RecordError
 from station.instruments.opening import Place
 from station.record.events import Event as LogEvent
 from station.record.folder import RunRecord
@@ -40,6 +41,7 @@ from station.record.spans import is_paused, paused_s
 from station.runner.progress import Progress
 from station.runner.prompts import Operator
 from station.runner.run import Run
+from station.status import read_status
 
 LIMITS = {"current": 8.0, "voltage": 30.0, "slew": 2.0, "zero_current": 0.02}
 LONG_S = 20.0
@@ -439,9 +441,45 @@ def test_an_abort_ends_a_prompt(virtual: Desk, monkeypatch: pytest.MonkeyPatch) 
         with (
             AbortSignals(virtual.run.clock),
             pytest.raises(Aborted, match="ended by `station abort`"),
-            virtual.control.asking(),
         ):
             operator.ask(Prompt("mount", "Mount the gyro."))
+
+
+def test_an_interlock_or_a_lost_folder_ends_a_prompt_and_says_so(
+    real: Desk, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    clock = real.run.clock
+    nobody_types, keys = os.pipe()
+    with os.fdopen(nobody_types, encoding="utf-8") as file, os.fdopen(keys, "wb"):
+        monkeypatch.setattr(sys, "stdin", keyboard := Keyboard(file))
+        monkeypatch.setattr(real.run, "_operator", Operator(clock, {}, interactive=True, act=None))
+        trip = InterlockTripped("door", "the chain is open", 1.0)
+        (typed_at_last := Timer(5.0, os.write, (keys, b"\n\n"))).start()
+        for error in (trip, RecordError("the run folder was moved")):
+            keyboard.read.clear()
+
+            def at_the_prompt(error: Exception = error) -> None:
+                keyboard.read.wait(LONG_S)
+                assert "mount" in read_status(real.folder).message
+                clock.interrupt(error)
+
+            real.at_terminal(at_the_prompt)
+            with AbortSignals(clock), pytest.raises(type(error)):
+                real.run.ask("mount", "Mount the gyro.")
+            clock.interrupt(None)
+        typed_at_last.cancel()
+    assert [one["event"] for one in real.events].count("prompt-shown") == 2
+
+
+def test_ctrl_c_at_a_pause_says_that_the_run_goes_on(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def pressed(*_: object, **__: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(controlling, "ask", pressed)
+    with pytest.raises(Aborted, match="taken back; the run goes on"):
+        controlling.pause_run(tmp_path, as_json=False)
 
 
 def test_the_time_of_a_pause_is_no_progress() -> None:

@@ -124,7 +124,12 @@ def test_every_file_of_a_run_folder_is_explained(finished: Outcome) -> None:
 
 def test_every_event_of_a_run_is_explained(finished: Outcome) -> None:
     kinds = {event.kind for event in RunFolder(finished.folder).events}
-    assert kinds <= set(reference_formats.RUN_EVENTS)
+    written = r'\b(?:event|note|note_at)\(\s*(?:[\w.]+,\s*)?"([a-z-]+)"'
+    for room in ("station", "drivers", "procedures"):
+        for path in (ROOT / room).rglob("*.py"):
+            kinds.update(re.findall(written, path.read_text(encoding="utf-8")))
+    assert "switched-off-at-once" in kinds
+    assert kinds - set(reference_formats.RUN_EVENTS) == set()
 
 
 def test_every_key_of_the_result_document_is_explained(finished: Outcome) -> None:

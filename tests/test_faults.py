@@ -191,6 +191,9 @@ def test_a_fault_is_injected_while_the_bench_serves_and_reported() -> None:
         )
         assert bench.answer("{instrument").startswith("not injected: ")
         assert bench.answer("now").startswith("not injected: ")
+        assert "report" in bench.answer("help")
+        assert "{instrument: coil_supply.x, fault:" in bench.answer("help")
+        assert len(bench.answer("[" + 5000 * "x")) < 400
 
 
 WRONG = [

@@ -317,6 +317,14 @@ def test_a_device_that_never_stops_talking_still_hears_a_last_attempt() -> None:
         ended.set()
 
 
+def test_what_could_not_be_sent_is_not_said_to_be_switched_off() -> None:
+    with line_to(lambda client, asked: None, "serial") as (line, device, notes):
+        device.close()
+        with pytest.raises(InstrumentError):
+            line.last_attempt("OUTP OFF")
+        assert "switched-off-at-once" not in dict(notes)
+
+
 class Stubborn:
     """A supply that says it is off and drives 5 A; `stray` comes in at the n-th question.
 

@@ -84,6 +84,15 @@ def test_keys_that_were_pressed_before_a_prompt_are_no_answer_to_it(
     os.close(master)
 
 
+def test_keys_that_are_no_letters_do_not_reach_the_terminal_again(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(sys, "stdin", io.StringIO("\x1b[A\n\n"))
+    operator().ask(MOUNT)
+    assert "\x1b" not in (said := capsys.readouterr().err)
+    assert "is no answer here" in said
+
+
 def test_a_terminal_that_is_gone_ends_the_run(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sys, "stdin", io.StringIO("not yet\n"))
     with pytest.raises(Aborted):

@@ -4,15 +4,19 @@ from __future__ import annotations
 
 import signal
 import subprocess
+import sys
 from pathlib import Path
 
+import pytest
 from command_line import PLAN, begun
 from test_run_rlg import short_run
 
+from station import evaluation
+from station.cli import main
 from station.cli.analysing import analyse_run
 from station.record.folder import RunFolder
 from station.record.presence import Presence
-from station.runner.outcome import in_one_sentence
+from station.runner.outcome import NO_MEMORY, in_one_sentence
 
 ONE_AXIS = {"parameters/axes": ["IA"], "parameters/duration": "100 s"}
 
@@ -88,7 +92,7 @@ def test_a_terminal_that_is_gone_ends_no_run(tmp_path: Path) -> None:
 
 
 def test_a_run_without_memory_says_so_in_one_sentence() -> None:
-    assert in_one_sentence(MemoryError()).startswith("this computer has no memory left for the run")
+    assert in_one_sentence(MemoryError()).startswith("this computer has no memory left")
     unloaded = ImportError("a.so: failed to map segment from shared object")
     assert in_one_sentence(unloaded) == in_one_sentence(MemoryError())
     assert in_one_sentence(KeyError("x")) == "a fault of the program: KeyError('x')"
@@ -102,3 +106,15 @@ def test_a_file_that_is_gone_with_its_run_folder_is_not_a_fault_of_the_program(
     tmp_path.rename(tmp_path.with_name("elsewhere"))
     assert "removed, moved or unmounted" in str(presence.cause_of(lost))
     assert isinstance(presence.cause_of(ValueError()), ValueError)
+
+
+def test_an_evaluation_without_room_for_its_libraries_neither_hangs_nor_looks_like_a_verdict(
+    one_axis_run: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(evaluation, "LIBRARIES_BYTES", 1 << 62)
+    monkeypatch.delitem(sys.modules, "scipy.linalg", raising=False)
+    monkeypatch.setattr(sys, "argv", ["station", "analyse", str(one_axis_run)])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    assert ended.value.code == 3
+    assert capsys.readouterr().err == f"{NO_MEMORY}\n"

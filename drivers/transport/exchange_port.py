@@ -179,8 +179,8 @@ class ExchangePort(TracedLine, ABC):
 
     def _attempt(self, send: Callable[[Port], None], attempted: str) -> None:
         """Send the one command that switches off where no answer can be understood any more."""
-        self._place.note("switched-off-at-once", attempted=attempted)
         self._blindly(send, QUIET_S)
+        self._place.note("switched-off-at-once", attempted=attempted)  # sent: no more is known
 
     def _blindly(self, send: Callable[[Port], None], heard_s: float = 0.0) -> None:
         """Send what needs no answer, whatever lies on the line and whatever still comes.

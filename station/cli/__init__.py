@@ -43,6 +43,11 @@ def main() -> None:
             _exit(str(getattr(error, "format_message", error.__str__)()), EXIT_WRONG_INPUT)
         if os.environ.get(SHOW_TRACEBACK):
             raise
+        from station.runner.outcome import NO_MEMORY, is_lack_of_memory
+
+        if is_lack_of_memory(error):
+            tell(NO_MEMORY)
+            _exit(NO_MEMORY, EXIT_FAULT)
         said = f"a fault of the program: {error!r}"
         tell(f"{said}; set {SHOW_TRACEBACK}=1 and run again to see where")
         _exit(said, EXIT_FAULT)

@@ -12,7 +12,7 @@ from typing import Any, TypeVar, cast
 from station.clock import RealClock, boot_seconds
 from station.console import span, tell
 from station.control.client import NoAnswer, ask
-from station.errors import EXIT_DONE, EXIT_FAULT, EXIT_WRONG_INPUT, StationError
+from station.errors import EXIT_DONE, EXIT_FAULT, EXIT_WRONG_INPUT, Aborted, StationError
 from station.guardian.at_work import AtWork, guardian_at_work
 from station.locks import is_held
 from station.record.creation import EVENTS
@@ -72,7 +72,10 @@ class Waiting:
 def pause_run(run: Path, *, as_json: bool) -> int:
     """Ask a run to pause, wait until it does or refuses, and return the exit code."""
     waiting = Waiting(run)
-    answer = ask(run, "pause", None, meanwhile=waiting.begin, waiting=waiting.go_on)
+    try:
+        answer = ask(run, "pause", None, meanwhile=waiting.begin, waiting=waiting.go_on)
+    except KeyboardInterrupt:
+        raise Aborted("the request to pause is taken back; the run goes on") from None
     outcome = str(answer.get("outcome"))
     devices: dict[str, str] = answer.get("devices") or {}
     exit_code = EXITS.get(outcome, EXIT_FAULT)
@@ -246,7 +249,7 @@ def say_how_it_ended(
         return exit_code
     print(f"the run: {message}")
     for one in outcomes or ():
-        print(f"{one['instrument']:<20}{one['read_back']}")
+        print(f"{one['instrument']:<20}{one['read_back'].removeprefix(one['instrument'] + ': ')}")
     if safe:
         used = "every instrument that the run used was read back as safe, others were not read yet"
         print(whole_bench(left_out) if ended else used)

@@ -111,16 +111,17 @@ def say(outcome: Outcome) -> None:
     if outcome.error is not None:
         tell(f"\nthe run did not finish: {outcome.error}")
     for one in outcome.unsafe:
+        read_back = one.read_back.removeprefix(f"{one.instrument}: ")
         if not one.used:
             tell(
                 f"NOT VERIFIED: {one.instrument}, which this run did not use, is not at rest "
-                f"({one.read_back}); switch it off by hand, or by the run that uses it"
+                f"({read_back}); switch it off by hand, or by the run that uses it"
             )
             continue
         wanted = safe_states().get(role_of(one.instrument))
         state = f", which is: {wanted.brought_to}" if wanted else ""
         tell(
-            f"NOT VERIFIED: {one.instrument} could not be proven safe ({one.read_back}); bring it "
+            f"NOT VERIFIED: {one.instrument} could not be proven safe ({read_back}); bring it "
             f"by hand to its safe state{state}"
         )
     if outcome.left_to:

@@ -62,6 +62,8 @@ def answer_lines(simulation: Any, ended: Event) -> None:
     for line in lines_of_input(ended):
         if line.strip():
             print(simulation.answer(line), file=sys.stderr, flush=True)
+    if not ended.is_set() and sys.stdin is not None and sys.stdin.isatty():
+        print("the input has ended: no further fault is taken; Ctrl-C ends this", file=sys.stderr)
 
 
 def lines_of_input(ended: Event) -> Iterator[str]:

@@ -131,6 +131,11 @@ class Wire(ABC):
 class Clock(ABC):
     """Run time in seconds, the same for steps, drivers, transports, interlocks and simulators."""
 
+    interruption: BaseException | None = None
+    """What `interrupt` asks for, until the main participant takes it up."""
+    ends_prompt: Callable[[], None] | None = None
+    """Wakes the main thread from a read of the terminal, while a person is asked there."""
+
     @abstractmethod
     def now(self) -> float:
         """Return run time in s."""
@@ -221,9 +226,11 @@ class Clock(ABC):
     def raise_interruption(self) -> None:  # noqa: B027  (virtual time does so where it passes)
         """Raise what `interrupt` asks for where the main thread comes back from a long wait."""
 
-    @abstractmethod
     def interrupt(self, error: BaseException | None) -> None:
-        """Raise `error` in the main participant at its next sleep; None takes that back."""
+        """Raise `error` in the main participant at its next sleep or prompt; None takes it back."""
+        self.interruption = error
+        if error is not None and self.ends_prompt is not None:
+            self.ends_prompt()
 
     @abstractmethod
     def stop(self) -> None:

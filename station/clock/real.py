@@ -76,7 +76,6 @@ class RealClock(Clock):
         self.epoch_unix = unix if epoch_unix is None else epoch_unix
         self._monotonic_zero = monotonic - (unix - self.epoch_unix)
         self._stopped = Event()
-        self._interruption: BaseException | None = None
         self._wire = RealWire()
         self._pulses = Pulses()
         self._pulse_of: dict[int, Pulse] = {}
@@ -162,21 +161,12 @@ class RealClock(Clock):
         """Return who has given no sign of life for longer than it may, as far as looks show it."""
         return self._pulses.look(time.monotonic())
 
-    @property
-    def interrupted(self) -> bool:
-        """Whether an interruption waits for the main thread to take it up."""
-        return self._interruption is not None
-
     def raise_interruption(self) -> None:
         """Raise what `interrupt` asks for, in the main thread."""
-        if self._interruption is not None and current_thread() is main_thread():
-            error, self._interruption = self._interruption, None
+        if self.interruption is not None and current_thread() is main_thread():
+            error, self.interruption = self.interruption, None
             if error is not None:
                 raise error
-
-    def interrupt(self, error: BaseException | None) -> None:
-        """End the main thread's sleep, now or next, with `error`."""
-        self._interruption = error
 
     def stop(self) -> None:
         """End the sleeps of all other threads."""

@@ -23,7 +23,6 @@ class VirtualClock(Clock):
         self._watchdog = Watchdog(self._turns)
         self._wires: dict[str, VirtualWire] = {}
         self._mine = local()
-        self._interruption: BaseException | None = None
 
     def now(self) -> float:
         """Return run time in s."""
@@ -114,8 +113,8 @@ class VirtualClock(Clock):
         self._turns.raise_stuck()
 
     def interrupt(self, error: BaseException | None) -> None:
-        """End the main participant's sleep, now or next, with `error`."""
-        self._interruption = error
+        """End the main participant's sleep or prompt, now or next, with `error`."""
+        super().interrupt(error)
         # A signal handler runs in the main thread, which may hold the mutex, and soon looks itself.
         if error is not None and current_thread() is not main_thread():
             with self._turns.mutex:
@@ -183,6 +182,6 @@ class VirtualClock(Clock):
             raise ClockError(f"thread {current_thread().name} already takes part in time")
 
     def _raise_interruption(self, participant: Participant) -> None:
-        if self._interruption is not None and not participant.stoppable:
-            error, self._interruption = self._interruption, None
+        if self.interruption is not None and not participant.stoppable:
+            error, self.interruption = self.interruption, None
             raise error

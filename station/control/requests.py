@@ -6,12 +6,9 @@ pause waits until the run comes to the place between two units of work.
 
 from __future__ import annotations
 
-import _thread
-import signal
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from threading import Event, Lock, main_thread
+from threading import Event, Lock
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -19,7 +16,6 @@ from station.clock import Clock
 from station.console import tell
 from station.control.channel import Channel, Incoming
 from station.control.pausing import ask_devices
-from station.control.signals import wishes
 from station.errors import Aborted
 
 if TYPE_CHECKING:
@@ -99,7 +95,6 @@ class Control:
         self._goes_on = False
         self._ending = False
         self._abort: Aborted | None = None
-        self._person_asked = False
         self._made_safe: list[dict[str, Any]] | None = None
 
     def __enter__(self) -> Control:
@@ -132,23 +127,6 @@ class Control:
     def made_safe(self, outcomes: Sequence[SafeOutcome]) -> None:
         """Let others know how the bench was left, whatever becomes of the log."""
         self._made_safe = [one.to_data() for one in outcomes]
-
-    @contextmanager
-    def asking(self) -> Iterator[None]:
-        """Say that a person is being asked: an abort then ends the prompt, as Ctrl-C does."""
-        with self._lock:
-            self._person_asked = True
-        try:
-            yield
-        except Aborted as error:
-            if self._abort is not None:
-                raise self._abort from error
-            raise
-        finally:
-            with self._lock:
-                self._person_asked = False
-                if self._abort is not None and not self._ending:
-                    self._clock.interrupt(self._abort)  # whatever woke the prompt said less
 
     def between_units(self, run: PausableRun) -> None:
         """Pause before a unit of work where somebody asks for it.
@@ -243,8 +221,6 @@ class Control:
         self._clock.interrupt(self._abort)
         self._wakes.set()
         incoming.answer(outcome="ending", said=RECEIVED)
-        if self._person_asked:
-            end_prompt()
 
     def _wish_to_pause(self, incoming: Incoming) -> None:
         if self._ending or self._abort is not None:
@@ -270,12 +246,3 @@ class Control:
 def in_words(words: Mapping[str, str]) -> str:
     """Return what each device said, in one line."""
     return "; ".join(f"{name}: {word}" for name, word in words.items()) or "nothing can harm"
-
-
-def end_prompt() -> None:
-    """Wake the main thread from a read of the terminal, as Ctrl-C does."""
-    ident, known = main_thread().ident, wishes()
-    if ident is not None and known and hasattr(signal, "pthread_kill"):
-        signal.pthread_kill(ident, known[0])
-    else:  # heard when the read ends: Windows wakes it for a key only
-        _thread.interrupt_main()

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import _thread
 import signal
 from collections.abc import Iterator
 from contextlib import contextmanager
+from threading import main_thread
 from types import FrameType, TracebackType
 from typing import Any
 
@@ -17,18 +19,35 @@ WISHES = ("SIGINT", "SIGTERM", "SIGHUP")
 
 
 @contextmanager
-def wishes_end_a_prompt() -> Iterator[None]:
-    """Let a wish end a read from the terminal at once: nothing is held while a person is asked."""
+def wishes_end_a_prompt(clock: Clock) -> Iterator[None]:
+    """Let whatever ends a run end a read from the terminal at once.
+
+    Nothing is held while a person is asked: no wish, no interlock's trip, no folder that is gone.
+    """
 
     def heard(number: int, frame: FrameType | None) -> None:
-        raise Aborted(f"the run was ended by {signal.Signals(number).name} at a prompt")
+        name = signal.Signals(number).name
+        raise clock.interruption or Aborted(f"the run was ended by {name} at a prompt")
 
     before = {number: signal.signal(number, heard) for number in wishes()}
+    clock.ends_prompt = end_prompt
     try:
+        if clock.interruption is not None:
+            raise clock.interruption
         yield
     finally:
+        clock.ends_prompt = None
         for number, handler in before.items():
             signal.signal(number, handler)
+
+
+def end_prompt() -> None:
+    """Wake the main thread from a read of the terminal, as Ctrl-C does."""
+    ident, known = main_thread().ident, wishes()
+    if ident is not None and known and hasattr(signal, "pthread_kill"):
+        signal.pthread_kill(ident, known[0])
+    else:  # heard when the read ends: Windows wakes it for a key only
+        _thread.interrupt_main()
 
 
 @contextmanager
@@ -99,4 +118,7 @@ class AbortSignals:
             )
             self.hurry.ask()
             return
-        self._clock.interrupt(Aborted(f"the run was ended by {name}"))
+        first = self._clock.interruption
+        # The first wish stays the reason: what woke a prompt because of it may come here, late.
+        ended = Aborted(f"the run was ended by {name}")
+        self._clock.interrupt(first if isinstance(first, Aborted) else ended)

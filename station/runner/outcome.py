@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from station.results import ResultDocument
     from station.safety.safe_state import SafeOutcome
 
-NO_MEMORY = "this computer has no memory left for the run; end other programs"
+NO_MEMORY = "this computer has no memory left; end other programs"
 UNLOADED = ("failed to map segment", "annot allocate memory")
 """What the system says of a library that it has no memory for."""
 

@@ -89,7 +89,7 @@ class Operator:
             return Answer(DONE, "answers file")
         if not self._interactive:
             self.check([prompt])
-        with self._clock.waiting_for_person(), wishes_end_a_prompt():
+        with self._clock.waiting_for_person(), wishes_end_a_prompt(self._clock):
             tell(f"\n>> {prompt.text}")
             discard_typed()
             answer = self._typed(f"   [{prompt.id}] {HINT}: ")
@@ -101,6 +101,10 @@ class Operator:
         """Whether a person would have to be waited for: neither file nor world says `done`."""
         return self._meant(prompt.id) != DONE and not (prompt.physical and self._act is not None)
 
+    def would_ask(self, prompt: Prompt) -> bool:
+        """Whether a person is asked: the answers file does not end the run there either."""
+        return self.would_wait(prompt) and self._meant(prompt.id) is None
+
     def ask_at_the_end(self, prompts: Sequence[Prompt]) -> None:
         """Put what was left for the end of a run; raises nothing: nothing depends on it any more.
 
@@ -110,11 +114,11 @@ class Operator:
             tell(f"\n>> {prompt.text}")
             answer = ABORT
             if self._interactive and self._meant(prompt.id) is None:
-                with suppress(Aborted), wishes_end_a_prompt():
+                with suppress(Aborted), wishes_end_a_prompt(self._clock):
                     discard_typed()
                     answer = self._typed(f"   [{prompt.id}] {HINT_AT_THE_END}: ")
             if answer != DONE:
-                tell(f"   not confirmed: {prompt.id}; the run is finished all the same")
+                tell(f"   not confirmed: {prompt.id}; nothing of the run depends on it")
 
     def _meant(self, prompt_id: str) -> str | None:
         """Return what the answers file means for a prompt; None where it holds no answer to it."""
@@ -129,4 +133,4 @@ class Operator:
             answer = meaning(line) if line else ABORT  # the terminal is gone
             if answer is not None:
                 return answer
-            tell(f"   '{line.strip()}' is no answer here; the run waits")
+            tell(f"   {line.strip()!r} is no answer here")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager, nullcontext
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -25,8 +25,9 @@ Role = TypeVar("Role")
 WAIT_SLICE_S = 1.0
 SENTENCES = {
     "line-resynchronised": "something came that was not asked for; its line was brought into step",
-    "line-reopened": "its line broke and was opened again",
-    "switched-off-at-once": "it did not do what it was asked; it was switched off without a ramp",
+    "line-reopened": "its line broke; it is opened again",
+    "switched-off-at-once": "it did not do what it was asked; it was sent the command to switch "
+    "off, without a ramp",
     "frames-dropped": "more came than was taken; the oldest frames were dropped",
 }
 """What the operator reads of the first event of a kind of an instrument; all are in the log."""
@@ -170,9 +171,11 @@ class Run:
 
     def ask_again(self, prompt_id: str, text: str, of: str = "step") -> str:
         """Ask the operator, whatever was answered before; `of` a step or a driver."""
-        asking = self.control.asking() if self.control is not None else nullcontext()
-        with self._not_working(), self.progress.paused(), asking:
-            answer = self._operator.ask(Prompt(prompt_id, text))
+        prompt = Prompt(prompt_id, text)
+        if self._operator.would_ask(prompt):
+            self.record.event("prompt-shown", durable=False, id=prompt_id, text=text, of=of)
+        with self._not_working(), self.progress.paused():
+            answer = self._operator.ask(prompt)
         self.record.event(
             "prompt", id=prompt_id, text=text, answer=answer.text, by=answer.by, of=of
         )

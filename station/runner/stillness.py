@@ -133,7 +133,7 @@ class Stillness:
         tell(said)
         if self._run_ends:  # nothing is done twice at a time; the guardian is next
             return
-        if not self._clock.interrupted:  # what a person wished stays what ended the run
+        if self._clock.interruption is None:  # what a person wished stays what ended the run
             self._clock.interrupt(StoodStill(f"{said}; look at its disk and its instruments"))
         if not any(one.name.startswith(STEPS) for one in quiet):
             self._ended.wait(REACTS_WITHIN_S)
@@ -149,7 +149,7 @@ class Stillness:
         if self._run_ends or self._pulse is None:
             return False
         if self._looks_since_wish is None:
-            if rung or self._clock.interrupted:
+            if rung or self._clock.interruption is not None:
                 self._looks_since_wish = 0
             return False
         self._looks_since_wish += 1

@@ -196,7 +196,7 @@ class Monitor:
         self._clock.sleep(self._clock.patience_s(REACTS_WITHIN_S))
         if self._stopped:
             return
-        _thread.interrupt_main()  # ends a prompt: a person may take any time to answer
+        _thread.interrupt_main()  # a run that lost the error is asked once more
         self._make_safe()
 
     def _period_s(self, watch: Watch) -> float:
