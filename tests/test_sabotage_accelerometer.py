@@ -119,3 +119,47 @@ def test_a_thermometer_that_stands_still_or_measures_the_room(rise_K: float) -> 
     assert "drift-removed" in codes(elsewhere)
     for analysis in (still, elsewhere):
         assert max(off_in_u(analysis).values()) < 4.5
+
+
+@pytest.mark.parametrize("offset_arcsec", [36.0, -1800.0])
+def test_the_zero_of_the_encoder_is_no_fault_in_three_planes(offset_arcsec: float) -> None:
+    one = record(
+        0,
+        ("io", "ip", "op"),
+        12,
+        FIVE_T,
+        offset_arcsec=offset_arcsec,
+        misalignment=(3e-4, -2e-4),
+    )
+    analysis = analyse(one)
+    assert codes(analysis) == {"not-identifiable"}
+    assert max(off_in_u(analysis).values()) < 4.0
+
+
+def test_coarse_readings_are_neither_copies_nor_frozen() -> None:
+    for seed in range(4):
+        one = record(seed, ("io", "ip", "op"), 12, FIVE_T, noise_V=1e-6)
+        output_V, field_T = np.round(one.output_V, 5), np.round(one.field_T, 5)
+        found = codes(analyse(replace(one, output_V=output_V, field_T=field_T)))
+        assert "coarse-output" in found
+        assert not found & {"repeated-rows", "frozen"}
+
+
+def test_a_coarse_thermometer_that_follows_is_not_frozen() -> None:
+    true = 23.0 + 0.3 * np.linspace(0.0, 1.0, 180)
+    one = record(
+        2,
+        ("io", "ip", "op"),
+        12,
+        FIVE_T,
+        temperature_degC=true,
+        K0_per_K=30e-6,
+        Ki_per_K=100e-6,
+    )
+    assert "frozen" not in codes(analyse(replace(one, temperature_degC=np.round(true, 1))))
+
+
+def test_a_noisy_accelerometer_follows_angle_and_field() -> None:
+    analysis = analyse(record(3, ("io", "ip", "op"), 12, FIVE_T, noise_V=1e-3))
+    assert "misfit" not in codes(analysis)
+    assert max(off_in_u(analysis).values()) < 4.0

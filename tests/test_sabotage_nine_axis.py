@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
+from nine_axis_records import Setting, codes, record, total_u
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "benchmarks"))
 
 import sabotage_nine_axis
 from sabotage import analysed, error_u, judged
+
+from procedures.nine_axis_calibration.analysis import analyse
 
 PLANTED = {one.name: one for one in sabotage_nine_axis.FAULTS}
 NAMED = (
@@ -64,3 +69,39 @@ def test_a_graduation_that_the_gyro_does_not_feel_is_taken_off() -> None:
     assert error_u(planted, document["results"]) < 4.0
     sizes = [one["amplitude_deg"] for one in document["flags"] if one["code"] == "misfit"]
     assert sizes == pytest.approx([0.01] * 3, rel=0.01)
+
+
+@pytest.mark.parametrize("step", [1e-3, 1e-2])
+def test_coarse_turning_output_is_coarse_and_nothing_else(step: float) -> None:
+    clean = record(Setting())
+    turns = tuple(
+        replace(one, rate_deg_per_s=np.round(one.rate_deg_per_s / step) * step)
+        for one in clean.turns
+    )
+    found = analyse(replace(clean, turns=turns))
+    assert "coarse-output" in codes(found)
+    assert not codes(found) & {"outliers-rejected", "misfit", "overload", "one-sense-only"}
+    for axis in "XYZ":
+        assert total_u(found, "scale_factor", axis) < 0.1 * step
+
+
+def test_a_gyro_that_stands_still_in_each_record_at_rest_is_frozen() -> None:
+    clean = record(Setting())
+    static = tuple(replace(one, rate_deg_per_h=one.rate_deg_per_h.copy()) for one in clean.static)
+    for one in static:
+        count = len(one.rate_deg_per_h)
+        one.rate_deg_per_h[count // 2 : count // 2 + count // 7, 0] = one.rate_deg_per_h[0, 0]
+    assert "frozen" in codes(analyse(replace(clean, static=static)))
+
+
+def test_a_bias_that_changed_between_positions_is_no_other_unit() -> None:
+    clean = record(Setting())
+    step = np.array([0.5, 0.0, 0.0])
+    moved = [
+        replace(one, rate_deg_per_h=one.rate_deg_per_h + step * (one.position == 2))
+        for one in clean.static
+    ]
+    flags = analyse(replace(clean, static=tuple(moved))).flags
+    (said,) = [one.message for one in flags if one.code == "contradicts-statement"]
+    assert "a bias changed between the positions" in said
+    assert "unit" not in said

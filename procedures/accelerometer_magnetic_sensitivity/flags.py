@@ -175,8 +175,9 @@ def frozen_flags(frozen: Mask) -> list[Flag]:
         return []
     frozen_said = (
         f"The temperature repeats itself to the last digit in {len(rows)} rows, from row {rows[0]} "
-        "on, counted from 0: the thermometer or its recorder stood still. No reading of it is "
-        "used, and what warmed the device counts as drift."
+        "on, counted from 0: the thermometer or its recorder stood still, or is too coarse to show "
+        "a change. No reading of it is used, and what warmed the device counts as drift. Look at "
+        "it, and write all its digits into the file."
     )
     details = {"count": len(rows), "row": int(rows[0]), "what": "thermometer"}
     return [Flag("frozen", frozen_said, details=details)]

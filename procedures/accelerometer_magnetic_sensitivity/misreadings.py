@@ -25,6 +25,8 @@ Array = NDArray[np.float64]
 UNITS_DEG = {"rad": 180.0 / np.pi, "gon": 0.9, "turns": 360.0, "arcmin": 1 / 60, "arcsec": 1 / 3600}
 POOR_PART = 1e-3
 """Noise of this part of the output's range is none of a voltmeter or an accelerometer."""
+HOPELESS = 20.0
+"""Times as much noise as that, and the model explains nothing; below, the device may be noisy."""
 POOR_V = 1e-3
 """The same where no input acceleration spreads the output."""
 MANY_STRAYS = 0.2
@@ -79,7 +81,7 @@ def misread_flags(rows: Rows, solution: Solution) -> tuple[list[Flag], bool]:
             "look whether the accelerometer is mounted as stated."
         )
         return [Flag("wrong-position", zero_said, details={"offset_deg": offset_deg})], False
-    if solution.noise_V > poor_V or strays > MANY_STRAYS:
+    if solution.noise_V > HOPELESS * poor_V or strays > MANY_STRAYS:
         astray_said = (
             f"The output does not follow angle and field: {100.0 * strays:.2g} % of the rows are "
             f"left out, and the others miss the model by {1e6 * solution.noise_V:.3g} µV. No one "

@@ -22,11 +22,16 @@ FEWEST_STUCK = 3
 """Voltmeter and gaussmeter read something new wherever angle or field changed."""
 FEWEST_CLIPPED = 4
 FEWEST_COPIED = 5
+NEARLY_ALIKE = 0.2
 STUCK = "reading stands still"
 SATURATED = "at the limit of voltmeter or device"
 COPIED = "copy of an earlier row"
 USUALLY_NEW = 0.5
 """Of the other readings: a thermometer that repeats itself anyway is coarse, and not frozen."""
+MOSTLY_NEW = 0.97
+"""The same of a voltmeter or gaussmeter, where angle or field changed."""
+ONE_STEP = 1.5
+"""Readings that change by one same step are coarse."""
 
 
 def screen(dataset: AccelerometerDataset) -> tuple[Mask, tuple[LeftOut, ...]]:
@@ -101,8 +106,12 @@ def stuck(reading: Array, dataset: AccelerometerDataset) -> Mask:
     if reading is dataset.output_V:
         changed |= np.diff(dataset.theta_commanded_deg, prepend=np.nan) != 0.0
     held = frozen(np.where(dataset.overloaded, np.nan, reading), FEWEST_STUCK) & changed
+    again = np.append(False, reading[1:] == reading[:-1])
+    others = again[changed & ~held]
+    if len(others) and float(others.mean()) > 1.0 - MOSTLY_NEW:
+        return np.zeros(len(reading), dtype=bool)
     # The first of them may have been measured.
-    return np.asarray(held & np.append(False, reading[1:] == reading[:-1]))
+    return np.asarray(held & again)
 
 
 def clipped(output_V: Array) -> Mask:
@@ -125,20 +134,40 @@ def copied(dataset: AccelerometerDataset) -> Mask:
     """Return which rows (n,) hold the field and the output of an earlier one to the last digit.
 
     Five and more that are the same number of rows behind, where so many cannot be alike by chance:
-    where readings are not coarse.
+    where readings are not so coarse that outputs elsewhere are alike as often, or so far behind
+    often differ by one step.
     """
     found = np.zeros(len(dataset), dtype=bool)
     if len(np.unique(dataset.output_V)) < 0.5 * len(dataset) or len(dataset) < FEWEST_COPIED:
         return found
     pairs = np.column_stack((dataset.output_V, dataset.field_T))
-    _, kind = np.unique(pairs, axis=0, return_inverse=True)
-    order = np.argsort(kind.ravel(), kind="stable")
-    same = np.diff(kind.ravel()[order]) == 0
+    later, behind = _alike(pairs)
+    rows_behind, count = np.unique(behind, return_counts=True)
+    step_V = coarse_step_V(dataset.output_V)
+    far = [
+        one
+        for one, alike in zip(rows_behind.tolist(), count.tolist(), strict=True)
+        if alike >= FEWEST_COPIED
+        and _one_apart(dataset.output_V, one, step_V) < NEARLY_ALIKE * alike
+    ]
+    found[later[np.isin(behind, far)]] = True
+    elsewhere = ~np.isin(_alike(pairs[:, :1])[1], far)
+    return found if int(elsewhere.sum()) < int(found.sum()) else found & False
+
+
+def _one_apart(output_V: Array, behind: int, step_V: float) -> int:
+    """Return how many outputs (n,) differ by one step from the one so many rows behind."""
+    apart_V = np.abs(output_V[behind:] - output_V[:-behind])
+    return int(np.sum(np.abs(apart_V - step_V) < 0.5 * step_V))
+
+
+def _alike(values: Array) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return the rows of `values` (n, k) that an earlier one equals, and how far it is behind."""
+    kind = np.unique(values, axis=0, return_inverse=True)[1].ravel()
+    order = np.argsort(kind, kind="stable")
+    same = np.diff(kind[order]) == 0
     earlier, later = order[:-1][same], order[1:][same]
-    behind, count = np.unique(later - earlier, return_counts=True)
-    far = behind[count >= FEWEST_COPIED]
-    found[later[np.isin(later - earlier, far)]] = True
-    return found
+    return later, later - earlier
 
 
 def coarse_step_V(output_V: Array) -> float:
@@ -158,9 +187,15 @@ def coarse_step_V(output_V: Array) -> float:
 def frozen_temperature(temperature_degC: Array) -> Mask:
     """Return which readings (n,) repeat the one before to the last digit, ten and more in a row.
 
-    A thermometer that stands still measures nothing, and what warms the device goes unseen.
+    A thermometer that stands still measures nothing, and what warms the device goes unseen. One
+    that stands at several readings and only changes by one same step is coarse.
     """
-    return frozen(temperature_degC, FEWEST_FROZEN)
+    found = frozen(temperature_degC, FEWEST_FROZEN)
+    if len(np.unique(temperature_degC[found])) < 2:
+        return found
+    changes = np.abs(np.diff(temperature_degC))
+    changes = changes[changes > 0.0]
+    return found & (float(changes.max()) >= ONE_STEP * float(changes.min()))
 
 
 def frozen(reading: Array, fewest: int) -> Mask:

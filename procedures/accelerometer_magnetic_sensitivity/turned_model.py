@@ -71,13 +71,21 @@ class TurnedModel:
         return np.asarray(columns[:, self._places])
 
     def with_misalignment(self, offset_rad: Array | float) -> Array:
-        """Return the kept columns with Ao and Ap beside them as far as those are independent."""
+        """Return the kept columns with Ao, Ap and the encoder's zero as far as independent.
+
+        Three planes tell the zero from misalignment; without it one of them would look wild.
+        """
         if self._misalignment is None:
-            still, other = self.columns(0.0), self.rows.accelerations()[:, 1:]
+            still, other = self.columns(0.0), self._aligned(0.0)
             self._misalignment = list(independent_of(still, other, INDEPENDENT_PART))
-        other = self.rows.accelerations(offset_rad)[:, 1:]
-        columns = (self.columns(offset_rad), other[:, self._misalignment], self._more)
-        return np.column_stack(columns)
+        other = self._aligned(offset_rad)[:, self._misalignment]
+        return np.column_stack((self.columns(offset_rad), other, self._more))
+
+    def _aligned(self, offset_rad: Array | float) -> Array:
+        rows, telling = self.rows, float("Ki" in self.names)
+        turned = rows.theta_rad + offset_rad
+        change = accelerations_by_angle(rows.plane, turned, rows.gravity_g)[:, :1]
+        return np.column_stack((rows.accelerations(offset_rad)[:, 1:], change * telling))
 
     def without_large_offset(self, begin_rad: Array, inside: Mask) -> Array:
         """Return the correction of the encoder's angle with a large offset already in it.

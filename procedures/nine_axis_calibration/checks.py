@@ -37,6 +37,8 @@ AT_REST = {
     "have the earth's rotation taken off": 0.0,
 }
 LIKE = 0.05
+NEARLY_EARTH = 0.3
+"""No two units are so near to each other; a bias that changed makes up as much."""
 AGREE = 0.999
 DENIED_SIGMAS = 5.0
 MOST_EAST = 0.2
@@ -180,12 +182,15 @@ def _of_rotation(rotation: Rotation, latitude_deg: float) -> Flag:
     likely = [text for text, one in AT_REST.items() if abs(ratio - one) <= LIKE * max(one, 1e-5)]
     if abs(ratio) < 1e-6:
         likely = ["have the earth's rotation taken off"]
-    cause = likely[0] if likely else "have another unit or scale than turning"
+    cause = f"the rates {likely[0] if likely else 'have another unit or scale than turning'}. "
+    cause += "Correct the columns and analyse again."
+    if not likely and abs(ratio - 1.0) < NEARLY_EARTH:
+        cause = "a bias changed between the positions, or a gyro's scale is not the same at rest. "
+        cause += "Measure the positions again, one shortly after the other."
     said = (
         f"At rest the gyros feel {rotation.size_deg_per_h:.4g} deg/h (u = "
         f"{rotation.size_u_deg_per_h:.2g} deg/h) where the earth turns at "
-        f"{EARTH_RATE_deg_per_h:.4g} deg/h: likely the rates {cause}. Correct the columns and "
-        "analyse again."
+        f"{EARTH_RATE_deg_per_h:.4g} deg/h: likely {cause}"
     )
     return Flag("contradicts-statement", said, None, details)
 

@@ -239,7 +239,10 @@ def _positions(static: Sequence[StaticSummary]) -> list[Flag]:
         wrong_said = f"The sensor did not stand as in position {one.position}: {one.pose.why}"
         if one.pose.stands_as is not None:
             wrong_said += f", as in position {one.pose.stands_as}"
-        wrong_said += "; the record is left out of the best estimate."
+        wrong_said += (
+            "; the record is left out of the best estimate. Look at how it stood, and at the "
+            "columns of gyros and accelerometers: their order, signs and units."
+        )
         details = {"position": int(one.position)}
         flags.append(Flag("wrong-position", wrong_said, None, details))
     there = {one.position for one in static}

@@ -23,6 +23,7 @@ FEWEST_FOR_BLOCKS = 64
 WANDERS = 0.9999
 QUANTUM_PART = 0.6
 COARSE = 0.5
+FEW_LEVELS = 64
 RESTLESS = 1e-6
 """How seldom noise alone makes a record look as if it changed slowly."""
 
@@ -120,14 +121,30 @@ def rounding_u(records: Sequence[Array], variance: float) -> float:
 
     Noise of a standard deviation s blurs steps of q: exp(-2 pi^2 (s/q)^2) of the error is left.
     """
+    step = smallest_step(records)
+    if step == 0.0:
+        return 0.0
+    blurred = max(variance - step**2 / 12.0, 0.0) / step**2
+    return step / float(np.sqrt(12.0)) * float(np.exp(-min(2.0 * np.pi**2 * blurred, 700.0)))
+
+
+def smallest_step(records: Sequence[Array]) -> float:
+    """Return the smallest step between the values of records (n,), 0 where there is none.
+
+    Of few values, which may all be apart by many steps, the largest that they are multiples of.
+    """
     levels = np.unique(np.concatenate(records)) if records else np.zeros(0)
+    levels = levels[np.isfinite(levels)]
+    least = 1e-9 * max(float(np.max(np.abs(levels), initial=0.0)), 1e-300)
     steps = np.diff(levels)
-    steps = steps[steps > 1e-9 * max(float(np.max(np.abs(levels), initial=0.0)), 1e-300)]
+    steps = steps[steps > least]
     if not len(steps):
         return 0.0
     step = float(steps.min())
-    blurred = max(variance - step**2 / 12.0, 0.0) / step**2
-    return step / float(np.sqrt(12.0)) * float(np.exp(-min(2.0 * np.pi**2 * blurred, 700.0)))
+    for other in steps.tolist() if len(steps) < FEW_LEVELS else ():
+        while other > 1e3 * least:
+            step, other = other, abs(step - other * round(step / other))
+    return step
 
 
 def slow_excess(residuals: Array, variance: float, extra: float = 0.0) -> float:

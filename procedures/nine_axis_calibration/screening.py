@@ -16,6 +16,7 @@ Array = NDArray[np.float64]
 AT_THE_END = 1.0 - 1e-6
 MOST_OF_A_RECORD = 0.01
 STUCK = 0.3
+NEXT_LEVEL = 0.2
 FEWEST_STUCK = 5
 FEWEST_FROZEN = 10
 """So many samples in a row never come again by chance."""
@@ -93,6 +94,9 @@ def _stands_still(own: Array, record: TurnRecord, turns: Sequence[TurnRecord]) -
     ]
     usual = float(np.median(slower)) if slower else 1.0
     share = _at_the_top(own)
+    below = _at_the_top(own[np.abs(own) < np.nanmax(np.abs(own))]) * (1.0 - share)
+    if below > NEXT_LEVEL * share:
+        return False  # What is cut off has one level; coarse output has others as full beside it.
     enough = share * float(np.isfinite(own).sum()) >= FEWEST_STUCK
     return share > STUCK and enough and usual < 0.5 * STUCK
 
@@ -149,8 +153,18 @@ def _without_repeats(
 
 
 def _usually_new(columns: Sequence[Array]) -> float:
-    """Return the median share of samples that differ from the one before."""
-    found = [float(np.mean(one[1:] != one[:-1])) for one in columns if np.isfinite(one).sum() > 1]
+    """Return the median share of samples that differ from the one before.
+
+    A long stretch that stands still does not count where it is the smaller part of its record.
+    """
+    found = []
+    for one in columns:
+        if np.isfinite(one).sum() > 1:
+            new = np.append(True, one[1:] != one[:-1])
+            lengths = np.diff(np.append(np.flatnonzero(new), len(one)))
+            short = lengths[lengths < FEWEST_FROZEN]
+            moving = 2 * int(short.sum()) > len(one)
+            found.append(len(short) / int(short.sum()) if moving else float(new[1:].mean()))
     return float(np.median(found)) if found else 0.0
 
 

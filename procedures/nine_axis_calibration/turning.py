@@ -17,6 +17,7 @@ from .graduation import without_graduation
 from .means import (
     BLOCKS,
     COARSE,
+    QUANTUM_PART,
     Array,
     Mask,
     colour_factor,
@@ -25,6 +26,7 @@ from .means import (
     pooled_sigma,
     rounding_u,
     slow_excess,
+    smallest_step,
     without_thirds,
 )
 
@@ -176,12 +178,14 @@ def _gyro(
         for r, e in zip(records, encoders, strict=True)
     ]
     rounds = [_round_the_turn(one, interval_s) for one in encoders]
+    # Coarse output less a turn's small wave is no longer coarse, but honest all the same.
+    least = QUANTUM_PART * smallest_step([one.rate_deg_per_s[:, gyro] for one in records])
     amplitude, normal = np.zeros(2), np.eye(2)
     kept: tuple[Mask, ...] = ()
     for _ in range(MOST_ROUNDS):
         # What a turn modulates must not hide wild samples: judge again without it.
         level = [v - c @ amplitude for (v, _), c in zip(following, rounds, strict=True)]
-        usual = pooled_sigma(level)
+        usual = max(pooled_sigma(level), least)
         fresh = tuple(good_samples(values, threshold, usual) for values in level)
         if all(bool(np.array_equal(*pair)) for pair in zip(fresh, kept, strict=False)) and kept:
             break
@@ -221,13 +225,13 @@ def _gyro(
         _unfollowed(v, e, good, own=own and not done and np.isnan(r.encoder_u_deg))
         for (v, done), e, good, r in zip(following, encoders, kept, records, strict=True)
     ]
+    rounding = rounding_u([v[k] for (v, _), k in zip(following, kept, strict=True)], pooled)
     excess = np.array(
         [
-            slow_excess(left - moved, float(s), (float(e) * BLOCKS) ** 2)
+            slow_excess(left - moved, float(s), (float(e) * BLOCKS) ** 2 + rounding**2)
             for left, moved, s, e in zip(cleaned, unfollowed, sample, reading, strict=True)
         ]
     )
-    rounding = rounding_u([v[k] for (v, _), k in zip(following, kept, strict=True)], pooled)
     variance = sample / counts + excess + rounding**2
     coarse = rounding > COARSE * float(np.sqrt(np.median(sample / counts)))
     if own:
