@@ -41,6 +41,7 @@ def records(parameters: AccelerometerParameters, bench: Bench) -> tuple[RecordUs
         RecordUse(GAUSSMETER, "field", parameters.largest_field_mT, "mT"),
         RecordUse(MULTIMETER, "voltage", parameters.scale_factor_V_per_g, "V"),
         RecordUse(STAGE, "angle", 0.0, "deg", **apart),
+        RecordUse(STAGE, "graduation", 360.0, "deg", needed=False, corrected=False),
         RecordUse(THERMOMETER, "temperature", 20.0, "degC", **apart),
     )
 
