@@ -5,9 +5,7 @@ What is wrong with one package costs its own entries and no others.
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Iterator
-from contextlib import redirect_stdout
 from functools import lru_cache
 from importlib.metadata import Distribution, EntryPoint, EntryPoints, distributions
 from typing import TYPE_CHECKING, Any
@@ -89,9 +87,7 @@ def load(group: str, name: str) -> Any:
         known = ", ".join(names(group)) or "none"
         raise InputError(f"there is no {kind} named {name!r}; there are: {known}")
     try:
-        # What a package prints meanwhile is no part of what a command answers.
-        with redirect_stdout(sys.stderr):
-            found = entry.load()
+        found = entry.load()
         if group == PROCEDURES:
             _refuse_other(found)
         return found
