@@ -22,6 +22,7 @@ VXI = re.compile(r"tcpip\d*::([^:]+|\[.*\])(?:::([^:]+))?::instr")
 SOCKET = re.compile(r"tcpip\d*::(.+)::(\d+)::socket")
 
 VISA_KINDS = ("TCPIP", "GPIB", "USB", "ASRL", "VXI", "PXI", "VICP", "PRLGX-TCPIP", "PRLGX-ASRL")
+PORTED = ("socket", "rfc2217", "modbus-tcp", "socketcand")
 SCHEMES = ("socket", "rfc2217", "loop", "spy", "hwgrep", "cp2110", "modbus-tcp", "socketcand")
 """Those of a package's own driver are not known here."""
 SERIAL_PORT = re.compile(r"/.+|COM\d+|\\\\.\\.+", re.IGNORECASE)
@@ -36,16 +37,47 @@ def why_unknown(address: str) -> tuple[str, str | None] | None:
     text = address.strip()
     what = f"'{address}' is no address of a known kind; write {KINDS}"
     scheme, is_url, rest = text.partition("://")
+    if is_url and scheme.lower() in PORTED:
+        return _why_no_port(text, what)
     if is_url:
         meant = None if scheme.lower() in SCHEMES else nearest(scheme.lower(), SCHEMES)
         return (what, f"'{meant}://{rest}'") if meant else None
     kind, is_visa, rest = text.partition("::")
     if not is_visa:
         return None if SERIAL_PORT.fullmatch(text) else (what, None)
+    if re.fullmatch(r"TCPIP\d*", kind, re.IGNORECASE):
+        return _why_no_tcpip(text, what)
     if any(re.match(rf"{known}(\d*$|(?<=ASRL))", kind, re.IGNORECASE) for known in VISA_KINDS):
         return None
     meant = nearest(kind.upper().rstrip("0123456789"), VISA_KINDS)
     return what, f"'{meant}::{rest}'" if meant else None
+
+
+def _why_no_tcpip(text: str, what: str) -> tuple[str, str | None] | None:
+    """Return why a VISA address of a host is not whole, and what was probably meant."""
+    kind, host, *rest = text.split("::") if "[" not in text else re.split(r"::(?![^\[]*\])", text)
+    if rest and nearest(rest[-1].upper(), ("SOCKET", "INSTR")) not in (None, rest[-1].upper()):
+        meant = nearest(rest[-1].upper(), ("SOCKET", "INSTR"))
+        return what, f"'{'::'.join((kind, host, *rest[:-1], str(meant)))}'"
+    name, colon, port = host.partition(":")
+    if colon and "[" not in host:
+        return what, f"'{kind}::{name}::{port}::SOCKET'"
+    if rest[-1:] and rest[-1].upper() == "SOCKET":
+        is_port = len(rest) == 2 and rest[0].isdecimal() and 0 < int(rest[0]) < 1 << 16
+        return None if host and is_port else (what, None)
+    return None if host else (what, None)
+
+
+def _why_no_port(text: str, what: str) -> tuple[str, str | None] | None:
+    """Return why a URL is not whole: host, port, and the channel of a CAN bus."""
+    scheme = text.partition("://")[0].lower()
+    try:
+        parts = urlsplit(text)
+        port = parts.port or DEFAULT_PORTS.get(scheme)
+    except ValueError:
+        return what, None
+    channel = scheme != "socketcand" or len(parts.path) > 1
+    return None if parts.hostname and port and channel else (what, None)
 
 
 def forms_of(address: str) -> frozenset[str]:

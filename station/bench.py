@@ -12,7 +12,7 @@ from pydantic import Field, ValidationInfo, field_validator
 
 from station.addresses import why_unknown
 from station.calibration import Calibration, Number
-from station.driver_checks import driver_faults
+from station.driver_checks import driver_faults, role_faults
 from station.faults import Fault, FaultList, listed, nearest
 from station.fields import Celsius, Degree, Second, StrictModel, Unit, key_of, to_yaml_data
 from station.safety.bounds import bound_faults
@@ -244,6 +244,7 @@ def faults_of_use(document: Document) -> Iterator[Fault]:
     """Yield what keeps a bench file from being used: beyond a bound, or not known to a driver."""
     yield from bound_faults(document)
     yield from driver_faults(document)
+    yield from role_faults(document)
     yield from _address_faults(document)
 
 

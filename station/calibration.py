@@ -37,7 +37,9 @@ UNIT_OF_QUANTITY = {
 }
 """What a certificate may speak of, and the unit in which it is kept."""
 
-Ratio = Annotated[float, Unit("1"), Field(ge=0)]
+Ratio = Annotated[float, Unit("1"), Field(ge=0, le=1)]
+LARGEST_COVERAGE = 250.0
+"""That of 99.73 % at one degree of freedom is 235.8 (GUM, table G.2); more is a slip."""
 QuantityName = Annotated[str, Field(json_schema_extra={"enum": [*UNIT_OF_QUANTITY]})]
 
 
@@ -75,7 +77,7 @@ class UncertaintyEntry(StrictModel):
     up_to: float | None = None
     relative: Ratio = 0.0
     absolute: float = Field(default=0.0, ge=0)
-    coverage_factor: float = Field(ge=1)
+    coverage_factor: float = Field(ge=1, le=LARGEST_COVERAGE)
 
     known_quantity = field_validator("quantity")(_known_quantity)
 
@@ -90,6 +92,8 @@ class UncertaintyEntry(StrictModel):
     def range_is_not_empty(cls, up_to: float | None, info: ValidationInfo) -> float | None:
         """Refuse a range that ends before it begins."""
         lower = info.data.get("lower")
+        if up_to is not None and up_to <= 0 and info.data.get("quantity") != "temperature":
+            raise ValueError("must be above zero: ranges are of the magnitude")
         if up_to is not None and lower is not None and up_to <= lower:
             raise ValueError("the range ends before it begins; exchange from and up_to")
         return up_to
@@ -129,7 +133,7 @@ class CorrectionEntry(StrictModel):
     """A known deviation: true value = `gain` x reading + `offset`."""
 
     quantity: QuantityName
-    gain: float = Field(default=1.0, gt=0)
+    gain: float = Field(default=1.0, ge=1e-3, le=1e3)
     offset: float = 0.0
 
     known_quantity = field_validator("quantity")(_known_quantity)

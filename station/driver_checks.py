@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Collection, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import replace
 from typing import Any
 
@@ -17,7 +18,7 @@ from station import registry
 from station.errors import QuantityNotRead
 from station.faults import Fault, listed, nearest
 from station.fields import StrictModel, key_of
-from station.roles import role_settings
+from station.roles import role, role_settings, roles_of
 from station.safety.bounds import listing, mapping
 from station.safety.interlocks.quantities import quantities_of, role_of
 from station.safety.interlocks.reading import CHAIN
@@ -58,11 +59,18 @@ def driver_faults(document: Document) -> Iterator[Fault]:
         if driver not in registry.names(registry.DRIVERS):
             continue
         try:
-            drivers[name] = registry.load(registry.DRIVERS, driver)
+            found = registry.load(registry.DRIVERS, driver)
         except Exception as error:  # whatever keeps it from being checked keeps it from being used
             yield document.fault(("instruments", name, "driver"), str(error))
             continue
-        yield from _own_faults(document, name, drivers[name])
+        try:
+            own = [*_own_faults(document, name, found)]
+        except Exception as error:  # whatever the package of a driver makes of its settings
+            what = f"the settings of the driver '{driver}' cannot be checked ({error!r}); repair it"
+            yield document.fault(("instruments", name, "driver"), what)
+            continue
+        drivers[name] = found
+        yield from own
     for place, name, quantity in _watched(document, instruments):
         if name in drivers and quantity in quantities_of(name):
             try:
@@ -70,6 +78,22 @@ def driver_faults(document: Document) -> Iterator[Fault]:
                 QuantityNotRead.refuse(name, drivers[name], quantity, given)
             except QuantityNotRead as error:
                 yield document.fault(place, str(error))
+
+
+def role_faults(document: Document) -> Iterator[Fault]:
+    """Yield a fault for each driver that cannot fill the role of its place."""
+    for name, entry in mapping(mapping(document.data).get("instruments")).items():
+        driver, wanted = mapping(entry).get("driver"), role(role_of(name))
+        if wanted is None or driver not in registry.names(registry.DRIVERS):
+            continue
+        with suppress(Exception):  # why it cannot be loaded or looked at is said by `driver_faults`
+            found = registry.load(registry.DRIVERS, driver)
+            fills = roles_of(found)
+            if wanted.name not in fills:
+                why = listed(wanted.missing_verbs(found)) if not fills else ", ".join(fills)
+                can = f"it can be {why}" if fills else why
+                what = f"the driver '{driver}' cannot be a {wanted.name}; {can}"
+                yield document.fault(("instruments", name, "driver"), what)
 
 
 def _own_faults(document: Document, name: str, driver: object) -> Iterator[Fault]:

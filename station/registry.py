@@ -84,12 +84,22 @@ def load(group: str, name: str) -> Any:
         known = ", ".join(names(group)) or "none"
         raise InputError(f"there is no {kind} named {name!r}; there are: {known}")
     try:
-        return entry.load()
+        found = entry.load()
+        if group == PROCEDURES:
+            _refuse_other(found)
+        return found
     except (Exception, SystemExit) as error:  # whatever the package does when it is imported
         raise InputError(
             f"the {kind} {name!r} of the package {name_of(entry.dist)} cannot be loaded from "
             f"{entry.value} ({error!r}); install what the package needs, repair it or remove it"
         ) from error
+
+
+def _refuse_other(found: object) -> None:
+    from station.procedure import Procedure
+
+    if not isinstance(found, Procedure):
+        raise TypeError(f"{found!r:.80} is no station.procedure.Procedure")
 
 
 def loaded(group: str) -> Iterator[tuple[str, Any]]:

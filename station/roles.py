@@ -65,8 +65,8 @@ class SafeState(Protocol):
 def role_settings() -> Mapping[str, type[BaseModel]]:
     """Return by role the settings that procedures read, whatever the model."""
     found: dict[str, type[BaseModel]] = {}
-    for entry in registry.names(ROLES):
-        found.update(getattr(registry.load(ROLES, entry), "SETTINGS", {}))
+    for _, module in registry.loaded(ROLES):
+        found.update(getattr(module, "SETTINGS", {}))
     return found
 
 

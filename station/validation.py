@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, TypeVar, get_args
 from pydantic import BaseModel, ValidationError
 
 from station.faults import Fault, FaultList, listed, nearest
-from station.fields import UNIT_ERROR, key_of
+from station.fields import UNIT_ERROR, Unit, key_of, unit_in
 
 if TYPE_CHECKING:
     from station.yaml.document import Document
@@ -109,7 +109,7 @@ def _fault(document: Document, model: type[BaseModel], at: Loc, detail: dict[str
     key = _key_of_default(model, loc) if loc else None
     if key is not None and path[-1:] != (key,):
         path = (*path, key)
-    what, hint = _sentence(kind, detail, document.scalars.get(path, ""))
+    what, hint = _sentence(kind, detail, document.scalars.get(path, ""), _unit_at(model, loc))
     return document.fault(path, what, hint)
 
 
@@ -122,7 +122,9 @@ def _in_file(document: Document, at: Loc, loc: Loc) -> Loc:
     return path
 
 
-def _sentence(kind: str, detail: dict[str, Any], written: str) -> tuple[str, str | None]:
+def _sentence(
+    kind: str, detail: dict[str, Any], written: str, unit: Unit | None = None
+) -> tuple[str, str | None]:
     """Return what is wrong in one sentence, and what was probably meant."""
     context = detail.get("ctx", {})
     value = detail["input"]
@@ -142,7 +144,10 @@ def _sentence(kind: str, detail: dict[str, Any], written: str) -> tuple[str, str
         return f"must be {_WANTED[kind]}, not {shown}", None
     if kind in _BOUNDS:
         name, word = _BOUNDS[kind]
-        return f"must be {word} {context[name]}, not {shown}", None
+        symbol = "" if unit is None or unit.symbol == "1" else f" {unit.symbol}"
+        bound = f"{context[name]:g}{symbol if context[name] else ''}"
+        given = f"'{written}'" if symbol and written else shown
+        return f"must be {word} {bound}, not {given}", None
     if kind in ("too_short", "string_too_short"):
         what = "may not be empty" if context["min_length"] == 1 else "is too short"
         return what, None
@@ -182,6 +187,15 @@ def _keys_at(model: type[BaseModel], loc: Loc) -> list[str]:
     for found in _models_at(model, loc):
         return [key_of(found, name) for name in found.model_fields]
     return []
+
+
+def _unit_at(model: type[BaseModel], loc: Loc) -> Unit | None:
+    """Return the unit of a field: a bound is a number in it, whatever unit was written."""
+    for found in _models_at(model, loc[:-1]):
+        for name, field in found.model_fields.items():
+            if loc[-1] in (name, key_of(found, name)):
+                return unit_in((field.annotation, *field.metadata))
+    return None
 
 
 def _models_at(annotation: Any, loc: Loc) -> Iterator[type[BaseModel]]:

@@ -17,6 +17,7 @@ from station.cli.dry_running import dry_run_plan
 from station.cli.listing import list_what_there_is
 from station.cli.validating import validate_plans
 from station.roles import role as registry_of_roles
+from station.roles import role_settings
 from station.scan import recognised
 from station.schema import schema_text
 
@@ -80,8 +81,10 @@ def test_one_broken_package_costs_only_its_own_entries(
         assert ours in listed
     assert "lab-method" not in schema_text("plan")
     assert "lab-method" not in schema_text("dataset")
+    assert "kepco-bop-36-12" in schema_text("bench")
     assert recognised("here", "KEPCO,BOP 36-12D,H148201,1.0").driver is not None
     registry_of_roles.cache_clear()
+    role_settings.cache_clear()
     assert registry_of_roles("coil_supply") is not None
     (tmp_path / "plan.yaml").write_text(PLAN, encoding="utf-8")
     assert validate_plans([str(tmp_path / "plan.yaml")], "sim") == 0
@@ -91,6 +94,15 @@ def test_one_broken_package_costs_only_its_own_entries(
         )
         == 0
     )
+
+
+def test_what_loads_and_is_no_procedure_is_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    installed(package(tmp_path / "site", "labware", module="class Thing: pass\n"), monkeypatch)
+    list_what_there_is("procedures", as_json=False)
+    assert "is no station.procedure.Procedure" in capsys.readouterr().out
+    assert "lab-method" not in schema_text("plan")
 
 
 def test_a_driver_or_procedure_that_cannot_be_loaded_is_a_fault_of_the_file(

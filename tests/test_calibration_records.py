@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -17,6 +18,7 @@ from station import registry
 from station.bench import Bench, bench_of
 from station.cli.validating import outlook_of, read_bench_named, read_plan_for
 from station.evaluation import quiet_numbers, record_flags
+from station.faults import FaultList
 from station.findings import Findings
 from station.lookup import PLANS, find
 from station.procedure import procedure_of
@@ -246,3 +248,22 @@ def test_a_gaussmeter_that_states_another_quantity_alone_is_uncalibrated(tmp_pat
     flags = {flag.code: flag for flag in outcome.document.flags}
     assert flags["uncalibrated"].details["instruments"] == ["gaussmeter"]
     assert outcome.exit_code == 6
+
+
+@pytest.mark.parametrize(
+    ("entry", "said"),
+    [
+        ({"up_to": "-3.5 mT", "relative": "0.5 %", "coverage_factor": 2}, "ranges are of the magn"),
+        ({"relative": "500 %", "coverage_factor": 2}, "relative: must be at most 1, not '500 %'"),
+        ({"relative": "0.5 %", "coverage_factor": 2000}, "coverage_factor: must be at most 250"),
+        ({"gain": 1e-9}, "gain: must be at least 0.001"),
+    ],
+)
+def test_absurd_records_are_refused_at_their_place(entry: dict[str, Any], said: str) -> None:
+    kind = "corrections" if "gain" in entry else "uncertainty"
+    with pytest.raises(
+        FaultList, match=re.escape(f"instruments.gaussmeter.calibration.{kind}[1].")
+    ):
+        bench_with({"gaussmeter": {kind: {"quantity": "field", **entry}}})
+    with pytest.raises(FaultList, match=re.escape(said)):
+        bench_with({"gaussmeter": {kind: {"quantity": "field", **entry}}})

@@ -9,13 +9,14 @@ from typing import Annotated, Any, ClassVar
 
 import pytest
 from command_line import station
-from pydantic import Field
+from pydantic import Field, field_validator
+from station.runner.addresses import why_unknown
 
 from drivers.roles import Driver, DriverSettings
 from station import driver_checks, registry
 from station.bench import Bench, bench_of, faults_of_use
 from station.cli.validating import validate_plans
-from station.driver_checks import driver_faults, keys_of, settings_of
+from station.driver_checks import driver_faults, keys_of, role_faults, settings_of
 from station.errors import QuantityNotRead
 from station.faults import FaultList
 from station.fields import Second
@@ -117,6 +118,19 @@ def test_a_record_of_before_is_read_and_its_resumption_refused() -> None:
             "kepco-bop-36-12",
             {"coil_constant": "1 mT/A", "coil_resistance": "2 V"},
             "coil_resistance: '2 V' is a voltage, expected a resistance",
+        ),
+        ("pump_laser", "thorlabs-sc10", {"moves_within": "-8.4 ms"}, "above 0, not '-8.4 ms'"),
+        (
+            "multimeter",
+            "keysight-34465a",
+            {"line_frequency": "1 kHz"},
+            "at most 60 Hz, not '1 kHz'",
+        ),
+        (
+            "turntable",
+            "acutrol-3000",
+            {"outer_axis": 2, "inner_axis": 2},
+            "number of outer_axis, too",
         ),
         (
             "pump_laser",
@@ -224,8 +238,8 @@ class Plain:
 def laboratory(monkeypatch: pytest.MonkeyPatch) -> None:
     """Have drivers of another package."""
     ours = {"lab-meter": LabMeter, "lab-plain": Plain}
-    monkeypatch.setattr(driver_checks.registry, "names", lambda group: tuple(ours))
-    monkeypatch.setattr(driver_checks.registry, "load", lambda group, name: ours[name])
+    monkeypatch.setattr(registry, "names", lambda group: tuple(ours))
+    monkeypatch.setattr(registry, "load", lambda group, name: ours[name])
     monkeypatch.setattr(driver_checks, "role_settings", dict)
 
 
@@ -258,7 +272,7 @@ def test_a_driver_that_cannot_be_loaded_is_a_fault_at_its_name(
         raise SyntaxError("a comma is missing")
 
     monkeypatch.setattr(driver_checks, "role_settings", dict)
-    monkeypatch.setattr(driver_checks.registry, "load", load)
+    monkeypatch.setattr(registry, "load", load)
     (fault,) = said(document_of("imu", "kvh-1775", {}))
     assert fault == "bench.yaml:5:13: instruments.imu.driver: a comma is missing"
 
@@ -282,3 +296,77 @@ def test_the_shipped_benches_say_what_their_drivers_know(name: str) -> None:
         bench_of(read_yaml_text(text, Path(name)), registry.names(registry.DRIVERS), bounded=True)
     except FaultList as found:
         pytest.fail(str(found))
+
+
+@pytest.mark.parametrize(
+    ("name", "driver", "can"),
+    [
+        ("gaussmeter", "operator-power", "cannot be a gaussmeter; it can be dut_power"),
+        ("multimeter", "lakeshore-f71", "cannot be a multimeter; it can be gaussmeter"),
+        ("gaussmeter", "lakeshore-f71", ""),
+    ],
+)
+def test_a_driver_of_another_role_is_refused(name: str, driver: str, can: str) -> None:
+    faults = [str(one) for one in role_faults(document_of(name, driver, {}))]
+    assert len(faults) == bool(can)
+    assert all(
+        f"5:13: instruments.{name}.driver: the driver '{driver}' {can}" in one for one in faults
+    )
+
+
+def test_settings_that_raise_are_a_fault_of_their_driver(monkeypatch: pytest.MonkeyPatch) -> None:
+    class Odd(DriverSettings):
+        gain: int
+
+        @field_validator("gain")
+        @classmethod
+        def divide(cls, gain: int) -> int:
+            return gain // 0
+
+    monkeypatch.setattr(LabMeter, "Settings", Odd)
+    monkeypatch.setattr(driver_checks, "role_settings", dict)
+    monkeypatch.setattr(registry, "names", lambda group: ("lab-meter",))
+    monkeypatch.setattr(registry, "load", lambda group, name: LabMeter)
+    (fault,) = said(document_of("gaussmeter", "lab-meter", {"gain": 1}))
+    assert (
+        "5:13: instruments.gaussmeter.driver: the settings of the driver 'lab-meter' cannot"
+        in fault
+    )
+    assert "ZeroDivisionError" in fault
+
+
+@pytest.mark.parametrize(
+    ("address", "meant"),
+    [
+        ("TCPIP::192.0.2.1::5025::SOCKT", "TCPIP::192.0.2.1::5025::SOCKET"),
+        ("TCPIP::192.0.2.1:5025::SOCKET", "TCPIP::192.0.2.1::5025::SOCKET"),
+        ("TCPIP::192.0.2.1::99999::SOCKET", None),
+        ("TCPIP::::5025::SOCKET", None),
+        ("socketcand://192.0.2.1:29536", None),
+        ("socketcand://192.0.2.1:x/can0", None),
+        ("modbus-tcp://", None),
+        ("socket://192.0.2.1", None),
+    ],
+)
+def test_an_address_without_host_port_or_channel_is_refused(
+    address: str, meant: str | None
+) -> None:
+    found = why_unknown(address)
+    assert found is not None
+    assert found[1] == (meant and f"'{meant}'")
+
+
+@pytest.mark.parametrize(
+    "address",
+    [
+        "TCPIP::192.0.2.1::INSTR",
+        "TCPIP0::[fe80::1]::5025::SOCKET",
+        "tcpip::h::hislip0,4880::instr",
+        "socketcand://h/can0",
+        "modbus-tcp://h",
+        "rfc2217://[::1]:5000",
+        "lab://anything",
+    ],
+)
+def test_an_address_that_is_whole_is_not_refused(address: str) -> None:
+    assert why_unknown(address) is None

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Protocol, runtime_checkable
 
-from pydantic import Field
+from pydantic import Field, ValidationInfo, field_validator
 
 from drivers.roles.base import DriverSettings, Instrument, MadeSafe
 
@@ -19,6 +19,15 @@ class TableSettings(DriverSettings):
     inner_axis: int | None = Field(
         None, ge=1, le=3, description="number of the axis that carries the device"
     )
+
+    @field_validator("middle_axis", "inner_axis")
+    @classmethod
+    def no_axis_twice(cls, number: int | None, info: ValidationInfo) -> int | None:
+        """Refuse one number for two axes: one of them would turn in the other's place."""
+        before = [name for name, other in info.data.items() if other == number is not None]
+        if before:
+            raise ValueError(f"is the number of {before[0]}, too; each axis has its own")
+        return number
 
 
 @runtime_checkable

@@ -131,7 +131,7 @@ def _field(
         return wrong
     field_said = (
         f"Where {levels[worst]:.5g} T was commanded, {levels[worst] + off[worst]:.5g} T was "
-        f"measured, off by {100.0 * part:+.2g} % of the largest field; the result uses the "
+        f"measured, off by {100.0 * part:+.3g} % of the largest field; the result uses the "
         "measured field."
     )
     details = {"relative_difference": part}

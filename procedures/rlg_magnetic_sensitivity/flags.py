@@ -152,7 +152,7 @@ def drive_flags(
                 Flag(
                     "field-differs-from-commanded",
                     f"The measured field on {line.axis} has an amplitude of "
-                    f"{line.field_amplitude_mT:.5g} mT, {100.0 * off:+.2g} % from the commanded "
+                    f"{line.field_amplitude_mT:.5g} mT, {100.0 * off:+.3g} % from the commanded "
                     f"{drive.amplitude_mT:g} mT{_likely(1.0 + off)}; the result uses the measured "
                     "field. Check coil, supply and gaussmeter.",
                     line.axis,

@@ -7,7 +7,8 @@ An editor shows keys, units and choices with it while a person writes. What a sc
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from importlib.metadata import distribution
 from typing import Any
 
@@ -79,7 +80,9 @@ def bench_schema(built_in: bool = False) -> Schema:
     # Beside additionalProperties a pattern would take the place of the whole entry.
     needs = {f"^{role}(\\.|$)": _needed(role) for role in dict.fromkeys(map(role_of, INSTANCES))}
     instruments["allOf"] = [{"patternProperties": {key: one for key, one in needs.items() if one}}]
-    entry["allOf"] = [_settings_rule(name) for name in entry["properties"]["driver"]["enum"]]
+    known = entry["properties"]["driver"]["enum"]
+    drivers = [(name, one) for name, one in registry.loaded(registry.DRIVERS) if name in known]
+    entry["allOf"] = [one for name, driver in drivers for one in _settings_rules(name, driver)]
     step = schema["properties"]["safe_state"]["items"]
     roles = list(dict.fromkeys(role_of(name) for name in INSTANCES))
     step["properties"]["instrument"] = {"enum": list(INSTANCES)}
@@ -143,12 +146,17 @@ def _needed(role: str) -> Schema:
     return {"required": required, "properties": needed} if needed else {}
 
 
-def _settings_rule(driver: str) -> Schema:
+def _settings_rules(name: str, driver: type) -> Iterator[Schema]:
+    """Yield what a driver takes as settings; nothing where they cannot be described."""
+    with suppress(Exception):  # whatever the package of a driver makes of them
+        yield _settings_rule(name, driver)
+
+
+def _settings_rule(name: str, driver: type) -> Schema:
     """Return what a driver takes as settings, beside those of the roles that it may fill."""
-    loaded = registry.load(registry.DRIVERS, driver)
-    model = settings_of(loaded)
+    model = settings_of(driver)
     settings = model_schema(model)
-    common = [keys_of(one) for role, one in role_settings().items() if role in roles_of(loaded)]
+    common = [keys_of(one) for role, one in role_settings().items() if role in roles_of(driver)]
     keys = sorted({*keys_of(model), *(key for one in common for key in one)})
     rule: Schema = {
         "properties": {
@@ -158,4 +166,4 @@ def _settings_rule(driver: str) -> Schema:
     if "required" in settings:
         rule["required"] = ["settings"]
         rule["properties"]["settings"]["required"] = settings["required"]
-    return {"if": {"properties": {"driver": {"const": driver}}}, "then": rule}
+    return {"if": {"properties": {"driver": {"const": name}}}, "then": rule}
