@@ -10,10 +10,10 @@ from typing import Annotated, Any, ClassVar
 import pytest
 from command_line import station
 from pydantic import Field, field_validator
-from station.runner.addresses import why_unknown
 
 from drivers.roles import Driver, DriverSettings
 from station import driver_checks, registry
+from station.addresses import why_unknown
 from station.bench import Bench, bench_of, faults_of_use
 from station.cli.validating import validate_plans
 from station.driver_checks import driver_faults, keys_of, role_faults, settings_of
