@@ -16,6 +16,8 @@ PROCEDURES = "station.procedures"
 DRIVERS = "station.drivers"
 SIMULATORS = "station.simulators"
 SIMULATED_BENCH = "bench"
+MUST_HAVE = {PROCEDURES: ("title", "steps", "parameters", "evaluate_run")}
+"""What every entry of a group has; something else that a package offers there is refused."""
 OURS = "station."
 
 
@@ -85,8 +87,7 @@ def load(group: str, name: str) -> Any:
         raise InputError(f"there is no {kind} named {name!r}; there are: {known}")
     try:
         found = entry.load()
-        if group == PROCEDURES:
-            _refuse_other(found)
+        _refuse_other(group, found)
         return found
     except (Exception, SystemExit) as error:  # whatever the package does when it is imported
         raise InputError(
@@ -95,11 +96,10 @@ def load(group: str, name: str) -> Any:
         ) from error
 
 
-def _refuse_other(found: object) -> None:
-    from station.procedure import Procedure
-
-    if not isinstance(found, Procedure):
-        raise TypeError(f"{found!r:.80} is no station.procedure.Procedure")
+def _refuse_other(group: str, found: object) -> None:
+    lacking = [name for name in MUST_HAVE.get(group, ()) if not hasattr(found, name)]
+    if lacking:
+        raise TypeError(f"{found!r:.80} is no {group.removesuffix('s')}, it has no {lacking[0]}")
 
 
 def loaded(group: str) -> Iterator[tuple[str, Any]]:
