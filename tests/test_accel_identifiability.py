@@ -27,7 +27,7 @@ from station.findings import combination_text
 from station.lookup import PLANS as PLANS_SHIPPED
 from station.lookup import find
 from station.plan import read_plan
-from station.registry import Procedures, procedure
+from station.procedure import Procedures, procedure_of
 from station.runner.preflight import warned_of_limits
 
 PLANS = {
@@ -208,7 +208,7 @@ def test_a_limit_on_what_the_plan_does_not_determine_alone_is_told_before_it_run
     plan = read_plan(
         find(PLANS_SHIPPED, "accelerometer-magnetic-sensitivity"), Procedures(), limits
     )
-    told = [one.sentence for one in warned_of_limits(plan, procedure(plan.procedure))]
+    told = [one.sentence for one in warned_of_limits(plan, procedure_of(plan.procedure))]
     assert [one.partition(": limits.")[2] for one in told] == [
         "K0: this plan determines only K0 + Kpp; the limit is held against that",
         "Kpp: this plan determines not Kpp alone, only K0 + Kpp, Kii − Kpp and Koo − Kpp; its "

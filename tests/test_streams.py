@@ -131,9 +131,10 @@ def test_a_terminal_that_goes_on_is_informed_of_what_is_missing() -> None:
     process.stdin.close()
     said += process.stderr.read().splitlines()
     assert process.wait(60) == 0
-    (missing,) = [one for one in said if "lines are left out here" in one]
+    missing = [one for one in said if "lines are left out here" in one]
     kept = [one for one in said if one.startswith("line ")]
-    assert int(missing.strip("(").split()[0]) + len(kept) == 3000
+    assert missing, "once, or more often where the reader pauses in between"
+    assert sum(int(one.strip("(").split()[0]) for one in missing) + len(kept) == 3000
     assert [one.strip() for one in said[-3:]] == ["last 0", "last 1", "last 2"]
 
 

@@ -52,7 +52,7 @@ def _excitation(dataset: SerfDataset, seen: Sequence[Precession]) -> Iterator[Fl
     clear = [
         one for one in seen if one.used and one.used_fit.signal_to_noise >= LEAST_SIGNAL_TO_NOISE
     ]
-    if 2 * len(clear) < len(seen):
+    if not clear or 2 * len(clear) < len(seen):
         return  # it is the light, or the cell
     omega = np.array([one.used_fit.omega_rad_per_s for one in clear])
     squares = np.array([one.shot.field_nT**2 for one in clear])
