@@ -1,4 +1,4 @@
-"""The long run over temperature, killed at random moments and gone on with; JSON lines.
+"""The long run over temperature, killed at random moments and resumed; JSON lines.
 
     python benchmarks/fog_kills.py --kills 10 [--seeds 1 2 3] [--set KEY=VALUE …]
 

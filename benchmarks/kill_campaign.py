@@ -1,4 +1,4 @@
-"""Kill runs at random moments, look at what they left, and go on with it; a JSON line a kill.
+"""Kill runs at random moments, look at what they left, and resume it; a JSON line a kill.
 
 python benchmarks/kill_campaign.py --virtual 100 --scaled 20 [--plan NAME] [--bench NAME]
 
@@ -8,7 +8,7 @@ undisturbed. On scaled time `station sim` serves the bench in another process, t
 makes it safe, and the simulated world is asked whether it is; `lost_real_s` is how old the youngest
 recorded sample of a laser gyro was at the kill, less one sample interval and the board's batch of
 0.1 s of bench time. What the operating system had is there: a kill of the process, not of the
-machine. Every remainder is gone on with by `station resume`; it must end with results within three
+machine. Every remainder is resumed by `station resume`; it must end with results within three
 combined uncertainties of the undisturbed run's and two and a half expanded ones of the truth, and
 every raw file of before as it was. The verdict must be the undisturbed run's. On scaled time alone
 a result may be undecided instead, where its U is larger: `largest_u_over_undisturbed`, for instants

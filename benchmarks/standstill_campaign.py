@@ -12,7 +12,7 @@ the folder and the system's list of processes say what followed. A disk of its o
 
 Real seconds from the attack: `to_rest_s` until the world was at rest and stayed so, `to_end_s`
 until no process of the run lived any more, `to_guardian_s` until there was another guardian. What
-is left is opened, analysed and gone on with (`--no-resume` leaves that out). `broken` are the
+is left is opened, analysed and resumed (`--no-resume` leaves that out). `broken` are the
 promises that were not kept. A run that a busy computer ends, because a simulated instrument did not
 answer in time, is counted apart. The cases are shuffled, the same way always: any part is a sample.
 The last line of each attack holds its tries, the broken ones and the largest times.
@@ -51,7 +51,7 @@ def main() -> None:
     parser.add_argument("--part", default="1/1", help="which part of the cases, such as 2/40")
     parser.add_argument("--seeds", type=int, nargs="+", default=[0], help="moments of each step")
     parser.add_argument("--speed", type=float, help="times faster than real; per plan if none")
-    parser.add_argument("--no-resume", action="store_true", help="do not go on with what is left")
+    parser.add_argument("--no-resume", action="store_true", help="do not resume what is left")
     arguments = parser.parse_args()
     part, parts = map(int, arguments.part.split("/"))
     signal.signal(signal.SIGTERM, lambda *_: sys.exit("ended; disks and processes are put away"))

@@ -150,7 +150,7 @@ RUN_EVENTS = {
     "paused": "the run waits; `devices` has the word of each instrument that can harm",
     "pause-refused": "the run goes on; `reasons` by the name of each instrument that refused",
     "went-on": "the pause is over, and how long it took",
-    "resumed": "another process goes on with the run: what it found, and what has changed",
+    "resumed": "another process resumes the run: what it found, and what has changed",
     "interlock-tripped": "the interlock that ended the run, what it saw, its limit, and when",
     "failed": "why the run did not finish, with its exit code and the program's traceback",
     "safe-state": "how each instrument came to rest, and whether that was read back; `outside` "

@@ -1,6 +1,6 @@
 """A guardian at work for a run that is gone: who it is, and what it waits for.
 
-It is told on no disk that the run had: that may be why the run is gone.
+Nothing here reads a disk that the run had: that may be why the run is gone.
 """
 
 from __future__ import annotations
