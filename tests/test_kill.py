@@ -29,7 +29,7 @@ from resume_helpers import results_of, resume_and_judge, wrong_results
 from station.record.folder import RunFolder
 from station.record.raw import read_raw
 
-SEEDS = range(4)
+SEEDS = range(3)
 SPEED = 50.0
 
 

@@ -348,7 +348,7 @@ CONDITIONS = {
     },
     "nine-axis-calibration": {
         "latitude": "of the bench, north positive",
-        "range": "where the gyros saturate; without it saturated samples are recognised by their values",
+        "range": "where the gyros saturate; without it saturated samples are known by their values",
         "prior": "standard uncertainties of the set-up, known beforehand",
         "prior.heading": "of the plate against north, common to all positions",
         "prior.relative_heading": "of each position beside the others",
