@@ -320,6 +320,9 @@ def test_a_device_that_never_stops_talking_still_hears_a_last_attempt() -> None:
 def test_what_could_not_be_sent_is_not_said_to_be_switched_off() -> None:
     with line_to(lambda client, asked: None, "serial") as (line, device, notes):
         device.close()
+        for _ in range(2):  # the first word into a connection that has ended may still be taken
+            with suppress(InstrumentError):
+                line.query("A?")
         with pytest.raises(InstrumentError):
             line.last_attempt("OUTP OFF")
         assert "switched-off-at-once" not in dict(notes)
