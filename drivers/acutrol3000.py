@@ -159,7 +159,7 @@ class Acutrol3000(Driver):
         return True
 
     def is_at_rate(self, axis: int) -> bool:
-        """Whether the axis has settled at the rate it was told; raises for a fault of the axis."""
+        """Whether the axis has settled at the commanded rate; raises for a fault of the axis."""
         state = self._table.axis(axis)
         status = self._table.look_at(state)
         if state.doing is not Doing.TURNING:

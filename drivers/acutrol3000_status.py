@@ -54,7 +54,7 @@ class Status:
 
     @property
     def broken(self) -> bool:
-        """Whether a break is told that nobody has reset."""
+        """Whether a break is reported that nobody has reset."""
         return bool(self.state & (SOFTWARE_ABORT | HARDWARE_ABORT) or self.fault)
 
 
@@ -98,7 +98,7 @@ def astray(name: str, state: AxisState, attempted: str, where_deg: float) -> Ins
 
 
 def wrong_rate(name: str, state: AxisState) -> InstrumentError:
-    """Return that an axis turns at another rate than it was told; it must be homed again."""
+    """Return that an axis turns at another rate than the commanded one; it must be homed again."""
     state.homed = False
     return InstrumentError(
         name,

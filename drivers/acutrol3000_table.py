@@ -131,7 +131,7 @@ class Table:
         self.say_motion()
 
     def has_done(self, state: AxisState, status: Status) -> bool:
-        """Whether an axis has done what it was told; begins what comes next where it has not."""
+        """Whether an axis has done what was commanded; begins what comes next where it has not."""
         rests = not self.is_turning(state)
         if state.doing is Doing.CLOSING:
             if status.servoed and self._settings.zero == "search":
@@ -160,7 +160,7 @@ class Table:
         return bool(status.dynamic & AT_POSITION) and rests and there
 
     def has_rate(self, state: AxisState, status: Status) -> bool:
-        """Whether an axis has reached the rate it was told, now or before."""
+        """Whether an axis has reached the commanded rate, now or before."""
         near = self._settings.at_rest_deg_per_s + RATE_AGREES * abs(state.rate_demand)
         agrees = abs(state.rate - state.rate_demand) <= near
         state.at_rate = state.at_rate or (bool(status.dynamic & AT_RATE) and agrees)

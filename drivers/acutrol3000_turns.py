@@ -1,6 +1,6 @@
 """Angles counted through every turn, from an encoder that reads the same after each.
 
-Between two readings the axis goes as it was told: at a rate after a ramp, or towards an angle. So
+Between two readings the axis goes as commanded: at a rate after a ramp, or towards an angle. So
 the turns are known however long nobody looked, as long as the plan is good to half a turn.
 """
 

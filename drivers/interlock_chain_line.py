@@ -2,7 +2,7 @@
 
 The chain is wired by the laboratory: emergency stops, doors and limit switches in series, which
 cut the power by themselves. A reader looks at each contact and answers; it can open and close
-nothing. It is told to a line of text, requests and answers end with LF:
+nothing. It speaks lines of text; requests and answers end with LF:
 
 | request | answer |
 |---|---|

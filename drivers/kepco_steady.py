@@ -80,7 +80,7 @@ class SteadyCurrent:
             raise self._error(
                 attempted, "the output is off", "switch it on first; see its display if it was on"
             )
-        # The set-point is where a ramp starts: a supply in compliance reads less than it is told,
+        # The set-point is where a ramp starts: a supply in compliance reads less than commanded,
         # and what it drives follows its set-point no faster than that moves.
         begin_A = set_point_A(self._line.number)
         steps = math.ceil(abs(current_A - begin_A) / self._step_A - 1e-6)

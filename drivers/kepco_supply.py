@@ -171,7 +171,7 @@ class KepcoSupply(Driver, ABC):
             self._sure_current_A, lambda: set_point_A(self._patient.number)
         )
         if abs(set_A) > self._ramp_step_A or self._stood_still:
-            # What it drives follows what it is told, also where it reads back something else:
+            # What it drives follows what is commanded, also where it reads back something else:
             # in compliance, frozen, or beyond its set-point.
             present_A = set_A
         flows = abs(present_A) > self._zero_A

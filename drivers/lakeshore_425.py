@@ -8,7 +8,7 @@ confirmed in a primary source, and for the laboratory to establish: over which t
 averaged and how often there is a new one; the bench file's `averaging` says both.
 
 It knows no error queue, so every setting is read back, and each reading brings unit or mode along,
-by turns: an answer that belongs to the question before is told by that. That answers to queries in
+by turns: that shows an answer to the question before. That answers to queries in
 one line are joined by `;` is from general knowledge. It keeps no readings and has no clock: each
 `drain` asks for the newest reading and stamps it with the run time in the middle of the exchange.
 The average had ended up to one `averaging` before.

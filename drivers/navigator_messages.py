@@ -17,7 +17,7 @@ FAULTS: Mapping[int, str] = {
     1 << 9: "alignment failed",
     1 << 10: "a gyro failed its own test",
 }
-"""Words of the fault bits of a status; another bit is told by its number."""
+"""Words of the fault bits of a status; another bit is named by its number."""
 
 REFUSALS: Mapping[str, str] = {
     "unknown_command": "check that the navigator's firmware and this driver belong together",

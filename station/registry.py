@@ -87,7 +87,7 @@ def load(group: str, name: str) -> Any:
         raise InputError(f"there is no {kind} named {name!r}; there are: {known}")
     try:
         found = entry.load()
-        _refuse_other(group, found)
+        _refuse_other(group, kind, found)
         return found
     except (Exception, SystemExit) as error:  # whatever the package does when it is imported
         raise InputError(
@@ -96,10 +96,10 @@ def load(group: str, name: str) -> Any:
         ) from error
 
 
-def _refuse_other(group: str, found: object) -> None:
+def _refuse_other(group: str, kind: str, found: object) -> None:
     lacking = [name for name in MUST_HAVE.get(group, ()) if not hasattr(found, name)]
     if lacking:
-        raise TypeError(f"{found!r:.80} is no {group.removesuffix('s')}, it has no {lacking[0]}")
+        raise TypeError(f"{found!r:.80} is no {kind}: it has no {lacking[0]}")
 
 
 def loaded(group: str) -> Iterator[tuple[str, Any]]:

@@ -101,7 +101,7 @@ def test_what_loads_and_is_no_procedure_is_named(
 ) -> None:
     installed(package(tmp_path / "site", "labware", module="class Thing: pass\n"), monkeypatch)
     list_what_there_is("procedures", as_json=False)
-    assert "is no station.procedure, it has no title" in capsys.readouterr().out
+    assert "is no procedure: it has no title" in capsys.readouterr().out
     assert "lab-method" not in schema_text("plan")
 
 

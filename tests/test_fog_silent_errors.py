@@ -139,7 +139,7 @@ def test_in_a_gap_of_80_degC_nothing_is_told_and_a_small_one_is_in_the_uncertain
     analysis = analyse(wide)
     (flag,) = flags(analysis, "not-identifiable")
     assert flag.details["coefficients"] == ["scale_factor_error"]
-    assert "nothing is told" in flags(analysis, "gap")[0].message
+    assert "no value is given" in flags(analysis, "gap")[0].message
     findings = to_findings(analysis, wide, [], "specification")
     assert [one.value for one in findings.estimates] == [None, None]
     for seed in range(6):

@@ -96,7 +96,7 @@ class Turntable(Instrument, MadeSafe, Protocol):
         ...
 
     def is_at_rate(self, axis: int) -> bool:
-        """Whether the axis has settled at the rate it was told; raises for a fault of the axis."""
+        """Whether the axis has settled at the commanded rate; raises for a fault of the axis."""
         ...
 
     def angle_deg(self, axis: int) -> float:

@@ -36,7 +36,7 @@ PROCEDURE = Procedure(
     undetermined=Later(f"{__name__}.outlook:undetermined"),
     assumptions=(
         "At rest the accelerations on the three axes always make 1 g: K0 and the square terms are "
-        "told apart only as far as the combinations say. A centrifuge would tell them apart.",
+        "distinguished only as far as the combinations say. A centrifuge would separate them.",
         "The field is a scalar in the published model, along the coil's axis. With the coil's "
         "axis along gravity a sensitivity to the direction of the field and the coupling of field "
         "and acceleration (Kim, Kom, Kpm) have the same columns.",

@@ -135,7 +135,7 @@ def _nuisances(analysis: AccelerometerAnalysis, dataset: AccelerometerDataset) -
         said += " No temperature was recorded: there are no temperature terms."
     if analysis.not_separable:
         said += (
-            " Not told apart from other terms, and so not fitted: "
+            " Not distinguished from other terms, and so not fitted: "
             f"{', '.join(analysis.not_separable)}."
         )
     return Table("Nuisance terms", said, ["term", "value", "u", "unit"], rows)

@@ -259,7 +259,9 @@ def result_flags(
         few = bool(set(undetermined) - set(found.folded))
         why = f"{rows} usable rows are too few." if few else " ".join(describe(measured or found))
         if few and not as_planned:
-            why = "The measured angles or fields do not follow the commanded ones: nothing is told."
+            why = (
+                "The measured angles or fields do not follow the commanded ones: no value is given."
+            )
         flags.append(
             Flag(
                 "not-identifiable",

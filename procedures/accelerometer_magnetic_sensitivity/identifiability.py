@@ -129,7 +129,7 @@ def describe(found: Identifiability) -> tuple[str, ...]:
     if {"K0", "Koo", "Kpp"} & set(found.not_alone) and found.rank:
         said.append(
             "At rest the three accelerations always make 1 g (Ai² + Ao² + Ap² = 1): K0 and the "
-            "square terms can never all be told apart without a centrifuge."
+            "square terms can never all be distinguished without a centrifuge."
         )
     return tuple(said)
 

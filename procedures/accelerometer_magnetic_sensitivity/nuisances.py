@@ -25,9 +25,9 @@ WARMED_K = 0.05
 """From such a range of temperature on no criterion is asked: at 150 ppm/degC it is 7.5 µV at 1 g,
 and where temperature follows the angle the coefficients take it up and leave no residual."""
 FEWEST_LEFT = 3
-"""So many rows must be left over, or nothing is told: fewer say neither how large the noise is nor
-whether the model holds. Where temperature terms would leave fewer, the criterion is asked all the
-same, and what is left out is in the uncertainty."""
+"""So many rows must be left over, or no value is given: fewer say neither how large the noise is
+nor whether the model holds. Where temperature terms would leave fewer, the criterion is asked all
+the same, and what is left out is in the uncertainty."""
 
 ARCSEC_PER_RAD = 3600.0 * 180.0 / np.pi
 OFFSET, JUMP, KO, KP = "encoder offset", "encoder jump", "Ko", "Kp"

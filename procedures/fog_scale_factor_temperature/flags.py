@@ -112,7 +112,7 @@ def _gaps(turns: AxisTurns, settings: AnalysisSettings) -> list[Flag]:
             f"without a turn is {widest_degC:.1f} degC. In a stretch of more than "
             f"{settings.temperature_gap_degC:g} degC the curve's uncertainty holds what higher "
             f"orders may make; in one of more than {WIDE * settings.temperature_gap_degC:g} degC "
-            "nothing is told.",
+            "no value is given.",
             turns.axis,
             {
                 "count": max(gaps, 1),

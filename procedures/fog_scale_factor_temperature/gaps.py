@@ -24,7 +24,7 @@ UNSEEN = 2.5
 """Standard deviations of a coefficient that the information criterion leaves out."""
 FURTHER_ORDERS = 2
 WIDE = 2.0
-"""Times the threshold of the flag: from such a width on nothing is told within."""
+"""Times the threshold of the flag: from such a width on no value is given within."""
 
 
 def gaps_of(problem: AxisProblem, kept: Mask) -> Gaps:

@@ -37,7 +37,7 @@ def coil_responses(
     """Return the response of each coil that drives a line of its own, by the axis it drives.
 
     An axis that several records drive is taken from the first; where two axes share a frequency
-    their fields cannot be told apart, and neither is in the result.
+    their fields cannot be distinguished, and neither is in the result.
     """
     found: dict[str, CoilResponse] = {}
     for line in lines:

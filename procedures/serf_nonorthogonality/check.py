@@ -52,7 +52,7 @@ def check(parameters: SerfParameters, bench: Bench) -> Iterator[Problem]:
         yield Problem(
             FIELD,
             f"spin exchange broadens the lines to {1.0 + expected.broadening_share:.1f} times "
-            f"their width, angles are told {expected.loss:.1f} times worse than at best; take "
+            f"their width, angles are known {expected.loss:.1f} times less well than at best; take "
             f"about {best_nT:g} nT",
         )
     elif cycles < LEAST_CYCLES:

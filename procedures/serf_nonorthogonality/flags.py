@@ -148,7 +148,7 @@ def _chirp(found: Frequencies, settings: AnalysisSettings) -> list[Flag]:
             "chirp",
             f"The frequency falls by {100.0 * found.chirp:.2g} % over the decay, as a polarisation "
             f"of {polarisation:.2f} fades; all shots were fitted jointly. How the spins lay to "
-            "the fields was told by the baselines.",
+            "the fields comes from the baselines.",
             None,
             {"relative_change": found.chirp, "polarisation": polarisation},
         )

@@ -6,7 +6,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from threading import Lock
-from types import TracebackType
 
 MOST_BETWEEN_LOOKS_S = 1.0
 """A look counts no more than this: a process that was stopped for a while has missed no beat."""
@@ -62,12 +61,7 @@ class Pulse:
     def __enter__(self) -> Pulse:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.end()
 
 

@@ -7,7 +7,6 @@ from collections import deque
 from collections.abc import Callable
 from contextlib import AbstractContextManager
 from threading import get_ident
-from types import TracebackType
 from typing import Protocol
 
 from station.clock.base import Attendant, Wire
@@ -219,12 +218,7 @@ class Serving:
     def __enter__(self) -> None:
         self._server = self._wire.begin_to_serve(self._units)
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self._wire.end_serving(self._server)
 
 
@@ -258,12 +252,7 @@ class TurnLock:
                     self._hand_on()
             raise
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         with self._turns.mutex:
             self._hand_on()
 

@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from threading import Event, Lock
-from types import TracebackType
 from typing import TYPE_CHECKING, Any, Protocol
 
 from station.clock import Clock
@@ -104,12 +103,7 @@ class Control:
             tell(f"WARNING: `station pause` and `station abort` cannot reach this run: {error}")
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.hold()
         if self._channel is not None:
             self._channel.close()

@@ -6,7 +6,6 @@ import io
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
 from station.errors import RecordError
@@ -24,12 +23,7 @@ class Sink(io.RawIOBase):
         self._file = path.open("w+b", buffering=0)
         self._error: OSError | None = None
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
         if self._error is not None:
             raise self._error

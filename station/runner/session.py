@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import socket
 from collections.abc import Callable, Mapping
-from types import TracebackType
 from typing import Any
 
 from station.bench import Bench
@@ -101,12 +100,7 @@ class BenchSession:
     def __enter__(self) -> BenchSession:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         if self._simulation is not None:
             self._simulation.close()
         self.clock.stop()

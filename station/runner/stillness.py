@@ -13,7 +13,6 @@ import signal
 import socket
 from collections.abc import Callable, Sequence
 from threading import Event, Thread
-from types import TracebackType
 from typing import TYPE_CHECKING
 
 from station.clock import Pulse, Quiet, RealClock
@@ -73,12 +72,7 @@ class Stillness:
         self._before = signal.set_wakeup_fd(self._bell.fileno(), warn_on_full_buffer=False)
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.end()
         signal.set_wakeup_fd(self._before)
         self._ear.close()

@@ -141,7 +141,7 @@ def _when_faults(
         return
     missing = [key for key in ("instrument", "quantity") if key not in when]
     if missing or not any(key in when for key in TESTS):
-        # A misspelt key was told already.
+        # A misspelt key was reported already.
         if not unknown:
             what = "needs an instrument, a quantity, and above, below, outside or equals"
             yield document.fault(where, what)

@@ -73,7 +73,7 @@ class Sight:
         for instrument, quantity in sorted(watched):
             explain = getattr(self.instruments.get(instrument), "explain", None)
             if explain is not None:
-                with suppress(InstrumentError):  # the trip itself is told all the same
+                with suppress(InstrumentError):  # the trip itself is reported all the same
                     said.append(str(explain(quantity)))
         told = ", ".join(one for one in said if one)
         return f" ({told})" if told else ""
