@@ -1,6 +1,7 @@
 """Attack runs as an operating system can, in every step of every plan; a JSON line an attack.
 
 python benchmarks/standstill_campaign.py [--plan NAME …] [--case PATTERN …] [--part 1/40]
+python benchmarks/standstill_campaign.py --once
 
 `station sim` serves the bench in one process, `station run --served` is another, and its guardian
 stands beside it. One of them, or what it stands on, is struck at a drawn moment of a step: the disk
@@ -50,6 +51,7 @@ def main() -> None:
     parser.add_argument("--step", nargs="+", help="these steps; all if none")
     parser.add_argument("--part", default="1/1", help="which part of the cases, such as 2/40")
     parser.add_argument("--seeds", type=int, nargs="+", default=[0], help="moments of each step")
+    parser.add_argument("--once", action="store_true", help="each once a plan, steps in turn")
     parser.add_argument("--speed", type=float, help="times faster than real; per plan if none")
     parser.add_argument("--no-resume", action="store_true", help="do not resume what is left")
     arguments = parser.parse_args()
@@ -84,9 +86,10 @@ def cases(arguments: argparse.Namespace) -> list[Case]:
         Case(plan, one, step, seed)
         for seed in arguments.seeds
         for plan in arguments.plan or plans()
-        for step in steps(plan)
+        for number, step in enumerate(steps(plan))
         if not arguments.step or step in arguments.step
-        for one in wanted
+        for turn, one in enumerate(wanted)
+        if not arguments.once or turn % len(steps(plan)) == number
     ]
     order = np.random.default_rng(SHUFFLED_BY).permutation(len(found))
     return [found[place] for place in order]

@@ -24,7 +24,6 @@ sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))
 from campaign_helpers import undirected_run
 
 from station.clock import VirtualClock
-from station.procedure import Step
 from station.record.folder import RunRecord
 from station.runner.progress import Progress
 
@@ -38,15 +37,17 @@ def main() -> None:
         clock = VirtualClock()
         record = RunRecord(Path(parent), "step-overhead", "SN-1", clock)
         run = undirected_run(clock, record, Progress(1.0, quiet=True))
-        step = Step("S1", "Do nothing", lambda run: None, lambda parameters: 0.0)
         alone = os.open(Path(parent) / "alone", os.O_WRONLY | os.O_CREAT | os.O_APPEND)
+
+        def a_step() -> None:
+            run.do("S1", "Do nothing", 0.0, lambda run: None)
 
         def sync_alone() -> None:
             os.write(alone, b"x" * 200)
             os.fdatasync(alone)
 
         cases: dict[str, tuple[Callable[[], object], int]] = {
-            "step with its two events": (lambda: run.do(step), arguments.times),
+            "step with its two events": (a_step, arguments.times),
             "event": (lambda: record.event("e", durable=False, n=1), arguments.times),
             "event on disk": (lambda: record.event("e", n=1), arguments.times // 5),
             "unit finished": (lambda: record.finish_unit("unit"), arguments.times // 5),
