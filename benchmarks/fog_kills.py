@@ -30,7 +30,7 @@ import numpy as np
 import yaml
 from scipy.interpolate import CubicSpline
 
-sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))
+sys.path.insert(0, str(Path(__file__).parent.parent / "tests" / "support"))
 
 from campaign_helpers import only_run
 from command_line import station_command

@@ -29,7 +29,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import numpy as np
 from numpy.typing import NDArray
 
-for folder in ("", "tests", "benchmarks"):
+for folder in ("", "tests/support", "benchmarks"):
     sys.path.insert(0, str(Path(__file__).resolve().parents[1] / folder))
 
 Array = NDArray[np.float64]

@@ -19,7 +19,7 @@ from pathlib import Path
 
 import pyvisa
 
-sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))
+sys.path.insert(0, str(Path(__file__).parent.parent / "tests" / "support"))
 
 from kill_helpers import served_bench
 

@@ -27,7 +27,7 @@ from scipy.optimize import curve_fit
 from scipy.special import stdtrit
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
-sys.path.insert(1, str(Path(__file__).resolve().parents[1] / "tests"))
+sys.path.insert(1, str(Path(__file__).resolve().parents[1] / "tests" / "support"))
 
 from cases import print_cases
 from serf_shots import FOUR, Cell, bound_of_frequency

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from drivers.roles import Place
 from station.errors import InstrumentError
+from station.roles import Place
 
 
 def limit_of(place: Place, name: str, without_it: str) -> float:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 
-from drivers.roles import Place
 from station.errors import InstrumentError
+from station.roles import Place
 
 SHORTEST_SILENCE_S = 3.0
 SILENT_INTERVALS = 3

@@ -15,10 +15,10 @@ from sim_instruments.faults.catalogue import possible_faults
 from sim_instruments.faults.instrument import InstrumentFaults, Schedule
 from sim_instruments.faults.reading import read_fault
 from sim_instruments.instrument import Setting, SimulatedInstrument
-from sim_instruments.requests import LineServer
 from sim_instruments.seeds import generator
-from sim_instruments.tcp import HOST
 from sim_instruments.truth import SimulationError, Truth
+from sim_instruments.wire.requests import LineServer
+from sim_instruments.wire.tcp import HOST
 from sim_instruments.world.accelerometer_bench import AccelerometerBench
 from sim_instruments.world.base import World
 from sim_instruments.world.extremes import coil_report

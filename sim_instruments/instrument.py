@@ -8,8 +8,8 @@ from typing import Any, ClassVar, Protocol
 import numpy as np
 
 from sim_instruments.faults.instrument import InstrumentFaults
-from sim_instruments.tcp import HOST, TcpServer
 from sim_instruments.truth import SimulationError, Truth
+from sim_instruments.wire.tcp import HOST, TcpServer
 from sim_instruments.world.base import World
 from station.clock import Clock
 

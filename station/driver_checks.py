@@ -18,7 +18,7 @@ from station import registry
 from station.errors import QuantityNotRead
 from station.faults import Fault, listed, nearest
 from station.fields import StrictModel, key_of
-from station.roles import role, role_settings, roles_of
+from station.role_lookup import role, role_settings, roles_of
 from station.safety.bounds import listing, mapping
 from station.safety.interlocks.quantities import quantities_of, role_of
 from station.safety.interlocks.reading import CHAIN

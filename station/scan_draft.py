@@ -10,7 +10,7 @@ from station import registry
 from station.bench import INSTANCES, NEEDED_LIMITS
 from station.driver_checks import settings_of
 from station.fields import key_of
-from station.roles import role_settings, roles_of
+from station.role_lookup import role_settings, roles_of
 from station.safety.bounds import COIL
 from station.safety.interlocks.quantities import role_of
 from station.safety.safe_state import MadeSafe

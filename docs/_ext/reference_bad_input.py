@@ -8,7 +8,7 @@ from typing import Any
 import yaml
 from tables import code, table
 
-CASES = Path(__file__).parents[2] / "tests" / "bad_input.yaml"
+CASES = Path(__file__).parents[2] / "tests/station/files/bad_input.yaml"
 
 
 def bad_input() -> str:

@@ -21,7 +21,7 @@ from station.driver_checks import keys_of, settings_of
 from station.fields import Unit, key_of
 from station.plan import PlanHeader
 from station.procedure import Procedure, procedure_of
-from station.roles import role_settings
+from station.role_lookup import role_settings
 from station.safety.interlocks.quantities import QUANTITIES
 from station.units import expectation, format_quantity
 

@@ -6,8 +6,8 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Protocol
 
-from drivers.roles import Identity, Place
 from station.errors import InstrumentError, InstrumentTimeout
+from station.roles import Identity, Place
 
 ANSWER_WITHIN_S = 0.5
 

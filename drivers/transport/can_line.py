@@ -9,10 +9,10 @@ from urllib.parse import urlsplit
 
 import can
 
-from drivers.roles import Place
 from drivers.transport.kept_frames import READ_SLICE_S, KeptFrames
 from drivers.transport.serial_port import one_line
 from drivers.transport.socketcand import Socketcand
+from station.roles import Place
 
 LONGEST_TRACE = 80
 

@@ -14,9 +14,9 @@ from typing import Any, NamedTuple
 
 import cantools
 
-from drivers.roles import Place
 from drivers.transport.can_line import CanLine, Frame
 from station.errors import InstrumentError
+from station.roles import Place
 
 Decoder = Callable[[bytes], tuple[float, ...]]
 COUNTER_BYTES = 2

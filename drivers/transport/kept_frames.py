@@ -8,9 +8,9 @@ from collections.abc import Callable, Iterable
 from threading import Event, Lock, Thread
 from typing import Generic, TypeVar
 
-from drivers.roles import Place
 from drivers.transport.traced import TracedLine
 from station.errors import InstrumentError
+from station.roles import Place
 
 LOOK_S = 0.005
 READ_SLICE_S = 0.2

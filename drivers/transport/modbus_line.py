@@ -20,7 +20,6 @@ from pymodbus.pdu.register_message import (
     WriteSingleRegisterRequest,
 )
 
-from drivers.roles import Place
 from drivers.transport.exchange_port import EXCHANGE_DEADLINE_S, ExchangePort
 from drivers.transport.modbus_refusal import ModbusRefusal
 from drivers.transport.retry import NEVER, Repeatable
@@ -32,6 +31,7 @@ from drivers.transport.serial_port import (
     open_port,
     wire_address,
 )
+from station.roles import Place
 
 SCHEME = "modbus-tcp"
 PORT = 502

@@ -12,9 +12,9 @@ from collections.abc import Callable
 from contextlib import suppress
 from typing import Any, Protocol
 
-from drivers.roles import Place
 from drivers.transport.retry import TRIES
 from station.errors import InstrumentError
+from station.roles import Place
 
 
 class ProvableLine(Protocol):

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from drivers.roles import Place
 from drivers.transport.retry import NEVER, Repeatable
 from drivers.transport.serial_port import Port, SerialSettings, open_port, wire_address
 from drivers.transport.text_line import TextLine
+from station.roles import Place
 
 
 class SerialLine(TextLine):

@@ -12,7 +12,7 @@ from urllib.parse import urlsplit
 import serial
 from pydantic import Field
 
-from drivers.roles import DriverSettings
+from station.roles import DriverSettings
 
 CONNECT_DEADLINE_S = 2.0
 WRITE_DEADLINE_S = 0.5

@@ -6,9 +6,9 @@ from collections.abc import Callable, Mapping
 from contextlib import suppress
 from typing import Any, NamedTuple
 
-from drivers.roles import Place
 from drivers.transport.kept_frames import READ_SLICE_S, KeptFrames
 from drivers.transport.serial_port import Port, SerialSettings, one_line, open_port, wire_address
+from station.roles import Place
 
 LONGEST_FRAME = 1 << 16
 

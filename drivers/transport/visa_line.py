@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from drivers.roles import Place
 from drivers.transport.answers import number_of, shortened
 from drivers.transport.retry import NEVER, Repeatable
 from drivers.transport.serial_port import Port
 from drivers.transport.text_line import TextLine
 from drivers.transport.visa_port import visa_port, wire_address
 from station.errors import InstrumentError
+from station.roles import Place
 
 
 class VisaLine(TextLine):

@@ -16,8 +16,8 @@ import pyvisa
 from pydantic import Field
 from pyvisa import constants
 
-from drivers.roles import DriverSettings, Place
 from drivers.transport.serial_port import CONNECT_DEADLINE_S, Port, SocketPort
+from station.roles import DriverSettings, Place
 
 LARGEST_CHUNK_BYTES = 1 << 16
 TIMEOUT = constants.StatusCode.error_timeout

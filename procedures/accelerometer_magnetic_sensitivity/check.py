@@ -10,8 +10,8 @@ from station import registry
 from station.procedure import Problem, RecordUse
 
 if TYPE_CHECKING:
-    from drivers.roles import Multimeter
     from station.bench import Bench
+    from station.roles import Multimeter
 
 SUPPLY = "coil_supply.dc"
 GAUSSMETER = "gaussmeter"

@@ -54,7 +54,7 @@ def measure(run: Run, point: Point, place: Place, said: str) -> None:
     `said` is how far the plan is, for the operator. Raises ConditionNotReached when the field does
     not settle, InstrumentError when an instrument fails.
     """
-    from drivers.roles import DirectCurrentSupply
+    from station.roles import DirectCurrentSupply
 
     if run.is_finished(point.unit):
         return
@@ -88,7 +88,7 @@ def measure(run: Run, point: Point, place: Place, said: str) -> None:
 
 def turn_to(run: Run, angle_deg: float, place: Place, said: str) -> None:
     """Turn the stage to an angle and wait until it rests there; nothing moves where it does."""
-    from drivers.roles import RotaryStage
+    from station.roles import RotaryStage
 
     if place.angle_deg == angle_deg:
         return
@@ -100,7 +100,7 @@ def turn_to(run: Run, angle_deg: float, place: Place, said: str) -> None:
 
 def wait_for_stage(run: Run, said: str) -> None:
     """Wait until the stage rests; the driver raises InstrumentError when it never does."""
-    from drivers.roles import RotaryStage
+    from station.roles import RotaryStage
 
     stage = run.role(STAGE, RotaryStage)
     while stage.is_moving():
@@ -113,7 +113,7 @@ def settle(run: Run, parameters: AccelerometerParameters, said: str) -> float:
 
     Returns the last reading in mT. Raises ConditionNotReached when they never do.
     """
-    from drivers.roles import Gaussmeter
+    from station.roles import Gaussmeter
 
     rule = parameters.dwell
     gaussmeter = run.role(GAUSSMETER, Gaussmeter)
@@ -145,8 +145,8 @@ def record_angle(run: Run, point: Point) -> None:
     """Record what the encoder reads at the point."""
     import numpy as np
 
-    from drivers.roles import RotaryStage
     from station.record.raw import ARRIVAL
+    from station.roles import RotaryStage
 
     angle_deg = run.role(STAGE, RotaryStage).angle_deg()
     names = [(name, np.float64) for name in (*STAGE_COLUMNS, ARRIVAL)]
@@ -156,7 +156,7 @@ def record_angle(run: Run, point: Point) -> None:
 
 def read_output(run: Run, unit: str, said: str, meters: StandingStill) -> bool:
     """Record a burst of the voltmeter, temperature and field beside it; True when overloaded."""
-    from drivers.roles import Gaussmeter, Multimeter, Thermometer
+    from station.roles import Gaussmeter, Multimeter, Thermometer
 
     parameters: AccelerometerParameters = run.parameters
     gaussmeter = run.role(GAUSSMETER, Gaussmeter)
@@ -210,7 +210,7 @@ def keep(run: Run, source: Any, unit: str, block: Any) -> None:
 
 def widen(run: Run, unit: str, place: Place) -> None:
     """Take the next higher range after an overload; the point is then measured again."""
-    from drivers.roles import Multimeter
+    from station.roles import Multimeter
 
     before_V = place.range_V
     meter = run.role(MULTIMETER, Multimeter)

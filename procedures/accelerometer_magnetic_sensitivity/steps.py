@@ -99,7 +99,7 @@ def mount(run: Run) -> None:
 
 def mount_for(run: Run, plane: str) -> None:
     """Have the accelerometer mounted for a plane, the coil at rest and the field off."""
-    from drivers.roles import DirectCurrentSupply
+    from station.roles import DirectCurrentSupply
 
     place = place_of(run)
     if place.plane == plane:
@@ -115,13 +115,7 @@ def mount_for(run: Run, plane: str) -> None:
 
 def set_up(run: Run) -> None:
     """(2) Range and step of the field, the limits, the voltmeter; power on and warm."""
-    from drivers.roles import (
-        DirectCurrentSupply,
-        DutPower,
-        Gaussmeter,
-        Multimeter,
-        RotaryStage,
-    )
+    from station.roles import DirectCurrentSupply, DutPower, Gaussmeter, Multimeter, RotaryStage
 
     parameters: AccelerometerParameters = run.parameters
     if all(run.is_finished(point.unit) for point in parameters.points):
@@ -143,7 +137,7 @@ def set_up(run: Run) -> None:
 
 def energise(run: Run) -> None:
     """Switch the coil on at zero, after an alternating, falling field where the plan wants that."""
-    from drivers.roles import DirectCurrentSupply
+    from station.roles import DirectCurrentSupply
 
     parameters: AccelerometerParameters = run.parameters
     supply = run.role(SUPPLY, DirectCurrentSupply)
@@ -197,7 +191,7 @@ def next_angle(run: Run) -> None:
 
 def remaining_angles(run: Run) -> None:
     """(7) Angle by angle through 360 deg, in every plane of the plan; then everything off."""
-    from drivers.roles import DirectCurrentSupply, DutPower
+    from station.roles import DirectCurrentSupply, DutPower
 
     for group in groups_of(run)[2:]:
         do_group(run, group)

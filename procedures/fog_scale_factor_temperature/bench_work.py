@@ -61,7 +61,7 @@ class BenchWork:
     """The instruments of this procedure; what they say goes to the record all the time."""
 
     def __init__(self, run: Run) -> None:
-        from drivers.roles import Navigator, ThermalChamber, Turntable
+        from station.roles import Navigator, ThermalChamber, Turntable
 
         self.run = run
         self.parameters: FogParameters = run.parameters

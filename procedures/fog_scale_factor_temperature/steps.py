@@ -61,7 +61,7 @@ def soak(run: Run) -> None:
     The soak counts from the chamber's reaching the temperature. A run that goes on in the middle of
     a ramp goes to where the ramp stood, and waits until the gyros are as warm as they were.
     """
-    from drivers.roles import DutPower
+    from station.roles import DutPower
 
     parameters: FogParameters = run.parameters
     run.ask(MOUNT.id, MOUNT.text)
@@ -196,7 +196,7 @@ def fit(run: Run) -> None:
 
 def prove(run: Run) -> None:
     """Step 4: another ramp, whose turns never enter the fit; then table, device and chamber off."""
-    from drivers.roles import DutPower
+    from station.roles import DutPower
 
     parameters: FogParameters = run.parameters
     work = work_of(run)

@@ -81,7 +81,7 @@ def stand(run: Run, position: int, said: str) -> None:
 
 def need_sensor_well(run: Run) -> None:
     """Raise InstrumentError where the sensor says of itself that something is wrong."""
-    from drivers.roles import Imu
+    from station.roles import Imu
 
     faults = run.role(IMU, Imu).status().faults
     if faults:
@@ -167,7 +167,7 @@ def turn_up(run: Run, axis: str) -> None:
 
 def go_to(run: Run, axis: int, angle_deg: float, said: str) -> None:
     """Turn one table axis to an angle and wait until it rests there."""
-    from drivers.roles import Turntable
+    from station.roles import Turntable
 
     table = run.role(TURNTABLE, Turntable)
     table.move_to(axis, angle_deg)
@@ -178,7 +178,7 @@ def go_to(run: Run, axis: int, angle_deg: float, said: str) -> None:
 
 def turn(run: Run, one: Turn, said: str) -> None:
     """Record whole turns at one rate in one sense, spin-up and settling left out."""
-    from drivers.roles import Turntable
+    from station.roles import Turntable
 
     parameters: NineAxisParameters = run.parameters
     if run.is_finished(one.unit):
@@ -244,8 +244,8 @@ def read_turns(run: Run, one: Turn, axis: int, sensing: Sensing, said: str) -> f
 
 def read_angle(run: Run, unit: str, axis: int) -> float:
     """Record what the encoder reads, with the times before and after it was asked for."""
-    from drivers.roles import Turntable
     from station.record.raw import ARRIVAL
+    from station.roles import Turntable
 
     asked_s = run.clock.now()
     angle_deg = run.role(TURNTABLE, Turntable).angle_deg(axis)

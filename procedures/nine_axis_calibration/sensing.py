@@ -36,7 +36,7 @@ class Sensing:
     """The sensor's stream for one unit of work; `stop` it when the unit is done."""
 
     def __init__(self, run: Run, unit: str) -> None:
-        from drivers.roles import Imu
+        from station.roles import Imu
 
         self._run, self._unit = run, unit
         self._sensor = run.role(IMU, Imu)

@@ -30,8 +30,8 @@ USUAL_ACCELERATION_DEG_PER_S2 = 50.0
 
 def mount(run: Run) -> None:
     """Claim 1: the sensor on its tooling; switched on and warm."""
-    from drivers.roles import DutPower
     from procedures.nine_axis_calibration.measuring import ask_to_place
+    from station.roles import DutPower
 
     parameters: NineAxisParameters = run.parameters
     missing = [unit for unit in parameters.units if not run.is_finished(unit)]
@@ -49,8 +49,8 @@ def make_table_ready(run: Run) -> None:
 
     The axes' zeros are looked for where the table does not know them.
     """
-    from drivers.roles import Turntable
     from procedures.nine_axis_calibration.measuring import go_to
+    from station.roles import Turntable
 
     if run.handed_on.get(READY):
         return
@@ -103,7 +103,7 @@ def rotate(run: Run) -> None:
 
 def scale_factors(run: Run) -> None:
     """Claim 2: K from the mean outputs and the rates; then the device off."""
-    from drivers.roles import DutPower
+    from station.roles import DutPower
 
     say_published(run, "scale_factor")
     run.role(POWER, DutPower).switch_off()

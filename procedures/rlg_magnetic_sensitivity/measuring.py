@@ -47,7 +47,7 @@ class SampleCounter:
 
 def drive(run: Run, planned: PlannedRecord) -> None:
     """S3: each coil of a record produces a sine of its frequency f and amplitude M."""
-    from drivers.roles import CoilSupply, Gaussmeter
+    from station.roles import CoilSupply, Gaussmeter
 
     parameters: RlgParameters = run.parameters
     if run.is_finished(planned.unit):
@@ -79,8 +79,8 @@ def record(run: Run, planned: PlannedRecord) -> None:
 
     Where the plan has a stop, N is decided by what the samples so far determine.
     """
-    from drivers.roles import CoilSupply, Gaussmeter, GyroAcquisition
     from procedures.rlg_magnetic_sensitivity.stopping import Patience
+    from station.roles import CoilSupply, Gaussmeter, GyroAcquisition
     from station.runner.acquisition import acquire
 
     if run.is_finished(planned.unit):

@@ -87,7 +87,7 @@ def mount(run: Run) -> None:
 
 def connect(run: Run) -> None:
     """S2: cables; every instrument was identified, now each supply gets its own limits."""
-    from drivers.roles import CoilSupply
+    from station.roles import CoilSupply
 
     run.ask(CABLES.id, CABLES.text)
     for axis in run.parameters.axes:
@@ -109,7 +109,7 @@ def switch_off(run: Run) -> None:
 
     Raises InstrumentError when a coil's supply does not read back as off.
     """
-    from drivers.roles import CoilSupply, DutPower, GyroAcquisition
+    from station.roles import CoilSupply, DutPower, GyroAcquisition
 
     for axis in run.parameters.axes:
         name = coil_supply(axis)

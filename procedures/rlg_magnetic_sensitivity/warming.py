@@ -47,9 +47,9 @@ def warm_up(run: Run) -> None:
 
     Raises ConditionNotReached when |slope| + 2 u stays above the plan's limit for too long.
     """
-    from drivers.roles import DutPower, GyroAcquisition
     from procedures.estimation.slope import slope_with_uncertainty
     from procedures.rlg_magnetic_sensitivity.from_record import gyro_record
+    from station.roles import DutPower, GyroAcquisition
     from station.runner.acquisition import acquire
 
     parameters: RlgParameters = run.parameters

@@ -11,10 +11,10 @@ from procedures.serf_nonorthogonality.shots import Wanted
 from station.errors import InstrumentError
 
 if TYPE_CHECKING:
-    from drivers.roles import Block
     from procedures.serf_nonorthogonality.dataset import Shot
     from procedures.serf_nonorthogonality.tone import ToneFit
     from station.bench import Bench
+    from station.roles import Block
     from station.runner.run import Run
 
 GENERATOR_XY = "signal_generator.xy"
@@ -68,7 +68,7 @@ class Cell:
     """The instruments about the cell, as one run uses them."""
 
     def __init__(self, run: Run) -> None:
-        from drivers.roles import Digitizer, PumpLaser, SignalGenerator
+        from station.roles import Digitizer, PumpLaser, SignalGenerator
 
         self.run = run
         self.parameters: SerfParameters = run.parameters

@@ -15,8 +15,8 @@ from station.procedure import Problem
 from station.units import UnitError, parse_as
 
 if TYPE_CHECKING:
-    from drivers.roles import Digitizer
     from station.bench import Bench
+    from station.roles import Digitizer
 
 FIELD = ("parameters", "field")
 OVERSAMPLING = 4.0

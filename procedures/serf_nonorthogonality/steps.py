@@ -23,9 +23,9 @@ from station.errors import ConditionNotReached
 from station.procedure import Prompt, RecordUse, Step
 
 if TYPE_CHECKING:
-    from drivers.roles import Block
     from procedures.serf_nonorthogonality.published import PublishedAngles
     from station.bench import Bench
+    from station.roles import Block
     from station.runner.run import Run
 
 CELL = "the cell"

@@ -12,8 +12,8 @@ import numpy.typing as npt
 from sim_instruments.seeds import generator
 from sim_instruments.truth import SimulationError, Truth
 from sim_instruments.world.chamber import Chamber
-from sim_instruments.world.chance import RandomWalk, Readings
 from sim_instruments.world.coils import AXES
+from sim_instruments.world.random_noise import RandomWalk, Readings
 from sim_instruments.world.thermal_lag import ThermalLag
 
 Array = npt.NDArray[np.float64]

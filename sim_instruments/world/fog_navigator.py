@@ -9,11 +9,11 @@ import numpy.typing as npt
 
 from sim_instruments.seeds import generator
 from sim_instruments.truth import SimulationError, Truth
-from sim_instruments.world.chance import Readings
 from sim_instruments.world.coils import small_rotation
-from sim_instruments.world.fog_course import ErrorCourse, matrices, product, quaternions
 from sim_instruments.world.fog_gyro import RAD_PER_S, FogGyros
+from sim_instruments.world.fog_trajectory import ErrorCourse, matrices, product, quaternions
 from sim_instruments.world.laser_gyro import EARTH_RATE_DEG_PER_H
+from sim_instruments.world.random_noise import Readings
 from sim_instruments.world.table import Table
 
 Array = npt.NDArray[np.float64]

@@ -9,10 +9,10 @@ import numpy.typing as npt
 
 from sim_instruments.seeds import generator
 from sim_instruments.truth import SimulationError, Truth
-from sim_instruments.world.chance import Wander
 from sim_instruments.world.coils import AXES
 from sim_instruments.world.laser_gyro import Heat
 from sim_instruments.world.noise import WhiteNoise
+from sim_instruments.world.random_noise import Wander
 
 Array = npt.NDArray[np.float64]
 Switches = npt.NDArray[np.bool_]

@@ -13,9 +13,9 @@ from sim_instruments.world.base import IdleCoils
 from sim_instruments.world.coils import AXES
 from sim_instruments.world.serf_cell import Cell
 from sim_instruments.world.serf_coils import CellCoils, Drive
-from sim_instruments.world.serf_course import Course, Physics, Residual, Switches
 from sim_instruments.world.serf_detector import Detector
 from sim_instruments.world.serf_nuclei import Nuclei
+from sim_instruments.world.serf_trajectory import Course, Physics, Residual, Switches
 from sim_instruments.world.trigger_line import TriggerLine
 
 Array = npt.NDArray[np.float64]

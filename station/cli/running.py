@@ -17,7 +17,7 @@ from station.instruments.whole_bench import IN_USE
 from station.record.folder import REPORT
 from station.record.guardian_log import not_known, whole_bench
 from station.results import SCHEMA
-from station.roles import safe_states
+from station.role_lookup import safe_states
 from station.runner.execute import Request, execute
 from station.runner.outcome import Outcome
 from station.safety.interlocks.quantities import role_of

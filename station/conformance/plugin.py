@@ -12,8 +12,8 @@ from station.bench import Bench, read_bench
 from station.conformance.stand import Stand, standing
 from station.errors import StationError
 from station.lookup import BENCHES, find
-from station.roles import Role
-from station.roles import role as role_named
+from station.role_lookup import Role
+from station.role_lookup import role as role_named
 from station.safety.interlocks.quantities import role_of
 
 PACKAGE = "station.conformance"

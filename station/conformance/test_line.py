@@ -14,7 +14,7 @@ from station.conformance.stand import Stand
 from station.driver_checks import settings_of
 from station.errors import InstrumentError
 from station.fields import StrictModel
-from station.roles import Role
+from station.role_lookup import Role
 from station.safety.interlocks.quantities import quantities_of
 
 ANSWERS_WITHIN_S = 5.0

@@ -18,7 +18,7 @@ from station.dataset_reading import DatasetHeader
 from station.driver_checks import keys_of, settings_of
 from station.plan import PlanHeader
 from station.procedure import Procedure
-from station.roles import role_settings, roles_of
+from station.role_lookup import role_settings, roles_of
 from station.safety.interlocks.quantities import role_of
 from station.schema.models import Schema, model_schema
 from station.schema.plan import (

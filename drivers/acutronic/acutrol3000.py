@@ -1,0 +1,271 @@
+"""Acutronic ACUTROL3000 motion controller with a table of up to three axes, in ACL.
+
+Sources: manuals TM-8004-C (command language), TM-9384C (TCP/IP, port 9878) and public clients for
+commands, modes, limits, status registers and the frozen status after a break. Not confirmed in a
+primary source: how the eight characters before each answer are coded (taken as four digits of error
+code and four of length; `framing: line` does without them); what `:Status:MSG? QERROR` answers
+(taken as code and text); that a continuous axis reads 0 deg to 360 deg; and that `:Mode:Home` looks
+for an encoder's zero.
+"""
+
+from __future__ import annotations
+
+import math
+from contextlib import suppress
+from functools import partial
+from typing import ClassVar
+
+from drivers.acutronic.axis import AclSettings, Doing
+from drivers.acutronic.limits import limit, programme
+from drivers.acutronic.line import AclLine
+from drivers.acutronic.table import Table
+from drivers.transport.retry import Repeatable, repeated
+from station.errors import InstrumentError
+from station.roles import Driver, Identity, Place, SafetyReading
+
+CLOSES_WITHIN_S = 10.0
+STILL_S, LOOK_S = 0.1, 0.05
+
+
+class Acutrol3000(Driver):
+    """A table whose axes go to angles and turn at rates, each against its own encoder.
+
+    In position mode a continuous axis takes the shortest way, so `move_to` goes in steps of less
+    than half a turn, each begun by `is_moving`; turns are counted from the encoder and the plan.
+
+    Limits: `rate` deg/s and `acceleration` deg/s^2 of every axis; `angle_low` and `angle_high` deg.
+
+    Watched are the largest rate and the largest angle of all axes, with their signs.
+    """
+
+    Settings = AclSettings
+    identifies_on: ClassVar[str] = "socket"
+    recognises: ClassVar[str] = (
+        r"(?i)^(\d{8})?Acutronic[^,]*,\s*ACU?T(ROL)?3000,\s*(?P<serial>[^,]+)"
+    )
+    repeatable: ClassVar[Repeatable] = Repeatable(
+        r"\*IDN\?",
+        r"(READ:(POSITION|RATE)|MODE|DEMAND:(POSITION|RATE)|LIMIT:\w+)\? [\w,]+",
+        r"STATUS:CSR\? A\d(STATE|DYN|SWFLT)",
+        r"DEMAND:RATE \d,0|MODE \d,RATE|MODE ALL,OFF",
+    )
+    """Neither what forgets what it tells (*STB?, MSG?) nor what closes a servo."""
+
+    def __init__(self, place: Place) -> None:
+        self.place = place
+        self._settings = self.Settings.of(place)
+        self._limits_written = False
+        self._line = AclLine(
+            place, self._settings, self._settings.framing == "framed", self.repeatable
+        )
+        self._table = Table(place, self._settings, self._line, self.repeatable)
+
+    def identify(self) -> Identity:
+        """Ask `*IDN?`: maker, model, serial number and firmware."""
+        answer = self._line.query("*IDN?")
+        parts = [part.strip() for part in answer.split(",")]
+        if len(parts) < 3 or "acutronic" not in parts[0].lower():
+            raise self._line.odd("*IDN?", answer)
+        return Identity(parts[0], parts[1], parts[2], ",".join(parts[3:]))
+
+    def programme_limits(self) -> None:
+        """Write rate, acceleration, trip and angle limits into the controller and read them back.
+
+        Raises InstrumentError where the bench allows more than an axis is rated for.
+        """
+        self._line.forget_errors()
+        for n in self._table.axes:
+            programme(self.place, self._line, n, self._settings.turns_for_ever)
+        self._limits_written = True
+
+    def is_homed(self, axis: int) -> bool:
+        """Whether the encoder's zero is known, and the servo has been closed ever since."""
+        state = self._table.axis(axis)
+        if state.doing in (Doing.CLOSING, Doing.SEARCHING):
+            self.is_moving(axis)
+        return state.homed
+
+    def home(self, axis: int) -> None:
+        """Reset a break that is over, close the servo, and look for the encoder's zero if it must.
+
+        Turns are counted anew from there: the angle is one from -180 deg to 180 deg.
+        """
+        state = self._table.axis(axis)
+        if not self._limits_written:
+            self.programme_limits()
+        state.forgets()
+        if self._table.status(state).broken:
+            self._line.command(":Interlock:Reset")
+        self._line.command(f":Mode {axis},Off")
+        self._line.command(f":Interlock:Close {axis}")
+        state.begins(Doing.CLOSING, self.place.clock.now() + CLOSES_WITHIN_S)
+
+    def move_to(self, axis: int, angle_deg: float) -> None:
+        """Begin to go to an angle, by way of every angle between; returns at once.
+
+        An axis that turns is stopped first. `is_moving` begins one step after the other. Raises
+        InstrumentError for an angle beyond the bench's limits, and for an axis that is not homed.
+        """
+        state, attempted = self._table.axis(axis), f"go to {angle_deg:g} deg on axis {axis}"
+        low = self.place.limits.get("angle_low", -math.inf)
+        high = self.place.limits.get("angle_high", math.inf)
+        if not (math.isfinite(angle_deg) and low <= angle_deg <= high):
+            allowed = f"the bench allows {low:g} deg to {high:g} deg"
+            do_now = "correct the plan's angles, or limits.angle_low and limits.angle_high"
+            raise InstrumentError(self.place.name, attempted, allowed, do_now)
+        self._table.need_homed(state, attempted)
+        self._table.look()
+        self._table.need_turns(state)
+        if state.mode == "Rate" and self._table.is_turning(state):
+            self._table.set_rate(state, 0.0, Doing.STOPPING)
+            state.target_deg = angle_deg
+        else:
+            state.target_deg = angle_deg
+            self._table.step(state)
+
+    def turn(self, axis: int, rate_deg_per_s: float) -> None:
+        """Begin to turn at a rate until told otherwise; returns at once.
+
+        Raises InstrumentError for a rate beyond the bench's limit, and for an axis not homed.
+        """
+        state, attempted = self._table.axis(axis), f"turn axis {axis} at {rate_deg_per_s:g} deg/s"
+        allowed = limit(self.place, "rate")
+        if not abs(rate_deg_per_s) <= allowed:
+            said = f"the bench allows {allowed:g} deg/s"
+            do_now = "correct the plan's rates, or limits.rate"
+            raise InstrumentError(self.place.name, attempted, said, do_now)
+        self._table.need_homed(state, attempted)
+        self._table.set_rate(state, rate_deg_per_s, Doing.TURNING)
+
+    def stop(self, axis: int) -> None:
+        """Begin to come to rest within the acceleration limit; returns at once."""
+        state = self._table.axis(axis)
+        if state.homed:
+            self._table.set_rate(state, 0.0, Doing.STOPPING)
+
+    def is_moving(self, axis: int) -> bool:
+        """Whether the axis has not settled at its angle or rest; raises for a fault of the axis."""
+        state = self._table.axis(axis)
+        status = self._table.look_at(state)
+        if state.doing is Doing.NOTHING:
+            return self._table.is_turning(state)
+        if state.doing is Doing.TURNING:
+            return True
+        if self._table.has_done(state, status):
+            state.doing = Doing.NOTHING
+            self._table.say_motion()
+            return False
+        self._table.need_in_time(state)
+        return True
+
+    def is_at_rate(self, axis: int) -> bool:
+        """Whether the axis has settled at the commanded rate; raises for a fault of the axis."""
+        state = self._table.axis(axis)
+        status = self._table.look_at(state)
+        if state.doing is not Doing.TURNING:
+            return False
+        self._table.need_rate_kept(state)
+        if not self._table.has_rate(state, status):
+            self._table.need_in_time(state)
+        return state.at_rate
+
+    def angle_deg(self, axis: int) -> float:
+        """Return the encoder's angle, counted through every turn.
+
+        Raises InstrumentError where the turns can no longer be told, where an axis does not keep
+        its rate, and where one that stands is further than `in_position` from its angle.
+        """
+        state = self._table.axis(axis)
+        self._table.look()
+        self._table.need_turns(state)
+        self._table.need_rate_kept(state)
+        self._table.need_angle_kept(state)
+        return state.count.angle_deg
+
+    def rate_deg_per_s(self, axis: int) -> float:
+        """Return the measured rate."""
+        state = self._table.axis(axis)
+        self._table.look()
+        return state.rate
+
+    def make_safe(self, deadline_s: float) -> None:
+        """Brake every axis with its programmed acceleration, wait for rest, and set all modes off.
+
+        Off is what the controller calls a controlled stop at zero rate: the servo stays closed, on
+        purpose. A gimbal with a device that is not balanced would turn by itself with nothing that
+        holds it. First comes rate zero, because with what acceleration Off brakes is not said.
+        """
+        table = self._table
+        try:
+            for state in table.axes.values():
+                table.brake(state)
+            table.patiently_look()
+            table.end_tasks()
+            while table.turns() and self.place.clock.now() < deadline_s - STILL_S:
+                self.place.clock.sleep(LOOK_S)
+                table.patiently_look()
+            table.patiently_tell(":Mode ALL,Off")
+        except InstrumentError:
+            table.last_attempt(":Mode ALL,Off")
+            # It may have been heard though nothing is: until then nothing else goes on.
+            stands_s = self.place.clock.now() + table.brakes_within_s()
+            self.place.clock.sleep_until(min(stands_s, deadline_s))
+            raise
+        table.forget_errors()
+
+    def read_safety(self) -> SafetyReading:
+        """Read back that no axis turns, by rate and by two angles of each, and that all are off."""
+        table, angles = self._table, []
+        for _ in range(2):
+            self._line.proof.of(table.patiently_look)
+            angles.append([state.count.angle_deg for state in table.axes.values()])
+            self.place.clock.sleep(STILL_S)
+        most_deg = self._settings.at_rest_deg_per_s * STILL_S + self._settings.in_position_deg
+        modes = self._line.proof.of(*(partial(table.patient_mode, n) for n in table.axes))
+        moved_deg = [abs(after - before) for before, after in zip(*angles, strict=True)]
+        still = not table.turns() and max(moved_deg) <= most_deg
+        said = [
+            f"axis {state.number} {mode.lower()} at {state.count.angle_deg:.3f} deg, "
+            f"{abs(state.rate):.3f} deg/s"
+            for state, mode in zip(table.axes.values(), modes, strict=True)
+        ]
+        safe = still and set(modes) <= {"Off", "Abort"}
+        return SafetyReading(safe, f"{'at rest' if still else 'turning'}: {'; '.join(said)}")
+
+    def _rates(self, quantity: str) -> float | str | None:
+        self._table.look_at_rates()
+        return self._table.quantity(quantity)
+
+    def _angle_deg(self) -> float | str | None:
+        self._table.look()
+        return self._table.quantity("angle")
+
+    quantities: ClassVar = {
+        "rate": lambda self: self._rates("rate"),
+        "angle": _angle_deg,
+        "motion": lambda self: self._rates("motion"),
+        "chain": lambda self: "open" if self.open_contacts() else "closed",
+    }
+
+    def open_contacts(self) -> tuple[str, ...]:
+        """Return `interlock` where a contact of the controller's interlock is open, or was.
+
+        The controller keeps a break until it is reset. While no axis is homed, a break that is over
+        is reset here: no servo closes by that, and one whose contact is still open is refused.
+        """
+        axes = self._table.axes.values()
+        opened = self._interlock_broke()
+        if opened and not any(one.homed or one.doing is not Doing.NOTHING for one in axes):
+            with suppress(InstrumentError):
+                self._line.command(":Interlock:Reset")
+            opened = self._interlock_broke()
+        return ("interlock",) if opened else ()
+
+    def close(self) -> None:
+        """Close the line."""
+        self._line.close()
+
+    def _interlock_broke(self) -> bool:
+        asked = self._table.state_queries
+        states = repeated(self.repeatable, ";".join(asked), lambda: self._line.numbers(*asked))
+        return self._table.say_interlock(map(int, states))

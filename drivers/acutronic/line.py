@@ -1,0 +1,217 @@
+"""The line of an ACUTROL3000: framed or plain answers, its error queue, and its modes."""
+
+from __future__ import annotations
+
+import math
+import re
+from typing import NamedTuple
+
+from drivers.transport.answers import odd, shortened
+from drivers.transport.proof import Proof
+from drivers.transport.retry import NEVER, Repeatable
+from drivers.transport.serial_line import SerialLine
+from drivers.transport.serial_port import SerialSettings
+from station.errors import InstrumentError
+from station.roles import Place
+
+HEADER = re.compile(r"(\d{4})(\d{4})")
+HEADER_BYTES = 8
+EXCHANGES_APART_S = 2e-3
+"""The shortest time between two messages by Ethernet."""
+
+ERROR_QUERY = ":Status:MSG? QERROR"
+MOST_ERRORS = 32
+DEMAND_AGREES = 2e-6
+ERROR = re.compile(r"\s*(\d+)\s*(?:[,;]\s*)?\"?([^\"]*?)\"?\s*")
+MODES = ("Position", "Rate", "Off", "Abort", "Arate", "Synthesis", "Track")
+COMPARE = "compare the plan's and the bench file's values with the table's ranges"
+INTERLOCK = (
+    "make sure that nobody is in danger, close what is open (emergency stop, door, end switch), "
+    "then home the axis again"
+)
+
+
+class Answer(NamedTuple):
+    """What came back for a message: its error, 0 for none, and its text."""
+
+    code: int
+    text: str
+
+
+class FramedLine(SerialLine):
+    """Answers of known length, after four digits of error code and four of length."""
+
+    def _is_whole(self, answer: bytes) -> bool:
+        if len(answer) < HEADER_BYTES:
+            return False
+        header = HEADER.match(answer[:HEADER_BYTES].decode("ascii", "replace"))
+        return header is None or len(answer) >= HEADER_BYTES + int(header[2])
+
+    def _unwrapped(self, attempted: str, text: str) -> str:
+        header = HEADER.match(text)
+        if header is None:
+            raise InstrumentError(
+                self._place.name,
+                attempted,
+                f"{shortened(text)!r} came back, which does not begin with error code and length",
+                "check that the address is the table's, and settings.framing in the bench file",
+            )
+        end = HEADER_BYTES + int(header[2])
+        if text[end:].strip("\r\n"):
+            self._doubt(text.encode(), attempted)
+            said = f"{shortened(text)!r} came back, more than one answer"
+            raise self._doubtful(attempted, said)
+        return text[:end]
+
+
+class AclLine:
+    """Messages to one controller, each verified by what it says of errors.
+
+    By `framed` every message is answered; else only queries are, and a command therefore asks for
+    the error queue in the same message.
+    """
+
+    def __init__(
+        self, place: Place, serial: SerialSettings, framed: bool, repeatable: Repeatable = NEVER
+    ) -> None:
+        self._place = place
+        self._framed = framed
+        kind = FramedLine if self._framed else SerialLine
+        self._line = kind(place, serial, request_end="\r\n", answer_end="\n", repeatable=repeatable)
+        self.proof = Proof(place, self._line)
+        self._free_s = -math.inf
+
+    def query(self, message: str) -> str:
+        """Send a message with queries and return their answers, which `;` joins."""
+        answer = self._exchange(message)
+        if answer.code:
+            raise self._refused(message, answer)
+        return answer.text
+
+    def numbers(self, *queries: str) -> list[float]:
+        """Ask several queries in one message, answered from one servo frame, each by a number."""
+        message = ";".join(queries)
+        answer = self.query(message)
+        try:
+            values = [float(text) for text in answer.split(";")]
+        except ValueError:
+            values = []
+        if len(values) != len(queries) or not all(map(math.isfinite, values)):
+            count = "a number belongs" if len(queries) == 1 else f"{len(queries)} numbers belong"
+            raise InstrumentError(
+                self._place.name,
+                f"sent {shortened(message)!r}",
+                f"{shortened(answer)!r} came back where {count}",
+                "check the cable and that nobody else talks to the controller",
+            )
+        return values
+
+    def mode(self, axis: int) -> str:
+        """Return the mode of an axis by its whole name, also where it is abbreviated."""
+        message = f":Mode? {axis}"
+        answer = self.query(message)
+        mode = whole_mode(answer)
+        if not mode:
+            raise self.odd(message, answer)
+        return mode
+
+    def verify(self, axis: int, what: str, demand: float, mode: str) -> None:
+        """Read back a demand (Position or Rate) and the mode; InstrumentError where they differ."""
+        message = f":Demand:{what}? {axis};:Mode? {axis}"
+        answer = self.query(message)
+        found, _, found_mode = answer.partition(";")
+        try:
+            agrees = abs(float(found) - demand) <= DEMAND_AGREES
+        except ValueError:
+            raise self.odd(message, answer) from None
+        if not agrees or whole_mode(found_mode) != mode:
+            raise InstrumentError(
+                self._place.name,
+                f"set axis {axis} to {what.lower()} {demand:g} in the mode {mode}",
+                f"{shortened(found)} and the mode {shortened(found_mode)} read back",
+                "check that nobody else talks to the controller, then run again",
+            )
+
+    def command(self, message: str) -> None:
+        """Send a command; a refusal is InstrumentError."""
+        answer = self._told(message)
+        if answer.code:
+            raise self._refused(message, answer)
+
+    def tell(self, message: str) -> None:
+        """Send a command whose refusal is no fault here."""
+        self._told(message)
+
+    def blindly(self, message: str) -> None:
+        """Send a command and wait for no answer: a last attempt."""
+        self._line.last_attempt(message)
+
+    def forget_errors(self) -> None:
+        """Read errors until there is none."""
+        for _ in range(MOST_ERRORS):
+            if not self._error(self._exchange(ERROR_QUERY).text).code:
+                return
+
+    def close(self) -> None:
+        """Close the line."""
+        self._line.close()
+
+    def odd(self, message: str, answer: str) -> InstrumentError:
+        """Return the error of an answer that is none."""
+        return odd(self._place.name, f"asked {message}", answer)
+
+    def _told(self, message: str) -> Answer:
+        if self._framed:
+            return self._exchange(message)
+        return self._error(self._exchange(f"{message};{ERROR_QUERY}").text)
+
+    def _exchange(self, message: str) -> Answer:
+        clock = self._place.clock
+        if clock.now() < self._free_s:
+            clock.sleep_until(self._free_s)
+        try:
+            text = self._line.query(message)
+        finally:
+            self._free_s = clock.now() + EXCHANGES_APART_S
+        if not self._framed:
+            return Answer(0, text.rstrip("\r"))
+        return Answer(int(text[: HEADER_BYTES // 2]), text[HEADER_BYTES:])
+
+    def _error(self, text: str) -> Answer:
+        match = ERROR.fullmatch(text)
+        if match is None:
+            raise self.odd(ERROR_QUERY, text)
+        return Answer(int(match[1]), match[2])
+
+    def _refused(self, message: str, answer: Answer) -> InstrumentError:
+        """Return the error of a refusal, in the controller's words, and empty its queue."""
+        if self._framed:
+            answer = self._first_kept(answer)
+        self.forget_errors()
+        open_now = "INTERLOCK" in answer.text.upper()
+        meaning = "its interlock is open or was broken" if open_now else "it refused"
+        return InstrumentError(
+            self._place.name,
+            f"sent {shortened(message)!r}",
+            f"{meaning} (error {answer.code}, {shortened(answer.text)})",
+            INTERLOCK if open_now else COMPARE,
+        )
+
+    def _first_kept(self, answer: Answer) -> Answer:
+        """Return the queue's entry of an error, which has its words; the answer itself if none."""
+        for _ in range(MOST_ERRORS):
+            kept = self._error(self._exchange(ERROR_QUERY).text)
+            if kept.code in (0, answer.code):
+                return kept if kept.code else answer
+        return answer
+
+
+def whole_mode(text: str) -> str:
+    """Return a mode by its whole name, whether or not it is abbreviated; empty for none."""
+    short = text.strip().upper()
+    return next((mode for mode in MODES if short and mode.upper().startswith(short)), "")
+
+
+def number(value: float) -> str:
+    """Return a number as the controller takes it: without an exponent, and no minus zero."""
+    return f"{round(value, 6) + 0.0:.6f}"

@@ -1,0 +1,89 @@
+"""A reader of the hard-wired interlock chain that speaks in lines over TCP: our own small protocol.
+
+The chain is wired by the laboratory: emergency stops, doors and limit switches in series, which
+cut the power by themselves. A reader looks at each contact and answers; it can open and close
+nothing. It speaks lines of text; requests and answers end with LF:
+
+| request | answer |
+|---|---|
+| `*IDN?` | maker, `interlock chain reader`, serial number, firmware, with commas between |
+| `CHAIN?` | `CLOSED`, or `OPEN` when any contact is open |
+| `CHAIN:LIST?` | the names of the open contacts with commas between, `NONE` when none is |
+| `SYST:ERR?` | `0,"No error"`, or the oldest error: number, text |
+
+A request that it does not know is not answered and leaves `-113` there. The answer is the state at
+that moment; nothing is latched. A microcontroller with a network socket and a few inputs is enough
+to build one. No maker sells it: it was tried against the simulated one only.
+"""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from typing import ClassVar
+
+from drivers.transport.answers import identification, shortened
+from drivers.transport.retry import PatientLine, Repeatable
+from drivers.transport.visa_line import ScpiLine
+from drivers.transport.visa_port import VisaSettings
+from station.errors import InstrumentError
+from station.roles import Driver, Identity, Place
+
+STATES = {"CLOSED": "closed", "OPEN": "open"}
+
+
+class InterlockChainLine(Driver):
+    """The interlock chain as a reader with the protocol of this file sees it."""
+
+    Settings = VisaSettings
+    recognises: ClassVar[str] = r"^[^,]*,interlock chain reader,(?P<serial>[^,]+)"
+    repeatable: ClassVar[Repeatable] = Repeatable(r"\*IDN\?|CHAIN\?|CHAIN:LIST\?")
+
+    def __init__(self, place: Place) -> None:
+        self.place = place
+        self._line = ScpiLine(
+            place,
+            error_query=":SYST:ERR?",
+            no_error=lambda answer: answer.startswith("0,"),
+            repeatable=self.repeatable,
+        )
+        self._patient = PatientLine(self._line, self.repeatable)
+
+    def identify(self) -> Identity:
+        """Ask `*IDN?`: maker, model, serial number and firmware."""
+        return Identity(*identification(self.place.name, self._line.query("*IDN?"))[:4])
+
+    def is_closed(self) -> bool:
+        """Whether the chain is closed, so that the bench may be energised."""
+        return self._state() == "closed"
+
+    def open_contacts(self) -> tuple[str, ...]:
+        """Return the names of the contacts that are open."""
+        answer = self._patient.query("CHAIN:LIST?").strip()
+        names = tuple(name.strip() for name in answer.split(",") if name.strip())
+        return () if names == ("NONE",) else names
+
+    def explain(self, quantity: str) -> str:
+        """Say which contacts are open, for the sentence about a trip; nothing when none is."""
+        with suppress(InstrumentError):
+            contacts = self.open_contacts()
+            return f"open: {', '.join(contacts)}" if contacts else ""
+        return ""
+
+    def close(self) -> None:
+        """Close the line."""
+        self._line.close()
+
+    def _state(self) -> str:
+        answer = self._patient.query("CHAIN?").strip()
+        state = STATES.get(answer)
+        if state is None:
+            raise InstrumentError(
+                self.place.name,
+                "asked for the state of the chain",
+                f"{shortened(answer)!r} came back where CLOSED or OPEN belongs",
+                "check the reader of the chain and its cable; until then the chain counts as open",
+            )
+        self.place.publish("chain", state)
+        return state
+
+    quantities: ClassVar = {"chain": _state}

@@ -1,0 +1,137 @@
+"""The fibre-optic navigator on RS-422, in frames of our own.
+
+115200 Bd, 8 data bits, no parity, one stop bit unless the bench file says otherwise. Every number
+has its most significant byte first. A frame:
+
+| bytes | content |
+|---|---|
+| 2 | sync, 9A 65 |
+| 1 | kind |
+| 1 | length of the payload in bytes |
+| length | payload |
+| 4 | CRC-32 of all before it, filled up with zero bytes that are not sent to a multiple of four |
+
+The CRC is that of STIM300: polynomial 0x04C11DB7, seed 0xFFFFFFFF, not reflected, no final XOR.
+
+Kind 10, to the navigator, a command: command (1 byte: 1 start, 2 stop, 3 identify, 4 report status,
+5 align), request number (2), argument (4, signed: with start the rate in 0.1 Hz, with align the
+latitude in 1e-7 deg, else 0).
+
+Kind 90, an output: counter (2; 1 for the first after a start, modulo 65536), heading (4, unsigned,
+1e-7 deg), pitch and roll (4 each, signed, 1e-7 deg), temperature of the gyros x, y, z (2 each,
+signed, 0.01 degC; -327.68 degC means no sensor), status (2).
+
+Kind 91, what became of a command: command (1), result (1: 0 ok, 1 unknown command, 2 bad rate,
+3 bad latitude, 4 already running, 5 bad length, 6 unit off), request number (2), rate in force (1,
+0.1 Hz, 0 while nothing is output).
+
+Kind 92, after the acknowledgement of a report: status (2), alignment under way for (2, 0.1 s),
+counter of the last output (2), rate in force (1, 0.1 Hz).
+
+Kind 93, after the acknowledgement of identify: serial number (4), firmware major and minor,
+hardware revision, protocol version (1 each).
+
+Status: bit 0 aligned, 1 aligning; faults: bit 8 unit off, 9 alignment failed, 10 a gyro failed its
+own test. The interface has a supply of its own and answers while the unit behind it is off.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, ClassVar
+
+from drivers.generic.navigator import InertialNavigator
+from drivers.generic.navigator_messages import COMMANDS, RESULTS, Output, Request
+from drivers.generic.serial_navigator_frames import (
+    ACKNOWLEDGEMENT,
+    COMMAND,
+    COMMAND_PAYLOAD,
+    IDENTITY,
+    OUTPUT,
+    PAYLOADS,
+    STATUS,
+    frame,
+    split,
+)
+from drivers.transport.serial_port import BaudRate, SerialSettings
+from drivers.transport.serial_stream import SerialStream, StreamAnswers, StreamFrame
+from station.roles import Place
+
+ANGLE_DEG, RATE_HZ, TEMPERATURE_DEGC, TIME_S = 1e-7, 0.1, 0.01, 0.1
+ANSWERS: Mapping[str, int] = {
+    "acknowledgement": ACKNOWLEDGEMENT,
+    "status": STATUS,
+    "identity": IDENTITY,
+}
+
+
+class SerialNavigatorLine:
+    """The navigator's messages in frames on a serial line."""
+
+    def __init__(self, place: Place, settings: SerialSettings) -> None:
+        self._stream = SerialStream(place, settings, split)
+        self.answers = StreamAnswers(self._stream, ANSWERS, decoded)
+
+    def send(self, request: Request) -> None:
+        """Put a command on the line."""
+        steps = request.rate_Hz / RATE_HZ + request.latitude_deg / ANGLE_DEG
+        payload = COMMAND_PAYLOAD.pack(COMMANDS[request.command], request.number, round(steps))
+        self._stream.send(frame(COMMAND, payload))
+
+    def outputs(self) -> list[Output]:
+        """Return the outputs that came since the last call."""
+        return [output(one) for one in self._stream.take(OUTPUT)]
+
+    def newest(self) -> Output | None:
+        """Return the last output that nobody has taken yet, and keep it."""
+        found = self._stream.newest(OUTPUT)
+        return None if found is None else output(found)
+
+    def close(self) -> None:
+        """Close the line."""
+        self._stream.close()
+
+
+def output(received: StreamFrame) -> Output:
+    """Return an output in its units."""
+    counter, heading, pitch, roll, x, y, z, status = PAYLOADS[OUTPUT].unpack(received.payload)
+    return Output(
+        counter,
+        heading * ANGLE_DEG,
+        pitch * ANGLE_DEG,
+        roll * ANGLE_DEG,
+        x * TEMPERATURE_DEGC,
+        y * TEMPERATURE_DEGC,
+        z * TEMPERATURE_DEGC,
+        status,
+        received.arrival_s,
+    )
+
+
+def decoded(received: StreamFrame) -> Mapping[str, Any]:
+    """Return an answer by names."""
+    values = PAYLOADS[received.kind].unpack(received.payload)
+    if received.kind == ACKNOWLEDGEMENT:
+        _, result, request, rate = values
+        word = RESULTS[result] if result < len(RESULTS) else f"result {result}"
+        return {"request_id": request, "result": word, "rate": rate * RATE_HZ}
+    if received.kind == STATUS:
+        status, aligning, _, _ = values
+        return {"status": status, "aligning_for": aligning * TIME_S}
+    serial, major, minor, _, _ = values
+    return {"serial_number": serial, "firmware_major": major, "firmware_minor": minor}
+
+
+class SerialNavigator(InertialNavigator):
+    """A navigator that outputs heading, attitude and the temperatures of its gyros on RS-422."""
+
+    class Settings(SerialSettings):
+        """Its line."""
+
+        baud_rate: BaudRate = 115200
+
+    identifies_on: ClassVar[str] = "socket"
+    """Where a scan of served instruments may ask `identify`; it knows no `*IDN?`."""
+
+    def __init__(self, place: Place) -> None:
+        super().__init__(place, SerialNavigatorLine(place, self.Settings.of(place)))

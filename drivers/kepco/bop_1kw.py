@@ -1,0 +1,89 @@
+"""Kepco BOP of the 1 kW family (MG, GL; MEL, MGL with LAN): the sine is the instrument's own.
+
+From a third party's programming guide, not from the manual's own pages: `LIST:CURR:APPL
+SINE,frequency,peak-to-peak[,offset]`, 0.01 Hz to 1.8 Hz in one segment, which takes all points of
+the list; that `CURR:MODE FIX` leaves the output at the point where the list was, and not at the
+fixed set-point as a BIT card does; `OUTP:CONT OFF` and `OUTP:MODE ACTIVE`; `SYST:REM ON` before
+anything at the output; `VOLT:PROT` as the clamp in current mode, which cannot be set near zero.
+From general knowledge: that `CURR:LIM?` and `VOLT:PROT?` tell what was set, within 1 %; the form
+of its identity; that its frequency is as exact as its clock; that a sine begins at zero. Which of
+the two `CURR:MODE FIX` does is no matter here: the list is left near a zero of its sine, and what
+remains is ramped.
+"""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from typing import ClassVar
+
+from drivers.kepco.supply import ERROR_QUERY, KepcoSupply
+from drivers.transport.retry import Repeatable
+from station.errors import InstrumentError
+
+FREQUENCY_RANGE_HZ = (0.01, 1.8)
+TOLERANCE = 0.01
+
+
+class KepcoBop1kW(KepcoSupply):
+    """A coil supply whose sine the instrument makes itself."""
+
+    recognises: ClassVar[str] = r"^KEPCO,\s*BOP[^,]*\d+-\d+\s*M?E?[GL]L?\b[^,]*,(?P<serial>[^,]+)"
+    repeatable: ClassVar[Repeatable] = Repeatable(
+        r"\*IDN\?|\*CLS|SYST:ERR\?",
+        r"(CURR|VOLT|OUTP|MEAS:CURR|MEAS:VOLT|STAT:OPER:COND|CURR:LIM|VOLT:PROT)\?( MAX)?",
+        r"(CURR|VOLT:PROT|CURR:LIM) -?[\d.]+",
+        r"FUNC:MODE CURR|CURR:MODE FIX|CURR:RANG 1|OUTP OFF|LIST:CLE",
+        r"SYST:REM ON|OUTP:CONT OFF|OUTP:MODE ACTIVE",
+    )
+    """Not a segment, which is appended; nor the list's start, which begins a period again; nor
+    the output's switching on, which lifts a protection that tripped meanwhile."""
+
+    def _programme_limits(self) -> None:
+        self._line.query(f"*CLS;{ERROR_QUERY}")
+        self._line.command("SYST:REM ON")
+        self._line.command("OUTP:CONT OFF")
+        self._line.command("OUTP:MODE ACTIVE")
+        self._line.command("FUNC:MODE CURR")
+        self._line.command("CURR:MODE FIX;:CURR 0")
+        self._check_rating()
+        self._limit("VOLT:PROT", self._voltage_limit_V)
+        self._limit("CURR:LIM", self._current_limit_A)
+
+    def make_safe(self, deadline_s: float) -> None:
+        """Take the output over, then bring the current to zero and switch the output off."""
+        with suppress(InstrumentError):  # one that cannot be told may still be switched off
+            self._patient.query(f"SYST:REM ON;{ERROR_QUERY}")
+        super().make_safe(deadline_s)
+
+    def _limit(self, header: str, value: float) -> None:
+        """Set a limit on both sides and read it back."""
+        self._line.command(f"{header} {value:.4f}")
+        answer = self._line.query(f"{header}?")
+        try:
+            sides = [float(text) for text in answer.split(",")]
+        except ValueError:
+            sides = []
+        if not sides or any(abs(abs(one) - value) > TOLERANCE * value for one in sides):
+            raise InstrumentError(
+                self.place.name,
+                f"set {header} to {value:g}",
+                f"it reads back {answer!r}",
+                "compare the bench file's limits with what the instrument can limit to",
+            )
+
+    def _prepare(self, frequency_Hz: float, amplitude_A: float) -> float:
+        lowest_Hz, highest_Hz = FREQUENCY_RANGE_HZ
+        if not lowest_Hz <= frequency_Hz <= highest_Hz:
+            raise InstrumentError(
+                self.place.name,
+                f"prepare a sine of {frequency_Hz:g} Hz",
+                f"in one segment it makes {lowest_Hz:g} Hz to {highest_Hz:g} Hz",
+                "change the plan's frequency",
+            )
+        self._line.command("CURR:MODE FIX;:CURR 0")
+        self._line.command("CURR:RANG 1")
+        self._line.command("LIST:CLE")
+        given_Hz = float(f"{frequency_Hz:.7f}")
+        self._line.command(f"LIST:CURR:APPL SINE,{given_Hz:.7f},{2.0 * amplitude_A:.4f},0")
+        self._line.command("LIST:COUN 0")
+        return given_Hz

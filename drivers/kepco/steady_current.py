@@ -1,0 +1,170 @@
+"""A steady current from a Kepco BOP: ramped within the slew limit, settled by its read-back.
+
+The status bit of voltage mode (8) is from public client code [C]; that the measured current agrees
+with the set-point within 0.2 % and the bench's `zero_current` is an assumption about a supply in
+calibration.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from itertools import pairwise
+
+from drivers.transport.visa_line import ScpiLine
+from station.errors import InstrumentError
+from station.roles import CoilSettings, Place
+
+STEP_S = 0.05
+LOOK_S = 0.05
+LOOKS = 4
+FEWEST_LOOKS = 16
+"""Where each look takes long, the patience is over before noise has had the chance to turn back."""
+PATIENCE_S = 2.0
+PATIENCE_TAUS = 20.0
+RELATIVE_TOLERANCE = 0.002
+MOST_READS = 4
+VOLTAGE_MODE = 1 << 8
+
+
+class SteadyCurrent:
+    """The verbs of a supply that holds a current.
+
+    The coil's time constant is its inductance over its resistance; without these settings it is
+    taken to be short against 0.1 s.
+    """
+
+    def __init__(
+        self, place: Place, coil: CoilSettings, line: ScpiLine, current_A: Callable[[], float]
+    ) -> None:
+        self._place, self._line, self._current_A = place, line, current_A
+        self._limit_A = place.limits["current"]
+        self._step_A = place.limits["slew"] * STEP_S
+        self._zero_A = place.limits["zero_current"]
+        self._tau_s = 0.0
+        if coil.coil_inductance_mH is not None and coil.coil_resistance_ohm is not None:
+            self._tau_s = coil.coil_inductance_mH * 1e-3 / coil.coil_resistance_ohm
+
+    def switch_on(self) -> None:
+        """Switch the output on at a fixed current of zero; one that is on is ramped there."""
+        if self._is_on():
+            self.ramp_to(0.0)
+            return
+        self._line.command("CURR:MODE FIX;:CURR 0")
+        # Automatic ranges would switch, with a jump, at a quarter of full scale.
+        self._line.command("CURR:RANG 1")
+        self._line.command("OUTP ON")
+        if not self._is_on():
+            raise InstrumentError(
+                self._place.name,
+                "switched the output on",
+                "it reads back as off",
+                "look at the supply's display for a tripped protection and clear it",
+            )
+
+    def ramp_to(self, current_A: float) -> None:
+        """Go to `current_A` in steps of the slew limit, and wait until the supply reads it back.
+
+        Settled means that the last readings agree with the set-point and no longer move one way.
+        Raises InstrumentError when the current is beyond the bench's limit, the output is off, or
+        the current is not there 2 s and 20 time constants of the coil after the ramp.
+        """
+        attempted = f"ramp to {current_A:g} A"
+        if not abs(current_A) <= self._limit_A:
+            raise self._error(
+                attempted,
+                f"the bench allows {self._limit_A:g} A",
+                "lower the plan's field, or raise limits.current where coil and supply stand it",
+            )
+        if not self._is_on():
+            raise self._error(
+                attempted, "the output is off", "switch it on first; see its display if it was on"
+            )
+        # The set-point is where a ramp starts: a supply in compliance reads less than commanded,
+        # and what it drives follows its set-point no faster than that moves.
+        begin_A = set_point_A(self._line.number)
+        steps = math.ceil(abs(current_A - begin_A) / self._step_A - 1e-6)
+        for step in range(1, steps + 1):
+            level_A = begin_A + (current_A - begin_A) * step / steps
+            self._line.command(f"CURR {level_A:.4f}")
+            self._place.clock.sleep(STEP_S)
+        self._settle(current_A, attempted)
+
+    def _settle(self, current_A: float, attempted: str) -> None:
+        clock = self._place.clock
+        tolerance_A = self._zero_A + RELATIVE_TOLERANCE * abs(current_A)
+        until_s = clock.now() + clock.patience_s(PATIENCE_S + PATIENCE_TAUS * self._tau_s)
+        # Looked at once a time constant, what is still to come is as small as the last change.
+        look_s = max(LOOK_S, self._tau_s)
+        seen: list[float] = []
+        looks = 0
+        while True:
+            looks += 1
+            seen = [*seen[1 - LOOKS :], self._current_A()]
+            near = [abs(one - current_A) <= tolerance_A for one in seen]
+            agree = all(near)
+            if len(seen) == LOOKS and agree and not moves_one_way(seen):
+                return
+            if clock.now() >= until_s and (looks >= FEWEST_LOOKS or not near[-1]):
+                raise self._not_reached(attempted, seen[-1], near[-1])
+            clock.sleep(look_s)
+
+    def _not_reached(self, attempted: str, read_A: float, agree: bool) -> InstrumentError:
+        read_A = round(read_A, 3) + 0.0  # no minus before a zero
+        if not self._is_on():
+            return self._error(
+                attempted,
+                f"the output went off, {read_A:.3f} A flow",
+                "look at the supply's display for a tripped protection, and at the coil's cable",
+            )
+        if agree:
+            return self._error(
+                attempted,
+                f"it still moves, at {read_A:.3f} A",
+                "check settings.coil_inductance and coil_resistance, and the coil's cable",
+            )
+        if int(self._line.number("STAT:OPER:COND?")) & VOLTAGE_MODE:
+            voltage_V = self._line.number("MEAS:VOLT?")
+            return self._error(
+                attempted,
+                f"the supply is in compliance: {voltage_V:.2f} V at its terminals, and "
+                f"{read_A:.3f} A flow",
+                "check the coil's cable and contacts, let a hot coil cool, compare limits.voltage "
+                "with what the coil needs",
+            )
+        return self._error(
+            attempted,
+            f"the set-point was never reached: {read_A:.3f} A flow",
+            "check the supply's read-back against its display, and its calibration",
+        )
+
+    def _is_on(self) -> bool:
+        is_on = self._line.number("OUTP?") != 0
+        self._place.publish("output", "on" if is_on else "off")
+        return is_on
+
+    def _error(self, attempted: str, came_back: str, do_now: str) -> InstrumentError:
+        return InstrumentError(self._place.name, attempted, came_back, do_now)
+
+
+def set_point_A(number: Callable[[str], float]) -> float:
+    """Return the set-point that a supply reads back, in A; `number` asks it.
+
+    A line that is one answer behind gives that of the question before: what counts is what comes
+    twice.
+    """
+    read_A = number("CURR?")
+    for _ in range(MOST_READS):
+        before_A, read_A = read_A, number("CURR?")
+        if read_A == before_A:
+            break
+    return read_A
+
+
+def moves_one_way(readings: list[float]) -> bool:
+    """Return whether each reading lies beyond the one before, all in one direction.
+
+    Four readings of nothing but noise do so once in twelve times; an approach always does.
+    """
+    changes = [after - before for before, after in pairwise(readings)]
+    return all(change > 0 for change in changes) or all(change < 0 for change in changes)

@@ -1,0 +1,261 @@
+"""What a driver of a Kepco BOP does alike whatever makes its sine: limits, ramps, the way to rest.
+
+Sources: BIT 4886 manual P/N 243-1303 for the error codes and the rounding by calibration constants;
+`FUNC:MODE` and the status bits from public client code.
+"""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from contextlib import suppress
+from typing import ClassVar
+
+from drivers.kepco.list_stop import Sine, wait_for_zero
+from drivers.kepco.steady_current import SteadyCurrent, set_point_A
+from drivers.transport.answers import identification
+from drivers.transport.proof import Proof
+from drivers.transport.retry import PatientLine, Repeatable
+from drivers.transport.visa_line import ScpiLine
+from drivers.transport.visa_port import VisaSettings
+from station.errors import InstrumentError, PauseRefused
+from station.roles import CoilSettings, Driver, Identity, Place, SafetyReading
+
+ERROR_QUERY = ":SYST:ERR?"
+OPERATION = "STAT:OPER:COND?"
+LIST_RUNNING = 1 << 14
+RAMP_STEP_S = 0.05
+SETTLE_S = 0.1
+COMES_TO_REST_S = 60.0
+LONGEST_HALF_PERIOD_S = 10.5
+"""Half a period of the slowest published drive, 0.05 Hz, and a little."""
+
+
+class KepcoSupply(Driver, ABC):
+    """A coil supply: a sine that the instrument repeats until stopped, or a steady current.
+
+    Limits: `current` A, `voltage` V, `slew` A/s, and `zero_current` A, the largest measured current
+    that counts as zero.
+    """
+
+    Settings = VisaSettings
+    repeatable: ClassVar[Repeatable]
+
+    def __init__(self, place: Place) -> None:
+        self.place = place
+        coil = CoilSettings.of(place)
+        self.coil_constant_mT_per_A = coil.coil_constant_mT_per_A
+        self._current_limit_A = place.limits["current"]
+        self._voltage_limit_V = place.limits["voltage"]
+        self._ramp_step_A = place.limits["slew"] * RAMP_STEP_S
+        self._zero_A = place.limits["zero_current"]
+        self._line = ScpiLine(
+            place,
+            error_query=ERROR_QUERY,
+            no_error=lambda answer: answer.startswith("0,"),
+            repeatable=self.repeatable,
+        )
+        self._proof = Proof(place, self._line)
+        self._patient = PatientLine(self._line, self.repeatable)
+        self._steady = SteadyCurrent(place, coil, self._line, self.current_A)
+        self._half_period_s = LONGEST_HALF_PERIOD_S
+        self._sine: Sine | None = None
+        self._stood_still = False
+
+    def identify(self) -> Identity:
+        """Ask `*IDN?`; the answer is maker, model and ratings, serial number, firmware."""
+        return Identity(*identification(self.place.name, self._line.query("*IDN?"))[:4])
+
+    def programme_limits(self) -> None:
+        """Set current mode, zero, and the instrument's own current and voltage limits.
+
+        A supply that is found switched on, as an earlier run may have left it, is first brought to
+        rest within its slew limit. Raises InstrumentError when the bench's limit is above the
+        instrument's rating.
+        """
+        if self._proof.of(self._output_is_on) == [True]:
+            self.make_safe(self.place.clock.now() + COMES_TO_REST_S)
+        self._programme_limits()
+
+    @abstractmethod
+    def _programme_limits(self) -> None:
+        """Set what `programme_limits` says, on a supply at rest."""
+
+    @abstractmethod
+    def _prepare(self, frequency_Hz: float, amplitude_A: float) -> float:
+        """Put one period of a sine into the list memory; return the frequency in Hz it will have.
+
+        Raises InstrumentError for a frequency that the instrument cannot do.
+        """
+
+    def load_sine(self, frequency_Hz: float, amplitude_A: float) -> float:
+        """Prepare a sine and switch the output on at a fixed current of zero.
+
+        Returns the frequency in Hz that it will have by the instrument's own time base. Raises
+        InstrumentError when the amplitude is above the bench's limit.
+        """
+        if amplitude_A > self._current_limit_A:
+            raise InstrumentError(
+                self.place.name,
+                f"prepare a sine of {amplitude_A:g} A",
+                f"the bench allows {self._current_limit_A:g} A",
+                "lower the plan's amplitude",
+            )
+        given_Hz = self._prepare(frequency_Hz, amplitude_A)
+        self._line.command("OUTP ON")
+        self.place.publish("output", "on")
+        self._half_period_s = 0.5 / given_Hz
+        return given_Hz
+
+    def _check_rating(self) -> None:
+        """Raise InstrumentError when the bench's limit is above the instrument's rating."""
+        rating_A = self._line.number("CURR? MAX")
+        if self._current_limit_A > rating_A:
+            raise InstrumentError(
+                self.place.name,
+                f"limit the current to {self._current_limit_A:g} A",
+                f"the instrument ends at {rating_A:g} A",
+                "lower limits.current in the bench file",
+            )
+
+    def start_sine(self) -> None:
+        """Run the uploaded list and prove from the status register that it runs."""
+        self._line.command("CURR:MODE LIST")
+        self._sine = Sine(self.place.clock.now(), self._half_period_s)
+        if not list_runs(self._line.number(OPERATION)):
+            raise InstrumentError(
+                self.place.name,
+                "started the list",
+                "the status register says that no list runs",
+                "look at the supply's display for a fault, clear it and run again",
+            )
+
+    def switch_on(self) -> None:
+        """Switch the output on at zero current."""
+        self._steady.switch_on()
+
+    def ramp_to(self, current_A: float) -> None:
+        """Go to a current of either sign within the slew limit; return once it reads back."""
+        self._steady.ramp_to(current_A)
+
+    def stop(self) -> None:
+        """Bring the current to zero within the slew limit and switch the output off."""
+        self.make_safe(self.place.clock.now() + COMES_TO_REST_S)
+
+    def current_A(self) -> float:
+        """Return the measured output current in A."""
+        return self._published_current_A(self._line.number("MEAS:CURR?"))
+
+    def make_safe(self, deadline_s: float) -> None:
+        """Leave the list near a zero of its sine, ramp what remains, switch the output off.
+
+        Where that fails, a last attempt switches the output off at once, and the error is raised.
+        """
+        try:
+            # What was refused before must not be taken for a refusal of what follows.
+            self._patient.query(f"*CLS;{ERROR_QUERY}")
+            self._ramp_to_zero(deadline_s)
+            self._patient.command("OUTP OFF")
+            self.place.publish("output", "off")
+        except InstrumentError:
+            with suppress(InstrumentError):
+                self._line.last_attempt("OUTP OFF")
+            raise
+
+    def _ramp_to_zero(self, deadline_s: float) -> None:
+        clock = self.place.clock
+        # An answer to another question must not be what a ramp starts from.
+        if self._proof.of(self._list_runs) == [True]:
+            self._leave_list(deadline_s)
+        present_A, set_A = self._proof.of(
+            self._sure_current_A, lambda: set_point_A(self._patient.number)
+        )
+        if abs(set_A) > self._ramp_step_A or self._stood_still:
+            # What it drives follows what is commanded, also where it reads back something else:
+            # in compliance, frozen, or beyond its set-point.
+            present_A = set_A
+        flows = abs(present_A) > self._zero_A
+        steps = math.ceil(abs(present_A) / self._ramp_step_A) if flows else 0
+        # First the wait and the present set-point once more: a ramp that was interrupted has just
+        # made its step, or its last command was lost.
+        clock.sleep(RAMP_STEP_S)
+        for step in range(steps, 0, -1):
+            self._patient.command(f"CURR {present_A * step / steps:.4f}")
+            clock.sleep(RAMP_STEP_S)
+        self._patient.command("CURR:MODE FIX;:CURR 0")
+        while abs(self._sure_current_A()) > self._zero_A and clock.now() < deadline_s:
+            clock.sleep(SETTLE_S)
+
+    def read_safety(self) -> SafetyReading:
+        """Read back output state, list state and current."""
+        output_on, runs, current_A = self._proof.of(
+            self._output_is_on, self._list_runs, self._sure_current_A
+        )
+        safe = not output_on and not runs and abs(current_A) <= self._zero_A
+        return SafetyReading(
+            safe and not self._stood_still,
+            f"output {'on' if output_on else 'off'}, {'list running, ' if runs else ''}"
+            f"{round(current_A, 3) + 0.0:.3f} A"
+            f"{', which stood still while the list ran' if self._stood_still else ''}",
+        )
+
+    def pause(self) -> str:
+        """Wait at zero current for any time; raises PauseRefused while it is not at rest."""
+        if holds := self._output_is_on() and not self._list_runs():
+            self.ramp_to(0.0)
+        if (reading := self.read_safety()).safe or holds:
+            return reading.read_back
+        raise PauseRefused(f"it is not at rest: {reading.read_back}")
+
+    def close(self) -> None:
+        """Close the line."""
+        self._line.close()
+
+    def _leave_list(self, deadline_s: float) -> None:
+        """End the list where it carries no more current than one step of a ramp.
+
+        FIX goes at once to the fixed set-point, which was set to zero before the list ran and
+        cannot be set while it runs: at full current this would cut the coil off. A list that does
+        not come to zero in the longest half period is left all the same.
+        """
+        until_s = min(self.place.clock.now() + LONGEST_HALF_PERIOD_S, deadline_s - SETTLE_S)
+        self._stood_still |= not wait_for_zero(
+            self.place.clock,
+            self._sure_current_A,
+            self._ramp_step_A,
+            until_s,
+            self._sine,
+            self._proof.in_step,
+        )
+        self._patient.command("CURR:MODE FIX")
+
+    def _list_runs(self) -> bool:
+        return list_runs(self._patient.number(OPERATION))
+
+    def _output_is_on(self) -> bool:
+        is_on = self._patient.number("OUTP?") != 0
+        self.place.publish("output", "on" if is_on else "off")
+        return is_on
+
+    def _sure_current_A(self) -> float:
+        return self._published_current_A(self._patient.number("MEAS:CURR?"))
+
+    def _published_current_A(self, current_A: float) -> float:
+        self.place.publish("current", current_A, "A")
+        return current_A
+
+    def _voltage_V(self) -> float:
+        voltage_V = self._patient.number("MEAS:VOLT?")
+        self.place.publish("voltage", voltage_V, "V")
+        return voltage_V
+
+    quantities: ClassVar = {
+        "current": _sure_current_A,
+        "voltage": _voltage_V,
+        "output": lambda self: "on" if self._output_is_on() else "off",
+    }
+
+
+def list_runs(operation: float) -> bool:
+    """Return whether the operation condition register says that a list runs."""
+    return bool(int(operation) & LIST_RUNNING)

@@ -1,0 +1,162 @@
+"""Lake Shore F71 teslameter over TCP (SCPI, requests end with LF, answers with CR LF).
+
+Sources: F71 manual and the maker's Python client for the buffer format and the error query. Not
+confirmed in a primary source: which instant of the averaging the time stamp means; the bench
+file's `timestamp` says it and the laboratory must have established it; and that `FETC:DC?` without
+a parameter gives the newest magnitude and leaves the buffer alone.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from datetime import datetime
+from typing import ClassVar, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+from drivers.transport.answers import identification, shortened
+from drivers.transport.retry import PatientLine, Repeatable
+from drivers.transport.visa_line import ScpiLine
+from drivers.transport.visa_port import VisaSettings
+from station.errors import InstrumentError
+from station.fields import Second
+from station.roles import Block, Driver, Identity, Place
+
+READING_PERIOD_S = 0.01
+OVERLOAD_T = 9e37
+
+
+class LakeshoreF71(Driver):
+    """A gaussmeter that buffers averaged readings with its own time stamps."""
+
+    class Settings(VisaSettings):
+        """What its readings are averaged over, and what their stamps mean."""
+
+        averaging_s: Second = Field(gt=0, description="of each reading, a multiple of 10 ms")
+        timestamp: Literal["interval-start", "interval-middle", "interval-end"] = Field(
+            description="the instant of the averaging that a time stamp means"
+        )
+
+    recognises: ClassVar[str] = r"^Lake ?Shore[^,]*,F71,(?P<serial>[^,/]+)"
+    repeatable: ClassVar[Repeatable] = Repeatable(
+        r"\*IDN\?|FETC:DC\?|SYST:ERR:ALL\?",
+        r"SENS:MODE DC|UNIT:FIELD TESLA|SENS:AVER:COUN \d+|SENS:RANG [\d.e+-]+",
+    )
+    """Not the buffer: reading empties it, and what was lost on its way is lost."""
+    axes: ClassVar[int] = 3
+    keeps_readings: ClassVar[bool] = True
+    source = "gaussmeter"
+    columns: ClassVar[Mapping[str, str]] = {
+        "instrument_time_s": "s by the instrument's clock, from its first stamp of the run",
+        "x_T": "T along the probe's x",
+        "y_T": "T along the probe's y",
+        "z_T": "T along the probe's z",
+        "state": "1 the instrument's input state says overload, 0 it does not",
+    }
+
+    def __init__(self, place: Place) -> None:
+        self.place = place
+        settings = self.Settings.of(place)
+        self.timestamp = settings.timestamp
+        self._averaging_count = max(round(settings.averaging_s / READING_PERIOD_S), 1)
+        self.averaging_s = self._averaging_count * READING_PERIOD_S
+        self._first_stamp: datetime | None = None
+        self._newest_s = -math.inf
+        self._gives_tesla = False
+        self._line = ScpiLine(
+            place,
+            error_query=":SYST:ERR:ALL?",
+            no_error=lambda answer: "no error" in answer.lower(),
+            answer_end="\r\n",
+            repeatable=self.repeatable,
+        )
+        self._patient = PatientLine(self._line, self.repeatable)
+
+    def identify(self) -> Identity:
+        """Ask `*IDN?`: maker, model, serial number, options and firmware."""
+        parts = identification(self.place.name, self._line.query("*IDN?"))
+        return Identity(parts[0], parts[1], parts[2].split("/")[0], parts[-1])
+
+    def turn_to(self, axis: str) -> None:
+        """Do nothing: its probe measures along all three axes."""
+
+    def start(self, largest_field_mT: float) -> None:
+        """Select DC mode, tesla, averaging and the range, and empty the buffer."""
+        self._line.command("SENS:MODE DC")
+        self._line.command("UNIT:FIELD TESLA")
+        self._gives_tesla = True
+        self._line.command(f"SENS:AVER:COUN {self._averaging_count}")
+        self._line.command(f"SENS:RANG {largest_field_mT * 1e-3:.6g}")
+        self._line.query("FETC:BUFF:DC?")
+        self._first_stamp = None
+        self._newest_s = -math.inf
+
+    def drain(self) -> Block:
+        """Return the buffered readings; reading them empties the instrument's buffer."""
+        answer = self._line.query("FETC:BUFF:DC?")
+        arrival_s = self.place.clock.now()
+        records = [record for record in answer.strip().strip('"').split(";") if record]
+        rows = np.array([self._row(record) for record in records]).reshape(-1, 5)
+        self._check_rising(rows[:, 0])
+        if len(rows):
+            self._publish_field(float(np.linalg.norm(rows[-1, 1:4])))
+        return Block(dict(zip(self.columns, rows.T, strict=True)), np.full(len(rows), arrival_s))
+
+    def _field_mT(self) -> float:
+        """Return the magnitude of the field now; infinite where it is beyond the range.
+
+        The buffer, which a step may be recording, stays as it is.
+        """
+        if not self._gives_tesla:
+            # Before the first start it is as somebody left it, perhaps in gauss.
+            self._patient.command("SENS:MODE DC")
+            self._patient.command("UNIT:FIELD TESLA")
+            self._gives_tesla = True
+        return self._publish_field(self._patient.number("FETC:DC?"))
+
+    quantities: ClassVar = {"field": _field_mT}
+
+    def close(self) -> None:
+        """Close the line."""
+        self._line.close()
+
+    def _publish_field(self, magnitude_T: float) -> float:
+        field_mT = magnitude_T * 1e3 if abs(magnitude_T) < OVERLOAD_T else math.inf
+        self.place.publish("field", field_mT, "mT")
+        return field_mT
+
+    def _check_rising(self, instrument_time_s: NDArray[np.float64]) -> None:
+        """Raise InstrumentError when stamps do not rise: an answer came twice, or out of turn."""
+        if not len(instrument_time_s):
+            return
+        if not (np.diff(instrument_time_s, prepend=self._newest_s) > 0).all():
+            raise InstrumentError(
+                self.place.name,
+                "read its buffer",
+                "its time stamps run backwards",
+                "check that nobody else talks to the instrument, then run again",
+            )
+        self._newest_s = float(instrument_time_s[-1])
+
+    def _row(self, record: str) -> tuple[float, float, float, float, float]:
+        fields = record.split(",")
+        try:
+            stamp = datetime.fromisoformat(fields[0])
+            x_T, y_T, z_T = (float(text) for text in fields[2:5])
+            overload = float(fields[-1].strip() not in ("0", ""))
+            if not all(map(math.isfinite, (x_T, y_T, z_T))):
+                raise ValueError(record)
+            self._first_stamp = self._first_stamp or stamp
+            # A stamp with a time zone after stamps without one is no stamp of this instrument.
+            instrument_time_s = (stamp - self._first_stamp).total_seconds()
+        except (ValueError, IndexError, TypeError) as error:
+            raise InstrumentError(
+                self.place.name,
+                "read its buffer",
+                f"{shortened(record)!r} is no reading",
+                "check the cable and that nobody else talks to the instrument",
+            ) from error
+        return instrument_time_s, x_T, y_T, z_T, overload

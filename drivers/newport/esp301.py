@@ -1,0 +1,275 @@
+"""Newport ESP301 motion controller with a rotary stage, by serial port or the TCP port of one.
+
+Sources: public clients of the ESP300 family for the commands, the error codes and CR / CR LF; a
+digest of the ESP302 programmer's manual for 80 characters a line and ten kept errors. Not
+confirmed in a primary source: the serial settings (921600 Bd by USB on the ESP301, 19200 Bd with
+handshake on the ESP300), the form of `ID?`, `TV?`, and that VU and AU can be written.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from contextlib import suppress
+from typing import ClassVar
+
+from pydantic import Field
+
+from drivers.newport.esp301_limits import limit, programme
+from drivers.newport.esp301_line import MODEL, EspLine
+from drivers.transport.retry import Repeatable, repeated
+from drivers.transport.serial_port import BaudRate, Handshake, SerialSettings
+from station.errors import InstrumentError
+from station.fields import Degree, Second
+from station.roles import Driver, Identity, Place, SafetyReading
+
+STAGE = re.compile(r"\s*([^,\s][^,]*?)\s*,\s*S/?N\s*(\S+)\s*")
+LOOK_S = 0.05
+STILL_S = 0.1
+
+
+class NewportEsp301(Driver):
+    """A rotary stage that turns to absolute angles once its encoder's zero was found.
+
+    Limits: `rate` deg/s and `acceleration` deg/s^2; `angle_low` and `angle_high` deg go into the
+    controller where they are given.
+
+    Errors are told by the controller only when asked for, so every command asks in the same line.
+    The zero counts as found only when this program has had it looked for, and no longer once the
+    controller reports a fault or its motor off: a trip may cost steps.
+    """
+
+    class Settings(SerialSettings):
+        """The stage's axis, and its line."""
+
+        axis: int = Field(1, ge=1, le=3, description="of the controller")
+        in_position_deg: Degree = Field(
+            0.002, gt=0, description="how far the encoder may be from the commanded angle at rest"
+        )
+        home_mode: int = Field(
+            1, ge=1, le=6, description="the controller's OR; 1 is home switch and index"
+        )
+        home_within_s: Second = Field(120.0, gt=0, description="to find the encoder's zero")
+        baud_rate: BaudRate = 921600
+        hardware_handshake: Handshake = True
+
+    identifies_on: ClassVar[str] = "socket"
+    """Where a scan of served instruments may ask it; it knows no `*IDN?`."""
+
+    repeatable: ClassVar[Repeatable] = Repeatable(
+        r"VE\?|\d(ID|TP|DP|MD|MO|TV|VA|VU|AC|AG|AU|SL|SR|SN)\?", r"\dST"
+    )
+    """Neither TB?, which forgets the error it tells, nor what begins a movement."""
+
+    def __init__(self, place: Place) -> None:
+        self.place = place
+        settings = self.Settings.of(place)
+        self._axis = settings.axis
+        self._in_position_deg = settings.in_position_deg
+        self._home_mode, self._home_within_s = settings.home_mode, settings.home_within_s
+        self._limits_written = False
+        self._homed = False
+        self._homing = False
+        self._turning = False
+        self._until_s = math.inf
+        self._line = EspLine(place, settings, self._axis, self.repeatable)
+
+    def identify(self) -> Identity:
+        """Ask for the controller's version (`VE?`), and stage and serial number (`ID?`)."""
+        version = self._line.query("VE?")
+        match = MODEL.search(version)
+        if match is None:
+            raise self._line.odd("VE?", version)
+        told = self._line.query(self._of_axis("ID?"))
+        stage = STAGE.fullmatch(told)
+        if stage is None:
+            raise self._line.odd(self._of_axis("ID?"), told)
+        return Identity("Newport", f"{match[1]} with {stage[1]}", stage[2], match[2])
+
+    def programme_limits(self) -> None:
+        """Write rate, acceleration and angle limits into the controller and read them back.
+
+        Raises InstrumentError where the bench allows more than the stage is rated for.
+        """
+        programme(self.place, self._line, self._axis)
+        self._limits_written = True
+
+    def is_homed(self) -> bool:
+        """Whether the encoder's zero was found, and nothing has put it in doubt since."""
+        if self._homing:
+            self.is_moving()
+        return self._homed
+
+    def home(self) -> None:
+        """Switch the motor on and begin to look for the encoder's zero."""
+        self._prepare()
+        self._line.command(self._of_axis("MO"))
+        self._homed, self._homing = False, True
+        self._began(self._home_within_s)
+        self._command(f"OR{self._home_mode}")
+
+    def move_to(self, angle_deg: float) -> None:
+        """Begin to turn to an absolute angle of the encoder; returns at once.
+
+        Raises InstrumentError where the bench's limits do not hold the angle, and on a stage whose
+        zero has not been found.
+        """
+        low = self.place.limits.get("angle_low", -math.inf)
+        high = self.place.limits.get("angle_high", math.inf)
+        attempted = f"turn to {angle_deg:g} deg"
+        if not (math.isfinite(angle_deg) and low <= angle_deg <= high):
+            raise InstrumentError(
+                self.place.name,
+                attempted,
+                f"the bench allows {low:g} deg to {high:g} deg",
+                "correct the plan's angles, or limits.angle_low and limits.angle_high",
+            )
+        if not self.is_homed():
+            raise InstrumentError(
+                self.place.name,
+                attempted,
+                "the encoder's zero has not been found since the stage was opened or has tripped",
+                "home it first",
+            )
+        self._prepare()
+        rate, acceleration = limit(self.place, "rate"), limit(self.place, "acceleration")
+        takes_s = abs(angle_deg - self._encoder_deg()) / rate + 2 * rate / acceleration
+        self._began(2 * takes_s + 5.0)
+        self._command(f"PA{angle_deg:.6f}")
+
+    def is_moving(self) -> bool:
+        """Whether the stage still turns.
+
+        Raises InstrumentError for a fault of the axis, and for a movement that does not end.
+        """
+        # What was asked in time is no fault, however late this computer comes to look at it.
+        asked_s = self.place.clock.now()
+        if self._number("MD?") == 0:
+            self.place.publish("motion", "moving")
+            if asked_s > self._until_s:
+                raise InstrumentError(
+                    self.place.name,
+                    "waited for the stage to stand still",
+                    "it still turns, or has not settled, long after it should have",
+                    "look whether something blocks it, then run again",
+                )
+            return True
+        self.place.publish("motion", "at-rest")
+        homing, self._turning, self._homing = self._homing, False, False
+        try:
+            self._line.check("asked whether it stands still")
+            if self._number("MO?") == 0 and (homing or self._homed):
+                raise self._line.motor_off("asked whether it stands still")
+        except InstrumentError:
+            self._homed = self._limits_written = False
+            raise
+        self._homed = self._homed or homing
+        return False
+
+    def angle_deg(self) -> float:
+        """Return the encoder's angle in deg.
+
+        Raises InstrumentError where the stage stands still and the encoder is further than
+        `in_position` from the angle that the controller believes in.
+        """
+        angle_deg = self._encoder_deg()
+        if self._homed and not self._turning:
+            desired_deg = self._number("DP?")
+            if abs(angle_deg - desired_deg) > self._in_position_deg:
+                self._homed = False
+                raise InstrumentError(
+                    self.place.name,
+                    "read the angle at rest",
+                    f"the encoder reads {angle_deg:.5f} deg where {desired_deg:.5f} deg was "
+                    f"commanded, more than {self._in_position_deg:g} deg apart",
+                    "look for a blocked stage or a loose encoder cable, then home it again",
+                )
+        return angle_deg
+
+    def make_safe(self, deadline_s: float) -> None:
+        """Brake with the programmed deceleration and wait until the stage stands still.
+
+        The motor stays on: on a horizontal axis a device that is not balanced would turn the stage
+        as soon as nothing holds it. Where the controller does not answer, a last attempt aborts
+        all motion, and the error is raised.
+        """
+        self._homed = self._homed and not self._homing
+        self._homing = False
+        stop = self._of_axis("ST")
+        try:
+            # What was refused before is no refusal of this: that it stands is what is read back.
+            repeated(self.repeatable, stop, lambda: self._line.query(f"{stop};TB?"))
+            while self._surely("MD?") == 0 and self.place.clock.now() < deadline_s - STILL_S:
+                self.place.clock.sleep(LOOK_S)
+        except InstrumentError:
+            with suppress(InstrumentError):
+                self._line.last_attempt("AB")
+            raise
+        self._turning = False
+        with suppress(InstrumentError):
+            self._line.forget_errors()
+
+    def read_safety(self) -> SafetyReading:
+        """Read back whether the movement is over, and from two readings that the angle stays."""
+        (first_deg,) = self._line.proof.of(lambda: self._surely("TP?"))
+        self.place.clock.sleep(STILL_S)
+        angle_deg, done, motor_on = self._line.proof.of(
+            lambda: self._surely("TP?"),
+            lambda: self._surely("MD?") != 0,
+            lambda: self._surely("MO?") != 0,
+        )
+        rate = (angle_deg - first_deg) / STILL_S
+        still = abs(angle_deg - first_deg) <= self._in_position_deg
+        self.place.publish("rate", rate, "deg/s")
+        self.place.publish("angle", angle_deg, "deg")
+        self.place.publish("motion", "at-rest" if done and still else "moving")
+        return SafetyReading(
+            done and still,
+            f"{'at rest' if done else 'moving'} at {angle_deg:.3f} deg, {abs(rate):.3f} deg/s, "
+            f"motor {'on' if motor_on else 'off'}",
+        )
+
+    def close(self) -> None:
+        """Close the line."""
+        self._line.close()
+
+    def _prepare(self) -> None:
+        """Have the bench's limits in the controller before anything turns."""
+        if not self._limits_written:
+            self.programme_limits()
+
+    def _began(self, within_s: float) -> None:
+        self._turning = True
+        clock = self.place.clock
+        self._until_s = clock.now() + clock.patience_s(within_s)
+        self.place.publish("motion", "moving")
+
+    def _command(self, command: str) -> None:
+        """Send what begins a movement; an error that puts the zero in doubt is remembered."""
+        try:
+            self._line.command(self._of_axis(command))
+        except InstrumentError:
+            self._homed = self._homing = self._limits_written = False
+            raise
+
+    def _encoder_deg(self) -> float:
+        angle_deg = self._number("TP?")
+        self.place.publish("angle", angle_deg, "deg")
+        return angle_deg
+
+    def _number(self, query: str) -> float:
+        return self._line.number(self._of_axis(query))
+
+    quantities: ClassVar = {
+        "angle": _encoder_deg,
+        "rate": lambda self: self._number("TV?"),
+        "motion": lambda self: "moving" if self._number("MD?") == 0 else "at-rest",
+    }
+
+    def _surely(self, query: str) -> float:
+        """Return a number on the way to rest, where one lost answer must not decide."""
+        message = self._of_axis(query)
+        return repeated(self.repeatable, message, lambda: self._line.number(message))
+
+    def _of_axis(self, command: str) -> str:
+        return f"{self._axis}{command}"

@@ -1,0 +1,272 @@
+"""Thorlabs SC10 controller of the pump light's shutter, by serial port or the TCP port of one.
+
+Sources: the manual's table of commands (mode 5 is the external gate, `ens` toggles, `closed?`,
+`interlock?`) and public clients for 9600 Bd, CR, the echo before each answer and the prompt after
+it. Not confirmed in a primary source: that an enabled shutter in the external gate mode is open
+while its gate is high; that `ens?` survives a change of the mode, so it is read and set again; the
+wording of errors around `CMD_NOT_DEFINED` and `CMD_ARG_INVALID`. The controller tells no serial
+number: its identity holds `untold` in that place.
+
+The bench's trigger goes high at time zero, and then the light must go off. Between the trigger and
+the gate an inverter is needed for that, and the driver looks whether there is one: a shutter that
+stays closed while the trigger is at rest is an error.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from typing import ClassVar, Literal
+
+from pydantic import Field
+
+from drivers.transport.answers import odd
+from drivers.transport.proof import Proof
+from drivers.transport.retry import Repeatable, repeated
+from drivers.transport.serial_line import SerialLine
+from drivers.transport.serial_port import SerialSettings
+from station.errors import InstrumentError
+from station.fields import Second
+from station.roles import Driver, Identity, LightSettings, Place, SafetyReading
+
+MODEL = re.compile(r"THORLABS\s+(SC10)\s+VERSION\s+(\S+)", re.IGNORECASE)
+UNTOLD = "untold"
+Ask = Callable[[str], str]
+MANUAL, EXTERNAL = 1, 5
+TOGGLE_TRIES = 3
+LOOK_S = 0.01
+REFUSALS = {
+    "CMD_NOT_DEFINED": "check the cable and that this is an SC10 with a recent firmware",
+    "CMD_ARG_INVALID": "check the cable and that nobody else talks to the controller",
+}
+
+
+class ThorlabsSc10(Driver):
+    """A shutter that is closed at rest, opened and closed by commands or by the bench's trigger."""
+
+    class Settings(SerialSettings):
+        """How fast its shutter is, and its line."""
+
+        moves_within_s: Second = Field(
+            0.1, gt=0, description="in which it must open or close; the SH05 needs about 10 ms"
+        )
+        baud_rate: Literal[9600, 115200] = Field(9600, description="serial line: bits in a second")
+
+    identifies_on: ClassVar[str] = "socket"
+    """Where a scan of served instruments may ask it; it knows no `*IDN?`."""
+
+    repeatable: ClassVar[Repeatable] = Repeatable(r"(id|ens|closed|interlock|mode)\?", r"mode=\d")
+    """Not `ens`: said twice, it does nothing."""
+
+    def __init__(self, place: Place) -> None:
+        self.place = place
+        settings = self.Settings.of(place)
+        self._moves_within_s = settings.moves_within_s
+        self.trigger_to_dark_s = LightSettings.of(place).trigger_to_dark_s
+        """From the trigger's edge until the light is blocked, s; None where nobody measured."""
+        self._line = SerialLine(
+            place,
+            settings,
+            answer_end="> ",
+            ignores_empty=True,
+            repeatable=self.repeatable,
+            identity="id?",
+        )
+        self._proof = Proof(place, self._line)
+
+    def identify(self) -> Identity:
+        """Ask `id?` for model and firmware; the serial number stands on the unit alone."""
+        answer = self._ask("id?")
+        match = MODEL.search(answer)
+        if match is None:
+            raise odd(self.place.name, "sent 'id?'", answer)
+        return Identity("Thorlabs", match[1], UNTOLD, match[2])
+
+    def open_shutter(self) -> None:
+        """Let the light through in manual mode; returns once the shutter's sensor says so.
+
+        Raises InstrumentError for an open interlock, and for a shutter that stays closed.
+        """
+        self._look_at_interlock("open the shutter")
+        self._set_mode(MANUAL, self._ask)
+        self._enable(True, self._ask)
+        self._await(
+            True,
+            "open the shutter",
+            "check that the shutter head is plugged in and nothing blocks its blade",
+            self._moves_within_s,
+            self._ask,
+        )
+
+    def close_shutter(self) -> None:
+        """Block the light in manual mode; returns once the shutter's sensor says so.
+
+        Raises InstrumentError for a shutter that does not close.
+        """
+        self._close(self.place.clock.now() + self._moves_within_s, self._ask)
+
+    def follow_trigger(self) -> None:
+        """Let the light through while the bench's trigger is at rest, by the external gate.
+
+        Raises InstrumentError for an open interlock, and where the gate is low at rest.
+        """
+        self._look_at_interlock("follow the trigger")
+        self._enable(False, self._ask)
+        self._set_mode(EXTERNAL, self._ask)
+        self._enable(True, self._ask)
+        self._await(
+            True,
+            "follow the trigger, which is at rest",
+            "its gate is low: put an inverter between the trigger and the gate, seat their "
+            "cables, and take the trigger back to rest before",
+            self._moves_within_s,
+            self._ask,
+        )
+
+    def is_open(self) -> bool:
+        """Whether the light passes, by the shutter's own sensor."""
+        return self._is_open(self._ask)
+
+    def make_safe(self, deadline_s: float) -> None:
+        """Close the shutter, in whatever mode it is, and see that it is closed.
+
+        Raises InstrumentError for a shutter that does not close before run time `deadline_s`.
+        """
+        self._close(deadline_s, self._surely)
+
+    def read_safety(self) -> SafetyReading:
+        """Read back whether the shutter is closed, and whether it is disabled, so that it stays."""
+        ask = self._surely
+        is_open, enabled, mode_now = self._proof.of(
+            lambda: self._is_open(ask),
+            lambda: self._flag("ens?", ask) == 1,
+            lambda: self._mode(ask),
+        )
+        closed = not is_open
+        mode = "following the trigger" if mode_now == EXTERNAL else "by command"
+        return SafetyReading(
+            closed and not enabled,
+            f"shutter {'closed' if closed else 'OPEN'}, {'enabled' if enabled else 'disabled'}, "
+            f"{mode}",
+        )
+
+    quantities: ClassVar = {"output": lambda self: "on" if self._is_open(self._surely) else "off"}
+
+    def close(self) -> None:
+        """Close the line; the shutter stays as it is."""
+        self._line.close()
+
+    def _is_open(self, ask: Ask) -> bool:
+        is_open = self._flag("closed?", ask) == 0
+        self.place.publish("output", "on" if is_open else "off")
+        return is_open
+
+    def _close(self, deadline_s: float, ask: Ask) -> None:
+        # Disabled it closes in every mode; the mode comes after, so that nothing opens it again.
+        self._enable(False, ask)
+        within_s = min(self._moves_within_s, max(deadline_s - self.place.clock.now(), 0.0))
+        self._await(
+            False,
+            "close the shutter",
+            "THE LIGHT STILL PASSES: switch the pump laser off by hand, then look what holds the "
+            "blade",
+            within_s,
+            ask,
+        )
+        self._set_mode(MANUAL, ask)
+
+    def _await(self, is_open: bool, attempted: str, do_now: str, within_s: float, ask: Ask) -> None:
+        """Wait until the sensor says what it should; InstrumentError when it does not in time."""
+        until_s = self.place.clock.now() + within_s
+        while self._is_open(ask) != is_open:
+            if self.place.clock.now() >= until_s:
+                state = "closed" if is_open else "open"
+                enabled = "enabled" if self._flag("ens?", ask) else "disabled"
+                raise InstrumentError(
+                    self.place.name,
+                    attempted,
+                    f"its sensor still reads {state} after {within_s:g} s, and the controller is "
+                    f"{enabled}",
+                    do_now,
+                )
+            self.place.clock.sleep(LOOK_S)
+
+    def _enable(self, wanted: bool, ask: Ask) -> None:
+        """Enable or disable the shutter by a toggle, which is why each is preceded by a look."""
+        attempted = f"{'enable' if wanted else 'disable'} the shutter by 'ens'"
+        for _ in range(TOGGLE_TRIES):
+            if (self._flag("ens?", ask) == 1) == wanted:
+                return
+            try:
+                self._ask("ens")
+            except InstrumentError:  # on the way to rest another look tells what became of it
+                if ask == self._ask:
+                    raise
+        if (self._flag("ens?", ask) == 1) != wanted:
+            if wanted:
+                self._look_at_interlock(attempted)
+            raise InstrumentError(
+                self.place.name,
+                attempted,
+                f"ens? still reads {int(not wanted)} after {TOGGLE_TRIES} attempts",
+                "press ENABLE at its front panel, and see that nobody else uses the controller",
+            )
+
+    def _look_at_interlock(self, attempted: str) -> None:
+        if self._flag("interlock?", self._ask) == 1:
+            raise InstrumentError(
+                self.place.name,
+                attempted,
+                "its interlock is open (interlock? reads 1)",
+                "make sure that nobody is in the beam, close the interlock at its rear panel, then "
+                "run again",
+            )
+
+    def _mode(self, ask: Ask) -> int:
+        answer = ask("mode?")
+        if not answer.isdecimal():
+            raise self._odd("mode?", answer)
+        return int(answer)
+
+    def _set_mode(self, mode: int, ask: Ask) -> None:
+        ask(f"mode={mode}")
+        has = self._mode(ask)
+        if has != mode:
+            raise InstrumentError(
+                self.place.name,
+                f"set its mode to {mode}",
+                f"mode? reads {has}",
+                "see that nobody works at its front panel, then run again",
+            )
+
+    def _flag(self, question: str, ask: Ask) -> int:
+        answer = ask(question)
+        if answer not in ("0", "1"):
+            raise self._odd(question, answer)
+        return int(answer)
+
+    def _surely(self, message: str) -> str:
+        """Ask what does no harm twice, so that one lost answer does not leave the light on."""
+        return repeated(self.repeatable, message, lambda: self._ask(message))
+
+    def _ask(self, message: str) -> str:
+        """Send a message and return the value after its echo, empty for a command."""
+        answer = self._line.query(message)
+        lines = [one.strip() for one in answer.splitlines() if one.strip()]
+        if not lines or lines[0] != message:
+            raise self._odd(message, answer)
+        value = " ".join(lines[1:])
+        for refusal, do_now in REFUSALS.items():
+            if refusal in value:
+                raise InstrumentError(
+                    self.place.name, f"sent {message!r}", f"it refused with {refusal}", do_now
+                )
+        return value
+
+    def _odd(self, message: str, answer: str) -> InstrumentError:
+        return odd(
+            self.place.name,
+            f"sent {message!r}",
+            answer,
+            "check the cable and that nobody else talks to the controller",
+        )

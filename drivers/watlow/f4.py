@@ -1,0 +1,190 @@
+"""Watlow F4 controller of a thermal chamber, by Modbus RTU.
+
+Sources: public clients, for every register here. Not confirmed in a primary source: that a
+set-point one count below its low limit (602) switches heater and compressor off, as they read it;
+that 102 and 106 are the states of the alarms, and 101 the error of the input; that 201, 213, 225
+and 237 are the digital inputs, 1 while they are on; how the digits of the serial number are shared
+out.
+
+The F4 ramps by profiles alone. This driver steps the set-point by itself: it writes register 300
+again whenever it is asked for anything, at most 1 K at once, so a ramp is only as even as the
+driver is asked often.
+"""
+
+from __future__ import annotations
+
+from typing import ClassVar, Literal
+
+from pydantic import Field
+
+from drivers.transport.modbus_line import ModbusLine, ModbusSettings
+from drivers.transport.patient_registers import PatientRegisters, RegisterLine
+from drivers.transport.retry import Repeatable
+from drivers.watlow.chamber import WatlowChamber
+from station.errors import InstrumentError
+from station.roles import Identity, Place
+
+MODEL, MODEL_OF_F4 = 0, 5270
+WITNESS = ((0, 1), (1, 1), (2, 1))
+"""Model and serial number: no other three registers that are read one after the other hold them."""
+
+PROCESS, INPUT_ERROR, ALARMS, HEATS, COOLS = 100, 101, (102, 106), 103, 107
+PROFILE, PROFILE_ACTIVE, TERMINATE = 200, (2, 3), 1217
+TARGET, SET_LOW, SET_HIGH = 300, 602, 603
+DECIMALS, MOST_DECIMALS = 606, 3
+UNIT, CELSIUS = 901, 1
+INPUTS = (201, 213, 225, 237)
+FIRST_EVENT, PER_EVENT, EVENTS = 2000, 10, 8
+PERCENT = 100.0
+
+
+class WatlowF4(WatlowChamber):
+    """A chamber behind channel 1."""
+
+    class Settings(ModbusSettings):
+        """How the chamber is wired to the controller, and its line."""
+
+        chamber_event: int | None = Field(
+            None,
+            ge=1,
+            le=8,
+            description="the event that must be on for heater and compressor to run",
+        )
+        door: int | None = Field(
+            None, ge=1, le=4, description="the digital input that is on while the door is closed"
+        )
+        baud_rate: Literal[9600, 19200] = Field(19200, description="serial line: bits in a second")
+
+    identifies_on: ClassVar[str] = "socket"
+    """Where a scan of served instruments may ask it."""
+
+    repeatable: ClassVar[Repeatable] = Repeatable(r"(read|write) \d+")
+
+    resolution_K = 0.1
+    input_on = 1
+
+    def __init__(self, place: Place) -> None:
+        settings = self.Settings.of(place)
+        event, door = settings.chamber_event, settings.door
+        self._event_register = FIRST_EVENT + PER_EVENT * (event - 1) if event else None
+        self._per_K: float | None = None
+        self._modbus = ModbusLine(place, settings, self.repeatable, WITNESS)
+        surely = PatientRegisters(self._modbus, self.repeatable)
+        super().__init__(place, self._modbus, surely, INPUTS[door - 1] if door else None)
+
+    def identify(self) -> Identity:
+        """Read model, serial number and software revision."""
+        model, first, last = (self._line.read(address)[0] for address in (MODEL, 1, 2))
+        if model != MODEL_OF_F4:
+            raise InstrumentError(
+                self.place.name,
+                "read its model",
+                f"{model} came back where an F4 has {MODEL_OF_F4}",
+                "check that the address in the bench file is this controller's",
+            )
+        (revision,) = self._line.read(4)
+        return Identity("Watlow", "F4", f"{first:03d}{last:03d}", f"{revision / 100:.2f}")
+
+    def close(self) -> None:
+        """Close the line; the chamber goes on with what it does."""
+        self._modbus.close()
+
+    def _limits_found(self) -> tuple[float, float]:
+        (unit,) = self._line.read(UNIT)
+        if unit != CELSIUS:
+            raise InstrumentError(
+                self.place.name,
+                "read the unit of its temperatures",
+                f"{unit} came back where degC is {CELSIUS}",
+                "set the controller to degC at its panel",
+            )
+        return self._temperature(SET_LOW), self._temperature(SET_HIGH)
+
+    def _write_limits(self, low_degC: float, high_degC: float) -> None:
+        self._write(SET_LOW, low_degC)
+        self._write(SET_HIGH, high_degC)
+
+    def _process_degC(self, line: RegisterLine) -> float:
+        return self._temperature(PROCESS, line)
+
+    def _stands_at(self) -> float:
+        return self._temperature(TARGET)
+
+    def _jump(self, temperature_degC: float) -> None:
+        self._write(TARGET, temperature_degC)
+
+    def _engage(self, temperature_degC: float) -> None:
+        if self._event_register is not None:
+            self._write_word(self._event_register, 1)
+        self._jump(temperature_degC)
+
+    def _disengage(self, line: RegisterLine) -> None:
+        (profile,) = line.read(PROFILE)
+        if profile in PROFILE_ACTIVE:
+            line.write(TERMINATE, [1])
+        (low,) = line.read(SET_LOW)
+        line.write(TARGET, [(low - 1) & 0xFFFF])
+        if self._event_register is not None:
+            line.write(self._event_register, [0])
+
+    def _last_attempt(self) -> None:
+        if self._event_register is not None:
+            self._line.tell(self._event_register, 0)
+        if self._limits_written and self._per_K is not None:
+            low = round(self._limit("temperature_low") * self._per_K)
+            self._line.tell(TARGET, (low - 1) & 0xFFFF)
+
+    def _output(self, line: RegisterLine) -> tuple[bool, float]:
+        (low,), (target,) = line.read(SET_LOW), line.read(TARGET)
+        on = signed(target) >= signed(low)
+        if self._event_register is not None:
+            on = on and line.read(self._event_register) == [1]
+        (heats,), (cools,) = line.read(HEATS), line.read(COOLS)
+        return on, signed(heats) / PERCENT - signed(cools) / PERCENT
+
+    def _troubles(self, line: RegisterLine) -> list[str]:
+        troubles = [
+            f"alarm {number} is on"
+            for number, address in enumerate(ALARMS, 1)
+            if line.read(address) != [0]
+        ]
+        (error,) = line.read(INPUT_ERROR)
+        return [*troubles, f"its sensor has error {error}"] if error else troubles
+
+    def _temperature(self, address: int, line: RegisterLine | None = None) -> float:
+        per_K = self._scale(line or self._line)
+        (word,) = (line or self._line).read(address)
+        return signed(word) / per_K
+
+    def _write(self, address: int, temperature_degC: float) -> None:
+        self._write_word(address, round(temperature_degC * self._scale(self._line)) & 0xFFFF)
+
+    def _write_word(self, address: int, word: int) -> None:
+        self._line.write(address, [word])
+        (found,) = self._line.read(address)
+        if found != word:
+            raise InstrumentError(
+                self.place.name,
+                f"write {signed(word)} to register {address}",
+                f"{signed(found)} reads back",
+                "see that nobody works at the controller's panel, then run again",
+            )
+
+    def _scale(self, line: RegisterLine) -> float:
+        """Return the counts in a kelvin, read once."""
+        if self._per_K is None:
+            (decimals,) = line.read(DECIMALS)
+            if decimals > MOST_DECIMALS:
+                raise InstrumentError(
+                    self.place.name,
+                    "read the decimals of its temperatures",
+                    f"{decimals} came back, which is no number of decimals",
+                    "check that the address in the bench file is this controller's",
+                )
+            self._per_K = 10.0**decimals
+        return self._per_K
+
+
+def signed(word: int) -> int:
+    """Return a register as a signed number."""
+    return word - 0x10000 if word & 0x8000 else word

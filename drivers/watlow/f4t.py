@@ -1,0 +1,216 @@
+"""Watlow F4T controller of a thermal chamber, by Modbus TCP, or RTU on a serial port.
+
+Sources: the register list of the F4T manual for set-points, process value, control mode, alarms,
+limits and identity; a public client for the order of words and the inputs and outputs; a chamber
+maker's manual for the registers of the set-point's ramp (2794 action, 2796 scale, 2798 rate), which
+it gives for loop 1. Not confirmed in a primary source: that a ramp which is switched off leaves the
+set-point at its target, so it is held before; that register 6730, and 14080 on a serial port, holds
+the unit of what is read (15 for degC), so a controller without it is taken to be set to degC.
+
+A controller whose firmware has no such ramp is driven with `ramp: stepped`: the driver then writes
+the set-point again whenever it is asked for anything, in steps of at most 1 K, so the ramp is only
+as even as the driver is asked often.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, ClassVar, Literal
+
+from pydantic import Field
+
+from drivers.transport.modbus_line import SCHEME
+from drivers.transport.modbus_refusal import NO_REGISTER, ModbusRefusal
+from drivers.transport.patient_registers import RegisterLine
+from drivers.transport.retry import Repeatable
+from drivers.watlow.chamber import LOOK_S, WatlowChamber
+from drivers.watlow.f4t_registers import (
+    OFF,
+    ON,
+    REPEATABLE,
+    F4TRegisters,
+    F4TSettings,
+    IoName,
+    io_register,
+)
+from station.errors import InstrumentError
+from station.roles import Identity, Place
+
+PER_LOOP = 160
+MODE, SET_LOW, SET_HIGH, TARGET = 2730, 2774, 2776, 2782
+RAMP_ACTION, RAMP_SCALE, RAMP_RATE = 2794, 2796, 2798
+POWER, STANDS_AT, MODE_NOW, PROCESS = 2808, 2810, 2814, 2820
+AUTO, AT_SET_POINT, PER_MINUTE = 10, 85, 57
+UNIT_BY_TCP, UNIT_BY_PORT, CELSIUS = 6730, 14080, 15
+PROFILE_ACTION, PROFILE_STATE, TERMINATE, PROFILE_ACTIVE = 16566, 16568, 148, (149, 146)
+FIRST_ALARM, PER_ALARM, MOST_ALARMS = 1356, 100, 14
+QUIET_ALARMS = (88, 61, 12)
+ALARMS = {7: "high", 8: "low", 28: "error"}
+LIMIT_STATE, LIMIT_STATUS, LIMIT_ERROR, PER_LIMIT, LIMIT_MODULES = 11250, 11264, 11288, 60, 6
+ERROR, FAIL, NONE = 28, 32, 61
+FOLLOWS_WITHIN_S = 2.0
+ARRIVED_K = 1e-3
+
+
+class WatlowF4T(WatlowChamber):
+    """A chamber behind one control loop."""
+
+    class Settings(F4TSettings):
+        """How the chamber is wired to the controller."""
+
+        loop: int = Field(1, ge=1, le=4, description="the control loop")
+        ramp: Literal["controller", "stepped"] = Field(
+            "controller", description="who makes a ramp: the controller, or the driver step by step"
+        )
+        alarms: int = Field(4, ge=0, le=MOST_ALARMS, description="how many the controller has")
+        limit_modules: tuple[Annotated[int, Field(ge=1, le=LIMIT_MODULES)], ...] = Field(
+            (), description="slots of limit controllers"
+        )
+        door: IoName | None = Field(
+            None,
+            description='input that is on while the door is closed, module and number as `"2.2"`',
+        )
+
+    identifies_on: ClassVar[str] = SCHEME
+    """Where a scan of served instruments may ask it."""
+
+    repeatable: ClassVar[Repeatable] = REPEATABLE
+
+    resolution_K = 0.01
+    input_on = ON
+
+    def __init__(self, place: Place) -> None:
+        settings = self.Settings.of(place)
+        self.registers = registers = F4TRegisters(place, settings)
+        self._shift = PER_LOOP * (settings.loop - 1)
+        self._alarms, self._limits = settings.alarms, settings.limit_modules
+        self._stepped = settings.ramp == "stepped"
+        door_register = None if settings.door is None else io_register(settings.door)
+        self._unit_register = UNIT_BY_TCP if place.address.startswith(SCHEME) else UNIT_BY_PORT
+        super().__init__(place, registers.line, registers.surely, door_register)
+
+    def identify(self) -> Identity:
+        """Read hardware, serial number and firmware."""
+        return self.registers.identify()
+
+    def close(self) -> None:
+        """Close the line; the chamber goes on with what it does."""
+        self.registers.line.close()
+
+    def _limits_found(self) -> tuple[float, float]:
+        self.registers.identify()  # numbers in the wrong order of words would pass for numbers
+        try:
+            (unit,) = self._line.read(self._unit_register)
+        except ModbusRefusal as refusal:
+            if refusal.code != NO_REGISTER:
+                raise
+            unit = CELSIUS
+        if unit != CELSIUS:
+            raise InstrumentError(
+                self.place.name,
+                "read the unit of its temperatures",
+                f"{unit} came back where degC is {CELSIUS}",
+                "set the display unit of its Modbus port to degC at the controller's panel",
+            )
+        return self._number(SET_LOW), self._number(SET_HIGH)
+
+    def _write_limits(self, low_degC: float, high_degC: float) -> None:
+        self._write(SET_LOW, low_degC)
+        self._write(SET_HIGH, high_degC)
+
+    def _process_degC(self, line: RegisterLine) -> float:
+        return self._number(PROCESS, line)
+
+    def _stands_at(self) -> float:
+        return self._number(STANDS_AT)
+
+    def _jump(self, temperature_degC: float) -> None:
+        self._set_word(RAMP_ACTION, OFF)
+        self._write(TARGET, temperature_degC)
+
+    def _engage(self, temperature_degC: float) -> None:
+        self._jump(temperature_degC)
+        self._set_word(MODE, AUTO)
+        until_s = self.place.clock.now() + FOLLOWS_WITHIN_S
+        while (mode := self._word(MODE_NOW)) != AUTO:
+            if self.place.clock.now() >= until_s:
+                raise InstrumentError(
+                    self.place.name,
+                    "switch the control on",
+                    f"its active mode still reads {mode} where automatic is {AUTO}",
+                    "look at its panel for an alarm, a limit, or an input that keeps the loop off",
+                )
+            self.place.clock.sleep(LOOK_S)
+
+    def _disengage(self, line: RegisterLine) -> None:
+        line.write(MODE + self._shift, [OFF])
+        try:
+            (state,) = line.read(PROFILE_STATE)
+            if state in PROFILE_ACTIVE:  # a profile has the last word on every loop
+                line.write(PROFILE_ACTION, [TERMINATE])
+                line.write(MODE + self._shift, [OFF])
+        except ModbusRefusal:
+            pass  # a controller without profiles
+
+    def _last_attempt(self) -> None:
+        self._line.tell(MODE + self._shift, OFF)
+
+    def _output(self, line: RegisterLine) -> tuple[bool, float]:
+        (mode,) = line.read(MODE_NOW + self._shift)
+        return mode != OFF, self._number(POWER, line)
+
+    def _troubles(self, line: RegisterLine) -> list[str]:
+        troubles = []
+        for n in range(self._alarms):
+            (state,) = line.read(FIRST_ALARM + PER_ALARM * n)
+            if state not in QUIET_ALARMS:
+                troubles.append(f"alarm {n + 1} is on ({ALARMS.get(state, state)})")
+        for module in self._limits:
+            state, status, error = (
+                line.read(address + PER_LIMIT * (module - 1))[0]
+                for address in (LIMIT_STATE, LIMIT_STATUS, LIMIT_ERROR)
+            )
+            if state == ERROR or status == FAIL or error != NONE:
+                troubles.append(f"the limit controller in slot {module} has tripped")
+        return troubles
+
+    def _begin_ramp(self, target_degC: float, rate_K_per_min: float) -> None:
+        self._end_ramp()
+        if self._stepped:
+            super()._begin_ramp(target_degC, rate_K_per_min)
+            return
+        here_degC = self._stands_at()
+        self._set_word(RAMP_SCALE, PER_MINUTE)
+        self._write(RAMP_RATE, rate_K_per_min)
+        self._set_word(RAMP_ACTION, AT_SET_POINT)
+        began_s = self.place.clock.now()
+        self._write(TARGET, target_degC)
+        gone_K = abs(self._stands_at() - here_degC)
+        most_K = rate_K_per_min * (self.place.clock.now() - began_s + 1.0) / 60.0 + ARRIVED_K
+        if gone_K > most_K:
+            self._jump(here_degC)
+            raise InstrumentError(
+                self.place.name,
+                f"ramp to {target_degC:g} degC",
+                f"its set-point jumped by {gone_K:.2f} K at once",
+                "write ramp: stepped in the settings of the bench file",
+            )
+
+    def _end_ramp(self) -> None:
+        """Hold the set-point where it stands, then end the ramp."""
+        self._write(TARGET, self._stands_at())
+        self._set_word(RAMP_ACTION, OFF)
+
+    def _ramp_goes(self) -> bool:
+        return abs(self._number(STANDS_AT) - self._number(TARGET)) > ARRIVED_K
+
+    def _number(self, address: int, line: RegisterLine | None = None) -> float:
+        return self.registers.number(address + self._shift, line)
+
+    def _write(self, address: int, value: float) -> None:
+        self.registers.write_number(address + self._shift, value)
+
+    def _word(self, address: int) -> int:
+        return self._line.read(address + self._shift)[0]
+
+    def _set_word(self, address: int, value: int) -> None:
+        self.registers.write_word(address + self._shift, value)

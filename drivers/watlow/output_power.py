@@ -1,0 +1,128 @@
+"""Power of the device under test, switched by a digital output of a Watlow F4T.
+
+Sources: as for the F4T; a public client reads the state of an output at 33718 and on. Not confirmed
+in a primary source: that an output can be written where its state is read. Where the chamber's
+maker gave the output to a profile event, `event` switches it, which the manual does say; either way
+the state of the output itself is what is read back.
+"""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+from pydantic import Field
+
+from drivers.transport.modbus_refusal import DEVICE_FAILURE, ModbusRefusal
+from drivers.transport.retry import Repeatable
+from drivers.watlow.f4t import WatlowF4T
+from drivers.watlow.f4t_registers import (
+    OFF,
+    ON,
+    REPEATABLE,
+    F4TRegisters,
+    F4TSettings,
+    IoName,
+    io_register,
+)
+from station.errors import InstrumentError
+from station.roles import Driver, Identity, Place
+
+EVENTS = (16594, 16596, 16598, 16600, 16822, 16824, 16826, 16828)
+SWITCHES_WITHIN_S = 1.0
+LOOK_S = 0.05
+
+
+class WatlowOutputPower(Driver):
+    """An output behind which the device's supply hangs.
+
+    Where the output is that of the chamber's own controller, `shares: [thermal_chamber]` stands in
+    place of an address, `unit` and `word_order`, and its line is used.
+    """
+
+    class Settings(F4TSettings):
+        """Which output it is, and what switches it."""
+
+        output: IoName = Field(description='module and number of the output, as `"2.1"`')
+        event: int | None = Field(
+            None,
+            ge=1,
+            le=8,
+            description="the profile event that switches it; unless given it is written itself",
+        )
+
+    repeatable: ClassVar[Repeatable] = REPEATABLE
+
+    def __init__(self, place: Place) -> None:
+        self.place = place
+        self._shares = bool(place.shared)
+        settings = self.Settings.of(place)
+        self._registers = self._shared_registers() or F4TRegisters(place, settings)
+        self._name = settings.output
+        self._output = self._switch = io_register(self._name)
+        if settings.event is not None:
+            self._switch = EVENTS[settings.event - 1]
+
+    def identify(self) -> Identity:
+        """Read hardware, serial number and firmware of the controller."""
+        return self._registers.identify()
+
+    def switch_on(self) -> None:
+        """Switch the device on and see that the output is on."""
+        self._set(ON)
+
+    def switch_off(self) -> None:
+        """Switch the device off and see that the output is off."""
+        self._set(OFF)
+
+    quantities: ClassVar = {"output": lambda self: "on" if self._state() == ON else "off"}
+
+    def close(self) -> None:
+        """Close the line where it is this one's own; the output stays as it is."""
+        if not self._shares:
+            self._registers.line.close()
+
+    def _shared_registers(self) -> F4TRegisters | None:
+        for name, one in self.place.shared.items():
+            if not isinstance(one, WatlowF4T):
+                raise InstrumentError(
+                    self.place.name,
+                    "read the bench file",
+                    f"it shares {name}, which is no Watlow F4T",
+                    "share the chamber whose controller has the output, or give an address",
+                )
+            return one.registers
+        return None
+
+    def _set(self, wanted: int) -> None:
+        try:
+            self._registers.write_word(self._switch, wanted)
+        except ModbusRefusal as refusal:
+            raise self._missing(refusal) from refusal
+        until_s = self.place.clock.now() + SWITCHES_WITHIN_S
+        while (state := self._state()) != wanted:
+            if self.place.clock.now() >= until_s:
+                raise InstrumentError(
+                    self.place.name,
+                    f"switch output {self._name} {'on' if wanted == ON else 'off'}",
+                    f"its state still reads {state} after {SWITCHES_WITHIN_S:g} s",
+                    "compare the output's function in the controller and settings.event",
+                )
+            self.place.clock.sleep(LOOK_S)
+
+    def _state(self) -> int:
+        try:
+            (state,) = self._registers.surely.read(self._output)
+        except ModbusRefusal as refusal:
+            raise self._missing(refusal) from refusal
+        self.place.publish("output", "on" if state == ON else "off")
+        return state
+
+    def _missing(self, refusal: ModbusRefusal) -> InstrumentError:
+        if refusal.code != DEVICE_FAILURE:
+            return refusal
+        return InstrumentError(
+            self.place.name,
+            f"use output {self._name}",
+            f"the controller has no such output (exception {refusal.code})",
+            "correct settings.output in the bench file, or look which modules it is fitted with",
+        )

@@ -1,0 +1,79 @@
+"""What can be seen of a Watlow controller at any time: air, output, door, and its complaints."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from typing import ClassVar
+
+from drivers.transport.patient_registers import RegisterLine
+from station.errors import InstrumentError
+from station.roles import Driver, Place
+
+SENSIBLE_DEGC = (-200.0, 500.0)
+
+
+class WatlowSight(Driver, ABC):
+    """A controller as an interlock sees it; `door_register` is the input of the door, if any."""
+
+    input_on: int
+    """What a digital input reads while it is on."""
+
+    def __init__(self, place: Place, surely: RegisterLine, door_register: int | None) -> None:
+        self.place = place
+        self._surely = surely
+        self._door_register = door_register
+
+    def open_contacts(self) -> tuple[str, ...]:
+        """Return `door` where it is open, and each alarm and limit that is on."""
+        contacts = (*(["door"] if self._door() == "open" else ()), *self._troubles(self._surely))
+        self.place.publish("chain", "open" if contacts else "closed")
+        return contacts
+
+    @abstractmethod
+    def _step(self) -> None:
+        """Put the set-point of a ramp where it belongs by now."""
+
+    @abstractmethod
+    def _process_degC(self, line: RegisterLine) -> float:
+        """Return the process value."""
+
+    @abstractmethod
+    def _output(self, line: RegisterLine) -> tuple[bool, float]:
+        """Return whether the control is on, and the power in percent."""
+
+    @abstractmethod
+    def _troubles(self, line: RegisterLine) -> list[str]:
+        """Return what the controller complains of, in words."""
+
+    def _door(self) -> str | None:
+        """Return what is known of the door, None where no input is wired to it."""
+        if self._door_register is None:
+            return None
+        closed = self._surely.read(self._door_register) == [self.input_on]
+        door = "closed" if closed else "open"
+        self.place.publish("door", door)
+        return door
+
+    def _air(self, line: RegisterLine) -> float:
+        air_degC = self._process_degC(line)
+        if not SENSIBLE_DEGC[0] <= air_degC <= SENSIBLE_DEGC[1]:
+            raise InstrumentError(
+                self.place.name,
+                "read the temperature",
+                f"its process value reads {air_degC:g} degC",
+                "look at the controller's panel, and at the sensor and its cable",
+            )
+        self.place.publish("temperature", air_degC, "degC")
+        return air_degC
+
+    def _air_now(self) -> float:
+        self._step()
+        return self._air(self._surely)
+
+    quantities: ClassVar = {
+        "temperature": _air_now,
+        "door": _door,
+        "chain": lambda self: "open" if self.open_contacts() else "closed",
+        "output": lambda self: "on" if self._output(self._surely)[0] else "off",
+    }
+    wired_by: ClassVar = {"door": "door"}

@@ -1,0 +1,46 @@
+"""A reader of a hard-wired interlock chain: emergency stop and door in series, asked by lines.
+
+`*IDN?`, `CHAIN?` (CLOSED or OPEN), `CHAIN:LIST?` (the open contacts, or NONE) and the error queue
+of SCPI. A contact opens by the fault `chain-open`, at a time, at a message, or while the bench is
+served.
+"""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+from sim_instruments.faults.lasting import CONTACTS, ChainOpen
+from sim_instruments.instrument import Setting
+from sim_instruments.wire.line_instrument import LineInstrument
+from sim_instruments.wire.scpi_device import ScpiDevice
+
+FIRMWARE = "1.0"
+
+
+class InterlockChain(LineInstrument, ScpiDevice):
+    """The chain of the simulated laboratory: closed unless a fault opens a contact."""
+
+    model = "interlock chain reader"
+
+    lasting_faults: ClassVar = (ChainOpen.kind,)
+
+    def __init__(self, setting: Setting) -> None:
+        super().__init__(f"house-made,interlock chain reader,{setting.serial},{FIRMWARE}")
+        self._clock = setting.clock
+        self._faults = setting.faults
+        self.tree.add("CHAIN?", self._answer(lambda: "OPEN" if self._open() else "CLOSED"))
+        self.tree.add("CHAIN:LIST?", self._answer(lambda: ",".join(self._open()) or "NONE"))
+        self.begin_to_serve(setting)
+
+    def _open(self) -> list[str]:
+        now_s = self._clock.now()
+        opened = {
+            fault.contact
+            for fault in self._faults.all
+            if isinstance(fault, ChainOpen) and fault.lasts(now_s)
+        }
+        return [name for name in CONTACTS if name in opened]
+
+    def _line(self, line: bytes) -> bytes:
+        reply = self.execute(line.decode("ascii", "replace").strip())
+        return b"" if reply is None else reply.encode("ascii") + b"\n"

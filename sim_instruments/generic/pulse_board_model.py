@@ -1,0 +1,187 @@
+"""A laser-gyro pulse board without its line: commands, sample intervals, faults, lamps.
+
+What a command comes to is a number that is the same on every line: 0 ok, 1 unknown command, 2 bad
+interval, 3 bad channels, 4 already running, 5 bad length.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from itertools import count
+
+import numpy as np
+import numpy.typing as npt
+
+from sim_instruments.faults.lasting import Dark, Frozen, LastingFault, Overheating, Silent
+from sim_instruments.generic.pulse_sampler import FRAME, OpenInputs, PulseSampler, Rows
+from sim_instruments.instrument import Setting
+from sim_instruments.truth import SimulationError
+from sim_instruments.world.laser_gyro_bench import LaserGyroBench
+
+START, STOP, IDENTIFY, REPORT_STATUS = 1, 2, 3, 4
+OK, UNKNOWN_COMMAND, BAD_INTERVAL, BAD_MASK, ALREADY_RUNNING, BAD_LENGTH = range(6)
+REFUSED_BIT, OVERFLOW_BIT = 1, 2
+CHANNELS = 3
+VERSIONS = (1, 2, 1, CHANNELS)
+"""Firmware major and minor, hardware, and how many channels there are."""
+PROTOCOL_VERSION = 1
+SHORTEST, LONGEST = 10, 100_000  # sample interval in units of 0.1 ms
+LASTING_FAULTS = (Frozen.kind, Silent.kind, Dark.kind, Overheating.kind)
+
+
+class PulseBoardModel:
+    """The board, with the gyro of the simulated world on one of its channels where it has one.
+
+    Truth (`simulator` mapping): `clock_error` of the board's clock: by how much its intervals are
+    too long. `send` gets the numbers of samples (from 1) and what the gyro's channel counted in
+    them, those that go out, with the world's lock held; it returns what sends them, without it.
+    They go out in batches of `shortest_batch_s` or of one, `latency_s` after the last one's end.
+    """
+
+    def __init__(
+        self,
+        setting: Setting,
+        send: Callable[[npt.NDArray[np.int64], Rows], Callable[[], None]],
+        latency_s: float = 0.0,
+        shortest_batch_s: float = 0.1,
+    ) -> None:
+        self._name, self._clock, self._send = setting.name, setting.clock, send
+        self._world = setting.world
+        self._latency_s, self._shortest_batch_s = latency_s, shortest_batch_s
+        self.serial = setting.serial_number("the pulse board's")
+        self._stretch = 1.0 + setting.truth.quantity("clock_error", "1")
+        self._gyro_bench = self._world if isinstance(self._world, LaserGyroBench) else None
+        self.gyro_bit = 1 << (self._gyro_bench.gyro.channel - 1) if self._gyro_bench else 0
+        if self.gyro_bit >= 1 << CHANNELS:
+            raise SimulationError("simulation.gyro.channel: the pulse board has channels 1 to 3")
+        self._sampler = (
+            PulseSampler(self._gyro_bench, setting.rng) if self._gyro_bench else OpenInputs()
+        )
+        self._acquisition = 0
+        self.running = False
+        self.mask = self.interval = self.samples = self.error_bits = 0
+        self._closed = False
+        self._faults = setting.faults
+        self._faults.when_changed(Dark.kind, self._darken)
+        self._faults.when_changed(Overheating.kind, self._overheat)
+        self._last_shown = np.zeros(1, dtype=FRAME)
+
+    @property
+    def present(self) -> int:
+        """Bits of the channels with a gyro."""
+        return self.gyro_bit if self._gyro_bench and self._gyro_bench.mounted else 0
+
+    @property
+    def lit(self) -> int:
+        """Bits of the channels with a gyro whose discharge burns."""
+        return self.gyro_bit if self._gyro_bench and self._gyro_bench.gyro.heat.is_on else 0
+
+    def begin_to_report(self, period_s: float, report: Callable[[], None]) -> None:
+        """Report every so often by the board's clock, until it is closed, the lock held."""
+        begin_s, periods = self._clock.now(), count(1)
+
+        def due_s() -> float:
+            return begin_s + next(periods) * period_s * self._stretch
+
+        def report_again() -> float | None:
+            if self._closed:
+                return None
+            with self._world.lock:
+                report()
+            return due_s()
+
+        self._clock.repeat(f"{self._name} status", due_s(), report_again)
+
+    def carry_out(self, command: int, mask: int, interval: int) -> int:
+        """Do what a command asks for and return what it comes to."""
+        if command == START:
+            result = self._start(mask, interval)
+        elif command == STOP:
+            self.running = False
+            result = OK
+        else:
+            result = OK if command in (IDENTIFY, REPORT_STATUS) else UNKNOWN_COMMAND
+        return self.refuse(result) if result != OK else OK
+
+    def refuse(self, result: int) -> int:
+        """Take note that a command was refused; return why."""
+        self.error_bits |= REFUSED_BIT
+        return result
+
+    def time_s(self, sample: int) -> float:
+        """Return the run time at which a sample interval (from 1) ends."""
+        return self._sampler.time_s(sample)
+
+    def close(self) -> None:
+        """End the sampling; the threads end when they next look."""
+        self._closed = True
+
+    def _start(self, mask: int, interval: int) -> int:
+        if self.running:
+            return ALREADY_RUNNING
+        if not SHORTEST <= interval <= LONGEST:
+            return BAD_INTERVAL
+        if not 0 < mask < 1 << CHANNELS:
+            return BAD_MASK
+        self.mask, self.interval = mask, interval
+        self.samples, self.error_bits = 0, 0
+        self._acquisition += 1
+        self.running = True
+        number = self._acquisition
+        self._sampler.begin(self._clock.now(), interval * 1e-4 * self._stretch)
+        # The first acquisition has the device's own name, for the order among equal times.
+        name = self._name if number == 1 else f"{self._name} {number}"
+        batch = max(1, int(np.ceil(self._shortest_batch_s / self._sampler.interval_s - 1e-3)))
+        self._clock.repeat(name, self._look_s(batch), lambda: self._acquire(number, batch))
+        return OK
+
+    def _due_s(self, batch: int) -> float:
+        return self.time_s(self.samples + batch) + self._latency_s
+
+    def _look_s(self, batch: int) -> float:
+        """Return when the next batch is due; before it is, when to notice an end."""
+        return min(self._due_s(batch), self._clock.now() + 1.0)
+
+    def _acquire(self, number: int, batch: int) -> float | None:
+        """Send a batch of one acquisition if it is due; return when to do so again."""
+        with self._world.lock:
+            if self._over(number):
+                return None
+            if self._due_s(batch) > self._clock.now():
+                return self._look_s(batch)
+            self._faults.catch_up()
+            send = self._send(*self._batch(batch))
+        send()
+        return self._look_s(batch)
+
+    def _over(self, number: int) -> bool:
+        return self._closed or not self.running or number != self._acquisition
+
+    def _batch(self, count: int) -> tuple[npt.NDArray[np.int64], Rows]:
+        """Return the next samples as faults have them: frozen ones repeated, silent ones gone."""
+        numbers = np.arange(self.samples + 1, self.samples + count + 1)
+        self.samples += count
+        rows = self._sampler.rows(count)
+        if self._sampler.overflowed:
+            self.error_bits |= OVERFLOW_BIT
+        if not self._faults.all:
+            self._last_shown = rows[-1:]
+            return numbers, rows
+        rows = rows.copy()
+        times = np.array([self.time_s(n) for n in numbers.tolist()])
+        for k in np.flatnonzero(self._faults.during(Frozen.kind, times)).tolist():
+            last = rows[k - 1 : k] if k else self._last_shown
+            for column in ("counts", "temperature"):
+                rows[column][k] = last[column][0]
+        self._last_shown = rows[-1:].copy()
+        goes = ~self._faults.during(Silent.kind, times)
+        return numbers[goes], rows[goes]
+
+    def _darken(self, time_s: float, fault: LastingFault | None) -> None:
+        if self._gyro_bench is not None:
+            self._gyro_bench.darken_gyro(time_s, fault is not None)
+
+    def _overheat(self, time_s: float, fault: LastingFault | None) -> None:
+        if self._gyro_bench is not None:
+            rise_K = fault.rise_K if isinstance(fault, Overheating) else 0.0
+            self._gyro_bench.overheat_gyro(time_s, rise_K)

@@ -1,0 +1,115 @@
+"""The fibre-optic navigator on RS-422, in the frames that its driver's documentation lays out.
+
+Sync 9A 65, kind, length of the payload, payload, CRC-32 as STIM300 has it; the most significant
+byte comes first. Written from that layout alone, with a checksum of its own.
+"""
+
+from __future__ import annotations
+
+import struct
+from typing import ClassVar
+
+from sim_instruments.generic.navigator_model import (
+    ALIGN,
+    BAD_LENGTH,
+    IDENTIFY,
+    LASTING_FAULTS,
+    REPORT,
+    START,
+    STOP,
+    VERSIONS,
+    NavigatorModel,
+    Output,
+)
+from sim_instruments.instrument import Setting
+from sim_instruments.wire.crc32 import crc32
+from sim_instruments.wire.frame_stream import Arrived, FrameInstrument
+
+SYNC = bytes((0x9A, 0x65))
+COMMAND, OUTPUT, ACK, STATUS, IDENTITY = 0x10, 0x90, 0x91, 0x92, 0x93
+NAMES = {
+    COMMAND: "command",
+    OUTPUT: "output",
+    ACK: "acknowledgement",
+    STATUS: "status",
+    IDENTITY: "identity",
+}
+COMMANDS = {START: "start", STOP: "stop", IDENTIFY: "identify", REPORT: "report", ALIGN: "align"}
+HEAD_BYTES, CRC_BYTES, COMMAND_BYTES = 4, 4, 7
+LONGEST_PAYLOAD = 32
+ANGLE_STEPS = 1e7  # per deg
+
+
+def frame_of(kind: int, payload: bytes) -> bytes:
+    """Return a whole frame."""
+    data = SYNC + bytes((kind, len(payload))) + payload
+    return data + crc32(data).to_bytes(CRC_BYTES, "big")
+
+
+def commands_in(pending: bytes) -> Arrived:
+    """Return the commands that bytes hold; what has a wrong checksum is passed over."""
+    frames: list[tuple[str, bytes]] = []
+    while True:
+        begin = pending.find(SYNC)
+        if begin < 0:
+            return Arrived(frames, pending[-1:] if pending.endswith(SYNC[:1]) else b"")
+        pending = pending[begin:]
+        if len(pending) < HEAD_BYTES:
+            return Arrived(frames, pending)
+        end = HEAD_BYTES + pending[3] + CRC_BYTES
+        if pending[3] > LONGEST_PAYLOAD:  # waited for, it would swallow what follows
+            pending = pending[1:]
+            continue
+        if len(pending) < end:
+            return Arrived(frames, pending)
+        whole = pending[: end - CRC_BYTES]
+        if crc32(whole) != int.from_bytes(pending[end - CRC_BYTES : end], "big"):
+            pending = pending[1:]
+            continue
+        pending = pending[end:]
+        if whole[2] == COMMAND:
+            command = COMMANDS.get(whole[HEAD_BYTES] if len(whole) > HEAD_BYTES else 0, "unknown")
+            frames.append((f"{NAMES[COMMAND]} {command}", whole[HEAD_BYTES:]))
+
+
+class SerialNavigator(FrameInstrument):
+    """The navigator of the simulated world, where it has one, behind an interface on RS-422.
+
+    Truth (`simulator` mapping): `resolution`, `latency` and `clock_error` of the navigator.
+    """
+
+    model = "FOG navigator"
+    lasting_faults: ClassVar = LASTING_FAULTS
+
+    def __init__(self, setting: Setting) -> None:
+        self._model = NavigatorModel(setting, self._send_output)
+        self.begin_to_serve(setting, commands_in, self._model)
+
+    def _received(self, payload: bytes) -> None:
+        if len(payload) != COMMAND_BYTES:
+            self._acknowledge(payload[0] if payload else 0, BAD_LENGTH, 0)
+            return
+        command, request, argument = struct.unpack(">BHi", payload)
+        result = self._model.carry_out(command, argument, argument * 1e-7)
+        self._acknowledge(command, result, request)
+        if command == IDENTIFY:
+            self._send(IDENTITY, struct.pack(">I4B", self._model.serial, *VERSIONS))
+        elif command == REPORT:
+            self._send(STATUS, struct.pack(">HHHB", *self._model.report()))
+
+    def _acknowledge(self, command: int, result: int, request: int) -> None:
+        self._send(ACK, struct.pack(">BBHB", command, result, request, self._model.rate))
+
+    def _send_output(self, output: Output) -> None:
+        heading, pitch, roll = (
+            round(angle * ANGLE_STEPS)
+            for angle in (output.heading_deg, output.pitch_deg, output.roll_deg)
+        )
+        warm = output.temperature_steps()
+        self._send(
+            OUTPUT,
+            struct.pack(">HIii3hH", output.counter, heading, pitch, roll, *warm, output.status),
+        )
+
+    def _send(self, kind: int, payload: bytes) -> None:
+        self._server.send(NAMES[kind], frame_of(kind, payload))

@@ -1,0 +1,275 @@
+"""Kepco BOP 36-12 bipolar supply with the BIT 802E interface card, on its raw TCP port.
+
+From the manuals of the card family (BIT 4886, 243-1303; the 802E speaks the same commands over
+LAN) and, where those were not at hand, of the BOP 1KW family: the limit and protection commands.
+What no source at hand says, and is assumed: set points are refused with -221 while a list runs;
+a list may be armed with the output off; protection cannot be set below 1 % of the rating.
+"""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+import numpy as np
+
+from sim_instruments.faults.lasting import (
+    Compliance,
+    Frozen,
+    LastingFault,
+    ListRefused,
+    Overdrive,
+)
+from sim_instruments.instrument import Setting
+from sim_instruments.kepco.limits import add_limit_commands
+from sim_instruments.kepco.output import Output, scientific
+from sim_instruments.kepco.output_list import ListMemory, add_list_commands
+from sim_instruments.wire.line_instrument import LineInstrument
+from sim_instruments.wire.scpi import Handler, ScpiError, boolean, choice, number, one
+from sim_instruments.wire.scpi import whole_number as whole
+from sim_instruments.wire.scpi_device import ScpiDevice
+
+LONGEST_MESSAGE = 253
+FILTER_S = 0.005
+MODES = {"FIX": "FIX", "FIXED": "FIX", "LIST": "LIST"}
+TRANSIENT = ("TRAN", "TRANSIENT")
+FUNCTIONS = {"VOLT": "VOLT", "VOLTAGE": "VOLT", "CURR": "CURR", "CURRENT": "CURR"}
+RANGES = {"1": 1, "4": 4}
+
+
+class KepcoBop(LineInstrument, ScpiDevice):
+    """One supply, driving one coil of the simulated world.
+
+    Truth (`simulator` mapping): `coil` (x, y, z), `gain_error` and `offset` of the output,
+    `readback_gain_error`, `readback_offset`, `readback_noise`, `time_base_error` of the list.
+    """
+
+    model = "Kepco BOP 36-12"
+    identity_of = "KEPCO,BIT 802E 36-12,{serial},1.15-1.80"
+    output_stage: ClassVar[type[Output]] = Output
+
+    error_queue_depth = 20
+    lasting_faults: ClassVar = (Frozen.kind, Compliance.kind, ListRefused.kind, Overdrive.kind)
+
+    def __init__(self, setting: Setting) -> None:
+        super().__init__(self.identity_of.format(serial=setting.serial))
+        self._clock, self._rng = setting.clock, setting.rng
+        truth = setting.truth
+        self._output = self.output_stage(setting.world.coil(truth.text("coil")), truth)
+        self._stretch = 1.0 + truth.quantity("time_base_error", "1")
+        self._read_gain = 1.0 + truth.quantity("readback_gain_error", "1")
+        self._read_offset_A = truth.quantity("readback_offset", "A")
+        self._read_noise_A = truth.quantity("readback_noise", "A")
+        self._shown = {"CURR": 0.0, "VOLT": 0.0}
+        self._faults = setting.faults
+        self._faults.when_changed(Compliance.kind, self._sag)
+        self._faults.when_changed(Overdrive.kind, self._overdrive)
+        self._list = ListMemory()
+        self._mode = {"CURR": "FIX", "VOLT": "FIX"}
+        self._transient_s = 0.0
+        self._ends_s = np.inf
+        self._add_source()
+        add_limit_commands(self.tree, self._output, setting.clock, self._list_runs)
+        self._add_list()
+        self.begin_to_serve(setting)
+
+    def energised(self) -> bool:
+        """Return whether the output is on."""
+        return self._output.on
+
+    def operation_condition(self) -> int:
+        """Return bit 8 constant voltage, bit 10 constant current, bit 14 list running."""
+        register = 16384 if self._list_runs() else 0
+        if self._output.on:
+            register |= 256 if self._output.in_voltage_mode(self._clock.now()) else 1024
+        return register
+
+    def questionable_condition(self) -> int:
+        """Return bit 12 voltage protection, bit 13 current protection."""
+        return self._output.tripped
+
+    def reset(self) -> None:
+        """Go to voltage mode, zero, output off, with an empty list."""
+        self._list.clear()
+        self._mode = {"CURR": "FIX", "VOLT": "FIX"}
+        self._ends_s = np.inf
+        self._output.reset(self._clock.now())
+
+    def before_each(self) -> None:
+        """End a list or transient whose time is over: the mode is then FIX again."""
+        if self._clock.now() >= self._ends_s:
+            self._mode = {"CURR": "FIX", "VOLT": "FIX"}
+            self._ends_s = np.inf
+
+    def _line(self, line: bytes) -> bytes:
+        if len(line.rstrip(b"\r")) > LONGEST_MESSAGE:
+            self.refuse(-363)
+            return b""
+        reply = self.execute(line.decode("ascii", "replace").strip())
+        if reply is None:
+            return b""
+        if len(reply) > LONGEST_MESSAGE:
+            self.refuse(-400)
+            return b""
+        return reply.encode("ascii") + b"\n"
+
+    def _add_list(self) -> None:
+        """Add the LIST subsystem."""
+        add_list_commands(self.tree, self._list, self._output, self._list_runs)
+
+    def _leave_list(self, now_s: float) -> None:
+        """Go from a list to the fixed set point."""
+        self._output.hold(now_s)
+
+    def _add_source(self) -> None:
+        add, answer = self.tree.add, self._answer
+        add("OUTPut[:STATe]", self._set_output)
+        add("OUTPut[:STATe]?", answer(lambda: str(int(self._output.on))))
+        add("MEASure[:SCALar]:CURRent[:DC]?", answer(self._measure_current))
+        add("MEASure[:SCALar]:VOLTage[:DC]?", answer(self._measure_voltage))
+        add("SYSTem:REMote", self._set_remote)
+        for root in ("", "SOURce:"):
+            add(f"{root}FUNCtion:MODE", self._set_function)
+            add(f"{root}FUNCtion:MODE?", answer(lambda: str(int(self._output.mode == "CURR"))))
+            for kind, word in (("CURR", "CURRent"), ("VOLT", "VOLTage")):
+                level = f"{root}{word}[:LEVel][:IMMediate][:AMPlitude]"
+                add(level, self._set_level(kind))
+                add(f"{level}?", self._show_level(kind))
+                add(f"{root}{word}:MODE", self._set_mode(kind))
+                add(f"{root}{word}:MODE?", answer(lambda k=kind: self._mode[k]))  # type: ignore[misc]
+                add(f"{root}{word}:RANGe", self._set_range(kind))
+                add(
+                    f"{root}{word}:RANGe?",
+                    answer(lambda k=kind: str(self._output.ranges[k])),  # type: ignore[misc]
+                )
+                add(f"{root}{word}:RANGe:AUTO", self._set_auto(kind))
+                add(
+                    f"{root}{word}:RANGe:AUTO?",
+                    answer(lambda k=kind: str(int(self._output.auto[k]))),  # type: ignore[misc]
+                )
+
+    def _list_runs(self) -> bool:
+        self.before_each()
+        return "LIST" in self._mode.values()
+
+    def _set_remote(self, parameters: list[str]) -> None:
+        # Over LAN the card is always in remote; the command is taken and changes nothing.
+        boolean(one(parameters))
+
+    def _set_output(self, parameters: list[str]) -> None:
+        on = boolean(one(parameters))
+        if not on:
+            self._mode = {"CURR": "FIX", "VOLT": "FIX"}
+            self._ends_s = np.inf
+        self._output.switch(self._clock.now(), on)
+
+    def _set_function(self, parameters: list[str]) -> None:
+        mode = choice(one(parameters), FUNCTIONS)
+        if self._list_runs():
+            raise ScpiError(-221)
+        self._output.set_mode(self._clock.now(), mode)
+
+    def _set_level(self, kind: str) -> Handler:
+        def handler(parameters: list[str]) -> None:
+            text = one(parameters)
+            if self._list_runs():
+                raise ScpiError(-221)
+            low, high = self._output.allowed(kind)
+            words = {"MAX": high, "MAXIMUM": high, "MIN": low, "MINIMUM": low}
+            value = words[text.upper()] if text.upper() in words else number(text)
+            now = self._clock.now()
+            if self._mode[kind] == "TRAN" and not np.isfinite(self._ends_s):
+                self._ends_s = now + self._transient_s
+                self._output.pulse(now, kind, value, self._ends_s)
+            else:
+                self._output.set_level(now, kind, value)
+
+        return handler
+
+    def _show_level(self, kind: str) -> Handler:
+        def handler(parameters: list[str]) -> str:
+            _, high = self._output.allowed(kind)
+            low = -self._output.limits[kind, "NEG"]
+            shown = {"MAX": high, "MAXIMUM": high, "MIN": low, "MINIMUM": low}
+            if not parameters:
+                return scientific(self._output.levels[kind])
+            word = one(parameters).upper()
+            if word not in shown:
+                raise ScpiError(-224)
+            return scientific(shown[word])
+
+        return handler
+
+    def _set_mode(self, kind: str) -> Handler:
+        def handler(parameters: list[str]) -> None:
+            if not parameters:
+                raise ScpiError(-109)
+            # The duration of a transient follows after a blank or a comma.
+            words = " ".join(parameters).split()
+            now = self._clock.now()
+            if words[0].upper() in TRANSIENT:
+                seconds = number(one(words[1:]))
+                if not 0.035 <= seconds <= 1.0:
+                    raise ScpiError(-222)
+                if self._list_runs():
+                    raise ScpiError(-221)
+                self._transient_s, self._mode[kind] = seconds, "TRAN"
+                return
+            mode = choice(one(words), MODES)
+            if mode == "FIX":
+                if self._mode[kind] != "FIX":
+                    self._mode[kind], self._ends_s = "FIX", np.inf
+                    self._leave_list(now)
+                return
+            refused = self._faults.now(ListRefused.kind) is not None
+            if refused or self._list_runs() or self._output.mode != kind:
+                raise ScpiError(-221)
+            passes = [
+                (levels, dwells * self._stretch, cycles)
+                for levels, dwells, cycles in self._list.passes(kind)
+            ]
+            self._ends_s = self._output.run(now, passes)
+            self._mode[kind] = "LIST"
+
+        return handler
+
+    def _set_range(self, kind: str) -> Handler:
+        def handler(parameters: list[str]) -> None:
+            value = whole(one(parameters), 1, 4)
+            if str(value) not in RANGES:
+                raise ScpiError(-224)
+            self._output.set_range(self._clock.now(), kind, value, self._list_runs())
+
+        return handler
+
+    def _set_auto(self, kind: str) -> Handler:
+        def handler(parameters: list[str]) -> None:
+            self._output.auto[kind] = boolean(one(parameters))
+
+        return handler
+
+    def _measure_current(self) -> str:
+        now = self._clock.now()
+        true_A = self._output.coil.recent_mean(now - FILTER_S, now)
+        noise_A = self._read_noise_A * float(self._rng.standard_normal())
+        return self._show("CURR", true_A * self._read_gain + self._read_offset_A + noise_A)
+
+    def _measure_voltage(self) -> str:
+        now = self._clock.now()
+        coil = self._output.coil
+        true_V = coil.mean_level(now - FILTER_S, now) * coil.resistance_ohm
+        # The voltmeter is the same converter behind the same filter: its noise scales with range.
+        noise_V = self._read_noise_A * self._output.rated["VOLT"] / self._output.rated["CURR"]
+        return self._show("VOLT", true_V + noise_V * float(self._rng.standard_normal()))
+
+    def _show(self, kind: str, value: float) -> str:
+        if self._faults.now(Frozen.kind) is None:
+            self._shown[kind] = value
+        return scientific(self._shown[kind])
+
+    def _sag(self, time_s: float, fault: LastingFault | None) -> None:
+        volts = fault.voltage_V if isinstance(fault, Compliance) else np.inf
+        self._output.sag(time_s, volts)
+
+    def _overdrive(self, time_s: float, fault: LastingFault | None) -> None:
+        factor = fault.factor if isinstance(fault, Overdrive) else 1.0
+        self._output.overdrive(time_s, factor)

@@ -1,0 +1,127 @@
+"""Kepco BOP 72-14MG of the 1 kW family, with a waveform generator in its LIST system.
+
+From a third party's programming guide: a segment `LIST:CURR:APPL SINE,f,peak-to-peak[,offset]`
+between 0.01 Hz and 1.8 Hz takes 3840 of 3933 points, so that no second one fits; `CURR:MODE FIX`
+stays at the point where the list is, `CURR:MODE HALT` goes on to the end of the cycle; in current
+mode `VOLT:PROT` is a clamp; nothing at the output before `SYST:REM ON` on a serial line. What no
+source at hand says, and is assumed: that this refusal is -203; that it holds on every line; that a
+sine starts at zero; `LIST:CURR:APPL:SWE` and the other waveforms are left out, refused with -224.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import ClassVar
+
+import numpy as np
+
+from sim_instruments.instrument import Setting
+from sim_instruments.kepco.bop import KepcoBop
+from sim_instruments.kepco.output import Output
+from sim_instruments.kepco.output_list import ListMemory, not_while
+from sim_instruments.wire.scpi import Handler, ScpiError, boolean, choice, number, one
+
+RATED = {"CURR": 14.0, "VOLT": 72.0}
+MOST_POINTS, SINE_POINTS = 3933, 3840
+LOWEST_HZ, HIGHEST_HZ = 0.01, 1.8
+LOADS = {name: name for name in ("ACTIVE", "RESISTIVE", "BATTERY")}
+PIN_CONTROLS = {name: name for name in ("HIGH", "LOW", "STAN", "OFF")}
+
+
+class ClampedOutput(Output):
+    """An output whose voltage protection holds the voltage within itself, in current mode."""
+
+    rated: ClassVar[Mapping[str, float]] = RATED
+    trips: ClassVar[tuple[str, ...]] = ("CURR",)
+
+    def _compliance_A(self) -> float:
+        clamp_V = min(self.protections["VOLT", "POS"], self.protections["VOLT", "NEG"])
+        return float(min(clamp_V, self._sagging_V)) / self.coil.resistance_ohm
+
+
+class GeneratedList(ListMemory):
+    """A list memory that the instrument fills itself."""
+
+    def add_sine(self, frequency_Hz: float, amplitude: float, offset: float) -> None:
+        """Append a period of a sine; -223 when it does not fit."""
+        if len(self.points["CURR"]) + SINE_POINTS > MOST_POINTS:
+            raise ScpiError(-223)
+        angle = 2.0 * np.pi * np.arange(SINE_POINTS) / SINE_POINTS
+        self.points["CURR"] += (offset + amplitude * np.sin(angle)).tolist()
+        self.dwells += [1.0 / (frequency_Hz * SINE_POINTS)] * SINE_POINTS
+
+
+class KepcoBop1kW(KepcoBop):
+    """One supply, driving one coil of the simulated world; its truth is that of `KepcoBop`."""
+
+    model = "Kepco BOP 72-14MG"
+    identity_of = "KEPCO,BOP 72-14MG,{serial},2.24"
+    output_stage = ClampedOutput
+
+    def __init__(self, setting: Setting) -> None:
+        self._remote = False
+        self._load, self._pin = "ACTIVE", "STAN"
+        super().__init__(setting)
+
+    def _add_source(self) -> None:
+        super()._add_source()
+        add, answer = self.tree.add, self._answer
+        add("OUTPut:MODE", self._set_load)
+        add("OUTPut:MODE?", answer(lambda: self._load))
+        add("OUTPut:CONTrol", self._set_pin)
+        add("OUTPut:CONTrol?", answer(lambda: self._pin))
+
+    def _add_list(self) -> None:
+        self._list = GeneratedList()
+        memory = self._list
+        commands: dict[str, Callable[[list[str]], None]] = {
+            "CLEar": memory.forget,
+            "COUNt": memory.set_count,
+            "CURRent:APPLy": self._add_waveform,
+        }
+        for root in ("", "SOURce:"):
+            for name, act in commands.items():
+                self.tree.add(f"{root}LIST:{name}", not_while(self._list_runs, act))
+            self.tree.add(f"{root}LIST:COUNt?", self._answer(lambda: str(memory.count)))
+
+    def _leave_list(self, now_s: float) -> None:
+        self._output.stay(now_s)
+
+    def _set_remote(self, parameters: list[str]) -> None:
+        self._remote = boolean(one(parameters))
+
+    def _set_output(self, parameters: list[str]) -> None:
+        if not self._remote:
+            raise ScpiError(-203)
+        super()._set_output(parameters)
+
+    def _set_mode(self, kind: str) -> Handler:
+        otherwise = super()._set_mode(kind)
+
+        def handler(parameters: list[str]) -> None:
+            if [one.upper() for one in parameters] == ["HALT"]:
+                if self._mode[kind] == "LIST":
+                    self._ends_s = self._output.halt(self._clock.now())
+                return
+            otherwise(parameters)
+
+        return handler
+
+    def _set_load(self, parameters: list[str]) -> None:
+        self._load = choice(one(parameters), LOADS)
+
+    def _set_pin(self, parameters: list[str]) -> None:
+        self._pin = choice(one(parameters), PIN_CONTROLS)
+
+    def _add_waveform(self, parameters: list[str]) -> None:
+        if len(parameters) not in (3, 4):
+            raise ScpiError(-109 if len(parameters) < 3 else -108)
+        if parameters[0].upper() != "SINE":
+            raise ScpiError(-224)
+        frequency_Hz, peak_to_peak, offset = map(number, (*parameters[1:], "0")[:3])
+        if not LOWEST_HZ <= frequency_Hz <= HIGHEST_HZ or peak_to_peak < 0:
+            raise ScpiError(-222)
+        for level in (offset + peak_to_peak / 2, offset - peak_to_peak / 2):
+            self._output.check_level("CURR", level)
+        assert isinstance(self._list, GeneratedList)
+        self._list.add_sine(frequency_Hz, peak_to_peak / 2, offset)

@@ -1,0 +1,247 @@
+"""The output stage of the supply: set points, their rounding, limits, compliance and protection."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import ClassVar
+
+import numpy as np
+import numpy.typing as npt
+
+from sim_instruments.truth import Truth
+from sim_instruments.wire.scpi import ScpiError
+from sim_instruments.world.currents import CurrentHistory
+
+Array = npt.NDArray[np.float64]
+Pass = tuple[Array, Array, int]
+
+RATED = {"CURR": 12.0, "VOLT": 36.0}
+CONVERTER_STEPS = 2**15
+VOLTAGE_TRIPPED, CURRENT_TRIPPED = 4096, 8192
+
+
+def scientific(value: float) -> str:
+    """Return a number the way the card writes it, such as 1.39997E1."""
+    mantissa, exponent = f"{value:.5E}".split("E")
+    return f"{mantissa}E{int(exponent)}"
+
+
+class Output:
+    """What the supply was told, and the level that it therefore drives into the coil.
+
+    The output stage goes to the coil as a level in A: R times the level is the voltage at the
+    terminals, so both the set point in voltage mode and the voltage compliance become levels.
+    """
+
+    rated: ClassVar[Mapping[str, float]] = RATED
+    trips: ClassVar[tuple[str, ...]] = ("CURR", "VOLT")
+    """Protections that switch the output off; the others hold it within themselves."""
+
+    def __init__(self, coil: CurrentHistory, truth: Truth) -> None:
+        self.coil = coil
+        rated = self.rated
+        self._gain = 1.0 + truth.quantity("gain_error", "1")
+        self._offset_A = truth.quantity("offset", "A")
+        # The converter's full scale is a little off the rating: set points fall on its steps.
+        self._step = 1.0 + truth.quantity("converter_error", "1")
+        sides = ("POS", "NEG")
+        self.limits = {(kind, side): rated[kind] for kind in rated for side in sides}
+        self.protections = {(kind, side): 1.01 * rated[kind] for kind in rated for side in sides}
+        self.ranges = {"CURR": 1, "VOLT": 1}
+        self.auto = {"CURR": True, "VOLT": True}
+        self.levels = {"CURR": 0.0, "VOLT": 0.0}
+        self.mode = "VOLT"
+        self.on = False
+        self.tripped = 0
+        self._sagging_V = np.inf
+        self._overdrive = 1.0
+        self._course: tuple[float, list[Pass]] | None = None
+
+    def reset(self, time_s: float) -> None:
+        """Go to voltage mode, zero, output off; limits stay as programmed."""
+        self.ranges = {"CURR": 1, "VOLT": 1}
+        self.auto = {"CURR": True, "VOLT": True}
+        self.levels = {"CURR": 0.0, "VOLT": 0.0}
+        self.mode = "VOLT"
+        self.switch(time_s, False)
+
+    def allowed(self, kind: str) -> tuple[float, float]:
+        """Return the least and the greatest set point; the complementary one is a magnitude."""
+        full = self.rated[kind] / (1 if self.auto[kind] else self.ranges[kind])
+        low = -min(full, self.limits[kind, "NEG"]) if self.mode == kind else 0.0
+        return low, min(full, self.limits[kind, "POS"])
+
+    def check_level(self, kind: str, value: float) -> None:
+        """Refuse what is out of range with -222."""
+        full = self.rated[kind] / (1 if self.auto[kind] else self.ranges[kind])
+        if not -min(full, self.limits[kind, "NEG"]) <= value <= min(full, self.limits[kind, "POS"]):
+            raise ScpiError(-222)
+
+    def rounded(self, kind: str, value: float) -> float:
+        """Return a set point as the converter and its calibration constants make it."""
+        quarter = self.ranges[kind] == 4
+        if self.auto[kind]:
+            quarter = abs(value) <= self.rated[kind] / 4
+        step = self.rated[kind] / CONVERTER_STEPS / (4 if quarter else 1) * self._step
+        return round(value / step) * step
+
+    def set_level(self, time_s: float, kind: str, value: float) -> None:
+        """Take a new set point, refused with -222 when it is out of range."""
+        low, high = self.allowed(kind)
+        if not low <= value <= high:
+            raise ScpiError(-222)
+        self.levels[kind] = self.rounded(kind, value)
+        self.hold(time_s)
+
+    def pulse(self, time_s: float, kind: str, value: float, until_s: float) -> None:
+        """Drive a transient value until `until_s`, then the set point again."""
+        before = self.levels[kind]
+        self.set_level(time_s, kind, value)
+        during = self._driven(np.array([self.levels[self.mode]]))[0]
+        self.levels[kind] = before
+        then = self._driven(np.array([self.levels[self.mode]]))[0]
+        self.coil.pulse(time_s, float(during), until_s, float(then))
+
+    def set_mode(self, time_s: float, mode: str) -> None:
+        """Change between controlling the voltage and the current."""
+        if mode != self.mode:
+            self.mode = mode
+            for kind in self.levels:
+                low, _ = self.allowed(kind)
+                self.levels[kind] = max(self.levels[kind], low)
+            self.hold(time_s)
+
+    def switch(self, time_s: float, on: bool) -> None:
+        """Switch the output; switching on clears a tripped protection."""
+        self.on = on
+        if on:
+            self.tripped = 0
+        self.hold(time_s)
+
+    def set_range(self, time_s: float, kind: str, value: int, running: bool) -> None:
+        """Fix the range; a set point beyond a quarter of the scale is a conflict with range 4."""
+        if abs(self.levels[kind]) > self.rated[kind] / value:
+            raise ScpiError(-221)
+        self.ranges[kind], self.auto[kind] = value, False
+        if not running:
+            self.levels[kind] = self.rounded(kind, self.levels[kind])
+            self.hold(time_s)
+
+    def apply_limits(self, time_s: float, kind: str, running: bool) -> None:
+        """Bring the set point within limits that were just changed."""
+        low, high = self.allowed(kind)
+        inside = min(max(self.levels[kind], low), high)
+        if inside != self.levels[kind]:
+            self.levels[kind] = self.rounded(kind, inside)
+        if not running:
+            self.hold(time_s)
+
+    def hold(self, time_s: float) -> None:
+        """Drive the fixed set point from now on."""
+        self._course = None
+        level = float(self._driven(np.array([self.levels[self.mode]]))[0])
+        self.coil.hold(time_s, level if self.on else 0.0)
+
+    def stay(self, time_s: float) -> None:
+        """Hold the point where a list is, which becomes the set point."""
+        left = rest_of(self._course[1], time_s - self._course[0]) if self._course else []
+        if left:
+            self.levels[self.mode] = float(left[0][0][0])
+        self.hold(time_s)
+
+    def halt(self, time_s: float) -> float:
+        """Walk a list to the end of its cycle and hold its last point; return when that is, s."""
+        left = rest_of(self._course[1], time_s - self._course[0]) if self._course else []
+        if not left:
+            return time_s
+        levels, dwells, _ = left[0]
+        self.levels[self.mode] = float(levels[-1])
+        return self.run(time_s, [(levels, dwells, 1)])
+
+    def run(self, time_s: float, passes: list[Pass]) -> float:
+        """Drive lists of set points, then the fixed one; returns when the last one ends, in s."""
+        self._course = time_s, passes
+        driven = [
+            (self._driven(levels) if self.on else np.zeros(levels.shape), dwells, cycles)
+            for levels, dwells, cycles in passes
+        ]
+        then = float(self._driven(np.array([self.levels[self.mode]]))[0]) if self.on else 0.0
+        if not self.on:
+            then = 0.0
+        return self.coil.run(time_s, driven, then)
+
+    def sag(self, time_s: float, volts: float) -> None:
+        """Give no more than `volts` from now on, whatever the voltage is set to; a list goes on."""
+        self._sagging_V = volts
+        self._drive_again(time_s)
+
+    def overdrive(self, time_s: float, factor: float) -> None:
+        """Drive so many times the current that is set from now on; a list goes on."""
+        self._overdrive = factor
+        self._drive_again(time_s)
+
+    def _drive_again(self, time_s: float) -> None:
+        left = rest_of(self._course[1], time_s - self._course[0]) if self._course else []
+        if left:
+            self.run(time_s, left)
+        else:
+            self.hold(time_s)
+
+    def in_voltage_mode(self, time_s: float) -> bool:
+        """Return whether the voltage, not the current, is what the supply holds now."""
+        level = abs(float(self.coil.level(np.array([time_s]))[0]))
+        if self.mode == "CURR":
+            return level >= self._compliance_A() * (1.0 - 1e-9)
+        return level < abs(self.levels["CURR"]) * (1.0 - 1e-9)
+
+    def _compliance_A(self) -> float:
+        return float(min(self.levels["VOLT"], self._sagging_V)) / self.coil.resistance_ohm
+
+    def _driven(self, levels: Array) -> Array:
+        """Return the levels in A that set points make, after compliance and protection."""
+        ohm = self.coil.resistance_ohm
+        wanted_A = levels if self.mode == "CURR" else levels / ohm
+        if self.mode == "CURR":
+            wanted_A = (wanted_A * self._gain + self._offset_A) * self._overdrive
+        bound = self._compliance_A()
+        if self.mode != "CURR":
+            bound = min(self.levels["CURR"], self._sagging_V / ohm)
+        driven = np.clip(wanted_A, -bound, bound)
+        if self.on:
+            self._watch(driven)
+        return np.zeros(levels.shape) if self.tripped else driven
+
+    def _watch(self, driven_A: Array) -> None:
+        highest, lowest = float(driven_A.max()), float(driven_A.min())
+        ohm = self.coil.resistance_ohm
+        for kind, scale, bit in (
+            ("CURR", 1.0, CURRENT_TRIPPED),
+            ("VOLT", ohm, VOLTAGE_TRIPPED),
+        ):
+            if kind in self.trips and (
+                highest * scale > self.protections[kind, "POS"]
+                or -lowest * scale > self.protections[kind, "NEG"]
+            ):
+                self.tripped |= bit
+                self.on = False
+
+
+def rest_of(passes: list[Pass], elapsed_s: float) -> list[Pass]:
+    """Return what is left of lists of (levels, dwells, cycles) after some time; 0: endless."""
+    for number, (levels, dwells, cycles) in enumerate(passes):
+        ends = np.cumsum(dwells)
+        period_s = float(ends[-1])
+        if cycles and elapsed_s >= cycles * period_s:
+            elapsed_s -= cycles * period_s
+            continue
+        done = int(elapsed_s // period_s)
+        within_s = elapsed_s - done * period_s
+        step = int(np.searchsorted(ends, within_s, side="right"))
+        left: list[Pass] = []
+        if step < levels.size:
+            first_s = ends[step] - within_s
+            left.append((levels[step:], np.concatenate(([first_s], dwells[step + 1 :])), 1))
+        if not cycles or cycles > done + 1:
+            left.append((levels, dwells, cycles and cycles - done - 1))
+        return left + passes[number + 1 :]
+    return []

@@ -1,0 +1,172 @@
+"""Keysight 33522B waveform generator, SCPI over TCP: two channels, each at a coil of the world.
+
+From the 33500 series guide and public client code: LF ends commands and replies, `+0,"No error"`
+ends an error queue of 20, a trigger from the connector that both channels share, `*TRG` for
+channels whose source is BUS. A value that is clipped is changed all the same, and the error says
+so. Levels, termination and limits: see `Channel`; functions: see `Wave`. Its coils hang on drivers
+of high impedance. Assumed: the error of an output whose protection has tripped, and that
+modulation, sweep, coupling and sums, which are not here, are refused as unknown.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from typing import Any, ClassVar, Protocol, runtime_checkable
+
+from sim_instruments.faults.lasting import (
+    LastingFault,
+    LoadReset,
+    NoTrigger,
+    OutputTripped,
+)
+from sim_instruments.instrument import Setting
+from sim_instruments.keysight.generator_33522b_channel import Channel
+from sim_instruments.keysight.generator_33522b_commands import add_channel_commands
+from sim_instruments.keysight.generator_33522b_wave import OWN_TEXTS, TRIPPED, Refusal
+from sim_instruments.truth import SimulationError, Truth
+from sim_instruments.wire.line_instrument import LineInstrument
+from sim_instruments.wire.scpi import TEXTS, ErrorQueue, ScpiError
+from sim_instruments.wire.scpi_device import ScpiDevice
+from sim_instruments.world.trigger_line import TriggerLine
+from sim_instruments.world.voltages import VoltageHistory
+
+FIRMWARE = "4.00-1.19-2.00-52-00"
+COILS = ("x", "y", "z", "gradient", "none")
+
+
+@runtime_checkable
+class CoilWorld(Protocol):
+    """A world with coils that a voltage drives."""
+
+    def drive(self, coil: str, history: VoltageHistory) -> None:
+        """Have a coil driven by a voltage, now and in all time."""
+        ...
+
+
+class WordedErrors(ErrorQueue):
+    """An error queue whose entries say more than their number does."""
+
+    def __init__(self, depth: int) -> None:
+        super().__init__(depth)
+        self._entries: deque[Any] = deque()
+
+    def push(self, code: int, more: str = "") -> None:
+        """Append an error; `more` follows its standard text."""
+        if len(self._entries) < self._depth:
+            text = OWN_TEXTS.get(code) or TEXTS[code]
+            self._entries.append(f'{code:+d},"{text}{";" if more else ""}{more}"')
+        else:
+            self._entries[-1] = f'-350,"{TEXTS[-350]}"'
+
+    def pop(self) -> str:
+        """Return and remove the oldest error."""
+        return str(self._entries.popleft()) if self._entries else '+0,"No error"'
+
+
+class Keysight33522B(LineInstrument, ScpiDevice):
+    """The generator, in whatever simulated world has coils to drive and a `trigger`.
+
+    Truth (`simulator` mapping): by channel, 1 and 2, `coils` (x, y, z, gradient or none),
+    `gain_error` and `offset` (V, at an open end, while the output is on); `trigger_latency`, from
+    the edge to the output (105 ns).
+    """
+
+    model = "Keysight 33522B"
+
+    lasting_faults: ClassVar = (NoTrigger.kind, OutputTripped.kind, LoadReset.kind)
+
+    def __init__(self, setting: Setting) -> None:
+        super().__init__(f"Keysight Technologies,33522B,{setting.serial},{FIRMWARE}")
+        self.errors: WordedErrors = WordedErrors(self.error_queue_depth)
+        self.tree.add("SYSTem:ERRor[:NEXT]?", self._answer(self.errors.pop))
+        self.tree.add("SYSTem:ERRor:ALL?", self._answer(self.errors.pop_all))
+        self._clock, self._faults = setting.clock, setting.faults
+        truth = setting.truth
+        self._latency_s = truth.quantity("trigger_latency", "s")
+        coils, gains, offsets = (truth.section(key) for key in ("coils", "gain_error", "offset"))
+        self._channels: dict[int, Channel] = {}
+        for number in (1, 2):
+            # JSON has no numbers for keys.
+            key: Any = number if number in coils else str(number)
+            coil = coil_name(coils, key)
+            history = VoltageHistory()
+            self._channels[number] = Channel(
+                history, gains.quantity(key, "1"), offsets.quantity(key, "V"), self._complain
+            )
+            if isinstance(setting.world, CoilWorld) and coil != "none":
+                setting.world.drive(coil, history)
+            add_channel_commands(
+                self.tree, number, self._channels[number], self._clock.now, self._switch
+            )
+        wire = getattr(setting.world, "trigger", None)
+        if isinstance(wire, TriggerLine):
+            wire.listen(lambda time_s: self._edge(time_s, "POS"), self._fall)
+        self.tree.add("*TRG", self._do(self._bus_trigger))
+        self._faults.when_changed(OutputTripped.kind, self._trip)
+        self._faults.when_changed(LoadReset.kind, self._reset_loads)
+        self.begin_to_serve(setting)
+
+    def energised(self) -> bool:
+        """Return whether an output is on."""
+        return any(channel.on for channel in self._channels.values())
+
+    def questionable_condition(self) -> int:
+        """Return 1 while an output's protection is tripped."""
+        return int(self._faults.now(OutputTripped.kind) is not None)
+
+    def reset(self) -> None:
+        """Go to sines of 100 mVpp into 50 ohm, both outputs off."""
+        for channel in self._channels.values():
+            channel.reset()
+            channel.apply(self._clock.now())
+
+    def _line(self, line: bytes) -> bytes:
+        reply = self.execute(line.decode("ascii", "replace").strip())
+        return b"" if reply is None else reply.encode("ascii") + b"\n"
+
+    def _complain(self, code: int, more: str) -> None:
+        self._standard_event |= 16
+        self.errors.push(code, more)
+
+    def _switch(self, channel: Channel, on: bool) -> None:
+        if on and self._faults.now(OutputTripped.kind) is not None:
+            raise Refusal(TRIPPED)
+        channel.on = on
+
+    def _bus_trigger(self) -> None:
+        waiting = [one for one in self._channels.values() if one.waits and one.source == "BUS"]
+        if not waiting:
+            raise ScpiError(-211)
+        for channel in waiting:
+            channel.trigger(self._clock.now(), self._latency_s)
+
+    def _fall(self, time_s: float) -> None:
+        self._edge(time_s, "NEG")
+
+    def _edge(self, time_s: float, slope: str) -> None:
+        if self._faults.now(NoTrigger.kind) is not None:
+            return
+        for channel in self._channels.values():
+            if channel.source == "EXT" and channel.slope == slope:
+                channel.trigger(time_s, self._latency_s)
+
+    def _trip(self, time_s: float, fault: LastingFault | None) -> None:
+        if fault is not None:
+            for channel in self._channels.values():
+                channel.on = False
+                channel.apply(time_s)
+            self.errors.push(TRIPPED)
+
+    def _reset_loads(self, time_s: float, fault: LastingFault | None) -> None:
+        if fault is not None:
+            for channel in self._channels.values():
+                channel.limited = False
+                channel.set_load(50.0)
+
+
+def coil_name(coils: Truth, key: Any) -> str:
+    """Return the coil of a channel; SimulationError for one that no world has."""
+    name = coils.text(key)
+    if name not in COILS:
+        raise SimulationError(f"{coils.where}.{key}: one of {', '.join(COILS)} was expected")
+    return name

@@ -1,0 +1,234 @@
+"""Keysight 34465A digital multimeter, SCPI over TCP.
+
+From the Truevolt guide and public client code: LF ends commands and replies, `+0,"No error"` ends
+an error queue of 20, readings look like `+1.23456789E+00`, an overload reads ±9.9E+37 and sets an
+event bit once for each INITiate, the condition register says whether it measures (16) or waits for
+a trigger (32), FETCh? and READ? wait for the burst and leave it in the memory, R? and DATA:REMove?
+take it out, new settings and INITiate forget it. Assumed: error texts, and that settings changed in
+the middle of a burst end it. Only DC volts and resistance are connected; other functions read zero.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import AbstractContextManager, contextmanager
+from typing import ClassVar
+
+import numpy as np
+
+from sim_instruments.faults.lasting import Frozen, Overload
+from sim_instruments.instrument import Setting
+from sim_instruments.keysight.multimeter_34465a_converter import Array, Converter
+from sim_instruments.keysight.multimeter_34465a_sense import Sense
+from sim_instruments.keysight.multimeter_34465a_trigger import TriggerSystem, add_trigger_commands
+from sim_instruments.wire.line_instrument import LineInstrument
+from sim_instruments.wire.scpi import ScpiError, boolean, choice, one, whole_number
+from sim_instruments.wire.scpi_device import ScpiDevice
+
+FIRMWARE = "A.03.01-03.15-03.01-00.52-04-02"
+OPTIONS = "DIG,MEM"
+MEMORY = 2_000_000
+MEASURING, WAITING, CHANGED, ANY_ERROR = 16, 32, 256, 8192
+MEMORY_OVERFLOW = 16384
+NOT_A_NUMBER = 9.91e37
+
+
+class Keysight34465A(LineInstrument, ScpiDevice):
+    """The meter, in whatever simulated world has something for it to measure.
+
+    Truth (`simulator` mapping): see `Converter`.
+    """
+
+    model = "Keysight 34465A"
+    at_once = False
+
+    lasting_faults: ClassVar = (Frozen.kind, Overload.kind)
+
+    def __init__(self, setting: Setting) -> None:
+        super().__init__(f"Keysight Technologies,34465A,{setting.serial},{FIRMWARE}")
+        self._clock, self._lock = setting.clock, setting.world.lock
+        self._converter = Converter(setting)
+        self._trigger = TriggerSystem()
+        self._readings: list[Array] = []
+        self._changed_since, self._overflowed, self._overload_told = True, False, False
+        self._display, self._lit = '""', True
+        self._sense = Sense(self._converter, self._settings_changed, self._clock.now)
+        self._sense.add_to(self.tree)
+        self._add_measuring()
+        add_trigger_commands(self.tree, self._trigger, self._settings_changed, self._least_period_s)
+        self._add_system()
+        self.begin_to_serve(setting, self._lock)
+
+    def operation_condition(self) -> int:
+        """Return whether it measures or waits, was told something new, or has an error to tell."""
+        bits = 0 if self._trigger.idle else MEASURING
+        bits |= WAITING if self._trigger.waiting else 0
+        bits |= CHANGED if self._changed_since else 0
+        return bits | (ANY_ERROR if self.errors else 0)
+
+    def questionable_condition(self) -> int:
+        """Return whether readings were lost; overloads are events only."""
+        return MEMORY_OVERFLOW if self._overflowed else 0
+
+    def reset(self) -> None:
+        """Go to DC volts, one reading for each READ?."""
+        self._trigger.reset()
+        self._sense.reset()
+        self._settings_changed()
+
+    def before_each(self) -> None:
+        """Take the readings that have become finished into the memory."""
+        starts_s, new = self._trigger.finished(self._clock.now(), MEMORY)
+        if not new:
+            return
+        used = self._sense.chosen
+        values = self._converter.read(used, starts_s)
+        if (np.abs(values) >= NOT_A_NUMBER * 0.99).any() and not self._overload_told:
+            self.questionable.latch(used.overload_bit)
+            self._overload_told = True
+        self._readings.append(values)
+        if self._count() > MEMORY:
+            self._readings = [np.concatenate(self._readings)[-MEMORY:]]
+            self._overflowed = True
+
+    def _line(self, line: bytes) -> bytes:
+        reply = self.execute(line.decode("ascii", "replace").strip())
+        return b"" if reply is None else reply.encode("ascii") + b"\n"
+
+    def _settings_changed(self) -> None:
+        self._trigger.abort()
+        self._readings, self._overflowed = [], False
+        self._changed_since = True
+
+    def _count(self) -> int:
+        return sum(len(part) for part in self._readings)
+
+    def _add_measuring(self) -> None:
+        add, answer, do = self.tree.add, self._answer, self._do
+        add("INITiate[:IMMediate]", do(self._initiate))
+        add("ABORt", do(self._trigger.abort))
+        add("*TRG", do(lambda: self._trigger.trigger(self._clock.now())))
+        add("FETCh?", answer(self._fetch))
+        add("READ?", answer(self._read))
+        add("R?", self._remove_block)
+        add("*OPC?", answer(self._operation_complete_when_idle))
+        add("*WAI", do(self._wait))
+        add("DATA:LAST?", answer(self._last))
+        add("DATA:POINts?", answer(lambda: f"{self._count():+d}"))
+        add("DATA:REMove?", self._remove)
+        for header, name in (("[:VOLTage][:DC]", "VOLT"), (":RESistance", "RES")):
+            self._add_configuring(header, name)
+        self._add_configuring(":FRESistance", "FRES")
+
+    def _add_configuring(self, header: str, name: str) -> None:
+        function = self._sense.functions[name]
+
+        def configure(parameters: list[str]) -> None:
+            self._trigger.reset()
+            self._sense.configure(function, parameters)
+
+        def measure(parameters: list[str]) -> str:
+            configure(parameters)
+            return self._read()
+
+        self.tree.add(f"CONFigure{header}", configure)
+        self.tree.add(f"MEASure{header}?", measure)
+
+    def _add_system(self) -> None:
+        add, answer, do = self.tree.add, self._answer, self._do
+        add("SYSTem:ERRor[:NEXT]?", answer(lambda: signed(self.errors.pop())))
+        add("SYSTem:LFRequency?", answer(lambda: f"{self._converter.line_frequency_Hz:+.0f}"))
+        add("SYSTem:PRESet", do(self.reset))
+        add("SYSTem:LICense:CATalog?", answer(lambda: '"' + OPTIONS.replace(",", '","') + '"'))
+        add("*OPT?", answer(lambda: OPTIONS))
+        add("ROUTe:TERMinals?", answer(lambda: "FRON"))
+        add("FORMat[:DATA]", self._set_format)
+        add("FORMat[:DATA]?", answer(lambda: "ASC,9"))
+        add("DISPlay[:STATe]", self._light)
+        add("DISPlay[:STATe]?", answer(lambda: str(int(self._lit))))
+        add("DISPlay:TEXT[:DATA]", self._show)
+        add("DISPlay:TEXT[:DATA]?", answer(lambda: self._display))
+        add("DISPlay:TEXT:CLEar", do(lambda: self._show(['""'])))
+
+    def _set_format(self, parameters: list[str]) -> None:
+        choice(parameters[0] if parameters else "", {"ASC": "ASC", "ASCII": "ASC"})
+
+    def _light(self, parameters: list[str]) -> None:
+        self._lit = boolean(one(parameters))
+
+    def _show(self, parameters: list[str]) -> None:
+        self._display = one(parameters)
+
+    def _least_period_s(self) -> float:
+        return self._trigger.least_period_s(self._converter.busy_s(self._sense.chosen))
+
+    def _initiate(self) -> None:
+        self._trigger.initiate(self._clock.now(), self._converter.busy_s(self._sense.chosen))
+        self._readings, self._overflowed = [], False
+        self._changed_since = self._overload_told = False
+
+    def _wait(self) -> None:
+        """Wait until it is idle; ScpiError -214 when that needs a trigger by this very line."""
+        while not self._trigger.idle:
+            if self._trigger.waiting:
+                raise ScpiError(-214)
+            with left(self._lock):  # the world goes on meanwhile, and others are served
+                self._clock.sleep_until(self._trigger.end_s)
+            self.before_each()
+
+    def _operation_complete_when_idle(self) -> str:
+        self._wait()
+        return "1"
+
+    def _fetch(self) -> str:
+        self._wait()
+        if not self._readings:
+            raise ScpiError(-230)
+        return told(np.concatenate(self._readings))
+
+    def _read(self) -> str:
+        if self._trigger.source == "BUS":
+            raise ScpiError(-214)
+        self._initiate()
+        return self._fetch()
+
+    def _last(self) -> str:
+        last = float(self._readings[-1][-1]) if self._readings else NOT_A_NUMBER
+        return f"{last:+.8E} {self._sense.chosen.unit}"
+
+    def _take(self, most: int) -> Array:
+        kept = np.concatenate(self._readings) if self._readings else np.empty(0)
+        self._readings = [kept[most:]] if len(kept) > most else []
+        return kept[:most]
+
+    def _remove(self, parameters: list[str]) -> str:
+        count = whole_number(one(parameters), 1, MEMORY)
+        if self._count() < count:
+            raise ScpiError(-222)
+        return told(self._take(count))
+
+    def _remove_block(self, parameters: list[str]) -> str:
+        most = whole_number(one(parameters), 1, MEMORY) if parameters else MEMORY
+        text = told(self._take(most))
+        length = str(len(text))
+        return f"#{len(length)}{length}{text}"
+
+
+@contextmanager
+def left(lock: AbstractContextManager[object]) -> Iterator[None]:
+    """Be outside a lock that is held once, and come back to it."""
+    lock.__exit__(None, None, None)
+    try:
+        yield
+    finally:
+        lock.__enter__()
+
+
+def told(values: Array) -> str:
+    """Return readings as the meter writes them."""
+    return ",".join(f"{value:+.8E}" for value in values.tolist())
+
+
+def signed(error: str) -> str:
+    """Return an entry of the error queue with the sign of its number."""
+    return error if error.startswith("-") else f"+{error}"

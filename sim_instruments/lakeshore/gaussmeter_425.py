@@ -1,0 +1,137 @@
+"""Lake Shore 425 gaussmeter with a probe of one axis, in lines of text.
+
+From its manual: the mnemonics and their parameters, `+nnn.nnnE+nn`, the identity, commands chained
+with `;`, `?` alone for the last query again, zero as the minimum of `RDGMNMX?`, and that it must be
+left alone for 30 ms after a line; what comes sooner is lost here. From a public client: the ranges
+35 G to 35 kG. Assumed, since no source at hand says it: answers to
+chained queries are joined by `;`; a reading is the mean of the last whole
+0.1 s; beyond its range it reads 999.999E+09; autorange takes the lowest range that holds the last
+reading; what it does not know or like it passes over in silence. Left out: alarm, relay, zeroing.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from typing import ClassVar
+
+import numpy as np
+
+from sim_instruments.faults.lasting import Frozen, Overload
+from sim_instruments.instrument import Setting
+from sim_instruments.wire.line_instrument import LineInstrument
+from sim_instruments.world.coils import AXES, direction_near
+from sim_instruments.world.laser_gyro_bench import LaserGyroBench
+
+FIRMWARE = "1.0"
+PERIOD_S = 0.1
+PAUSE_S = 0.03
+PATIENCE = 1e-6
+RANGES_MT = (3.5, 35.0, 350.0, 3500.0)
+PER_MT = {1: 10.0, 2: 1e-3, 3: 10.0, 4: 1e3 / (4e-7 * np.pi) * 1e-3}
+"""Gauss, tesla, oersted (in air), ampere per metre."""
+OVERLOAD = 999.999e9
+MODE = re.compile(r"([12]),([01]),([12])")
+
+
+class Lakeshore425(LineInstrument):
+    """The gaussmeter at the probe's place, turned to x until somebody turns it.
+
+    Truth (`simulator` mapping): `noise` of a reading (rms), `gain_error`, `zero_offset`, and
+    `turned` (x, y, z): by how much the probe leans towards the other axes when it is turned there.
+    """
+
+    model = "Lake Shore 425"
+    protocol = "ascii"
+    resource = "socket://{host}:{port}"
+    lasting_faults: ClassVar = (Frozen.kind, Overload.kind)
+
+    def __init__(self, setting: Setting) -> None:
+        truth = setting.truth
+        self._serial = setting.serial
+        self._world, self._clock, self._rng = setting.world, setting.clock, setting.rng
+        self._faults = setting.faults
+        self._noise_mT = truth.quantity("noise", "mT")
+        self._gain = 1.0 + truth.quantity("gain_error", "1")
+        self._zero_mT = truth.quantity("zero_offset", "mT")
+        turned = truth.section("turned")
+        self._directions = {axis: direction_near(axis, turned.section(axis)) for axis in AXES}
+        self._free_s = 0.0
+        self._last_query = ""
+        self._reading_mT, self._largest_mT = 0.0, 0.0
+        self._period = -1
+        self._restore()
+        self._queries: dict[str, Callable[[], str]] = {
+            "*IDN?": lambda: f"LSCI,MODEL425,{self._serial},{FIRMWARE}",
+            "RDGFIELD?": lambda: self._shown(self._read_mT()),
+            "RDGMX?": lambda: self._shown(self._largest_mT),
+            "RDGMNMX?": lambda: f"{self._shown(0.0)},{self._shown(self._largest_mT)}",
+            "UNIT?": lambda: str(self._unit),
+            "RANGE?": lambda: str(self._range),
+            "AUTO?": lambda: str(int(self._auto)),
+            "RDGMODE?": lambda: self._mode,
+            "TYPE?": lambda: "40",
+        }
+        self.begin_to_serve(setting)
+
+    def _restore(self) -> None:
+        self._unit, self._range, self._auto, self._mode = 1, 4, True, "1,1,1"
+
+    def _line(self, line: bytes) -> bytes:
+        now_s = self._clock.now()
+        if now_s < self._free_s - PATIENCE:
+            return b""
+        self._free_s = now_s + PAUSE_S
+        text = line.decode("ascii", "replace").strip().upper()
+        if text == "?":
+            text = self._last_query
+        answers = [self._carry_out(one.strip()) for one in text.split(";") if one.strip()]
+        told = ";".join(one for one in answers if one is not None)
+        return told.encode("ascii") + b"\r\n" if told else b""
+
+    def _carry_out(self, command: str) -> str | None:
+        if command in self._queries:
+            self._last_query = command
+            return self._queries[command]()
+        name, _, parameter = command.partition(" ")
+        number = int(parameter) if parameter.isdigit() else -1
+        if name == "UNIT" and number in PER_MT:
+            self._unit = number
+        elif name == "RANGE" and 1 <= number <= len(RANGES_MT):
+            self._range, self._auto = number, False
+        elif name == "AUTO":  # public clients send it without a parameter
+            self._auto = number != 0
+        elif name == "RDGMODE" and MODE.fullmatch(parameter.replace(" ", "")):
+            self._mode = parameter.replace(" ", "")
+        elif name == "*RST":
+            self._restore()
+        return None
+
+    def _read_mT(self) -> float:
+        """Return the mean of the last whole period; within one it stays the same."""
+        now_s = self._clock.now()
+        period = int(np.floor(now_s / PERIOD_S + 1e-9))
+        if self._faults.now(Frozen.kind) is None and period != self._period and period > 0:
+            edges_s = np.array([(period - 1) * PERIOD_S, period * PERIOD_S])
+            axis = self._world.probe_axis if isinstance(self._world, LaserGyroBench) else "x"
+            field_mT = self._world.mean_probe_field_mT(edges_s)[0] @ self._directions[axis]
+            noise_mT = self._noise_mT * float(self._rng.standard_normal())
+            self._reading_mT = float(field_mT) * self._gain + self._zero_mT + noise_mT
+            self._period = period
+        if self._auto:
+            fitting = [k for k, end in enumerate(RANGES_MT, 1) if abs(self._reading_mT) <= end]
+            self._range = fitting[0] if fitting else len(RANGES_MT)
+        beyond = abs(self._reading_mT) > RANGES_MT[self._range - 1]
+        if beyond or self._faults.now(Overload.kind) is not None:
+            return float("inf")
+        self._largest_mT = max(self._largest_mT, abs(self._reading_mT))
+        return self._reading_mT
+
+    def _shown(self, field_mT: float) -> str:
+        """Return a reading in the present unit as `+nnn.nnnE+nn`."""
+        value = field_mT * PER_MT[self._unit] if np.isfinite(field_mT) else OVERLOAD
+        exponent = 3 * int(np.floor(np.log10(abs(value)) / 3)) if value else 0
+        mantissa = round(value / 10.0**exponent, 3)
+        if abs(mantissa) >= 1000.0:
+            mantissa, exponent = mantissa / 1000.0, exponent + 3
+        return f"{mantissa:+08.3f}E{exponent:+03d}"

@@ -1,0 +1,223 @@
+"""Lake Shore F71 teslameter with a three-axis probe, SCPI over TCP.
+
+From the F71 manual and the maker's public client: LF ends a command, CR LF a reply, an empty line
+produces nothing, averaging counts samples of 10 ms, the buffer is emptied by reading. Assumed,
+since no source at hand says it: readings are block averages stamped at the END of their window,
+`FETCh:DC? ALL` gives magnitude, x, y, z in the order of the buffer, the buffer holds 1000 records
+and loses the oldest, an overloaded axis reads 9.9E37, ranges are 35 mT, 350 mT and 3.5 T.
+"""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime, timedelta
+from typing import ClassVar
+
+import numpy as np
+import numpy.typing as npt
+
+from sim_instruments.faults.lasting import Frozen, Overload
+from sim_instruments.instrument import Setting
+from sim_instruments.wire.line_instrument import LineInstrument
+from sim_instruments.wire.scpi import ScpiError, boolean, choice, number, one, whole_number
+from sim_instruments.wire.scpi_device import ScpiDevice
+from sim_instruments.world.coils import AXES, small_rotation
+
+Array = npt.NDArray[np.float64]
+
+FIRMWARE = "1.6.2019092002"
+TICK_S = 0.01
+TICKS_PER_S = 100
+BUFFER_RECORDS = 1000
+RANGES_T = (0.035, 0.35, 3.5)
+MOST_AVERAGED = 1000
+OVERLOAD_READING = 9.9e37
+OVERLOAD_BIT = 2
+EPOCH = datetime(2026, 1, 1, tzinfo=UTC)
+
+
+class Readings:
+    """Finished readings: the instrument's tick at the end of each, and x y z in T."""
+
+    def __init__(self, ticks: npt.NDArray[np.int64], field_T: Array) -> None:
+        self.ticks = ticks
+        self.field_T = field_T
+
+
+class LakeshoreF71(LineInstrument, ScpiDevice):
+    """The teslameter at the probe's place in the simulated world.
+
+    Truth (`simulator` mapping): `noise_per_sample` (rms of one 10 ms sample of one axis),
+    `gain_error` and `zero_offset` (x, y, z), `rotation` (about_x, about_y, about_z of the probe in
+    the coil frame), `clock_offset` and `clock_error` of its own clock, `probe_temperature`.
+    """
+
+    model = "Lake Shore F71"
+
+    lasting_faults: ClassVar = (Frozen.kind, Overload.kind)
+
+    def __init__(self, setting: Setting) -> None:
+        super().__init__(f"Lake Shore,F71,{setting.serial},{FIRMWARE}")
+        truth = setting.truth
+        self._world, self._clock, self._rng = setting.world, setting.clock, setting.rng
+        self._noise_mT = truth.quantity("noise_per_sample", "mT")
+        self._gain = 1.0 + np.array(truth.quantities("gain_error", AXES, "1"))
+        self._zero_mT = np.array(truth.quantities("zero_offset", AXES, "mT"))
+        self._rotation = small_rotation(truth, "rotation")
+        self._clock_offset_s = truth.quantity("clock_offset", "s")
+        self._clock_rate = 1.0 + truth.quantity("clock_error", "1")
+        self._probe_degC = truth.quantity("probe_temperature", "degC")
+        self._faults = setting.faults
+        self._probe_serial = f"{setting.serial}-P"
+        self._restore_defaults()
+        self._add_commands()
+        self.begin_to_serve(setting)
+
+    def operation_condition(self) -> int:
+        """Return bit 1 while the last reading was overloaded."""
+        self._collect()
+        return OVERLOAD_BIT if (np.abs(self._last_T) >= OVERLOAD_READING).any() else 0
+
+    def reset(self) -> None:
+        """Go to DC mode, autorange, averaging of 20 samples, Tesla."""
+        self._restore_defaults()
+
+    def _restore_defaults(self) -> None:
+        self._mode, self._unit_T = "DC", 1.0
+        self._autorange, self._range_T = True, RANGES_T[0]
+        self._averaged = 20
+        self._last_T = np.zeros(3)
+        self._buffer: list[Readings] = []
+        self._next_tick = self._tick_now() - self._averaged
+        self._collect()
+        self._buffer = []
+
+    def _line(self, line: bytes) -> bytes:
+        reply = self.execute(line.decode("ascii", "replace").strip())
+        return b"" if reply is None else reply.encode("ascii") + b"\r\n"
+
+    def _add_commands(self) -> None:
+        add, answer = self.tree.add, self._answer
+        add("SENSe:MODE", self._set_mode)
+        add("SENSe:MODE?", answer(lambda: self._mode))
+        add("SENSe:AVERage:COUNt", self._set_averaging)
+        add("SENSe:AVERage:COUNt?", answer(lambda: str(self._averaged)))
+        add("SENSe:RANGe[:UPPer]", self._set_range)
+        add("SENSe:RANGe[:UPPer]?", answer(lambda: f"{self._range_T:.6E}"))
+        add("SENSe:RANGe:AUTO", self._set_autorange)
+        add("SENSe:RANGe:AUTO?", answer(lambda: str(int(self._autorange))))
+        add("UNIT:FIELD", self._set_unit)
+        add("UNIT:FIELD?", answer(lambda: "TESLA" if self._unit_T == 1.0 else "GAUSS"))
+        add("FETCh[:SCALar]:DC?", self._fetch)
+        add("FETCh:BUFFer:DC?", answer(self._read_buffer))
+        add("FETCh:TEMPerature?", answer(lambda: f"{self._probe_degC:.3f}"))
+        add("PROBe:SNUMber?", answer(lambda: f'"{self._probe_serial}"'))
+
+    def _set_mode(self, parameters: list[str]) -> None:
+        mode = choice(one(parameters), {"DC": "DC", "AC": "AC", "HIFR": "HIFR"})
+        self._collect()
+        self._mode = mode
+        self._start_window()
+
+    def _set_averaging(self, parameters: list[str]) -> None:
+        count = whole_number(one(parameters), 1, MOST_AVERAGED)
+        self._collect()
+        self._averaged = count
+        self._start_window()
+
+    def _set_range(self, parameters: list[str]) -> None:
+        wanted = number(one(parameters))
+        fitting = [each for each in RANGES_T if abs(wanted) <= each * (1 + 1e-9)]
+        if not fitting:
+            raise ScpiError(-222)
+        self._collect()
+        self._range_T, self._autorange = fitting[0], False
+
+    def _set_autorange(self, parameters: list[str]) -> None:
+        on = boolean(one(parameters))
+        self._collect()
+        self._autorange = on
+
+    def _set_unit(self, parameters: list[str]) -> None:
+        unit = choice(one(parameters), {"TESLA": "T", "T": "T", "GAUSS": "G", "G": "G"})
+        self._unit_T = 1.0 if unit == "T" else 1e-4
+
+    def _fetch(self, parameters: list[str]) -> str:
+        names = {"": 0, "MAGNITUDE": 0, "MAG": 0, "X": 1, "Y": 2, "Z": 3, "ALL": 4}
+        wanted = one(parameters).upper() if parameters else ""
+        if wanted not in names:
+            raise ScpiError(-224)
+        if self._mode != "DC":
+            raise ScpiError(-221)
+        self._collect()
+        values = self._in_unit(self._last_T[None, :])[0]
+        shown = values if names[wanted] == 4 else values[names[wanted] : names[wanted] + 1]
+        return ",".join(f"{value:+.7E}" for value in shown)
+
+    def _read_buffer(self) -> str:
+        self._collect()
+        buffer, self._buffer = self._buffer, []
+        if not buffer:
+            return '""'
+        ticks = np.concatenate([part.ticks for part in buffer])[-BUFFER_RECORDS:]
+        field_T = np.concatenate([part.field_T for part in buffer])[-BUFFER_RECORDS:]
+        states = np.where((np.abs(field_T) >= OVERLOAD_READING).any(axis=1), OVERLOAD_BIT, 0)
+        records = [
+            f"{self._stamp(tick)},{m:+.7E},{x:+.7E},{y:+.7E},{z:+.7E},{state};"
+            for tick, (m, x, y, z), state in zip(
+                ticks.tolist(), self._in_unit(field_T).tolist(), states.tolist(), strict=True
+            )
+        ]
+        return f'"{"".join(records)}"'
+
+    @staticmethod
+    def _stamp(tick: int) -> str:
+        moment = EPOCH + timedelta(milliseconds=tick * 10)
+        return moment.strftime("%Y-%m-%dT%H:%M:%S.") + f"{moment.microsecond // 1000:03d}+00:00"
+
+    def _in_unit(self, field_T: Array) -> Array:
+        overload = np.abs(field_T) >= OVERLOAD_READING
+        magnitude = np.where(
+            overload.any(axis=1),
+            OVERLOAD_READING,
+            np.linalg.norm(np.where(overload, 0.0, field_T), axis=1),
+        )
+        rows = np.column_stack([magnitude, field_T])
+        return np.where(rows >= OVERLOAD_READING, OVERLOAD_READING, rows / self._unit_T)
+
+    def _tick_now(self) -> int:
+        now_s = (self._clock.now() + self._clock_offset_s) * self._clock_rate
+        # A window that ends at this very moment is finished, whatever the last bit says.
+        return int(np.floor(now_s * TICKS_PER_S + 1e-6))
+
+    def _start_window(self) -> None:
+        self._next_tick = self._tick_now()
+
+    def _collect(self) -> None:
+        """Finish all averaging windows that have ended; the last reading and the buffer follow."""
+        count = (self._tick_now() - self._next_tick) // self._averaged
+        if count <= 0:
+            return
+        first = self._next_tick + max(count - BUFFER_RECORDS, 0) * self._averaged
+        self._next_tick += count * self._averaged
+        if self._mode != "DC":
+            return
+        count = min(count, BUFFER_RECORDS)
+        ticks = first + self._averaged * np.arange(count + 1)
+        edges_s = ticks.astype(np.float64) * TICK_S / self._clock_rate - self._clock_offset_s
+        field_mT = self._world.mean_probe_field_mT(edges_s) @ self._rotation.T
+        noise_mT = self._noise_mT / np.sqrt(self._averaged) * self._rng.standard_normal((count, 3))
+        field_T = (field_mT * self._gain + self._zero_mT + noise_mT) * 1e-3
+        if self._autorange:
+            largest = float(np.abs(field_T[-1]).max())
+            self._range_T = next((each for each in RANGES_T if largest <= each), RANGES_T[-1])
+            limit_T = RANGES_T[-1]
+        else:
+            limit_T = self._range_T
+        beyond = self._faults.during(Overload.kind, edges_s[1:])[:, None]
+        field_T = np.where((np.abs(field_T) > limit_T) | beyond, OVERLOAD_READING, field_T)
+        for k in np.flatnonzero(self._faults.during(Frozen.kind, edges_s[1:])).tolist():
+            field_T[k] = field_T[k - 1] if k else self._last_T
+        self._last_T = field_T[-1]
+        self._buffer.append(Readings(ticks[1:], field_T))
+        while sum(part.ticks.size for part in self._buffer[1:]) >= BUFFER_RECORDS:
+            self._buffer.pop(0)

@@ -1,0 +1,292 @@
+"""Red Pitaya STEMlab 125-14: its SCPI server, its oscilloscope, and one trigger output.
+
+From the maker's server and gateware: LF-ended lines (a real one wants CR LF), answers end with
+CR LF, `*IDN?` tells no serial number, a command that is unknown or refused is not answered and
+leaves an error in the queue, the trigger status is TD whenever no source is armed, an unconnected
+pin reads 1, a pin that is no output cannot be set, values come as `{0.123456,…}`. Systems before
+2.00-30 know no `ACQ:DEC:F`, before 2.00-15 no `ACQ:TRIG:FILL?`, and before 2.00 `DATA:STA:N?` in
+the place of `DATA:START:N?`. DIO0_N drives the bench's trigger and DIO0_P listens to it. Input 1
+is at the world's detector, input 2 is open. Assumed: 20 us for each value that is told.
+"""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import ClassVar
+
+import numpy as np
+
+from sim_instruments.faults.lasting import NoTrigger, Overload
+from sim_instruments.instrument import Setting
+from sim_instruments.keysight.multimeter_34465a import left
+from sim_instruments.redpitaya.stemlab_capture import (
+    CONVERTER_HZ,
+    HALF,
+    SLOTS,
+    Array,
+    Capture,
+    Numbers,
+)
+from sim_instruments.truth import SimulationError
+from sim_instruments.wire.line_instrument import LineInstrument
+from sim_instruments.wire.scpi import ScpiError, choice, whole_number
+from sim_instruments.wire.scpi_device import ScpiDevice
+from sim_instruments.world.trigger_line import TriggerLine
+
+CLASSIC = (1, 8, 64, 1024, 8192, 65536)
+POWERS = tuple(2**power for power in range(17))
+LARGEST_DECIMATION = 65536
+FULL_SCALE_V = {"LV": 1.0, "HV": 20.0}
+LARGEST_CODE = 8191
+OUTPUT, LOOP = "DIO0_N", "DIO0_P"
+PINS = {f"DIO{number}_{side}": f"DIO{number}_{side}" for side in "PN" for number in range(8)}
+SOURCES = {name: name for name in ("DISABLED", "NOW", "EXT_PE", "EXT_NE")}
+TELLING_S = 20e-6
+
+
+class RedPitaya(LineInstrument, ScpiDevice):
+    """The board, in whatever simulated world has a detector (`detector_V`) and a `trigger`.
+
+    Truth (`simulator` mapping): `os_version` (2.05-37), `jumper` (where those of the inputs are
+    set, LV or HV; the gain that is commanded does not move them), `noise` (rms of one stored
+    value), `gain_error`, `offset`, `clock_error` (of the sample clock: positive is slow).
+    """
+
+    model = "Red Pitaya STEMlab 125-14"
+    at_once = False
+
+    lasting_faults: ClassVar = (Overload.kind, NoTrigger.kind)
+
+    def __init__(self, setting: Setting) -> None:
+        truth = setting.truth
+        super().__init__("REDPITAYA,INSTR2024,0,01-02")
+        self._clock, self._lock = setting.clock, setting.world.lock
+        self._faults, self._rng = setting.faults, setting.rng
+        self._version = version_of(truth.text("os_version"), f"{truth.where}.os_version")
+        self._jumper = truth.text("jumper")
+        if self._jumper not in FULL_SCALE_V:
+            raise SimulationError(f"{truth.where}.jumper: LV or HV was expected")
+        self._noise_V = truth.quantity("noise", "V")
+        self._gain = 1.0 + truth.quantity("gain_error", "1")
+        self._offset_V = truth.quantity("offset", "V")
+        self._clock_Hz = CONVERTER_HZ / (1.0 + truth.quantity("clock_error", "1"))
+        self._detector = getattr(setting.world, "detector_V", None)
+        wire = getattr(setting.world, "trigger", None)
+        self._wire = wire if wire is not None else TriggerLine()
+        self._wire.listen(
+            lambda time_s: self._edge(time_s, "EXT_PE"), lambda time_s: self._edge(time_s, "EXT_NE")
+        )
+        self._outputs: dict[str, bool] = {}
+        """The pins that are outputs, and whether each is high."""
+        self._reset_acquisition()
+        self._add_acquisition()
+        self._add_reading()
+        self.tree.add("DIG:PIN", self._set_pin)
+        self.tree.add("DIG:PIN?", self._pin)
+        self.tree.add("DIG:PIN:DIR", self._set_direction)
+        self.tree.add("DIG:PIN:DIR?", lambda given: "OUT" if pin(given) in self._outputs else "IN")
+        self.begin_to_serve(setting, self._lock)
+
+    def energised(self) -> bool:
+        """Return whether its trigger output is high."""
+        return self._outputs.get(OUTPUT, False)
+
+    def _line(self, line: bytes) -> bytes:
+        reply = self.execute(line.decode("ascii", "replace").strip())
+        return b"" if reply is None else reply.encode("ascii") + b"\r\n"
+
+    def _reset_acquisition(self) -> None:
+        self._decimation, self._averages, self._delay = 1, True, HALF
+        self._gains = {"1": "LV", "2": "LV"}
+        self._source = "DISABLED"
+        self._noise = np.zeros(SLOTS)
+        self._capture = Capture(self._clock.now(), 1.0, 0, HALF, stopped_s=self._clock.now())
+
+    def _add_acquisition(self) -> None:
+        add, answer, do = self.tree.add, self._answer, self._do
+        names = {"VOLTS": "VOLTS"}
+        add("ACQ:RST", do(self._reset_acquisition))
+        add("ACQ:START", do(self._arm))
+        add("ACQ:STOP", do(self._stop))
+        add("ACQ:DEC", self._set_decimation)
+        add("ACQ:DEC?", answer(lambda: str(self._decimation)))
+        if self._version >= (2, 0, 30):
+            add("ACQ:DEC:Factor", self._set_factor)
+            add("ACQ:DEC:Factor?", answer(lambda: str(self._decimation)))
+        add("ACQ:AVG", self._set_averaging)
+        add("ACQ:AVG?", answer(lambda: "ON" if self._averages else "OFF"))
+        add("ACQ:DATA:UNITS", lambda given: ignored(choice(only(given), names)))
+        add("ACQ:DATA:UNITS?", answer(lambda: "VOLTS"))
+        add("ACQ:DATA:FORMAT", lambda given: ignored(choice(only(given), {"ASCII": "ASCII"})))
+        add("ACQ:TRIG", self._set_source)
+        add("ACQ:TRIG:STAT?", answer(lambda: "TD" if self._source == "DISABLED" else "WAIT"))
+        add("ACQ:TRIG:DLY", self._set_delay)
+        add("ACQ:TRIG:DLY?", answer(lambda: str(self._delay - HALF)))
+        if self._version >= (2, 0, 15):
+            add(
+                "ACQ:TRIG:FILL?", answer(lambda: str(int(self._capture.is_full(self._clock.now()))))
+            )
+
+    def _add_reading(self) -> None:
+        add, answer = self.tree.add, self._answer
+        add("ACQ:WPOS?", answer(lambda: str(self._pointer())))
+        add("ACQ:TPOS?", answer(lambda: str(self._pointer_at_trigger())))
+        add("ACQ:BUF:SIZE?", answer(lambda: str(SLOTS)))
+        start = "START" if self._version >= (2, 0, 0) else "STA"
+        for channel in ("1", "2"):
+            header = f"ACQ:SOUR{channel}"
+            add(f"{header}:GAIN", partial(self._set_gain, channel))
+            add(f"{header}:GAIN?", answer(partial(self._gain_of, channel)))
+            add(f"{header}:DATA:{start}:N?", partial(self._tell, channel))
+
+    # The capture.
+
+    def _arm(self) -> None:
+        first = (self._capture.slot(self._capture.last_at(self._clock.now())) + 1) % SLOTS
+        interval_s = self._decimation / self._clock_Hz
+        # In step with nothing: the arming takes effect some clocks after the command.
+        began_s = self._clock.now() + interval_s * self._rng.random()
+        self._capture = Capture(began_s, interval_s, first, self._delay)
+        self._noise = self._noise_V * self._rng.standard_normal(SLOTS)
+
+    def _stop(self) -> None:
+        self._capture.stopped_s = min(self._capture.stopped_s, self._clock.now())
+
+    def _edge(self, time_s: float, kind: str) -> None:
+        if self._faults.now(NoTrigger.kind) is None and self._source == kind:
+            self._trigger(time_s)
+
+    def _trigger(self, time_s: float) -> None:
+        self._capture.trigger(time_s)
+        self._source = "DISABLED"
+
+    def _set_source(self, given: list[str]) -> None:
+        self._source = choice(only(given), SOURCES)
+        if self._source == "NOW":
+            self._trigger(self._clock.now())
+
+    def _set_decimation(self, given: list[str]) -> None:
+        value = whole_number(only(given), 1, LARGEST_DECIMATION)
+        if value not in (CLASSIC if self._version < (1, 4, 0) else POWERS):
+            raise ScpiError(-224)
+        self._decimation = value
+
+    def _set_factor(self, given: list[str]) -> None:
+        value = whole_number(only(given), 1, LARGEST_DECIMATION)
+        if value < 16 and value not in POWERS:
+            raise ScpiError(-224)
+        self._decimation = value
+
+    def _set_averaging(self, given: list[str]) -> None:
+        self._averages = choice(only(given), {"ON": "ON", "OFF": "OFF"}) == "ON"
+
+    def _set_delay(self, given: list[str]) -> None:
+        self._delay = max(whole_number(only(given), -(2**31), 2**31 - 1) + HALF, 0)
+
+    def _set_gain(self, channel: str, given: list[str]) -> None:
+        self._gains[channel] = choice(only(given), {name: name for name in FULL_SCALE_V})
+
+    def _gain_of(self, channel: str) -> str:
+        return self._gains[channel]
+
+    # What is told of it.
+
+    def _pointer(self) -> int:
+        return self._capture.slot(self._capture.last_at(self._clock.now()))
+
+    def _pointer_at_trigger(self) -> int:
+        number = self._capture.triggered_at
+        if number is None:
+            return 0
+        return self._capture.slot(number if self._version >= (2, 5, 0) else number - 1)
+
+    def _tell(self, channel: str, given: list[str]) -> str:
+        if len(given) != 2:
+            raise ScpiError(-109)
+        start, count = whole_number(given[0], 0, SLOTS), whole_number(given[1], 1, SLOTS)
+        numbers = self._capture.numbers(start, count, self._clock.now())
+        with left(self._lock):  # the world goes on meanwhile, and others are served
+            self._clock.sleep(TELLING_S * count)
+        return "{" + ",".join(f"{value:.6f}" for value in self._read(channel, numbers)) + "}"
+
+    def _read(self, channel: str, numbers: Numbers) -> Array:
+        """Return what the board makes of the values with these numbers, in V."""
+        volts = np.zeros(numbers.size)
+        taken = numbers >= 0
+        if taken.any():
+            times_s = self._capture.middles_s(numbers[taken])
+            volts[taken] = self._input_V(channel, times_s, numbers[taken])
+        return volts
+
+    def _input_V(self, channel: str, times_s: Array, numbers: Numbers) -> Array:
+        order = np.argsort(times_s, kind="stable")
+        volts = np.zeros(times_s.size)
+        if channel == "1" and self._detector is not None:
+            volts[order] = self._detector(times_s[order])
+        volts = volts * self._gain + self._offset_V + self._noise[numbers % SLOTS]
+        codes = np.round(volts / FULL_SCALE_V[self._jumper] * (LARGEST_CODE + 1))
+        codes[self._faults.during(Overload.kind, times_s)] = LARGEST_CODE
+        codes = np.clip(codes, -LARGEST_CODE - 1, LARGEST_CODE)
+        return np.asarray(codes / (LARGEST_CODE + 1) * FULL_SCALE_V[self._gains[channel]])
+
+    # The pins.
+
+    def _set_direction(self, given: list[str]) -> None:
+        if len(given) != 2:
+            raise ScpiError(-109)
+        way, name = choice(given[0], {"IN": "IN", "OUT": "OUT"}), choice(given[1], PINS)
+        if way == "IN":
+            self._outputs.pop(name, None)
+        else:
+            self._outputs.setdefault(name, False)
+        self._drive()
+
+    def _set_pin(self, given: list[str]) -> None:
+        if len(given) != 2:
+            raise ScpiError(-109)
+        name, high = choice(given[0], PINS), whole_number(given[1], 0, 1) == 1
+        if name not in self._outputs:
+            raise ScpiError(-221)
+        self._outputs[name] = high
+        self._drive()
+
+    def _drive(self) -> None:
+        """Put the level of the trigger output on the wire, which is low where nothing drives it."""
+        if self._outputs.get(OUTPUT, False):
+            self._wire.rise(self._clock.now())
+        else:
+            self._wire.fall(self._clock.now())
+
+    def _pin(self, given: list[str]) -> str:
+        name = pin(given)
+        if name in self._outputs:
+            return str(int(self._outputs[name]))
+        seated = name == LOOP and OUTPUT in self._outputs
+        if seated and self._faults.now(NoTrigger.kind) is None:
+            return str(int(self._wire.high))
+        return "1"
+
+
+def only(given: list[str]) -> str:
+    """Return the only parameter; ScpiError -109 otherwise."""
+    if len(given) != 1:
+        raise ScpiError(-109)
+    return given[0]
+
+
+def pin(given: list[str]) -> str:
+    """Return the pin that is meant."""
+    return choice(only(given), PINS)
+
+
+def ignored(value: str) -> None:
+    """Take a setting that has one value here."""
+
+
+def version_of(text: str, where: str) -> tuple[int, int, int]:
+    """Return a version such as 2.05-37 as numbers; SimulationError where it is none."""
+    parts = text.replace("-", ".").split(".")
+    if not 1 <= len(parts) <= 3 or not all(part.isdecimal() for part in parts):
+        raise SimulationError(f"{where}: a version such as 2.05-37 was expected, got {text!r}")
+    numbers = [int(part) for part in (*parts, "0", "0")]
+    return numbers[0], numbers[1], numbers[2]

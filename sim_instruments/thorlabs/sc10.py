@@ -1,0 +1,155 @@
+"""Thorlabs SC10 shutter controller with an SH05 shutter at the pump light, in lines of text.
+
+From the manual's table of commands and public clients: CR ends a command; the answer is its echo,
+CR, the value and CR where there is one, and the prompt `> `; `ens` toggles; `closed?` is 1 for a
+closed shutter, `interlock?` 1 for a tripped one; errors read `Command error CMD_NOT_DEFINED` and
+`Command error CMD_ARG_INVALID`. What no source at hand says, and is assumed: in the external gate
+mode an enabled shutter is open while the gate is high; a change of the mode leaves `ens?` as it is;
+an open interlock disables the shutter, and `ens` is then taken without effect; an empty line is
+answered by the prompt. The sequences of the modes auto, single and repeat are left out: there an
+enabled shutter is open.
+"""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+from sim_instruments.faults.lasting import InterlockOpen, LastingFault, StuckOpen
+from sim_instruments.instrument import Setting
+from sim_instruments.wire.line_instrument import LineInstrument
+from sim_instruments.world.trigger_line import TriggerLine
+
+IDENTITY = "THORLABS SC10 VERSION 1.07"
+PROMPT = b"> "
+EXTERNAL = 5
+RANGES = {
+    "mode": (1, 5),
+    "trig": (0, 1),
+    "xto": (0, 1),
+    "rep": (1, 99),
+    "open": (1, 999_999),
+    "shut": (1, 999_999),
+    "baud": (0, 1),
+}
+"""What can be set, from where to where; the durations of the modes 2 to 4 in ms."""
+
+AT_POWER_ON = {"mode": 1, "trig": 0, "xto": 0, "rep": 1, "open": 200, "shut": 200, "baud": 0}
+
+
+class RefusedCommand(Exception):
+    """A command that the controller does not take, with its word for why."""
+
+
+class ThorlabsSc10(LineInstrument):
+    """The controller; its gate hangs on the world's `trigger`, its blade in the world's `pump`.
+
+    Truth (`simulator` mapping): `opening_time` and `closing_time` (from the change of the gate or
+    a command until the light is let through or blocked, which is when its sensor says so, too),
+    `gate_inverter` (whether an inverter stands between the trigger and the gate).
+    """
+
+    model = "Thorlabs SC10"
+    protocol = "ascii"
+    resource = "socket://{host}:{port}"
+    line_end = b"\r"
+
+    lasting_faults: ClassVar = (StuckOpen.kind, InterlockOpen.kind)
+
+    def __init__(self, setting: Setting) -> None:
+        self._clock, self._faults = setting.clock, setting.faults
+        self._opening_s = setting.truth.quantity("opening_time", "s")
+        self._closing_s = setting.truth.quantity("closing_time", "s")
+        self._inverter = setting.truth.switch("gate_inverter")
+        self._pump = getattr(setting.world, "pump", None)
+        wire = getattr(setting.world, "trigger", None)
+        self._wire = wire if wire is not None else TriggerLine()
+        self._wire.listen(self._look, self._look)
+        self._values = dict(AT_POWER_ON)
+        self._enabled = False
+        self._open_since_s: float | None = None
+        """From when on the light passes; None for a blade that is, or goes, before it."""
+        self._moved_until_s = 0.0
+        setting.faults.when_changed(StuckOpen.kind, self._changed)
+        setting.faults.when_changed(InterlockOpen.kind, self._interlock_changed)
+        self.begin_to_serve(setting)
+
+    def energised(self) -> bool:
+        """Return whether the light passes, or is about to."""
+        return not self._is_closed(self._clock.now())
+
+    # The blade.
+
+    def _is_closed(self, time_s: float) -> bool:
+        """Return whether the blade stands before the light; one that moves is where it was."""
+        opened = self._open_since_s is not None
+        return opened if time_s < self._moved_until_s else not opened
+
+    def _wanted_open(self) -> bool:
+        if not self._enabled:
+            return False
+        return self._values["mode"] != EXTERNAL or self._wire.high != self._inverter
+
+    def _look(self, time_s: float) -> None:
+        """Move the blade to where it is wanted, from `time_s` on."""
+        wanted = self._wanted_open()
+        if wanted == (self._open_since_s is not None):
+            return
+        if not wanted and self._faults.now(StuckOpen.kind) is not None:
+            return
+        # A blade that is turned on its way passes the beam later than it would have.
+        at_s = max(time_s, self._moved_until_s) + (self._opening_s if wanted else self._closing_s)
+        self._open_since_s, self._moved_until_s = (at_s if wanted else None), at_s
+        if self._pump is not None:
+            self._pump(at_s, wanted)
+
+    def _changed(self, time_s: float, fault: LastingFault | None) -> None:
+        self._look(time_s)
+
+    def _interlock_changed(self, time_s: float, fault: LastingFault | None) -> None:
+        if fault is not None:
+            self._enabled = False
+        self._look(time_s)
+
+    # The commands.
+
+    def _line(self, line: bytes) -> bytes:
+        text = line.decode("ascii", "replace").strip()
+        if not text:
+            return b"\r" + PROMPT
+        try:
+            value = self._carry_out(text)
+        except RefusedCommand as error:
+            value = f"Command error {error}"
+        told = [text] if value is None else [text, value]
+        return "\r".join([*told, ""]).encode("ascii", "replace") + PROMPT
+
+    def _carry_out(self, text: str) -> str | None:
+        if text == "id?":
+            return IDENTITY
+        if text == "ens?":
+            return str(int(self._enabled))
+        if text == "closed?":
+            return str(int(self._is_closed(self._clock.now())))
+        if text == "interlock?":
+            return str(int(self._tripped()))
+        if text == "ens":
+            self._enabled = not self._enabled and not self._tripped()
+            self._look(self._clock.now())
+            return None
+        name, equals, value = text.partition("=")
+        if equals and name in RANGES:
+            self._set(name, value)
+            return None
+        if text.removesuffix("?") in RANGES and text.endswith("?"):
+            return str(self._values[text[:-1]])
+        raise RefusedCommand("CMD_NOT_DEFINED")
+
+    def _set(self, name: str, value: str) -> None:
+        low, high = RANGES[name]
+        if not value.isdecimal() or not low <= int(value) <= high:
+            raise RefusedCommand("CMD_ARG_INVALID")
+        self._values[name] = int(value)
+        self._look(self._clock.now())
+
+    def _tripped(self) -> bool:
+        return self._faults.now(InterlockOpen.kind) is not None

@@ -1,0 +1,143 @@
+"""Watlow F4 controller of a thermal chamber, on Modbus RTU.
+
+From public clients: register 0 holds the model (5270, the letters F and 4), 1 and 2 the serial
+number, 100 the process value, 300 the set-point, 602 and 603 its limits, all three signed with as
+many decimals as 606 says; 103 and 107 the powers of heater and compressor in hundredths of a
+percent; 901 the unit; 200 what a profile does; events from 2000, ten registers apart. Assumed:
+three digits of the serial number in a register; a set-point one count below its low limit is `off`;
+102 and 106 are the states of the alarms, other than zero while they are on; 201, 213, 225 and 237
+are the digital inputs, 1 while they are on; what is out of range is
+refused with exception 3. Left out: profiles, the second channel.
+"""
+
+from __future__ import annotations
+
+from functools import partial
+
+from sim_instruments.instrument import Setting
+from sim_instruments.truth import SimulationError
+from sim_instruments.watlow.plant import Plant, WatlowController
+from sim_instruments.wire.modbus import (
+    ILLEGAL_VALUE,
+    ModbusError,
+    Parameter,
+    Registers,
+    Words,
+    fixed,
+)
+from sim_instruments.wire.modbus_rtu import ModbusRtuServer
+
+UNIT = 1
+MODEL, REVISION, MADE = 5270, 203, 2208
+PER_K, DECIMALS, CELSIUS = 10.0, 1, 1
+ALARMS = (102, 106)
+INPUTS = (201, 213, 225, 237)
+EVENTS = 8
+HIGHEST_SERIAL = 999_999
+
+
+class WatlowF4(WatlowController):
+    """The controller; its channel 1 moves the world's `chamber`, or one of its own.
+
+    Truth (`simulator` mapping): what `Plant` needs; `set_point_low` and `set_point_high` as the
+    chamber's maker left them; `chamber_event`, the event that must be on for heater and compressor
+    to run, or 0; `door_input`, the input (1 to 4) that is on while the door is closed, none unless
+    said.
+    """
+
+    model = "Watlow F4"
+    protocol = "modbus-rtu"
+    resource = "socket://{host}:{port}"
+
+    def __init__(self, setting: Setting) -> None:
+        truth = setting.truth
+        if not setting.serial.isdecimal() or int(setting.serial) > HIGHEST_SERIAL:
+            raise SimulationError(f"{truth.where}: an F4 has a serial number of six digits")
+        self._plant = Plant(setting)
+        self._low = round(truth.quantity("set_point_low", "degC") * PER_K)
+        self._high = round(truth.quantity("set_point_high", "degC") * PER_K)
+        self._chamber_event = truth.integer("chamber_event", 0)
+        self._door_input = truth.integer("door_input", 0) if "door_input" in truth else 0
+        self._events = dict.fromkeys(range(1, EVENTS + 1), 0)
+        self._set_point = self._low - 1
+        self._registers = Registers()
+        self._add_registers(int(setting.serial))
+        self._server = ModbusRtuServer(setting, self._registers, UNIT)
+        self._server.begin()
+
+    def _add_registers(self, serial: int) -> None:
+        first, last = divmod(serial, 1000)
+        constants = {0: MODEL, 1: first, 2: last, 4: REVISION, 5: MADE, 101: 0, 200: 0}
+        constants |= {606: DECIMALS, 608: 0, 901: CELSIUS}
+        add = self._registers.add
+        for address, value in constants.items():
+            add(address, fixed(value))
+        add(100, Parameter(lambda: signed(self._plant.process_degC() * PER_K)))
+        for number, address in enumerate(ALARMS, 1):
+            add(address, Parameter(partial(self._alarm, number)))
+        add(103, Parameter(lambda: signed(max(self._plant.output_percent(), 0.0) * 100)))
+        add(107, Parameter(lambda: signed(max(-self._plant.output_percent(), 0.0) * 100)))
+        add(300, Parameter(lambda: signed(self._set_point), self._aim))
+        add(602, Parameter(lambda: signed(self._low), partial(self._limit, "_low")))
+        add(603, Parameter(lambda: signed(self._high), partial(self._limit, "_high")))
+        add(1217, Parameter(lambda: (0,), self._terminate))
+        for n, address in enumerate(INPUTS, 1):
+            add(address, Parameter(partial(self._input, n)))
+        for n in self._events:
+            add(
+                2000 + 10 * (n - 1), Parameter(partial(self._event, n), partial(self._set_event, n))
+            )
+
+    def _aim(self, words: Words) -> None:
+        value = number(words[0])
+        if not self._low - 1 <= value <= self._high:
+            raise ModbusError(ILLEGAL_VALUE)
+        self._set_point = value
+        self._follow()
+
+    def _limit(self, name: str, words: Words) -> None:
+        limits = {"_low": self._low, "_high": self._high, name: number(words[0])}
+        if not limits["_low"] < limits["_high"]:
+            raise ModbusError(ILLEGAL_VALUE)
+        is_off = self._set_point < self._low
+        setattr(self, name, limits[name])
+        if is_off:
+            self._set_point = self._low - 1
+        self._follow()
+
+    def _follow(self) -> None:
+        """Do what set-point and event together say."""
+        on = self._set_point >= self._low
+        if on:
+            self._plant.set_point(self._set_point / PER_K)
+        allowed = not self._chamber_event or self._events[self._chamber_event] == 1
+        self._plant.control(on and allowed)
+
+    def _event(self, event: int) -> Words:
+        return (self._events[event],)
+
+    def _set_event(self, event: int, words: Words) -> None:
+        if words[0] not in (0, 1):
+            raise ModbusError(ILLEGAL_VALUE)
+        self._events[event] = words[0]
+        self._follow()
+
+    def _input(self, n: int) -> Words:
+        return (1 if n == self._door_input and not self._plant.door_is_open() else 0,)
+
+    def _terminate(self, words: Words) -> None:
+        if words[0] != 1:
+            raise ModbusError(ILLEGAL_VALUE)
+
+    def _alarm(self, alarm: int) -> Words:
+        return (2 if self._plant.alarm_is_on(alarm) else 0,)
+
+
+def signed(value: float) -> Words:
+    """Return a signed number as a register."""
+    return (round(value) & 0xFFFF,)
+
+
+def number(word: int) -> int:
+    """Return a register as a signed number."""
+    return word - 0x10000 if word & 0x8000 else word

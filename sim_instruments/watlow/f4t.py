@@ -1,0 +1,243 @@
+"""Watlow F4T controller of a thermal chamber, on Modbus TCP.
+
+From the register list of the F4T manual (set-points, process value, control mode, alarms, limits,
+digital inputs and outputs, identity) and of a chamber maker's (ramp action, scale and rate of the
+set-point), and from a public client (exception 4 for an input or output that is not there, floats
+with the low word first, states of alarms). Assumed: a set-point or a limit out of range is refused
+with exception 3; a ramp that is switched off leaves the set-point at its target at once; an alarm
+cuts heater and compressor by its relay; outputs can be written where their state is read. Left out:
+cascade loops, profiles (there is none to start), manual power, the controller's clock.
+"""
+
+from __future__ import annotations
+
+import struct
+from contextlib import suppress
+from functools import partial
+from typing import Any
+
+from sim_instruments.instrument import Setting
+from sim_instruments.truth import SimulationError
+from sim_instruments.watlow.plant import Plant, SetPoint, WatlowController
+from sim_instruments.wire.modbus import (
+    DEVICE_FAILURE,
+    ILLEGAL_VALUE,
+    ModbusError,
+    Parameter,
+    Registers,
+    Words,
+    fixed,
+)
+from sim_instruments.wire.modbus_tcp import ModbusTcpServer
+
+UNIT = 1
+HARDWARE_ID, RELEASE, BUILD = 124, 5, 1203
+PART_NUMBER = "F4T1L1EAA1D1AAA"
+OFF, ON, AUTO = 62, 63, 10
+CELSIUS, NONE, OK, SAFE = 15, 61, 138, 1667
+ALARM_HIGH, NOT_STARTED, TERMINATE = 7, 251, 148
+RAMP_STARTUP, RAMP_SET_POINT, RAMP_BOTH = 88, 85, 13
+RAMPS = (OFF, RAMP_STARTUP, RAMP_SET_POINT, RAMP_BOTH)
+SCALES_S = {57: 60.0, 39: 3600.0}
+EVENTS = (16594, 16596, 16598, 16600, 16822, 16824, 16826, 16828)
+FIRST_IO, PER_MODULE, PER_IO, MOST = 33718, 240, 40, 6
+SWITCHES_DUT, SPARE, DOOR = "dut_power", "spare", "door"
+WORD_ORDERS = ("low-first", "high-first")
+LIMIT_REGISTERS = {11250: SAFE, 11264: OK, 11288: NONE}
+
+
+class WatlowF4T(WatlowController):
+    """The controller; its loop 1 moves the world's `chamber`, or one of its own.
+
+    Truth (`simulator` mapping): what `Plant` needs; `word_order`; `set_point_low` and
+    `set_point_high` as the chamber's maker left them; `alarms`, how many there are;
+    `limit_modules`, where limit controllers sit; `outputs` and `inputs` by module and number
+    (`"2.1"`): an output is `dut_power` or `spare`, an input `door` (on while it is closed) or
+    `spare`; `events`: number to the output that it switches.
+    """
+
+    model = "Watlow F4T"
+    protocol = "modbus-tcp"
+    resource = "modbus-tcp://{host}:{port}"
+
+    def __init__(self, setting: Setting) -> None:
+        truth = setting.truth
+        self._clock, self._world = setting.clock, setting.world
+        if not setting.serial.isdecimal():
+            raise SimulationError(f"{truth.where}: the serial number of an F4T is a number")
+        self._serial = int(setting.serial)
+        order = truth.text("word_order")
+        if order not in WORD_ORDERS:
+            raise SimulationError(f"{truth.where}.word_order: write {' or '.join(WORD_ORDERS)}")
+        self._low_first = order == WORD_ORDERS[0]
+        self._low_degC = truth.quantity("set_point_low", "degC")
+        self._high_degC = truth.quantity("set_point_high", "degC")
+        self._plant = Plant(setting)
+        self._set_point = SetPoint(setting, self._plant, self._plant.process_degC())
+        self._mode, self._ramp_action, self._ramp_scale, self._ramp_rate = OFF, OFF, 57, 1.0
+        self._outputs: dict[str, bool] = {}
+        self._uses: dict[str, str] = {}
+        self._inputs: dict[str, str] = {}
+        for key, states in (("outputs", self._uses), ("inputs", self._inputs)):
+            for name in truth.raw(key) or {}:
+                states[str(name)] = truth.section(key).text(name)
+        self._events = dict.fromkeys(range(1, len(EVENTS) + 1), False)
+        given = truth.raw("events") if "events" in truth else {}
+        self._switched_by = {int(n): str(name) for n, name in given.items()}
+        self._registers = Registers()
+        self._add_identity()
+        self._add_loop()
+        self._add_states(truth.integer("alarms", 0), truth.raw("limit_modules"))
+        self._server = ModbusTcpServer(setting, self._registers, UNIT)
+        self._server.begin()
+
+    # The registers.
+
+    def _add_identity(self) -> None:
+        for address, number in ((0, HARDWARE_ID), (4, RELEASE), (8, BUILD), (12, self._serial)):
+            self._registers.add(address, fixed(*self._ordered(struct.pack(">i", number))))
+        for address, text, size in ((16, PART_NUMBER, 15), (46, "F4T", 20)):
+            self._registers.add(address, fixed(*text.ljust(size, "\0").encode("ascii")))
+        for address in (1328, 6730):
+            self._registers.add(address, fixed(CELSIUS))
+
+    def _add_loop(self) -> None:
+        self._float(2774, lambda: self._low_degC, partial(self._limit, "_low_degC"))
+        self._float(2776, lambda: self._high_degC, partial(self._limit, "_high_degC"))
+        self._float(2782, lambda: self._set_point.target_degC, self._aim)
+        self._float(2798, lambda: self._ramp_rate, self._set_rate)
+        self._float(2808, self._plant.output_percent)
+        self._float(2810, self._set_point.now_degC)
+        for address in (2820, 27586):
+            self._float(address, self._plant.process_degC)
+        self._registers.add(2730, Parameter(lambda: (self._mode,), self._set_mode))
+        self._registers.add(2794, Parameter(lambda: (self._ramp_action,), self._set_action))
+        self._registers.add(2796, Parameter(lambda: (self._ramp_scale,), self._set_scale))
+        self._registers.add(2814, Parameter(lambda: (self._mode,)))
+
+    def _add_states(self, alarms: int, limit_modules: list[int]) -> None:
+        add = self._registers.add
+        for n in range(1, alarms + 1):
+            add(1356 + 100 * (n - 1), Parameter(partial(self._alarm, n)))
+        for module in limit_modules:
+            for address, well in LIMIT_REGISTERS.items():
+                add(address + 60 * (module - 1), fixed(well))
+        add(16566, Parameter(lambda: (NONE,), terminate))
+        add(16568, fixed(NOT_STARTED))
+        for n, address in enumerate(EVENTS, 1):
+            add(address, Parameter(partial(self._event, n), partial(self._set_event, n)))
+        for module in range(1, MOST + 1):
+            for number in range(1, MOST + 1):
+                name = f"{module}.{number}"
+                at = FIRST_IO + PER_MODULE * (module - 1) + PER_IO * (number - 1)
+                add(at, Parameter(partial(self._state, name), partial(self._switch, name)))
+
+    def _float(self, address: int, give: Any, take: Any = None) -> None:
+        def taken(words: Words) -> None:
+            high, low = reversed(words) if self._low_first else words
+            take(struct.unpack(">f", struct.pack(">HH", high, low))[0])
+
+        self._registers.add(
+            address,
+            Parameter(
+                lambda: self._ordered(struct.pack(">f", give())), taken if take else None, size=2
+            ),
+        )
+
+    def _ordered(self, data: bytes) -> tuple[int, int]:
+        high, low = struct.unpack(">HH", data)
+        return (low, high) if self._low_first else (high, low)
+
+    # The loop.
+
+    def _limit(self, name: str, value_degC: float) -> None:
+        limits = {"_low_degC": self._low_degC, "_high_degC": self._high_degC, name: value_degC}
+        if not limits["_low_degC"] < limits["_high_degC"]:
+            raise ModbusError(ILLEGAL_VALUE)
+        setattr(self, name, value_degC)
+
+    def _aim(self, target_degC: float) -> None:
+        if not self._low_degC <= target_degC <= self._high_degC:
+            raise ModbusError(ILLEGAL_VALUE)
+        if self._ramp_action in (RAMP_SET_POINT, RAMP_BOTH):
+            self._ramp(target_degC, self._set_point.now_degC())
+        else:
+            self._set_point.jump(target_degC)
+
+    def _ramp(self, target_degC: float, start_degC: float) -> None:
+        rate_K_per_s = self._ramp_rate / SCALES_S[self._ramp_scale]
+        self._set_point.ramp(target_degC, rate_K_per_s, start_degC)
+
+    def _set_rate(self, rate: float) -> None:
+        if not 0 <= rate <= 99999:
+            raise ModbusError(ILLEGAL_VALUE)
+        self._ramp_rate = rate
+        self._go_on()
+
+    def _set_scale(self, words: Words) -> None:
+        self._ramp_scale = one_of(tuple(SCALES_S), words)
+        self._go_on()
+
+    def _set_action(self, words: Words) -> None:
+        self._ramp_action = one_of(RAMPS, words)
+        if self._ramp_action == OFF:
+            self._set_point.jump(self._set_point.target_degC)
+
+    def _go_on(self) -> None:
+        """Let a ramp that is under way go on at its new rate."""
+        here_degC, target_degC = self._set_point.now_degC(), self._set_point.target_degC
+        if self._ramp_action != OFF and here_degC != target_degC:
+            self._ramp(target_degC, here_degC)
+
+    def _set_mode(self, words: Words) -> None:
+        before, self._mode = self._mode, one_of((OFF, AUTO), words)
+        if before == OFF and self._mode == AUTO and self._ramp_action in (RAMP_STARTUP, RAMP_BOTH):
+            self._ramp(self._set_point.target_degC, self._plant.process_degC())
+        self._plant.control(self._mode == AUTO)
+
+    # States, inputs and outputs.
+
+    def _alarm(self, number: int) -> Words:
+        return (ALARM_HIGH if self._plant.alarm_is_on(number) else NONE,)
+
+    def _state(self, name: str) -> Words:
+        if name in self._inputs:
+            on = self._inputs[name] == DOOR and not self._plant.door_is_open()
+        elif name in self._uses:
+            on = self._outputs.get(name, False)
+        else:
+            raise ModbusError(DEVICE_FAILURE)
+        return (ON if on else OFF,)
+
+    def _switch(self, name: str, words: Words) -> None:
+        if name not in self._uses:
+            raise ModbusError(ILLEGAL_VALUE if name in self._inputs else DEVICE_FAILURE)
+        on = one_of((OFF, ON), words) == ON
+        self._outputs[name] = on
+        if self._uses[name] == SWITCHES_DUT:
+            now_s, power = self._clock.now(), getattr(self._world, "power", None)
+            if power is not None:
+                power(now_s, on)
+                return
+            with suppress(SimulationError):  # a world without a device to switch
+                self._world.act(f"dut-power-{'on' if on else 'off'}", now_s)
+
+    def _event(self, number: int) -> Words:
+        return (ON if self._events[number] else OFF,)
+
+    def _set_event(self, number: int, words: Words) -> None:
+        self._events[number] = one_of((OFF, ON), words) == ON
+        if number in self._switched_by:
+            self._switch(self._switched_by[number], words)
+
+
+def one_of(known: tuple[int, ...], words: Words) -> int:
+    """Return the one word that was written; ModbusError where it is not one of those known."""
+    if words[0] not in known:
+        raise ModbusError(ILLEGAL_VALUE)
+    return words[0]
+
+
+def terminate(words: Words) -> None:
+    """Terminate the profile that runs, and none does."""
+    one_of((TERMINATE,), words)

@@ -1,0 +1,160 @@
+"""A serial line that carries binary frames both ways, on a TCP port as a serial server has one."""
+
+from __future__ import annotations
+
+import socket
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from threading import Lock, get_ident
+from typing import ClassVar, NamedTuple
+
+from sim_instruments.faults.wire import Reply, WireFault
+from sim_instruments.instrument import Electronics, ServedInstrument, Setting
+from sim_instruments.wire.tcp import TcpServer, is_closed
+
+LONGEST_PENDING = 4096
+
+
+class Arrived(NamedTuple):
+    """What is found in bytes from a client: frames with the names of their messages, and a rest."""
+
+    frames: list[tuple[str, bytes]]
+    rest: bytes
+
+
+class FrameStreamServer(TcpServer):
+    """Carry frames between one client and one instrument; a new client takes the line over.
+
+    `split` finds the client's frames, `received` carries one out, as the running participant and
+    with the world's lock held. Faults meet frames by the names that `split` and `send` are given.
+    One unit on the clock's wire is one byte.
+    """
+
+    def __init__(
+        self,
+        setting: Setting,
+        split: Callable[[bytes], Arrived],
+        received: Callable[[bytes], None],
+    ) -> None:
+        super().__init__(setting.name, setting.port, setting.clock, setting.faults)
+        self._wire = setting.clock.wire(self.address)
+        self._lock = setting.world.lock
+        self._split = split
+        self._received = received
+        self._wrong = setting.faults
+        self._client: socket.socket | None = None
+        self._sending = Lock()
+        self._previous: dict[str, Reply] = {}
+        self._answering: tuple[int, list[WireFault]] = (0, [])
+
+    def send(self, name: str, frame: bytes) -> None:
+        """Send a frame, whose message has a name, to the client if there is one."""
+        reply, drops = self._as_faults_say(name, Reply(frame))
+        if reply is not None and reply.delay_s > 0:
+            body = reply.body
+            self.later(reply.delay_s, lambda: self._write(body))
+        elif reply is not None:
+            self._write(reply.body)
+        if drops:
+            self.drop_all()
+
+    def send_all(self, name: str, frames: Sequence[bytes]) -> None:
+        """Send frames of the same name; together where no fault may meet one of them."""
+        if self._wrong.live() or self._wrong.waited_for or self._answering[1]:
+            for frame in frames:
+                self.send(name, frame)
+        elif frames:
+            self._previous[name] = Reply(frames[-1])
+            self._write(b"".join(frames))
+
+    def serve(self, client: socket.socket) -> None:
+        """Take the client's frames until it leaves."""
+        with self._sending:
+            self._client = client
+        pending = b""
+        try:
+            while data := client.recv(65536):
+                with self._wire.serving(len(data)):
+                    if client in self._dropped:
+                        continue
+                    found = self._split(pending + data)
+                    pending = found.rest[-LONGEST_PENDING:]
+                    for name, frame in found.frames:
+                        self._take(name, frame)
+        finally:
+            with self._sending:
+                if self._client is client:
+                    self._client = None
+
+    def drop(self, client: socket.socket) -> None:
+        """End a connection; it gets no frame any more."""
+        with self._sending:
+            if self._client is client:
+                self._client = None
+        super().drop(client)
+
+    def _take(self, name: str, frame: bytes) -> None:
+        """Give a frame to the instrument, or not."""
+        with self._lock:
+            if self._wrong.arrives(name):
+                return
+            now_s = self._clock.now()
+            others = [fault for fault in self._wrong.live() if not fault.loses_messages]
+            met = [fault for fault in others if fault.trigger.meets(now_s, name)]
+            # A fault that meets a command changes all that the instrument answers to it.
+            self._answering = (get_ident(), met)
+            try:
+                self._received(frame)
+            finally:
+                self._answering = (0, [])
+        if any(fault.drops_line for fault in met):
+            self.drop_all()
+
+    def _as_faults_say(self, name: str, reply: Reply) -> tuple[Reply | None, bool]:
+        """Return what goes out in place of a frame, and whether the connection ends with it."""
+        thread, met = self._answering
+        met = met if thread == get_ident() else []
+        self._wrong.catch_up()
+        self._wrong.is_on_the_line(name)
+        going: Reply | None = reply
+        drops, now_s = False, self._clock.now()
+        for fault in [*met, *(one for one in self._wrong.live() if one not in met)]:
+            if going is None:
+                break
+            if fault in met or fault.trigger.meets(now_s, name):
+                drops = drops or fault.drops_line
+                going = fault.change(going, self._previous.get(name))
+        self._previous[name] = reply
+        return going, drops
+
+    def _write(self, data: bytes) -> None:
+        with self._sending:
+            client = self._client
+            # Who has hung up reads nothing: what is counted as sent to it would hold time up.
+            if client is None or is_closed(client):
+                return
+            self._wire.streamed(len(data))
+            with suppress(OSError):
+                client.sendall(data)
+            self._wire.written()
+
+
+class FrameInstrument(ServedInstrument, ABC):
+    """An instrument on a serial line of its own; `_received` carries out a client's frame."""
+
+    protocol: ClassVar[str] = "frames"
+    resource: ClassVar[str] = "socket://{host}:{port}"
+    _server: FrameStreamServer
+
+    def begin_to_serve(
+        self, setting: Setting, split: Callable[[bytes], Arrived], electronics: Electronics
+    ) -> None:
+        """Listen from now on."""
+        self._electronics = electronics
+        self._server = FrameStreamServer(setting, split, self._received)
+        self._server.begin()
+
+    @abstractmethod
+    def _received(self, payload: bytes) -> None:
+        """Carry out a request that came in a whole frame."""

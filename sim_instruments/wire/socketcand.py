@@ -1,0 +1,181 @@
+"""A CAN bus on a TCP port, in the protocol of the public socketcand daemon (raw mode)."""
+
+from __future__ import annotations
+
+import socket
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterable
+from contextlib import suppress
+from importlib.resources import files
+from threading import Lock
+from typing import Any, ClassVar
+
+from sim_instruments.faults.taps import FrameTap
+from sim_instruments.instrument import Electronics, ServedInstrument, Setting
+from sim_instruments.wire.tcp import TcpServer
+
+LONGEST_COMMAND = 4096
+
+
+class SocketcandServer(TcpServer):
+    """Carry CAN frames between any number of clients and one device.
+
+    The instrument's truth has the bus's `channel`. `received` is called with the identifier and the
+    data of each frame that a client sends, as the running participant and with the world's lock
+    held; `joined` before a client gets its first frame. One unit on the clock's wire is one frame.
+    """
+
+    def __init__(
+        self,
+        setting: Setting,
+        received: Callable[[int, bytes], None],
+        joined: Callable[[], None],
+    ) -> None:
+        super().__init__(setting.name, setting.port, setting.clock, setting.faults)
+        self.channel = setting.truth.text("channel")
+        self._wire = setting.clock.wire(self.address)
+        self._lock = setting.world.lock
+        self._received = received
+        self._joined = joined
+        self._raw: list[socket.socket] = []
+        self._sending = Lock()
+        self._tap = FrameTap(setting.faults)
+
+    def send_frames(self, text: str, count: int) -> None:
+        """Send `count` frames, already written as `< frame … >`, to every client in raw mode."""
+        batch = self._tap.leaves(text, self._clock.now())
+        if batch is not None:
+            text, count = "".join(batch.frames), len(batch.frames)
+            for delay_s, frame in batch.late:
+                self.later(delay_s, lambda frame=frame: self._send(frame, 1))  # type: ignore[misc]
+        if count:
+            self._send(text, count)
+        if batch is not None and batch.drops:
+            self.drop_all()
+
+    def drop(self, client: socket.socket) -> None:
+        """End a connection; it gets no frame any more."""
+        with self._sending:
+            if client in self._raw:
+                self._raw.remove(client)
+        super().drop(client)
+
+    def _send(self, text: str, count: int) -> None:
+        with self._sending:
+            clients = list(self._raw)
+            if not clients:
+                return
+            self._wire.streamed(count * len(clients))
+            data = text.encode("ascii")
+            for client in clients:
+                with suppress(OSError):
+                    client.sendall(data)
+            self._wire.written()
+
+    def serve(self, client: socket.socket) -> None:
+        """Greet, open the bus, then carry frames until the client leaves."""
+        self._say(client, "< hi >")
+        opened, pending = False, ""
+        try:
+            while data := client.recv(65536):
+                *commands, pending = (pending + data.decode("ascii", "replace")).split(">")
+                pending = pending[-LONGEST_COMMAND:]
+                for command in commands:
+                    words = command.strip(" \r\n<").split()
+                    if not words:
+                        continue
+                    if words[0] == "open" and not opened:
+                        opened = words[1:] == [self.channel]
+                        self._say(client, "< ok >" if opened else "< error could not open bus >")
+                    elif words[0] == "echo":
+                        self._say(client, "< echo >")
+                    elif words[0] == "rawmode" and opened:
+                        self._enter_raw_mode(client)
+                    elif words[0] == "send" and client in self._dropped:
+                        # On a line that is gone, frames are taken off the wire all the same.
+                        with self._wire.serving(1):
+                            pass
+                    elif words[0] == "send" and client in self._raw:
+                        with self._wire.serving(1):
+                            self._take(client, words[1:])
+                    else:
+                        self._say(client, "< error unknown command >")
+        finally:
+            with self._sending:
+                if client in self._raw:
+                    self._raw.remove(client)
+
+    def _enter_raw_mode(self, client: socket.socket) -> None:
+        self._joined()
+        # The answer goes out before any frame: clients read it alone.
+        with self._sending:
+            client.sendall(b"< ok >")
+            if client not in self._raw:
+                self._raw.append(client)
+
+    def _take(self, client: socket.socket, words: list[str]) -> None:
+        try:
+            identifier, length = int(words[0], 16), int(words[1], 16)
+            data = bytes(int(word, 16) for word in words[2:])
+        except (IndexError, ValueError):
+            self._say(client, "< error malformed frame >")
+            return
+        if length != len(data) or length > 8:
+            self._say(client, "< error malformed frame >")
+            return
+        with self._lock:
+            drops = self._tap.arrives(identifier, data, self._received, self._clock.now())
+        if drops:
+            self.drop_all()
+
+    def _say(self, client: socket.socket, text: str) -> None:
+        with self._sending:
+            if client not in self._dropped:
+                client.sendall(text.encode("ascii"))
+
+
+def frame_text(identifier: int, time_s: float, data_hex: str) -> str:
+    """Return one received frame as the daemon writes it; data in hexadecimal without blanks."""
+    name = f"{identifier:03X}" if identifier < 0x800 else f"{identifier:08X}"
+    return f"< frame {name} {time_s:.6f} {data_hex} >"
+
+
+class CanInstrument(ServedInstrument, ABC):
+    """A device on a CAN bus of its own; `_received` carries out a client's frame.
+
+    `dbc` names its message file.
+    """
+
+    protocol: ClassVar[str] = "socketcand"
+    resource: ClassVar[str] = "socketcand://{host}:{port}"
+    dbc: ClassVar[str]
+    _server: SocketcandServer
+
+    def begin_to_serve(self, setting: Setting, electronics: Electronics) -> None:
+        """Listen from now on."""
+        self._clock = setting.clock
+        self._electronics = electronics
+        self._server = SocketcandServer(setting, self._received, self._joined)
+        self._server.begin()
+
+    def describe(self) -> dict[str, Any]:
+        """Return what `station sim` prints about this instrument."""
+        told, channel = super().describe(), self._server.channel
+        told["address"] += f"/{channel}"
+        return {**told, "channel": channel, "dbc": str(files("config") / "dbc" / f"{self.dbc}.dbc")}
+
+    @abstractmethod
+    def _received(self, identifier: int, data: bytes) -> None:
+        """Carry out a frame that came from a client."""
+
+    def _joined(self) -> None:
+        """Do what is due before a client gets its first frame."""
+
+    def _send(self, identifier: int, data: bytes) -> None:
+        self._send_all([(identifier, data.hex())])
+
+    def _send_all(self, frames: Iterable[tuple[int, str]]) -> None:
+        """Send frames, identifier and data in hexadecimal, together."""
+        now_s = self._clock.now()
+        texts = [frame_text(identifier, now_s, data_hex) for identifier, data_hex in frames]
+        self._server.send_frames("".join(texts), len(texts))

@@ -1,0 +1,108 @@
+"""Roles that turn a device under test."""
+
+from __future__ import annotations
+
+from typing import Protocol, runtime_checkable
+
+from pydantic import Field, ValidationInfo, field_validator
+
+from station.roles.base import DriverSettings, Instrument, MadeSafe
+
+
+class TableSettings(DriverSettings):
+    """Which axis of a table is which, whatever its model."""
+
+    outer_axis: int | None = Field(
+        None, ge=1, le=3, description="number of the axis that carries the others"
+    )
+    middle_axis: int | None = Field(None, ge=1, le=3, description="number of the axis between")
+    inner_axis: int | None = Field(
+        None, ge=1, le=3, description="number of the axis that carries the device"
+    )
+
+    @field_validator("middle_axis", "inner_axis")
+    @classmethod
+    def no_axis_twice(cls, number: int | None, info: ValidationInfo) -> int | None:
+        """Refuse one number for two axes: one of them would turn in the other's place."""
+        before = [name for name, other in info.data.items() if other == number is not None]
+        if before:
+            raise ValueError(f"is the number of {before[0]}, too; each axis has its own")
+        return number
+
+
+@runtime_checkable
+class RotaryStage(Instrument, MadeSafe, Protocol):
+    """A single-axis table that goes to angles against its own encoder."""
+
+    def programme_limits(self) -> None:
+        """Write the bench file's rate and angle limits into the instrument itself."""
+        ...
+
+    def is_homed(self) -> bool:
+        """Whether the encoder's zero has been found since the stage was switched on."""
+        ...
+
+    def home(self) -> None:
+        """Begin to look for the encoder's zero; `is_moving` tells when it is found."""
+        ...
+
+    def move_to(self, angle_deg: float) -> None:
+        """Begin to turn to an absolute angle; returns at once."""
+        ...
+
+    def is_moving(self) -> bool:
+        """Whether the stage still turns; raises InstrumentError for a fault of the axis."""
+        ...
+
+    def angle_deg(self) -> float:
+        """Return the encoder's angle in deg."""
+        ...
+
+
+@runtime_checkable
+class Turntable(Instrument, MadeSafe, Protocol):
+    """A table of up to three axes, numbered from 1, each with its own encoder.
+
+    Angles are the encoder's, in deg, and go on beyond a turn where the axis is continuous: after
+    three turns at a positive rate an axis reads 1080 deg more than before.
+    """
+
+    def programme_limits(self) -> None:
+        """Write the bench file's rate, acceleration and angle limits into the controller."""
+        ...
+
+    def is_homed(self, axis: int) -> bool:
+        """Whether the encoder's zero is known."""
+        ...
+
+    def home(self, axis: int) -> None:
+        """Close the axis' servo and begin to look for the encoder's zero."""
+        ...
+
+    def move_to(self, axis: int, angle_deg: float) -> None:
+        """Begin to go to an angle, by way of every angle between; returns at once."""
+        ...
+
+    def turn(self, axis: int, rate_deg_per_s: float) -> None:
+        """Begin to turn at a rate until told otherwise; returns at once."""
+        ...
+
+    def stop(self, axis: int) -> None:
+        """Begin to come to rest within the acceleration limit; returns at once."""
+        ...
+
+    def is_moving(self, axis: int) -> bool:
+        """Whether the axis has not settled at its angle or rest; raises for a fault of the axis."""
+        ...
+
+    def is_at_rate(self, axis: int) -> bool:
+        """Whether the axis has settled at the commanded rate; raises for a fault of the axis."""
+        ...
+
+    def angle_deg(self, axis: int) -> float:
+        """Return the encoder's angle, counted through every turn."""
+        ...
+
+    def rate_deg_per_s(self, axis: int) -> float:
+        """Return the measured rate."""
+        ...

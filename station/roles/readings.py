@@ -1,0 +1,65 @@
+"""Roles that read a device under test."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import ClassVar, Protocol, runtime_checkable
+
+from station.roles.base import Block, Instrument, SampledSource
+
+
+@runtime_checkable
+class GyroAcquisition(SampledSource, Protocol):
+    """A pulse counter of laser gyros; columns `sequence`, `counts`, `temperature_degC`."""
+
+    def start(self, sample_interval_s: float, channel: int) -> None:
+        """Begin to sample `channel` every `sample_interval_s`."""
+        ...
+
+    def stop(self) -> None:
+        """End the sampling."""
+        ...
+
+
+@runtime_checkable
+class Multimeter(Instrument, Protocol):
+    """A voltmeter that takes a burst of readings on its own trigger; column `voltage_V`.
+
+    A reading beyond the range is kept as the instrument says it (±9.9e37 V), with `overload` 1.
+    """
+
+    source: str
+    columns: Mapping[str, str]
+    integration_cycles: ClassVar[tuple[float, ...]]
+    """The integration times that it can do, in power-line cycles."""
+    highest_V: ClassVar[float]
+    most_readings: ClassVar[int]
+    """In one burst."""
+
+    def configure(self, largest_V: float, nplc: float) -> float:
+        """Choose range and integration time in power-line cycles; return the range in V."""
+        ...
+
+    def start(self, readings: int) -> None:
+        """Begin a burst of readings; returns at once."""
+        ...
+
+    def fetch(self) -> Block | None:
+        """Return the burst that was started, None while it is being taken."""
+        ...
+
+
+@runtime_checkable
+class Thermometer(Instrument, Protocol):
+    """A thermometer at the device under test; columns `resistance_ohm`, `temperature_degC`."""
+
+    source: str
+    columns: Mapping[str, str]
+
+    def start(self, readings: int) -> None:
+        """Begin a burst of readings; returns at once."""
+        ...
+
+    def fetch(self) -> Block | None:
+        """Return the burst that was started, None while it is being taken."""
+        ...

@@ -1,0 +1,38 @@
+"""Roles of the bench itself: power and safety."""
+
+from __future__ import annotations
+
+from typing import Protocol, runtime_checkable
+
+from station.roles.base import Instrument
+
+
+@runtime_checkable
+class DutPower(Instrument, Protocol):
+    """The supply of the device under test."""
+
+    def switch_on(self) -> None:
+        """Switch the device on."""
+        ...
+
+    def switch_off(self) -> None:
+        """Switch the device off; where a person does that, ask for it `at_the_end`."""
+        ...
+
+
+@runtime_checkable
+class SeesContacts(Protocol):
+    """An instrument of another role whose controller sees contacts of the interlock chain."""
+
+    def open_contacts(self) -> tuple[str, ...]:
+        """Return the names of the contacts that are open, none where all are closed."""
+        ...
+
+
+@runtime_checkable
+class InterlockChain(Instrument, Protocol):
+    """The hard-wired chain of emergency stops, doors and limit switches, as it can be read."""
+
+    def is_closed(self) -> bool:
+        """Whether the chain is closed, so that the bench may be energised."""
+        ...

@@ -1,0 +1,121 @@
+"""The nine-axis sensors' messages on the wire, read by their descriptions alone."""
+
+from __future__ import annotations
+
+import random
+import struct
+from itertools import pairwise
+from pathlib import Path
+
+import pytest
+import yaml
+from conformance_runs import conformance
+from imu_stand import FIELD_NT, FORCE_G, KINDS, NAME, bench_of, imu
+from navigator_stand import RawLine, bitwise_crc
+
+from drivers.kvh.imu_1775_frames import OUTPUT, SELF_TEST, TEXT, split
+from drivers.transport.can_line import CanLine
+from drivers.transport.can_messages import message_file
+from drivers.transport.crc import crc32_mpeg2
+
+NINE_AXIS = "nine-axis-calibration"
+
+
+def test_the_checksum_is_that_of_mpeg_2() -> None:
+    assert crc32_mpeg2(b"123456789") == 0x0376E6E7  # the catalogue's check value
+    for data in (b"abcd", bytes(range(256))):
+        assert crc32_mpeg2(data) == bitwise_crc(data)
+
+
+def test_a_kvh_streams_from_power_up_as_its_clients_expect() -> None:
+    with imu("kvh") as (stand, driver):
+        driver.close()
+        line = RawLine(stand)
+        try:
+            line.write(b"=config,1\n=rotunits,deg\n=dr,10\n")
+            assert line.received.startswith(b"CONFIG,1\r\nROTUNITS,DEG\r\nDR,10\r\n")
+            line.write(b"=config,0\n")
+            stand.clock.sleep(0.95)
+            data = line.received.removeprefix(b"CONFIG,0\r\n")
+        finally:
+            line.close()
+        assert len(data) == 10 * 38
+        frames = [data[k : k + 38] for k in range(0, len(data), 38)]
+        further = {0: 20.0, 1: FIELD_NT[0] * 1e-5, 2: FIELD_NT[1] * 1e-5, 3: FIELD_NT[2] * 1e-5}
+        sequences = []
+        for frame in frames:
+            assert frame[:4] == bytes.fromhex("FE81FF57")
+            *values, status, sequence, crc = struct.unpack(">7fBBI", frame[4:])
+            # 34 bytes: the padding of STIM300's checksum must not be added.
+            assert crc == crc32_mpeg2(frame[:34])
+            assert values[:3] == pytest.approx([1.0, -2.0, 3.0], abs=0.01)
+            assert values[3:6] == pytest.approx(list(FORCE_G))
+            assert values[6] == pytest.approx(further[sequence % 4], abs=0.02)
+            assert status == 0x77
+            sequences.append(sequence)
+        assert [(b - a) % 128 for a, b in pairwise(sequences)] == [1] * 9
+
+
+def frame_of(sequence: int) -> bytes:
+    body = bytes.fromhex("FE81FF57") + struct.pack(">7fBB", *range(7), 0x77, sequence)
+    return body + struct.pack(">I", crc32_mpeg2(body))
+
+
+def test_frames_and_lines_are_found_however_the_bytes_come() -> None:
+    self_test = bytes.fromhex("FE8100AA") + bytes([0x7F] * 6) + b"\x00"
+    sent = [frame_of(1), b"DR,10\r\n", frame_of(2), self_test, b"\x12\xfe", frame_of(3)]
+    damaged = bytearray(frame_of(4))
+    damaged[20] ^= 1
+    whole = b"".join([*sent, bytes(damaged), frame_of(5)])
+    rng = random.Random(1)
+    for most in [1000, *[30, 300] * 25]:
+        found, pending, skipped, place = [], b"", 0, 0
+        while place < len(whole):
+            more = rng.randint(1, most) if most < 1000 else most
+            told = split(pending + whole[place : place + more])
+            found, pending, skipped = found + told.frames, told.rest, skipped + told.skipped
+            place += more
+        kinds = [kind for kind, _ in found]
+        assert kinds == [OUTPUT, TEXT, OUTPUT, SELF_TEST, OUTPUT, OUTPUT]
+        assert [payload[-1] for kind, payload in found if kind == OUTPUT] == [1, 2, 3, 5]
+        assert dict(found)[TEXT] == b"DR,10"
+        assert skipped + len(pending) == 2 + 38
+
+
+def test_the_message_file_and_the_sensor_agree_on_can() -> None:
+    messages = message_file("nine_axis")
+    with imu("can") as (stand, driver):
+        driver.close()
+        names = {one.frame_id: one.name for one in messages.messages}
+        line = CanLine(stand.place(), names)
+        try:
+            command = messages.get_message_by_name("IMU_COMMAND")
+            data = command.encode({"command": "start", "request_id": 7, "rate": 10.0})
+            line.send(command.frame_id, data)
+            stand.clock.sleep(1.05)
+            frames = line.take(*names)
+        finally:
+            line.close()
+    ack, *rest = frames
+    told = messages.decode_message(ack.identifier, ack.data)
+    assert (told["result"], told["request_id"], told["rate"]) == ("ok", 7, 10.0)
+    order = ["IMU_GYRO_XY", "IMU_GYRO_Z_ACC_X", "IMU_ACC_YZ", "IMU_FURTHER"]
+    assert [names[one.identifier] for one in rest] == order * 10
+    outputs = [messages.decode_message(one.identifier, one.data) for one in rest]
+    assert [one["counter"] for one in outputs] == [k // 4 + 1 for k in range(40)]
+    assert outputs[0]["gyro_y"] == pytest.approx(-2.0, abs=1e-3)
+    assert outputs[1]["accelerometer_x"] == FORCE_G[0]
+    assert outputs[2]["accelerometer_z"] == FORCE_G[2]
+    assert outputs[3]["magnetometer_x"] == FIELD_NT[0]
+    assert outputs[11]["magnetometer_z"] == FIELD_NT[2]
+    assert outputs[15]["temperature"] == pytest.approx(20.0, abs=0.01)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_our_drivers_conform_in_the_sensors_own_world(kind: str, tmp_path: Path) -> None:
+    bench = tmp_path / "bench.yaml"
+    bench.write_text(yaml.safe_dump(bench_of(kind)), encoding="utf-8")
+    driver = "kvh-1775" if kind == "kvh" else "can-imu"
+    done = conformance(tmp_path, driver, str(bench), "--station-procedure", NINE_AXIS)
+    assert done.returncode == 0, done.stdout
+    assert "test_sampled_source" in done.stdout and NAME in bench.read_text(encoding="utf-8")

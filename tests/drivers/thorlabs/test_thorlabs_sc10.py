@@ -1,0 +1,289 @@
+"""The pump light's shutter: its driver and its simulator, over the wire between them."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import pytest
+from conformance_runs import conformance
+from sim_bench import Line
+from stand import EmptyRoom, Stand, standing
+from trigger_stand import Room, bench_with_only
+
+from drivers.thorlabs.sc10 import ThorlabsSc10
+from sim_instruments.thorlabs.sc10 import ThorlabsSc10 as Controller
+from sim_instruments.truth import SimulationError
+from station.clock import RealClock
+from station.errors import InputError, InstrumentError
+from station.instruments.opening import Place
+from station.roles import MadeSafe, PumpLaser
+
+NAME = "pump_laser"
+TRUTH = {"opening_time": "12 ms", "closing_time": "9 ms", "gate_inverter": True}
+
+
+@contextmanager
+def controller(*faults: dict[str, Any], room: Any = None, **truth: Any) -> Iterator[Stand]:
+    lit = room or Room(lambda after_s: after_s)
+    with standing(NAME, Controller, {**TRUTH, **truth}, lit, *faults) as stand:
+        yield stand
+
+
+@contextmanager
+def opened(
+    *faults: dict[str, Any], room: Any = None, settings: dict[str, Any] | None = None, **truth: Any
+) -> Iterator[tuple[Stand, ThorlabsSc10]]:
+    with controller(*faults, room=room, **truth) as stand:
+        driver = ThorlabsSc10(stand.place(**(settings or {})))
+        yield stand, driver
+        driver.close()
+
+
+def ask(line: Line, text: str) -> str:
+    """Send a command and return the answer without its prompt."""
+    answer = line.raw_ask(text.encode("ascii") + b"\r").decode("ascii")
+    assert answer.endswith("> ")
+    return answer.removesuffix("> ")
+
+
+def told(act: Callable[[], object]) -> str:
+    with pytest.raises(InstrumentError) as raised:
+        act()
+    return str(raised.value)
+
+
+def dark_at(stand: Stand) -> bool:
+    """Return whether the light is blocked now, as the world knows it."""
+    past = [on for time_s, on in stand.room.light if time_s <= stand.clock.now()]
+    return not (past and past[-1])
+
+
+# The simulator, by a raw client.
+
+
+def test_an_answer_is_an_echo_a_value_and_a_prompt() -> None:
+    with controller() as stand, stand.line() as line:
+        assert ask(line, "id?") == "id?\rTHORLABS SC10 VERSION 1.07\r"
+        assert ask(line, "mode=5") == "mode=5\r"
+        assert ask(line, "mode?") == "mode?\r5\r"
+        assert ask(line, "mode=6") == "mode=6\rCommand error CMD_ARG_INVALID\r"
+        assert ask(line, "open=x") == "open=x\rCommand error CMD_ARG_INVALID\r"
+        assert ask(line, "ENS") == "ENS\rCommand error CMD_NOT_DEFINED\r"
+        assert ask(line, "") == "\r"
+
+
+def test_enable_toggles_and_the_blade_takes_its_time() -> None:
+    with controller() as stand, stand.line() as line:
+        assert ask(line, "ens") == "ens\r"
+        assert ask(line, "ens?") == "ens?\r1\r"
+        assert ask(line, "closed?") == "closed?\r1\r"
+        stand.clock.sleep(0.012)
+        assert ask(line, "closed?") == "closed?\r0\r"
+        ask(line, "ens")
+        assert ask(line, "closed?") == "closed?\r0\r"
+        stand.clock.sleep(0.009)
+        assert ask(line, "closed?") == "closed?\r1\r"
+        assert stand.room.light == [(pytest.approx(0.012), True), (pytest.approx(0.021), False)]
+
+
+def test_a_blade_that_is_turned_on_its_way_comes_back_later() -> None:
+    with controller() as stand, stand.line() as line:
+        ask(line, "ens")
+        stand.clock.sleep(0.005)
+        ask(line, "ens")
+        assert stand.room.light == [(pytest.approx(0.012), True), (pytest.approx(0.021), False)]
+
+
+@pytest.mark.parametrize("inverter", [True, False])
+def test_in_the_gate_mode_the_light_follows_the_trigger(inverter: bool) -> None:
+    with controller(gate_inverter=inverter) as stand, stand.line() as line:
+        ask(line, "mode=5")
+        ask(line, "ens")
+        stand.clock.sleep(0.1)
+        assert dark_at(stand) is not inverter
+        stand.room.trigger.rise(stand.clock.now())
+        stand.clock.sleep(0.02)
+        assert dark_at(stand) is inverter
+        stand.room.trigger.fall(stand.clock.now())
+        stand.clock.sleep(0.02)
+        assert dark_at(stand) is not inverter
+
+
+@pytest.mark.parametrize("key", ["opening_time", "closing_time"])
+def test_a_missing_truth_is_named(key: str) -> None:
+    given = {name: value for name, value in TRUTH.items() if name != key}
+    with (
+        pytest.raises(SimulationError, match=key),
+        standing(NAME, Controller, given, Room(lambda after_s: after_s)),
+    ):
+        pass
+
+
+# The driver.
+
+
+def test_the_driver_has_the_verbs_of_its_role() -> None:
+    with opened() as (_, driver):
+        assert isinstance(driver, PumpLaser)
+        assert isinstance(driver, MadeSafe)
+        identity = driver.identify()
+        assert (identity.model, identity.serial, identity.firmware) == ("SC10", "untold", "1.07")
+
+
+def test_an_act_is_done_when_it_returns() -> None:
+    with opened() as (stand, driver):
+        assert not driver.is_open()
+        driver.open_shutter()
+        assert not dark_at(stand)
+        assert stand.newest("output") == "on"
+        driver.close_shutter()
+        assert dark_at(stand)
+        assert stand.newest("output") == "off"
+        assert stand.clock.now() < 0.1
+
+
+@pytest.mark.parametrize("enabled", [True, False])
+def test_what_somebody_left_enabled_is_not_toggled_the_wrong_way(enabled: bool) -> None:
+    for act, is_open in (("open_shutter", True), ("close_shutter", False)):
+        with controller() as stand:
+            with stand.line() as line:
+                if enabled:
+                    ask(line, "ens")
+                    stand.clock.sleep(0.1)
+            driver = ThorlabsSc10(stand.place())
+            getattr(driver, act)()
+            assert driver.is_open() is is_open
+            driver.close()
+
+
+def test_the_light_goes_off_at_the_trigger_and_comes_back_after_it() -> None:
+    with opened(settings={"trigger_to_dark": "9 ms"}) as (stand, driver):
+        driver.follow_trigger()
+        assert driver.is_open()
+        began_s = stand.clock.now()
+        stand.room.trigger.rise(began_s)
+        stand.clock.sleep(0.05)
+        assert not driver.is_open()
+        assert stand.room.light[-1] == (pytest.approx(began_s + driver.trigger_to_dark_s), False)
+        stand.room.trigger.fall(stand.clock.now())
+        stand.clock.sleep(0.05)
+        assert driver.is_open()
+
+
+def test_a_gate_without_an_inverter_is_noticed() -> None:
+    with opened(gate_inverter=False) as (_, driver):
+        text = told(driver.follow_trigger)
+        assert "its sensor still reads closed after 0.1 s, and the controller is enabled" in text
+        assert "put an inverter between the trigger and the gate" in text
+
+
+def test_a_delay_that_nobody_measured_is_unknown() -> None:
+    with opened() as (_, driver):
+        assert driver.trigger_to_dark_s is None
+
+
+def test_it_works_in_a_world_without_light_and_trigger() -> None:
+    with opened(room=EmptyRoom()) as (_, driver):
+        driver.follow_trigger()
+        assert driver.is_open()
+        driver.close_shutter()
+        assert not driver.is_open()
+
+
+def test_a_shutter_that_does_not_close_is_an_error_that_says_so() -> None:
+    with opened({"fault": "stuck-open", "at": "1 s", "for": "10 s"}) as (stand, driver):
+        driver.follow_trigger()
+        stand.clock.sleep_until(2.0)
+        text = told(lambda: driver.make_safe(stand.clock.now() + 5.0))
+        assert text.startswith("pump_laser: close the shutter: its sensor still reads open")
+        assert "THE LIGHT STILL PASSES: switch the pump laser off by hand" in text
+        reading = driver.read_safety()
+        assert not reading.safe
+        assert reading.read_back.startswith("shutter OPEN, disabled")
+        assert driver.read_quantity("output") == "on"
+        stand.clock.sleep_until(12.0)
+        driver.make_safe(stand.clock.now() + 5.0)
+        assert driver.read_safety().safe
+
+
+def test_an_open_interlock_closes_the_shutter_and_is_named() -> None:
+    with opened({"fault": "interlock-open", "at": "1 s", "for": "10 s"}) as (stand, driver):
+        driver.open_shutter()
+        stand.clock.sleep_until(2.0)
+        driver.is_open()
+        stand.clock.sleep(0.1)
+        assert not driver.is_open()
+        for act in (driver.open_shutter, driver.follow_trigger):
+            assert "its interlock is open (interlock? reads 1); make sure" in told(act)
+        driver.make_safe(stand.clock.now() + 5.0)
+        assert driver.read_safety().safe
+        stand.clock.sleep_until(12.0)
+        driver.open_shutter()
+        assert driver.is_open()
+
+
+@pytest.mark.parametrize("fault", ["no-reply", "lost-command", "garbled", "dropped-connection"])
+@pytest.mark.parametrize("command", ["ens", "ens?", "closed?", "mode=1"])
+def test_one_lost_exchange_does_not_leave_the_light_on(fault: str, command: str) -> None:
+    with opened({"fault": fault, "command": command, "at": "1 s"}) as (stand, driver):
+        driver.follow_trigger()
+        stand.clock.sleep_until(1.0)
+        driver.make_safe(stand.clock.now() + 5.0)
+        assert driver.read_safety().safe
+        assert dark_at(stand)
+        assert stand.clock.now() < 3.0
+
+
+@pytest.mark.parametrize(
+    ("fault", "says"),
+    [
+        ("no-reply", "no answer came within 0.5 s"),
+        ("late", "no answer came within 0.5 s"),
+        ("partial", "without the end of an answer"),
+        ("garbled", "which is no text"),
+        ("previous-reply", "came back"),
+    ],
+)
+def test_in_a_step_the_first_fault_of_the_wire_is_one_clear_sentence(fault: str, says: str) -> None:
+    with opened({"fault": fault, "command": "closed?", "at": "1 s"}) as (stand, driver):
+        driver.open_shutter()
+        driver.identify()
+        stand.clock.sleep_until(1.0)
+        text = told(driver.is_open)
+        assert text.startswith("pump_laser: sent 'closed?': ") and says in text
+        assert driver.is_open()
+
+
+@pytest.mark.parametrize("fault", ["dropped-connection", "wrong-terminator"])
+def test_in_a_step_a_question_without_harm_is_asked_again_over_a_new_line(fault: str) -> None:
+    with opened({"fault": fault, "command": "closed?", "at": "1 s"}) as (stand, driver):
+        driver.open_shutter()
+        stand.clock.sleep_until(1.0)
+        assert driver.is_open()
+
+
+def test_an_interlock_can_ask_whether_the_light_passes() -> None:
+    with opened() as (_, driver):
+        assert driver.read_quantity("output") == "off"
+        driver.open_shutter()
+        assert driver.read_quantity("output") == "on"
+        with pytest.raises(InputError, match="does not read 'temperature'"):
+            driver.read_quantity("temperature")
+
+
+@pytest.mark.parametrize("wrong", [{"moves_within": "fast"}, {"trigger_to_dark": "9 V"}])
+def test_wrong_settings_are_told(wrong: dict[str, Any]) -> None:
+    with pytest.raises(InstrumentError, match="its settings are wrong"):
+        ThorlabsSc10(Place(NAME, "socket://127.0.0.1:1", RealClock(), wrong))
+
+
+def test_our_shutter_conforms(tmp_path: Path) -> None:
+    text = bench_with_only(NAME, "thorlabs-sc10", "untold", TRUTH)
+    (tmp_path / "shutter.yaml").write_text(text, encoding="utf-8")
+    done = conformance(tmp_path, "thorlabs-sc10", f".{os.sep}shutter.yaml")
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "test_pump_laser" in done.stdout

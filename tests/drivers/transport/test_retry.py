@@ -1,0 +1,112 @@
+"""What may be said twice, and what is: declared by each driver, carried out in one place."""
+
+from __future__ import annotations
+
+import pytest
+from wires import HANG_UP, NO_ERROR, KepcoWire, Wire, gaussmeter, supply
+
+from drivers.generic.can_pulse_board import CanPulseBoard
+from drivers.generic.interlock_chain_line import InterlockChainLine
+from drivers.kepco.bop import KepcoBop, list_messages
+from drivers.lakeshore.gaussmeter_f71 import LakeshoreF71
+from drivers.transport.retry import TRIES, Repeatable, repeated
+from station.errors import InstrumentError
+
+
+def test_a_pattern_is_for_one_whole_command() -> None:
+    declared = Repeatable(r"CURR -?[\d.]+", "OUTP OFF", r"\*CLS")
+    assert "CURR -1.5" in declared
+    assert ":curr 2" in declared
+    assert "OUTP OFF;:CURR 0;*CLS" in declared
+    assert "OUTP OFF;CURR 0" not in declared  # it would mean OUTP:CURR
+    assert "OUTP OFF;:OUTP ON" not in declared
+    assert "LIST:CURR 1" not in declared
+    assert "CURR 1,2" not in declared
+    assert "" not in declared
+
+
+REPEATABLE = [
+    (KepcoBop, "MEAS:CURR?"),
+    (KepcoBop, "CURR:MODE FIX;:CURR 0"),
+    (KepcoBop, "CURR -0.0123"),
+    (KepcoBop, "*CLS;:SYST:ERR?"),
+    (KepcoBop, "OUTP OFF"),
+    (LakeshoreF71, "FETC:DC?"),
+    (LakeshoreF71, "SENS:RANG 0.0015"),
+    (CanPulseBoard, "stop"),
+    (InterlockChainLine, "CHAIN?"),
+]
+ONCE = [
+    (KepcoBop, "CURR:MODE LIST"),
+    (KepcoBop, "OUTP ON"),
+    (KepcoBop, "LIST:DWEL 0.01"),
+    (KepcoBop, list_messages([0.1, 0.2])[0]),  # type: ignore[arg-type]
+    (LakeshoreF71, "FETC:BUFF:DC?"),
+    (CanPulseBoard, "start"),
+]
+
+
+@pytest.mark.parametrize(("driver", "message"), REPEATABLE, ids=[text for _, text in REPEATABLE])
+def test_a_driver_declares_what_does_no_harm_twice(driver: type, message: str) -> None:
+    assert message in driver.repeatable  # type: ignore[attr-defined]
+
+
+@pytest.mark.parametrize(("driver", "message"), ONCE, ids=[text for _, text in ONCE])
+def test_what_appends_starts_or_empties_is_said_once(driver: type, message: str) -> None:
+    assert message not in driver.repeatable  # type: ignore[attr-defined]
+
+
+@pytest.mark.parametrize(("message", "tries"), [("again", TRIES), ("once", 1)])
+def test_the_last_error_is_believed(message: str, tries: int) -> None:
+    said: list[str] = []
+
+    def exchange() -> str:
+        said.append(message)
+        raise InstrumentError("it", "asked", f"no answer {len(said)} came", "look")
+
+    with pytest.raises(InstrumentError, match=f"no answer {tries} came"):
+        repeated(Repeatable("again"), message, exchange)
+    assert len(said) == tries
+
+
+def test_what_is_no_fault_of_an_instrument_is_not_tried_again() -> None:
+    said: list[str] = []
+
+    def exchange() -> str:
+        said.append("again")
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        repeated(Repeatable("again"), "again", exchange)
+    assert len(said) == 1
+
+
+def test_two_bad_answers_are_borne_by_whoever_watches_and_not_by_a_step() -> None:
+    with Wire((b"nan\n",), (HANG_UP,), (b"1.5\n",), (b"nan\n",)) as wire:
+        instrument = supply(wire)
+        assert instrument.read_quantity("current") == 1.5
+        with pytest.raises(InstrumentError):
+            instrument.current_A()
+        instrument.close()
+    assert len(wire.requests) == 4
+
+
+def test_the_way_to_rest_bears_a_bad_answer_to_any_of_its_messages() -> None:
+    # Clear errors, register, current, set-point twice, zero, current, output off: each lost once.
+    answers = [NO_ERROR, b"0\n", *[b"0.0\n"] * 3, NO_ERROR, b"0.0\n", NO_ERROR]
+    acts = [act for answer in answers for act in ((HANG_UP,), (answer,))]
+    with KepcoWire(*acts) as wire:
+        instrument = supply(wire)
+        instrument.make_safe(instrument.place.clock.now() + 5.0)
+        instrument.close()
+    assert len(wire.requests) == 2 * len(answers)
+    assert wire.requests[-1] == b"OUTP OFF;:SYST:ERR?\n"
+
+
+def test_a_buffer_that_was_lost_is_not_read_again() -> None:
+    with Wire((HANG_UP,), (b'""\r\n',)) as wire:
+        instrument = gaussmeter(wire)
+        with pytest.raises(InstrumentError):
+            instrument.drain()
+        assert wire.requests == [b"FETC:BUFF:DC?\n"]
+        instrument.close()

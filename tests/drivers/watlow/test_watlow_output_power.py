@@ -1,0 +1,110 @@
+"""The supply of the device under test behind a digital output of an F4T."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from typing import Any
+
+import pytest
+from watlow_stand import Room, Stand, controller
+
+from drivers.watlow.output_power import WatlowOutputPower
+from station.errors import InputError, InstrumentError
+from station.roles import DutPower
+
+
+@contextmanager
+def power(*faults: Any, room: Any = None, **settings: Any) -> Iterator[tuple[Stand, Any]]:
+    with controller("f4t", *faults, room=room) as stand:
+        driver = WatlowOutputPower(stand.place(**{"output": "2.1", **settings}))
+        yield stand, driver
+        driver.close()
+
+
+def told(act: Any) -> str:
+    with pytest.raises(InstrumentError) as raised:
+        act()
+    return str(raised.value)
+
+
+def test_the_output_switches_the_device_of_the_world_and_says_so() -> None:
+    with power() as (stand, driver):
+        assert isinstance(driver, DutPower)
+        assert driver.identify().serial == "10423177"
+        driver.switch_on()
+        assert stand.room.acts == ["dut-power-on"]
+        assert driver.read_quantity("output") == "on"
+        driver.switch_off()
+        assert stand.room.acts == ["dut-power-on", "dut-power-off"]
+        assert stand.newest("output") == "off"
+
+
+def test_a_world_with_a_supply_line_gets_the_switch_with_its_time() -> None:
+    room: Any = Room()
+    switched: list[tuple[float, bool]] = []
+    room.power = lambda time_s, on: switched.append((time_s, on))
+    with power(room=room) as (stand, driver):
+        stand.clock.sleep(5.0)
+        driver.switch_on()
+        assert switched == [(5.0, True)]
+        assert room.acts == []
+
+
+def test_an_event_of_the_controller_may_switch_the_output() -> None:
+    with power(output="2.3", event=1) as (_, driver):
+        driver.switch_on()
+        assert driver.read_quantity("output") == "on"
+        assert driver._registers.line.read(16594) == [63]
+    with power(event=1) as (_, driver):
+        text = told(driver.switch_on)
+        assert "switch output 2.1 on: its state still reads 62 after 1 s" in text
+        assert "settings.event" in text
+
+
+def test_the_output_of_the_chambers_own_controller_is_switched_over_its_line() -> None:
+    with controller("f4t") as stand:
+        chamber = stand.driver()
+        place = replace(stand.place(output="2.1"), shared={"thermal_chamber": chamber})
+        driver = WatlowOutputPower(place)
+        driver.switch_on()
+        driver.close()
+        assert stand.room.acts == ["dut-power-on"]
+        assert chamber.identify() == driver.identify(), "the chamber's line is still open"
+        assert [data for direction, data in stand.heard if direction == "-"] == [b"opened"]
+        chamber.close()
+    with controller("f4") as stand:
+        place = replace(stand.place(output="2.1"), shared={"thermal_chamber": stand.driver()})
+        assert "which is no Watlow F4T" in told(lambda: WatlowOutputPower(place))
+
+
+def test_an_output_that_is_not_there_is_told_in_words() -> None:
+    with power(output="3.1") as (_, driver):
+        text = told(driver.switch_on)
+        assert "use output 3.1: the controller has no such output (exception 4)" in text
+        assert "correct settings.output" in text
+    with power(output="2.2") as (_, driver):
+        assert "it does not take this value" in told(driver.switch_on)
+
+
+@pytest.mark.parametrize(
+    "settings", [{"output": ""}, {"output": "2"}, {"event": 9}, {"event": "a"}]
+)
+def test_settings_that_are_none_are_told(settings: dict[str, Any]) -> None:
+    with controller("f4t") as stand:
+        place = stand.place(**{"output": "2.1", **settings})
+        assert "read the bench file" in told(lambda: WatlowOutputPower(place))
+
+
+def test_what_it_does_not_measure_is_an_error_of_the_bench_file() -> None:
+    with power() as (_, driver), pytest.raises(InputError, match="does not read 'voltage'"):
+        driver.read_quantity("voltage")
+
+
+def test_a_lost_answer_is_told_and_the_output_can_be_asked_again() -> None:
+    fault = {"fault": "no-reply", "command": "write 33958"}
+    with power(fault) as (stand, driver):
+        assert "no answer came" in told(driver.switch_on)
+        assert driver.read_quantity("output") == "on"
+        assert stand.room.acts == ["dut-power-on"]

@@ -1,0 +1,154 @@
+"""Who may import whom, who may ask the operating system for the time, and how files are opened."""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Iterator
+from graphlib import TopologicalSorter
+from pathlib import Path
+
+import pytest
+from places import ROOT
+
+ROOMS = ("station", "drivers", "procedures", "sim_instruments", "config")
+SOURCES = sorted(path for room in ROOMS for path in (ROOT / room).rglob("*.py"))
+CLOCK = ("time.sleep", "time.time", "time.monotonic", "time.perf_counter", "datetime.now")
+WORDS = "station.findings"
+"""What analyses say it in, which imports no more than they may."""
+ANALYSIS = {"__future__", "collections", "dataclasses", "math", "typing", "numpy", "scipy"}
+
+
+def module_of(path: Path) -> str:
+    parts = path.relative_to(ROOT).with_suffix("").parts
+    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+
+
+def imports(path: Path, *, typing_too: bool = True, deep: bool = False) -> Iterator[str]:
+    """Yield what a file imports; `deep`: a module named behind `import`, not its package."""
+    package = module_of(path) if path.name == "__init__.py" else module_of(path).rpartition(".")[0]
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    if not typing_too:
+        tree = WithoutTypes().visit(tree)
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            base = package.split(".")[: len(package.split(".")) - node.level + 1]
+            name = ".".join(
+                [*(base if node.level else []), *([node.module] if node.module else [])]
+            )
+            inside = [f"{name}.{alias.name}" for alias in node.names]
+            yield from [one if one in MODULES else name for one in inside] if deep else [name]
+
+
+class WithoutTypes(ast.NodeTransformer):
+    """Leave out what is imported for types alone."""
+
+    def visit_If(self, node: ast.If) -> ast.AST | None:
+        name = node.test.id if isinstance(node.test, ast.Name) else ""
+        return None if name == "TYPE_CHECKING" else self.generic_visit(node)
+
+
+MODULES = {module_of(path) for path in SOURCES}
+
+
+def within(module: str, *rooms: str) -> bool:
+    return any(module == room or module.startswith(room + ".") for room in rooms)
+
+
+def allowed(importer: str, imported: str) -> bool:
+    """Whether a module of one room may import a module of our own."""
+    room = importer.split(".")[0]
+    if within(imported, room) and not within(importer, "procedures"):
+        return True
+    if within(importer, "procedures"):
+        own = ".".join(importer.split(".")[:2])
+        return within(imported, own, "procedures.estimation", "station")
+    if within(importer, "drivers"):
+        return within(
+            imported,
+            "station.clock",
+            "station.roles",
+            "station.units",
+            "station.fields",
+            "station.errors",
+        )
+    if within(importer, "sim_instruments"):
+        return within(imported, "station.clock", "station.units")
+    return False
+
+
+@pytest.mark.parametrize("path", SOURCES, ids=module_of)
+def test_a_room_imports_only_what_it_may(path: Path) -> None:
+    importer = module_of(path)
+    ours = [name for name in imports(path) if within(name, *ROOMS)]
+    broken = [name for name in ours if not allowed(importer, name)]
+    assert not broken, f"{importer} may not import {broken}"
+
+
+def package_of(module: str) -> str:
+    """Return the part of the engine that a module belongs to, or its room, or its procedure."""
+    parts = module.split(".")
+    return ".".join(parts[: 2 if parts[0] in ("station", "procedures") else 1])
+
+
+def graph(*, typing_too: bool) -> dict[str, set[str]]:
+    """Return which modules of ours each module imports, at its top or later."""
+    found: dict[str, set[str]] = {}
+    for path in SOURCES:
+        names = set(imports(path, typing_too=typing_too, deep=True)) & MODULES
+        found[module_of(path)] = names - {module_of(path)}
+    return found
+
+
+def test_no_module_imports_itself_over_others() -> None:
+    """Imports within functions, and those for types alone, count."""
+    list(TopologicalSorter(graph(typing_too=True)).static_order())  # raises CycleError
+
+
+def test_no_package_imports_itself_over_others() -> None:
+    """Imports within functions count; types may name what uses them."""
+    packages: dict[str, set[str]] = {}
+    for module, names in graph(typing_too=False).items():
+        own = package_of(module)
+        packages.setdefault(own, set()).update({package_of(one) for one in names} - {own})
+    list(TopologicalSorter(packages).static_order())
+
+
+ANALYSIS_FILES = [
+    path
+    for path in SOURCES
+    if within(module_of(path), "procedures.estimation", WORDS) or path.stem == "analysis"
+]
+
+
+@pytest.mark.parametrize("path", ANALYSIS_FILES, ids=module_of)
+def test_analysis_knows_no_instrument_no_file_and_no_clock(path: Path) -> None:
+    for name in imports(path):
+        assert name.split(".")[0] in ANALYSIS or within(name, "procedures", WORDS), name
+
+
+@pytest.mark.parametrize("path", SOURCES, ids=module_of)
+def test_only_the_clock_asks_the_operating_system_for_the_time(path: Path) -> None:
+    if within(module_of(path), "station.clock"):
+        return
+    text = ast.unparse(ast.parse(path.read_text(encoding="utf-8")))
+    assert not [call for call in CLOCK if call + "(" in text]
+
+
+@pytest.mark.parametrize("path", SOURCES, ids=module_of)
+def test_no_file_is_longer_than_a_reader_can_hold(path: Path) -> None:
+    assert len(path.read_text(encoding="utf-8").splitlines()) <= 350
+
+
+def test_heavy_packages_stay_out_of_the_command_line_until_they_are_used() -> None:
+    import subprocess
+    import sys
+
+    code = "import sys, station.cli.app; print(' '.join(sys.modules))"
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True, encoding="utf-8"
+    )
+    loaded = {name.split(".")[0] for name in done.stdout.split()}
+    heavy = {"numpy", "scipy", "pydantic", "yaml", "matplotlib", "GTC", "pyvisa", "can", "rich"}
+    assert not loaded & heavy

@@ -1,0 +1,283 @@
+"""Imported turns over temperature: the examples in tolerance, every fault in one sentence."""
+
+from __future__ import annotations
+
+import csv
+import json
+import shutil
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from fog_records import CURVES, record
+from places import DATA
+
+from procedures.fog_scale_factor_temperature.dataset import TurnTable
+from procedures.fog_scale_factor_temperature.figures import draw_parts
+from procedures.fog_scale_factor_temperature.simulated_drive import drive_csv, simulated_drive
+from station.cli.analysing import analyse_dataset
+from station.dataset_reading import read_dataset
+from station.evaluation import evaluate_dataset
+from station.faults import FaultList
+from station.report.parts import Plot, Table
+
+EXAMPLES = sorted(path.name for path in DATA.glob("fog-*"))
+PAIRS = "fog-pairs"
+
+
+def analysed(path: Path, output: Path | None = None) -> dict[str, Any]:
+    return analyse_dataset(path, output).to_data()
+
+
+def by_key(data: dict[str, Any], name: str, axis: str | None) -> dict[str, Any]:
+    (found,) = (one for one in data["results"] if (one["name"], one["axis"]) == (name, axis))
+    return dict(found)
+
+
+def copy_of(name: str, folder: Path) -> Path:
+    place = folder / name
+    shutil.copytree(DATA / name, place)
+    return place
+
+
+def turns_csv(table: TurnTable) -> str:
+    lines = [
+        "set,t_before_s,t_after_s,axis,commanded_deg,heading_before_deg,heading_after_deg,"
+        "gyro_temperature_before_degC,gyro_temperature_after_degC"
+    ]
+    for n in range(len(table)):
+        cells = (
+            table.set_number[n],
+            table.before_s[n],
+            table.after_s[n],
+            table.axis[n],
+            table.commanded_deg[n],
+            f"{table.attitude_before_deg[n, 0]:.6f}",
+            f"{table.attitude_after_deg[n, 0]:.6f}",
+            table.temperature_before_degC[n],
+            table.temperature_after_degC[n],
+        )
+        lines.append(",".join(str(cell) for cell in cells))
+    return "\n".join(lines) + "\n"
+
+
+def folder_with(
+    folder: Path, files: dict[str, str], conditions: str, names: str = "turns: turns.csv"
+) -> Path:
+    for name, text in files.items():
+        (folder / name).write_text(text, encoding="utf-8")
+    (folder / "dataset.yaml").write_text(
+        "dataset: 1\nprocedure: fog-scale-factor-temperature\n"
+        f"files: {{{names}}}\nconditions:\n  attitude_output: heading\n  turn_sense: heading\n"
+        + conditions,
+        encoding="utf-8",
+    )
+    return folder
+
+
+@pytest.mark.parametrize("name", EXAMPLES)
+def test_the_examples_come_out_within_their_tolerance(name: str) -> None:
+    truth = json.loads((DATA / name / "truth.json").read_text(encoding="utf-8"))
+    data = analysed(DATA / name)
+    assert len(data["results"]) == 6
+    assert data["flags"] == truth["flags"]
+    for axis, curve in truth["curves"].items():
+        one = by_key(data, "scale_factor_error", axis)
+        model = one["model"]
+        assert (model["basis"], model["unit"]) == ("chebyshev", "degC")
+        shape = np.polynomial.Chebyshev(model["coefficients"], model["domain"])
+        off = np.abs(shape(np.array(curve["T_degC"])) - curve["delta_ppm"])
+        assert (off <= curve["tol_ppm"]).all()
+        assert one["order"] == curve["true_order"]
+        assert one["rejected_rows"] == curve["outlier_rows"]
+        assert one["value"] == pytest.approx(float(shape(20.0)))
+        largest = by_key(data, "largest_scale_factor_error", axis)["value"]
+        grid = shape(np.linspace(*model["domain"], 2001))
+        assert largest == pytest.approx(np.abs(grid).max(), rel=1e-6)
+    assert {one["method"] for one in data["as_published"]} == {"polynomial"}
+
+
+def test_the_report_shows_curves_residuals_and_compensation() -> None:
+    document, findings = evaluate_dataset(read_dataset(DATA / PAIRS))
+    parts = draw_parts(findings, document)
+    assert {part.title for part in parts if isinstance(part, Plot)} == {
+        "Temperatures",
+        "Scale-factor error over temperature",
+    }
+    tables = {part.title: part for part in parts if isinstance(part, Table)}
+    assert set(tables) == {"Curves", "Before and after compensation", "Compensation"}
+    assert all(len(row) == len(one.columns) for one in tables.values() for row in one.rows)
+
+
+def test_verification_and_drive_bring_their_results_and_enter_no_fit(tmp_path: Path) -> None:
+    dataset = record(0, axes=("x", "y", "z"))
+    down = record(7, axes=("x", "y", "z"), first_degC=58.0, last_degC=-37.0)
+    drive = simulated_drive(
+        dict(CURVES), laps=6, temperature_degC=(-25.0, -30.0), sample_interval_s=0.5
+    )
+    files = {
+        "turns.csv": turns_csv(dataset.turns),
+        "down.csv": turns_csv(down.turns),
+        "drive.csv": drive_csv(drive),
+    }
+    alone = analysed(folder_with(tmp_path, files, "  gyro_bias: 0.02 deg/h\n"))
+    whole = folder_with(
+        tmp_path,
+        files,
+        "  gyro_bias: 0.02 deg/h\n  latitude: 40 deg\n  initial_heading: 25 deg\n",
+        "turns: turns.csv, verification: down.csv, drive: drive.csv",
+    )
+    out = tmp_path / "out"
+    data = analysed(whole, out)
+    assert data["results"][:6] == alone["results"]
+    for axis in "xyz":
+        residual = by_key(data, "residual_scale_factor_error", axis)
+        assert residual["value"] < 4.0
+        assert residual["rms_before"] > 20.0 * residual["rms_after"]
+    before = by_key(data, "heading_error_uncompensated", None)
+    after = by_key(data, "heading_error_compensated", None)
+    assert before["unit"] == after["unit"] == "deg"
+    assert abs(before["value"]) > 50.0 * abs(after["value"])
+    assert after["standard_uncertainty"] > 0.0
+    page = (out / "report.html").read_text(encoding="utf-8")
+    assert "Vehicle test" in page
+    assert "Verification ramp" in page
+
+
+def test_turns_of_one_sense_need_the_bias_specification(tmp_path: Path) -> None:
+    files = {"turns.csv": turns_csv(record(0, (360,)).turns)}
+    with pytest.raises(FaultList) as caught:
+        analysed(folder_with(tmp_path, files, "  soak: 5 h\n"))
+    assert "conditions.gyro_bias: is missing" in str(caught.value)
+    data = analysed(folder_with(tmp_path, files, "  gyro_bias: 0.1 deg/h\n"))
+    one = by_key(data, "scale_factor_error", "x")
+    lines = {line["description"]: line["contribution"] for line in one["budget"]}
+    assert lines["gyro bias during the turn"] == pytest.approx(3.6265, rel=1e-3)
+    assert one["standard_uncertainty"] > 3.6
+
+
+def test_a_reference_outside_the_turns_has_no_value(tmp_path: Path) -> None:
+    files = {"turns.csv": turns_csv(record(0).turns)}
+    data = analysed(folder_with(tmp_path, files, "  reference_temperature: 75 degC\n"))
+    one = by_key(data, "scale_factor_error", "x")
+    assert one["value"] is None
+    assert one["model"]["coefficients"]
+    assert [flag["code"] for flag in data["flags"]] == ["extrapolation"]
+
+
+def test_too_few_turns_leave_null_and_a_flag(tmp_path: Path) -> None:
+    files = {"turns.csv": turns_csv(record(0, sets=2).turns)}
+    data = analysed(folder_with(tmp_path, files, "  soak: 2 h\n"))
+    assert {one["value"] for one in data["results"]} == {None}
+    assert by_key(data, "scale_factor_error", "x")["model"] is None
+    assert [flag["code"] for flag in data["flags"]] == [
+        "not-identifiable",
+        "outside-published-range",
+    ]
+
+
+def rows_of(name: str) -> list[dict[str, str]]:
+    with (DATA / name / "turns.csv").open(encoding="utf-8", newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def rewritten(name: str, folder: Path, rows: list[dict[str, str]], old: str, new: str) -> Path:
+    """Return an example with other rows, their columns in the opposite order, and a condition."""
+    place = copy_of(name, folder)
+    with (place / "turns.csv").open("w", encoding="utf-8", newline="") as file:
+        writer = csv.DictWriter(file, list(rows[0])[::-1])
+        writer.writeheader()
+        writer.writerows(rows)
+    conditions = (place / "dataset.yaml").read_text(encoding="utf-8")
+    assert old in conditions
+    (place / "dataset.yaml").write_text(conditions.replace(old, new), encoding="utf-8")
+    return place
+
+
+def coefficients(data: dict[str, Any]) -> list[float]:
+    return [
+        c
+        for axis in "xyz"
+        for c in by_key(data, "scale_factor_error", axis)["model"]["coefficients"]
+    ]
+
+
+def test_the_same_turns_told_otherwise_give_the_same_curves(tmp_path: Path) -> None:
+    """Headings that fall and are told from -180 deg, without the chamber's temperature."""
+    rows = rows_of(PAIRS)
+    for row in rows:
+        del row["chamber_temperature_degC"]
+        for side in ("before", "after"):
+            mirrored = -float(row[f"heading_{side}_deg"])
+            row[f"heading_{side}_deg"] = f"{(mirrored + 180.0) % 360.0 - 180.0:.4f}"
+    other = rewritten(PAIRS, tmp_path, rows, "turn_sense: heading", "turn_sense: about-up")
+    assert coefficients(analysed(other)) == pytest.approx(
+        coefficients(analysed(DATA / PAIRS)), rel=1e-6
+    )
+
+
+def test_a_full_attitude_need_not_begin_at_north(tmp_path: Path) -> None:
+    rows = rows_of("fog-attitude")
+    for row in rows:
+        for name in ("heading_before_deg", "heading_after_deg"):
+            row[name] = f"{(float(row[name]) + 77.0) % 360.0:.6f}"
+    other = rewritten("fog-attitude", tmp_path, rows, "soak: 5 h", "soak: 300 min")
+    assert coefficients(analysed(other)) == pytest.approx(
+        coefficients(analysed(DATA / "fog-attitude")), rel=1e-6
+    )
+
+
+def test_missing_and_wild_rows_are_analysed_and_flagged(tmp_path: Path) -> None:
+    place = copy_of(PAIRS, tmp_path)
+    head, *body = (place / "turns.csv").read_text(encoding="utf-8").splitlines()
+    cells = body[100].split(",")
+    cells[6] = f"{(float(cells[6]) + 0.08) % 360.0:.4f}"
+    body[100] = ",".join(cells)
+    del body[210:222]
+    (place / "turns.csv").write_text("\n".join([head, *body]) + "\n", encoding="utf-8")
+    data = analysed(place)
+    rejected = [
+        row for axis in "xyz" for row in by_key(data, "scale_factor_error", axis)["rejected_rows"]
+    ]
+    assert rejected == [100]
+    assert sorted(flag["code"] for flag in data["flags"]) == ["gap"] * 3 + ["outliers-rejected"]
+
+
+@pytest.mark.parametrize(
+    ("file", "old", "new", "said"),
+    [
+        ("dataset.yaml", "turn_sense: heading", "turn_sens: heading", "did you mean"),
+        ("dataset.yaml", "turn_sense: heading", "turn_sense: up", "turn_sense"),
+        ("dataset.yaml", "  turn_sense: heading\n", "", "turn_sense"),
+        ("dataset.yaml", "attitude_output: heading", "attitude_output: heading-pitch-roll", "roll"),
+        ("dataset.yaml", "gyro_bias: 0.3 deg/h", "gyro_bias: 0.3", "gyro_bias"),
+        ("dataset.yaml", "turns: turns.csv", "turn: turns.csv", "turns"),
+        ("turns.csv", "commanded_deg", "commanded", "commanded_deg"),
+        ("turns.csv", "18122.0,x,360", "18122.0,u,360", "there is no axis 'u'"),
+        ("turns.csv", "18075.0,18122.0", "18075.0,18022.0", "is not after t_before_s"),
+        ("turns.csv", "\n0,18124.0,", "\n0,18024.0,", "times must rise"),
+        ("turns.csv", "318.7529", "north", "heading_before_deg"),
+        ("turns.csv", "\n0,18075.0", "\n0.5,18075.0", "not a whole number"),
+    ],
+)
+def test_a_fault_is_one_sentence_with_its_place(
+    tmp_path: Path, file: str, old: str, new: str, said: str
+) -> None:
+    place = copy_of(PAIRS, tmp_path)
+    text = (place / file).read_text(encoding="utf-8")
+    assert old in text
+    (place / file).write_text(text.replace(old, new, 1), encoding="utf-8")
+    with pytest.raises(FaultList) as caught:
+        analysed(place)
+    assert said in str(caught.value)
+    assert ".csv" in str(caught.value) or "dataset.yaml" in str(caught.value)
+
+
+def test_a_drive_needs_the_latitude(tmp_path: Path) -> None:
+    drive = simulated_drive(dict(CURVES), laps=1)
+    files = {"turns.csv": turns_csv(record(0).turns), "drive.csv": drive_csv(drive)}
+    place = folder_with(tmp_path, files, "  soak: 5 h\n", "turns: turns.csv, drive: drive.csv")
+    with pytest.raises(FaultList) as caught:
+        analysed(place)
+    assert "conditions.latitude: is missing" in str(caught.value)

@@ -1,0 +1,133 @@
+"""What is wrong with one installed package costs its own entries only, and the package is named."""
+
+from __future__ import annotations
+
+import re
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+import yaml
+from command_line import PLAN, station
+from plan_runs import shipped_bench
+
+from station import registry
+from station.cli.dry_running import dry_run_plan
+from station.cli.listing import list_what_there_is
+from station.cli.validating import validate_plans
+from station.role_lookup import role as registry_of_roles
+from station.role_lookup import role_settings
+from station.scan import recognised
+from station.schema import schema_text
+
+OFFERED = {
+    "drivers": "lab-meter",
+    "procedures": "lab-method",
+    "roles": "lab",
+    "simulators": "lab-meter",
+}
+MODULES = {
+    "import-fails": "import no_such_library\n",
+    "raises": "raise RuntimeError('no licence')\n",
+    "exits": "import sys\nsys.exit('no licence')\n",
+}
+
+
+def package(folder: Path, name: str, points: bytes | None = None, module: str = "") -> Path:
+    """Make an installed package below a folder; it offers one entry of each kind."""
+    info = folder / f"{name}-1.0.dist-info"
+    info.mkdir(parents=True)
+    (info / "METADATA").write_text(
+        f"Metadata-Version: 2.1\nName: {name}\nVersion: 1.0\n", encoding="utf-8"
+    )
+    offered = "".join(
+        f"[station.{kind}]\n{one} = {name}_module:Thing\n" for kind, one in OFFERED.items()
+    )
+    (info / "entry_points.txt").write_bytes(offered.encode() if points is None else points)
+    (folder / f"{name}_module.py").write_text(module, encoding="utf-8")
+    return folder
+
+
+def installed(folder: Path, patch: pytest.MonkeyPatch) -> None:
+    """Have the packages below a folder installed, in this process."""
+    patch.syspath_prepend(str(folder))
+    registry.offers.cache_clear()
+    registry.names.cache_clear()
+
+
+@pytest.fixture(autouse=True)
+def as_before() -> Iterator[None]:
+    """Have the registry look again after each test."""
+    yield
+    sys.modules.pop("labware_module", None)
+    registry.offers.cache_clear()
+    registry.names.cache_clear()
+
+
+@pytest.mark.parametrize("kind", MODULES)
+def test_one_broken_package_costs_only_its_own_entries(
+    kind: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    installed(package(tmp_path / "site", "labware", module=MODULES[kind]), monkeypatch)
+    for what, ours in (("drivers", "kepco-bop-36-12"), ("procedures", "serf-nonorthogonality")):
+        list_what_there_is(what, as_json=False)
+        listed = capsys.readouterr().out
+        (line,) = [one for one in listed.splitlines() if "lab-" in one]
+        assert "of the package labware cannot be loaded" in line
+        assert ours in listed
+    assert "lab-method" not in schema_text("plan")
+    assert "lab-method" not in schema_text("dataset")
+    assert "kepco-bop-36-12" in schema_text("bench")
+    assert recognised("here", "KEPCO,BOP 36-12D,H148201,1.0").driver is not None
+    registry_of_roles.cache_clear()
+    role_settings.cache_clear()
+    assert registry_of_roles("coil_supply") is not None
+    (tmp_path / "plan.yaml").write_text(PLAN, encoding="utf-8")
+    assert validate_plans([str(tmp_path / "plan.yaml")], "sim") == 0
+    assert (
+        dry_run_plan(
+            str(tmp_path / "plan.yaml"), "sim", served=None, output=tmp_path, as_json=False
+        )
+        == 0
+    )
+
+
+def test_what_loads_and_is_no_procedure_is_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    installed(package(tmp_path / "site", "labware", module="class Thing: pass\n"), monkeypatch)
+    list_what_there_is("procedures", as_json=False)
+    assert "is no procedure: it has no title" in capsys.readouterr().out
+    assert "lab-method" not in schema_text("plan")
+
+
+def test_a_driver_or_procedure_that_cannot_be_loaded_is_a_fault_of_the_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    installed(package(tmp_path / "site", "labware", module=MODULES["import-fails"]), monkeypatch)
+    bench = shipped_bench()
+    bench["instruments"]["gaussmeter"]["driver"] = "lab-meter"
+    plan, own, path = (tmp_path / name for name in ("plan.yaml", "own.yaml", "bench.yaml"))
+    path.write_text(yaml.safe_dump(bench), encoding="utf-8")
+    plan.write_text(PLAN, encoding="utf-8")
+    own.write_text(PLAN.replace("rlg-magnetic-sensitivity", "lab-method"), encoding="utf-8")
+    assert validate_plans([str(plan)], str(path)) == 2
+    said = capsys.readouterr().err
+    assert re.search(r"bench.yaml:\d+:\d+: instruments.gaussmeter.driver: ", said)
+    assert "package labware" in said and "no_such_library" in said
+    assert validate_plans([str(own)], "sim") == 2
+    said = capsys.readouterr().err
+    assert "own.yaml:2:12: procedure: the procedure 'lab-method' of the package labware" in said
+
+
+@pytest.mark.parametrize("points", [b"\xff\xfe not text", b"[station.drivers]\nno equals sign\n"])
+def test_a_package_of_odd_metadata_is_named_and_left_out(points: bytes, tmp_path: Path) -> None:
+    path = str(package(tmp_path / "site", "oddware", points))
+    (tmp_path / "plan.yaml").write_text(PLAN, encoding="utf-8")
+    done = station(tmp_path, "validate", "plan.yaml", PYTHONPATH=path)
+    assert done.returncode == 0, done.stderr
+    assert "WARNING: the entry points of the package oddware cannot be read" in done.stderr

@@ -1,0 +1,71 @@
+"""A simulated 33522B in a small world of the tests' own, and who talks to it."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Mapping
+from contextlib import AbstractContextManager
+from threading import RLock
+from typing import Any
+
+import numpy as np
+from stand import Stand as AnyStand
+from stand import serving
+
+from sim_instruments.keysight.generator_33522b import Keysight33522B as SimulatedGenerator
+from sim_instruments.world.trigger_line import TriggerLine
+from sim_instruments.world.voltages import VoltageHistory
+from station.clock import Clock
+from station.instruments.opening import Place
+
+NAME = "signal_generator.xy"
+TRUTH: dict[str, Any] = {
+    "coils": {1: "x", 2: "y"},
+    "gain_error": {1: "0 %", 2: "0 %"},
+    "offset": {1: "0 V", 2: "0 V"},
+    "trigger_latency": "105e-9 s",
+}
+LATENCY_S = 105e-9
+
+
+class Room:
+    """A world with two coils of high impedance and a trigger."""
+
+    def __init__(self) -> None:
+        self.lock = RLock()
+        self.trigger = TriggerLine()
+        self.coils: dict[str, VoltageHistory] = {}
+
+    def drive(self, coil: str, history: VoltageHistory) -> None:
+        self.coils[coil] = history
+
+    def volts(self, coil: str, *times_s: float) -> list[float]:
+        return self.coils[coil].voltage_V(np.array(times_s)).tolist()
+
+
+class Stand(AnyStand):
+    """A simulated generator that is served in a world, and whoever talks to it."""
+
+    def __init__(
+        self, clock: Clock, truth: Mapping[str, Any], room: Any, *faults: Mapping[str, Any]
+    ) -> None:
+        super().__init__(clock, NAME, SimulatedGenerator, truth, room, *faults, serial="MY59000101")
+
+    def place(self, limits: Mapping[str, float] | None = None, **settings: Any) -> Place:
+        given = {"load": "high-impedance", **settings}
+        return super().place({"voltage": 9.0} if limits is None else limits, **given)
+
+    def rise(self) -> float:
+        """Give the trigger now; return when."""
+        now_s = self.clock.now()
+        with self.room.lock:
+            self.room.trigger.rise(now_s)
+        return now_s
+
+
+def standing(
+    *faults: dict[str, Any], room: Any = None, **changes: Any
+) -> AbstractContextManager[Stand]:
+    """Serve a generator while this thread takes part in time."""
+    truth = {**copy.deepcopy(TRUTH), **changes}
+    return serving(lambda clock: Stand(clock, truth, room or Room(), *faults))

@@ -1,0 +1,66 @@
+"""A small world for a simulated 34465A."""
+
+from __future__ import annotations
+
+from contextlib import AbstractContextManager
+from threading import RLock
+from typing import Any
+
+import numpy as np
+import stand
+from stand import Stand
+
+from sim_instruments.keysight.multimeter_34465a import Keysight34465A as SimulatedMeter
+from station.clock import Clock
+
+VOLTS = {
+    "measures": "accelerometer",
+    "noise": "0 ppm",
+    "line_frequency": "50 Hz",
+    "gain_error": "0 ppm",
+    "offset": "0 V",
+    "zero_drift_in_one_hour": "36 uV",
+}
+OHMS = {
+    "measures": "pt100",
+    "noise": "0 ppm",
+    "line_frequency": "50 Hz",
+    "gain_error": "0 ppm",
+    "offset": "0 ohm",
+}
+
+
+class Room:
+    """A world with nothing but a ramp of voltage and a Pt100."""
+
+    def __init__(self, volts: float, slope_V_per_s: float, ohms: float) -> None:
+        self.lock = RLock()
+        self._volts, self._slope_V_per_s, self._ohms = volts, slope_V_per_s, ohms
+
+    def mean_output_V(self, edges_s: np.ndarray) -> np.ndarray:
+        return self._volts + self._slope_V_per_s * (edges_s[1:] + edges_s[:-1]) / 2
+
+    def mean_pt100_ohm(self, edges_s: np.ndarray) -> np.ndarray:
+        return np.full(len(edges_s) - 1, self._ohms)
+
+
+def standing(
+    volts: float = 0.5,
+    slope: float = 0.0,
+    ohms: float = 107.79,
+    truth: dict[str, str] = VOLTS,
+    faults: tuple[dict[str, Any], ...] = (),
+    room: Any = None,
+    clock: Clock | None = None,
+    **changes: str,
+) -> AbstractContextManager[Stand]:
+    """Serve a meter while this thread takes part in time."""
+    return stand.standing(
+        "multimeter",
+        SimulatedMeter,
+        {**truth, **changes},
+        room or Room(volts, slope, ohms),
+        *faults,
+        serial="MY54500001",
+        clock=clock,
+    )
