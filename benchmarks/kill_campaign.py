@@ -9,7 +9,7 @@ makes it safe, and the simulated world is asked whether it is; `lost_real_s` is 
 recorded sample of a laser gyro was at the kill, less one sample interval and the board's batch of
 0.1 s of bench time. What the operating system had is there: a kill of the process, not of the
 machine. Every remainder is resumed by `station resume`; it must end with results within three
-combined uncertainties of the undisturbed run's and two and a half expanded ones of the truth, and
+combined uncertainties of the undisturbed run's and as near the truth as their u says, and
 every raw file of before as it was. The verdict must be the undisturbed run's. On scaled time alone
 a result may be undecided instead, where its U is larger: `largest_u_over_undisturbed`, for instants
 are as many times less sure as time is faster. The last lines are counts.

@@ -8,12 +8,14 @@ from functools import lru_cache
 from typing import Any
 
 from fault_cases import BENCH, read_bench_at, short
+from scipy.stats import t as student
 
 from station.lookup import BENCHES, find
 
 AT_A_MEAN_TEMPERATURE = ("K0", "Ki")
-EXPANDED_UNCERTAINTIES = 2.5
-"""Five standard uncertainties; more where a short record leaves few degrees of freedom."""
+BY_CHANCE = 1e-6
+"""How often a result that is right may lie further off. That is 4.9 u where a record leaves many
+degrees of freedom, and 49 u at four: a campaign holds tens of thousands of results against this."""
 
 
 def number(text: str) -> float:
@@ -137,6 +139,10 @@ def off_the_truth(bench: Mapping[str, Any], document: Mapping[str, Any]) -> Iter
         true = true_of(bench, result) if result["value"] is not None else None
         if true is None:
             continue
-        off = abs(result["value"] - true) / result["expanded_uncertainty"]
-        if off > EXPANDED_UNCERTAINTIES:
-            yield f"{result['name']} {result['axis']} is {off:.1f} U off the truth"
+        off_u = abs(result["value"] - true) / result["standard_uncertainty"]
+        degrees = result["degrees_of_freedom"] or math.inf
+        if off_u > student.isf(BY_CHANCE / 2, degrees):
+            yield (
+                f"{result['name']} {result['axis']} is {off_u:.1f} u off the truth, "
+                f"{degrees:.3g} degrees of freedom"
+            )
