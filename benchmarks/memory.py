@@ -25,10 +25,10 @@ sys.path.insert(0, str(Path(__file__).parent.parent / "tests" / "support"))
 from campaign_helpers import PROCEDURE, undirected_run
 
 from sim_instruments.bench import SimulatedBench
-from station.bench import read_bench
 from station.clock import VirtualClock
+from station.files.lookup import BENCHES, find
+from station.instruments.bench import read_bench
 from station.instruments.opening import open_instruments
-from station.lookup import BENCHES, find
 from station.record.folder import RunRecord
 from station.registry import DRIVERS, names
 from station.runner.acquisition import acquire

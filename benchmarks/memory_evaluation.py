@@ -24,9 +24,9 @@ sys.path.insert(0, str(Path(__file__).parent.parent / "tests" / "support"))
 from made_runs import made_run
 
 from station import registry
-from station.bench import read_bench
-from station.lookup import BENCHES, PLANS, find
-from station.plan import read_plan
+from station.files.lookup import BENCHES, PLANS, find
+from station.files.plan import read_plan
+from station.instruments.bench import read_bench
 from station.procedure import Procedures, procedure_of
 from station.runner.memory import memory_of
 

@@ -29,9 +29,9 @@ sys.path.insert(0, str(Path(__file__).parent.parent / "tests" / "support"))
 from fault_truths import TRUTHS, fog_curve_off
 
 from station import registry
-from station.bench import read_bench
-from station.lookup import BENCHES, PLANS, find
-from station.plan import read_plan
+from station.files.lookup import BENCHES, PLANS, find
+from station.files.plan import read_plan
+from station.instruments.bench import read_bench
 from station.procedure import Procedures
 from station.results import Result
 from station.runner.execute import Request, execute

@@ -17,9 +17,9 @@ import time
 from pathlib import Path
 
 from station import registry
-from station.bench import read_bench
-from station.lookup import BENCHES, PLANS, find
-from station.plan import read_plan
+from station.files.lookup import BENCHES, PLANS, find
+from station.files.plan import read_plan
+from station.instruments.bench import read_bench
 from station.procedure import Procedures
 from station.record.folder import RunFolder
 from station.runner.execute import Request, execute

@@ -96,8 +96,8 @@ def analysed(made: Made) -> dict[str, Any]:
     """Return the results of a dataset as the contract writes them; none where it is refused."""
     from station.dataset_reading import read_dataset
     from station.errors import InputError
-    from station.evaluation import evaluate_dataset
-    from station.faults import FaultList
+    from station.files.faults import FaultList
+    from station.runner.evaluation import evaluate_dataset
 
     with tempfile.TemporaryDirectory() as place:
         folder = Path(place) / "dataset"

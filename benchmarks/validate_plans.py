@@ -19,7 +19,7 @@ import time
 from pathlib import Path
 
 from station.cli.validating import validate_plans
-from station.lookup import PLANS, find
+from station.files.lookup import PLANS, find
 
 VARIANT = """\
 extends: {base}

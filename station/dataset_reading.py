@@ -15,11 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from station.faults import Fault, FaultList, listed, nearest
 from station.fields import StrictModel
-from station.lookup import in_place_of_file, is_there
-from station.validation import check_model
-from station.yaml.reading import Document, read_text, read_yaml
+from station.files.faults import Fault, FaultList, listed, nearest
+from station.files.lookup import in_place_of_file, is_there
+from station.files.validation import check_model
+from station.files.yaml.reading import Document, read_text, read_yaml
 
 DATASET_FILE = "dataset.yaml"
 LARGEST = 1e38

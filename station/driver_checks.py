@@ -16,14 +16,14 @@ from pydantic import BaseModel
 
 from station import registry
 from station.errors import QuantityNotRead
-from station.faults import Fault, listed, nearest
 from station.fields import StrictModel, key_of
+from station.files.faults import Fault, listed, nearest
+from station.files.validation import check_model
+from station.files.yaml.document import Document, Where
 from station.role_lookup import role, role_settings, roles_of
 from station.safety.bounds import listing, mapping
 from station.safety.interlocks.quantities import quantities_of, role_of
 from station.safety.interlocks.reading import CHAIN
-from station.validation import check_model
-from station.yaml.document import Document, Where
 
 MISSING = "is missing"
 

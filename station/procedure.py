@@ -13,10 +13,10 @@ from station.consent import Prompt as Prompt
 from station.errors import InputError
 
 if TYPE_CHECKING:
-    from station.bench import Bench
     from station.dataset_reading import RawDataset
     from station.fields import StrictModel
     from station.findings import Findings
+    from station.instruments.bench import Bench
     from station.record.folder import RunFolder
     from station.report.parts import Part
     from station.results import ResultDocument

@@ -1,14 +1,155 @@
-"""The result document that other programs rely on: findings, held against their limits."""
+"""The result document that other programs rely on: uncertainty, decision, verdict.
+
+The uncertainty budget of type A and type B contributions follows the GUM (computed with GTC).
+The decision rule is the plan's: `simple` compares the value alone (JCGM 106, simple acceptance);
+`guarded` keeps the expanded uncertainty as guard band, so that a pass and a fail are each right
+with the stated coverage.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
-from station.decision import Decision, Limit, Rule, Verdict, decide, overall
-from station.findings import Estimate, Findings, Flag, Published, finite
-from station.uncertainty import BudgetLine, Combined, combine
+from station.findings import Estimate, Findings, Flag, InputQuantity, Published, finite
+
+COVERAGE_PERCENT = 95
+TYPE_A = "repeatability (from the data)"
+
+
+@dataclass(frozen=True)
+class BudgetLine:
+    """One contribution to a standard uncertainty, in the result's unit."""
+
+    description: str
+    kind: Literal["A", "B"]
+    contribution: float
+    source: str
+
+    def to_data(self) -> dict[str, Any]:
+        """Return the line as in `results.json`."""
+        return {
+            "description": self.description,
+            "type": self.kind,
+            "contribution": self.contribution,
+            "source": self.source,
+        }
+
+
+@dataclass(frozen=True)
+class Combined:
+    """A combined standard uncertainty with its coverage at 95 % and the budget behind it."""
+
+    standard_uncertainty: float
+    degrees_of_freedom: float
+    coverage_factor: float
+    expanded_uncertainty: float
+    budget: tuple[BudgetLine, ...]
+
+
+def combine(
+    estimates: Sequence[Estimate], inputs: Sequence[InputQuantity]
+) -> list[Combined | None]:
+    """Return each estimate's combined uncertainty, None where it has no value.
+
+    Effective degrees of freedom by Welch-Satterthwaite, coverage by Student's t (GUM annex G).
+    """
+    import GTC
+
+    known = {
+        quantity.name: (
+            quantity,
+            GTC.ureal(0.0, quantity.standard_uncertainty, quantity.degrees_of_freedom),
+        )
+        for quantity in inputs
+        if quantity.standard_uncertainty > 0
+    }
+    combined: list[Combined | None] = []
+    for estimate in estimates:
+        if estimate.value is None or estimate.standard_uncertainty is None:
+            combined.append(None)
+            continue
+        dof = estimate.degrees_of_freedom if estimate.degrees_of_freedom is not None else math.inf
+        total = GTC.ureal(estimate.value, estimate.standard_uncertainty, dof)
+        lines = [BudgetLine(TYPE_A, "A", estimate.standard_uncertainty, "this measurement")]
+        for name, sensitivity in estimate.sensitivities.items():
+            if name not in known:
+                continue
+            quantity, uncertain = known[name]
+            total = total + sensitivity * uncertain
+            contribution = abs(sensitivity) * quantity.standard_uncertainty
+            lines.append(BudgetLine(quantity.description, "B", contribution, quantity.source))
+        lines.sort(key=lambda line: -line.contribution)
+        effective_dof = float(total.df)
+        factor = float(GTC.rp.k_factor(effective_dof, COVERAGE_PERCENT))
+        standard = float(total.u)
+        combined.append(Combined(standard, effective_dof, factor, factor * standard, tuple(lines)))
+    return combined
+
+
+Verdict = Literal["pass", "fail", "inconclusive", "none"]
+Rule = Literal["simple", "guarded"]
+
+
+@dataclass(frozen=True)
+class Limit:
+    """What a result is held against, in the result's own unit; None does not limit."""
+
+    min: float | None = None
+    max: float | None = None
+    max_abs: float | None = None
+
+    def to_data(self) -> dict[str, float]:
+        """Return the limit as in `results.json`."""
+        named = {"min": self.min, "max": self.max, "max_abs": self.max_abs}
+        return {name: value for name, value in named.items() if value is not None}
+
+    def interval(self) -> tuple[float, float]:
+        """Return the lowest and the highest value that are within the limit."""
+        lows = [value for value in (self.min, self.max_abs and -self.max_abs) if value is not None]
+        highs = [value for value in (self.max, self.max_abs) if value is not None]
+        return max(lows, default=float("-inf")), min(highs, default=float("inf"))
+
+
+@dataclass(frozen=True)
+class Decision:
+    """A verdict and, where it is inconclusive, why."""
+
+    verdict: Verdict
+    detail: str | None = None
+
+
+def decide(
+    value: float | None, expanded_uncertainty: float | None, limit: Limit | None, rule: Rule
+) -> Decision:
+    """Return the decision on a value with its expanded uncertainty, both in the limit's unit."""
+    if limit is None:
+        return Decision("none")
+    if value is None or expanded_uncertainty is None:
+        return Decision("inconclusive", "undetermined")
+    low, high = limit.interval()
+    inside = low <= value <= high
+    if rule == "simple":
+        return Decision("pass" if inside else "fail")
+    clearly_inside = low + expanded_uncertainty <= value <= high - expanded_uncertainty
+    clearly_outside = value < low - expanded_uncertainty or value > high + expanded_uncertainty
+    if clearly_inside:
+        return Decision("pass")
+    if clearly_outside:
+        return Decision("fail")
+    return Decision("inconclusive", "conditional-pass" if inside else "conditional-fail")
+
+
+def overall(verdicts: Iterable[Verdict]) -> Verdict:
+    """Return the verdict of a whole: the worst of those that were asked for."""
+    asked = set(verdicts)
+    for verdict in ("fail", "inconclusive", "pass"):
+        if verdict in asked:
+            return verdict
+    return "none"
+
 
 SCHEMA = 1
 LIMIT_WITHOUT_RESULT = "limit-without-result"

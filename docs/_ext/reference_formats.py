@@ -10,9 +10,8 @@ from pathlib import Path
 
 from tables import code, table
 
-from station.decision import Limit
 from station.findings import Estimate, Findings, Flag, InputQuantity, Published
-from station.results import conclude
+from station.results import Limit, conclude
 
 RESULT_KEYS = {
     "schema": "version of the format",

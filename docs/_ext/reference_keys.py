@@ -14,12 +14,12 @@ from pydantic.fields import FieldInfo
 from tables import code, first_sentence, table
 
 from station import registry
-from station.bench import INSTANCES, NEEDED_LIMITS, BenchFile
-from station.calibration import UNIT_OF_QUANTITY
 from station.dataset_reading import DatasetHeader
 from station.driver_checks import keys_of, settings_of
 from station.fields import Unit, key_of
-from station.plan import PlanHeader
+from station.files.plan import PlanHeader
+from station.instruments.bench import INSTANCES, NEEDED_LIMITS, BenchFile
+from station.instruments.calibration import UNIT_OF_QUANTITY
 from station.procedure import Procedure, procedure_of
 from station.role_lookup import role_settings
 from station.safety.interlocks.quantities import QUANTITIES

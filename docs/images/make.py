@@ -12,13 +12,13 @@ import matplotlib as mpl
 
 from procedures.rlg_magnetic_sensitivity import spectrum_plot
 from station import registry
-from station.bench import read_bench
-from station.evaluation import evaluate_run
-from station.lookup import BENCHES, PLANS, find
-from station.plan import read_plan
+from station.files.lookup import BENCHES, PLANS, find
+from station.files.plan import read_plan
+from station.instruments.bench import read_bench
 from station.procedure import Procedures
 from station.record.folder import RunFolder
 from station.report.drawing import STYLE, png_bytes
+from station.runner.evaluation import evaluate_run
 from station.runner.execute import Request, execute
 
 PICTURE = Path(__file__).parent / "spectrum.png"

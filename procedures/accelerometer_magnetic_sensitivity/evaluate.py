@@ -24,8 +24,8 @@ from procedures.accelerometer_magnetic_sensitivity.parameters import Acceleromet
 from station.findings import Findings, Flag, InputQuantity, findings_of
 
 if TYPE_CHECKING:
-    from station.bench import Bench
     from station.dataset_reading import RawDataset
+    from station.instruments.bench import Bench
     from station.record.folder import RunFolder
 
 

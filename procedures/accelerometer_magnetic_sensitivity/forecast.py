@@ -22,7 +22,7 @@ from station.procedure import Forecast, Recording, SetPoint
 from station.units import UnitError, parse_as
 
 if TYPE_CHECKING:
-    from station.bench import Bench
+    from station.instruments.bench import Bench
 
 DEFAULT_AVERAGING_S = 0.1
 

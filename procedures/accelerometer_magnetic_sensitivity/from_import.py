@@ -12,9 +12,9 @@ from procedures.accelerometer_magnetic_sensitivity.commanded import commanded_an
 from procedures.accelerometer_magnetic_sensitivity.dataset import AccelerometerDataset
 from procedures.accelerometer_magnetic_sensitivity.model import PLANES
 from station.dataset_reading import MOST_FAULTS, Table, check_ascending, read_table
-from station.faults import Fault, FaultList, listed, nearest
 from station.fields import StrictModel, Unit
-from station.validation import validate_model
+from station.files.faults import Fault, FaultList, listed, nearest
+from station.files.validation import validate_model
 
 if TYPE_CHECKING:
     from station.dataset_reading import RawDataset

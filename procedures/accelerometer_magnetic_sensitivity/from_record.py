@@ -22,7 +22,7 @@ from procedures.accelerometer_magnetic_sensitivity.measuring import (
 from procedures.accelerometer_magnetic_sensitivity.parameters import AccelerometerParameters, Point
 
 if TYPE_CHECKING:
-    from station.bench import Bench
+    from station.instruments.bench import Bench
     from station.record.folder import RunFolder
 
 ARRIVAL = "arrival_time_s"

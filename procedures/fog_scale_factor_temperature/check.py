@@ -10,7 +10,7 @@ from procedures.fog_scale_factor_temperature.parameters import FogParameters
 from station.procedure import Problem, RecordUse
 
 if TYPE_CHECKING:
-    from station.bench import Bench
+    from station.instruments.bench import Bench
 
 TABLE = "turntable"
 CHAMBER = "thermal_chamber"
@@ -93,7 +93,7 @@ def uncertainty_problems(parameters: FogParameters) -> Iterator[Problem]:
 
 def drive_problems(parameters: FogParameters) -> Iterator[Problem]:
     """Yield why the file of the vehicle test cannot be used."""
-    from station.faults import FaultList
+    from station.files.faults import FaultList
 
     try:
         files = inputs(parameters)

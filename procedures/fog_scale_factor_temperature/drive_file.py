@@ -16,7 +16,7 @@ SUFFIX = ".csv"
 
 def inputs(parameters: FogParameters) -> dict[str, Path]:
     """Return the file that the plan names, by its place in a run; FaultList where there is none."""
-    from station.lookup import find
+    from station.files.lookup import find
 
     if parameters.drive is None:
         return {}

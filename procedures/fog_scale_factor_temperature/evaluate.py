@@ -27,7 +27,7 @@ from procedures.fog_scale_factor_temperature.from_import import (
 )
 from procedures.fog_scale_factor_temperature.gaps import WIDE, within
 from procedures.fog_scale_factor_temperature.parameters import PUBLISHED_SOAK_H, FogParameters
-from station.faults import FaultList
+from station.files.faults import FaultList
 from station.findings import (
     Detail,
     Estimate,
@@ -39,8 +39,8 @@ from station.findings import (
 )
 
 if TYPE_CHECKING:
-    from station.bench import Bench
     from station.dataset_reading import RawDataset
+    from station.instruments.bench import Bench
     from station.record.folder import RunFolder
 
 BIAS = "gyro_bias"

@@ -16,9 +16,9 @@ from procedures.fog_scale_factor_temperature.dataset import (
     TurnTable,
 )
 from station.dataset_reading import MOST_FAULTS, Table, check_ascending, read_table
-from station.faults import Fault, FaultList, listed, nearest
 from station.fields import Celsius, Degree, Second, StrictModel, Unit
-from station.validation import validate_model
+from station.files.faults import Fault, FaultList, listed, nearest
+from station.files.validation import validate_model
 
 if TYPE_CHECKING:
     from station.dataset_reading import RawDataset

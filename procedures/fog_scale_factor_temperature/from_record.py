@@ -15,7 +15,7 @@ from procedures.fog_scale_factor_temperature.parameters import FogParameters
 from station.errors import MissingRows
 
 if TYPE_CHECKING:
-    from station.bench import Bench
+    from station.instruments.bench import Bench
     from station.record.folder import RunFolder
 
 Array = NDArray[np.float64]

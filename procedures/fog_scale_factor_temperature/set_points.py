@@ -14,7 +14,7 @@ from procedures.fog_scale_factor_temperature.turning import FULL_TURN_DEG
 from station.procedure import Forecast, Recording, SetPoint
 
 if TYPE_CHECKING:
-    from station.bench import Bench
+    from station.instruments.bench import Bench
 
 TEMPERATURE_RANGE = ("parameters", "temperature_range")
 RAMP_RATE = ("parameters", "ramp_rate")

@@ -10,7 +10,7 @@ from station import registry
 from station.procedure import Problem, RecordUse
 
 if TYPE_CHECKING:
-    from station.bench import Bench
+    from station.instruments.bench import Bench
 
 TURNTABLE = "turntable"
 IMU = "imu"

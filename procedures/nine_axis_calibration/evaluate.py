@@ -16,8 +16,8 @@ from procedures.nine_axis_calibration.pose import PoseLimits
 from station.findings import Findings, InputQuantity, findings_of
 
 if TYPE_CHECKING:
-    from station.bench import Bench
     from station.dataset_reading import RawDataset
+    from station.instruments.bench import Bench
     from station.record.folder import RunFolder
 
 ARCMIN_PER_RAD = 60.0 * 180.0 / math.pi

@@ -12,7 +12,7 @@ from procedures.nine_axis_calibration.steps import rest_s, rotate_s, turn_s
 from station.procedure import Forecast, Recording, SetPoint
 
 if TYPE_CHECKING:
-    from station.bench import Bench
+    from station.instruments.bench import Bench
 
 
 def forecast(parameters: NineAxisParameters, bench: Bench) -> Forecast:

@@ -20,9 +20,9 @@ from procedures.nine_axis_calibration.outlook import prior_of
 from procedures.nine_axis_calibration.parameters import Prior
 from procedures.nine_axis_calibration.positions import ATTITUDES
 from station.dataset_reading import MOST_FAULTS, Table, read_table
-from station.faults import Fault, FaultList, listed, nearest
 from station.fields import StrictModel, Unit
-from station.validation import validate_model
+from station.files.faults import Fault, FaultList, listed, nearest
+from station.files.validation import validate_model
 
 if TYPE_CHECKING:
     from station.dataset_reading import RawDataset

@@ -31,7 +31,7 @@ from procedures.nine_axis_calibration.tracking import SHORT_S, track
 from station.errors import MissingRows
 
 if TYPE_CHECKING:
-    from station.bench import Bench
+    from station.instruments.bench import Bench
     from station.record.folder import RunFolder
 
 ARRIVAL = "arrival_time_s"

@@ -16,7 +16,7 @@ from procedures.nine_axis_calibration.parameters import AXES, NineAxisParameters
 from station.procedure import Prompt
 
 if TYPE_CHECKING:
-    from station.bench import Bench
+    from station.instruments.bench import Bench
 
 STANDS = {
     1: "X east, Y north, Z up",

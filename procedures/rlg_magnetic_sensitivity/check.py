@@ -11,7 +11,7 @@ from station import registry
 from station.procedure import Problem
 
 if TYPE_CHECKING:
-    from station.bench import Bench
+    from station.instruments.bench import Bench
 
 AMPLITUDE = ("parameters", "amplitude")
 

@@ -35,11 +35,11 @@ from procedures.rlg_magnetic_sensitivity.records import (
 )
 from procedures.rlg_magnetic_sensitivity.repeats import Tested, background, flags_of, repeated
 from station.findings import Detail, Estimate, Findings, Flag, InputQuantity, finite, undetermined
-from station.uncertainty import combine
+from station.results import combine
 
 if TYPE_CHECKING:
-    from station.bench import Bench
     from station.dataset_reading import RawDataset
+    from station.instruments.bench import Bench
     from station.record.folder import RunFolder
 
 

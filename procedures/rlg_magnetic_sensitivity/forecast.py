@@ -22,7 +22,7 @@ from station.procedure import Forecast, Recording, SetPoint
 from station.units import UnitError, parse_as
 
 if TYPE_CHECKING:
-    from station.bench import Bench
+    from station.instruments.bench import Bench
 
 KEPT_ROW_BYTES, WORKED_ROW_BYTES = 160, 600
 """What a row of a record takes to the evaluation's end, and more of it while its record is fitted:

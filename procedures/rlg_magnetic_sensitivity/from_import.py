@@ -14,7 +14,7 @@ from procedures.rlg_magnetic_sensitivity.from_record import TO_MIDDLE
 from procedures.rlg_magnetic_sensitivity.parameters import Axis
 from station.dataset_reading import check_ascending, read_table
 from station.fields import StrictModel, Unit
-from station.validation import validate_model
+from station.files.validation import validate_model
 
 if TYPE_CHECKING:
     from station.dataset_reading import RawDataset

@@ -23,7 +23,7 @@ from procedures.rlg_magnetic_sensitivity.dataset import Drive, RlgDataset, Segme
 from procedures.rlg_magnetic_sensitivity.parameters import RlgParameters
 
 if TYPE_CHECKING:
-    from station.bench import Bench
+    from station.instruments.bench import Bench
     from station.record.folder import RunFolder
 
 Array = NDArray[np.float64]

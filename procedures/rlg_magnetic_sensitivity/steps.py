@@ -39,7 +39,7 @@ from station.errors import InstrumentError
 from station.procedure import Prompt, RecordUse, Step
 
 if TYPE_CHECKING:
-    from station.bench import Bench
+    from station.instruments.bench import Bench
     from station.runner.run import Run
 
 MOUNT = Prompt(

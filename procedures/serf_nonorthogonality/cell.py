@@ -13,7 +13,7 @@ from station.errors import InstrumentError
 if TYPE_CHECKING:
     from procedures.serf_nonorthogonality.dataset import Shot
     from procedures.serf_nonorthogonality.tone import ToneFit
-    from station.bench import Bench
+    from station.instruments.bench import Bench
     from station.roles import Block
     from station.runner.run import Run
 

@@ -15,7 +15,7 @@ from station.procedure import Problem
 from station.units import UnitError, parse_as
 
 if TYPE_CHECKING:
-    from station.bench import Bench
+    from station.instruments.bench import Bench
     from station.roles import Digitizer
 
 FIELD = ("parameters", "field")

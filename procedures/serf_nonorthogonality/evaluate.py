@@ -17,8 +17,8 @@ from procedures.serf_nonorthogonality.shots import AXES
 from station.findings import Findings, InputQuantity, findings_of
 
 if TYPE_CHECKING:
-    from station.bench import Bench
     from station.dataset_reading import RawDataset
+    from station.instruments.bench import Bench
     from station.record.folder import RunFolder
 
 GAMMA_ROUNDING = 5e-6 / math.sqrt(3.0)

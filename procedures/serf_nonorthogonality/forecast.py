@@ -12,7 +12,7 @@ from procedures.serf_nonorthogonality.steps import shot_s
 from station.procedure import Forecast, Recording, SetPoint
 
 if TYPE_CHECKING:
-    from station.bench import Bench
+    from station.instruments.bench import Bench
 
 FIELD = ("parameters", "field")
 

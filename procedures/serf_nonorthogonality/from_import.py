@@ -11,9 +11,9 @@ from procedures.serf_nonorthogonality.dataset import SerfDataset, Shot
 from procedures.serf_nonorthogonality.shots import Axis, Wanted, not_along_pump, why_without_signal
 from procedures.serf_nonorthogonality.spins import GAMMA_HZ_PER_NT, known_spin
 from station.dataset_reading import Table, check_ascending, read_table
-from station.faults import Fault, FaultList
 from station.fields import StrictModel, Unit
-from station.validation import validate_model
+from station.files.faults import Fault, FaultList
+from station.files.validation import validate_model
 
 if TYPE_CHECKING:
     from station.dataset_reading import RawDataset

@@ -13,7 +13,7 @@ from procedures.serf_nonorthogonality.parameters import SerfParameters
 from procedures.serf_nonorthogonality.shots import AXES, REPEATED, Wanted
 
 if TYPE_CHECKING:
-    from station.bench import Bench
+    from station.instruments.bench import Bench
     from station.record.folder import RunFolder
 
 

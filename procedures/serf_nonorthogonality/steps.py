@@ -24,7 +24,7 @@ from station.procedure import Prompt, RecordUse, Step
 
 if TYPE_CHECKING:
     from procedures.serf_nonorthogonality.published import PublishedAngles
-    from station.bench import Bench
+    from station.instruments.bench import Bench
     from station.roles import Block
     from station.runner.run import Run
 

@@ -6,7 +6,7 @@ import json
 from dataclasses import asdict
 
 from station.errors import InputError
-from station.lookup import BENCHES, find
+from station.files.lookup import BENCHES, find
 from station.safety.acknowledgement import acknowledge, addresses_in
 
 

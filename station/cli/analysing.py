@@ -10,7 +10,13 @@ from station.cli.printing import print_document
 from station.console import tell
 from station.dataset_reading import read_dataset
 from station.errors import DamagedRecord, InputError
-from station.evaluation import (
+from station.files.lookup import is_there
+from station.record.creation import EVENTS
+from station.record.files import write_whole_file
+from station.record.folder import REPORT, RESULTS, RunFolder
+from station.record.integrity import first
+from station.results import ResultDocument
+from station.runner.evaluation import (
     evaluate_dataset,
     evaluate_run,
     exit_code_of,
@@ -19,12 +25,6 @@ from station.evaluation import (
     write_results,
     write_revision,
 )
-from station.lookup import is_there
-from station.record.creation import EVENTS
-from station.record.files import write_whole_file
-from station.record.folder import REPORT, RESULTS, RunFolder
-from station.record.integrity import first
-from station.results import ResultDocument
 
 
 def analyse_data(data: Path, output: Path | None, *, compare: bool, as_json: bool) -> int:

@@ -12,9 +12,10 @@ from typing import Any, TypeVar, cast
 from station.clock import RealClock, boot_seconds
 from station.console import span, tell
 from station.control.client import NoAnswer, ask
+from station.control.status import RUN_STARTED, Status, read_status, remaining_s
 from station.errors import EXIT_DONE, EXIT_FAULT, EXIT_WRONG_INPUT, Aborted, StationError
+from station.files.locks import is_held
 from station.guardian.at_work import AtWork, guardian_at_work
-from station.locks import is_held
 from station.record.creation import EVENTS
 from station.record.events import Event, read_events
 from station.record.guardian_log import (
@@ -24,7 +25,6 @@ from station.record.guardian_log import (
     whole_bench,
 )
 from station.record.manifest import LOCK
-from station.status import RUN_STARTED, Status, read_status, remaining_s
 
 REPEATS_EVERY_S = 10.0
 """Real time between two words of progress."""

@@ -17,8 +17,8 @@ from station.runner.disk_space import in_bytes
 from station.runner.dry_run import DryRun, Extreme, walk
 
 if TYPE_CHECKING:
-    from station.bench import Bench
-    from station.plan import Plan
+    from station.files.plan import Plan
+    from station.instruments.bench import Bench
 
 
 def dry_run_plan(

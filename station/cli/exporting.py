@@ -7,7 +7,7 @@ from pathlib import Path
 from station.console import tell
 from station.record.folder import EXPORTS
 from station.record.integrity import MOST_FLAGS, sentence_of
-from station.recorded import read_run
+from station.record.recorded import read_run
 
 
 def export_run(path: Path, format: str) -> None:
@@ -25,17 +25,17 @@ def export_run(path: Path, format: str) -> None:
     exports = path / EXPORTS
     name = path.resolve().name
     if format == "hdf5":
-        from station.exporting.hdf5 import export_hdf5
+        from station.record.export.hdf5 import export_hdf5
 
         written = exports / f"{name}.h5"
         export_hdf5(folder, written)
     elif format == "mat":
-        from station.exporting.mat import export_mat
+        from station.record.export.mat import export_mat
 
         written = exports / f"{name}.mat"
         export_mat(folder, written)
     else:
-        from station.exporting.csv_files import export_csv
+        from station.record.export.csv_files import export_csv
 
         written = exports / "csv"
         export_csv(folder, written)

@@ -9,7 +9,7 @@ from typing import Any
 from station import registry
 from station.console import tell
 from station.errors import InputError
-from station.lookup import BENCHES, PLANS, available
+from station.files.lookup import BENCHES, PLANS, available
 from station.procedure import procedure_of
 
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from station.evaluation import evaluate_run
 from station.record.files import write_whole_file
 from station.record.folder import EXPORTS, REPORT, RunFolder
-from station.recorded import read_run
+from station.record.recorded import read_run
+from station.runner.evaluation import evaluate_run
 
 FILE_OF_FORMAT = {"html": REPORT, "csv": "results.csv", "junit": "results.junit.xml"}
 

@@ -10,11 +10,11 @@ from station.cli.validating import read_bench_named
 from station.console import tell
 from station.control.client import go_on
 from station.errors import EXIT_DONE, InputError
-from station.locks import is_held
+from station.files.locks import is_held
 from station.record.creation import EVENTS
 from station.record.folder import RunFolder
 from station.record.manifest import LOCK
-from station.recorded import read_plan_and_bench
+from station.record.recorded import read_plan_and_bench
 from station.runner.resuming import ResumeRequest, resume
 
 

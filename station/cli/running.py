@@ -13,6 +13,7 @@ from station.cli.printing import print_document
 from station.cli.validating import read_bench_named, read_plan_for
 from station.console import OutputLost, tell
 from station.errors import EXIT_ABORTED, EXIT_FAULT, EXIT_INTERLOCK, InputError
+from station.files.yaml.reading import read_yaml
 from station.instruments.whole_bench import IN_USE
 from station.record.folder import REPORT
 from station.record.guardian_log import not_known, whole_bench
@@ -21,7 +22,6 @@ from station.role_lookup import safe_states
 from station.runner.execute import Request, execute
 from station.runner.outcome import Outcome
 from station.safety.interlocks.quantities import role_of
-from station.yaml.reading import read_yaml
 
 SERVED_WRONG = (
     OSError, ValueError, KeyError, IndexError, TypeError, AttributeError, RecursionError,

@@ -9,8 +9,8 @@ from pathlib import Path
 
 from station.cli.running import read_served
 from station.errors import EXIT_DONE, EXIT_FAULT
-from station.scan import scan
-from station.scan_draft import draft
+from station.instruments.scan import scan
+from station.instruments.scan_draft import draft
 
 
 def print_scan(hosts: Sequence[str], library: str, served: Path | None, *, as_json: bool) -> int:

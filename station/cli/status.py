@@ -6,8 +6,8 @@ import json
 from pathlib import Path
 
 from station.console import span
+from station.control.status import SENTENCES, Status, newest_run, read_status
 from station.record.guardian_log import whole_bench
-from station.status import SENTENCES, Status, newest_run, read_status
 
 RUNS = Path("runs")
 MOST_UNITS = 6

@@ -9,20 +9,20 @@ from dataclasses import replace
 from typing import Any
 
 from station import registry
-from station.bench import Bench, read_bench
 from station.console import span
 from station.errors import EXIT_DONE, EXIT_WRONG_INPUT
-from station.faults import MOST_FAULTS, listed, shortened, shown
-from station.lookup import BENCHES, PLANS, find
-from station.plan import Plan, read_plan
-from station.plan.model import LONGEST, LONGEST_S
-from station.plan.resolved import resolved_data, resolved_text
+from station.files.faults import MOST_FAULTS, listed, shortened, shown
+from station.files.lookup import BENCHES, PLANS, find
+from station.files.plan import Plan, read_plan
+from station.files.plan.model import LONGEST, LONGEST_S
+from station.files.plan.resolved import resolved_data, resolved_text
+from station.files.yaml.reading import Fault, FaultList
+from station.instruments.bench import Bench, read_bench
 from station.procedure import Procedures, procedure_of
 from station.runner.disk_space import in_bytes
 from station.runner.memory import memory_of
 from station.runner.preflight import warned_of_limits, warned_of_memory, warned_of_records
 from station.safety.static_limits import problems_of_plan
-from station.yaml.reading import Fault, FaultList
 
 
 def read_bench_named(name: str) -> Bench:

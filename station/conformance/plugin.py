@@ -8,10 +8,10 @@ from typing import Any
 import pytest
 
 from station import registry
-from station.bench import Bench, read_bench
 from station.conformance.stand import Stand, standing
 from station.errors import StationError
-from station.lookup import BENCHES, find
+from station.files.lookup import BENCHES, find
+from station.instruments.bench import Bench, read_bench
 from station.role_lookup import Role
 from station.role_lookup import role as role_named
 from station.safety.interlocks.quantities import role_of

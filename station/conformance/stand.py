@@ -8,10 +8,10 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from station import registry
-from station.bench import Bench
 from station.clock import Clock, RealClock, VirtualClock
 from station.conformance.hostile import moved_to
 from station.errors import InputError, StationError
+from station.instruments.bench import Bench
 from station.instruments.opening import Place
 from station.runner.simulation import simulators_of
 from station.safety.interlocks.quantities import role_of

@@ -11,11 +11,11 @@ from typing import Any
 
 from station.clock import RealClock, boot_seconds
 from station.control.place import places
+from station.control.status import SENTENCES, read_status
 from station.errors import InputError, StationError
-from station.locks import is_held
+from station.files.locks import is_held
 from station.record.creation import EVENTS
 from station.record.manifest import LOCK
-from station.status import SENTENCES, read_status
 
 LISTENS_WITHIN_S = 2.0
 """A run that has just got its folder needs a moment until it listens."""

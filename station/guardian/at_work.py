@@ -15,8 +15,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from station.errors import InputError
+from station.files.locks import FileLock, LockHeld, is_held
 from station.instruments.instrument_locks import lock_place
-from station.locks import FileLock, LockHeld, is_held
 
 LEAVE = "SIGUSR1"
 """What ends a guardian that goes on trying, where the system has such a signal."""

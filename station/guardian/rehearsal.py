@@ -11,9 +11,9 @@ import socket
 from contextlib import suppress
 from threading import Thread
 
-from station.bench import Bench
 from station.clock import RealClock
 from station.guardian.reopening import Opening
+from station.instruments.bench import Bench
 
 REHEARSES_WITHIN_S = 2.0
 """Less than a guardian may be silent: an instrument may come to be watched late."""

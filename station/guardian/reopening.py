@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from station.bench import Bench
 from station.clock import Clock, RealClock
 from station.guardian.notes import started
+from station.instruments.bench import Bench
 from station.instruments.instrument_locks import InstrumentLocks
 from station.instruments.opening import Probe, open_one
 

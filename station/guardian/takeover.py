@@ -15,7 +15,6 @@ from threading import Event
 from typing import Any
 
 from station import registry
-from station.bench import read_bench
 from station.clock import RealClock
 from station.errors import EXIT_DONE, EXIT_FAULT, StationError
 from station.guardian.at_work import LEAVE, AtWork, WordOfWork
@@ -26,6 +25,7 @@ from station.guardian.peer import Peer
 from station.guardian.rehearsal import rehearse
 from station.guardian.reopening import OPENS_WITHIN_S, Reopening
 from station.guardian.watching import Duty
+from station.instruments.bench import read_bench
 from station.instruments.instrument_locks import InstrumentLocks
 from station.instruments.whole_bench import BenchReading, Bystanders, LeftOut
 from station.record.guardian_log import BENCH_READ, LEFT, SAFE_STATE, whole_bench

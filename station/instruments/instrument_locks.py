@@ -13,9 +13,9 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Protocol
 
-from station.addresses import forms_of
 from station.errors import InstrumentError, InstrumentInUse
-from station.locks import FileLock, LockHeld
+from station.files.locks import FileLock, LockHeld
+from station.instruments.addresses import forms_of
 
 PREFIX = "inertial-station"
 PLACES = ("/run/lock", "/tmp", "/var/tmp")

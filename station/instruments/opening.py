@@ -11,10 +11,10 @@ from station import registry
 from station.clock import Clock, RealClock
 from station.errors import InputError, InstrumentError, InstrumentInUse, InstrumentsMissing
 from station.instruments.instrument_locks import Identity, InstrumentLocks
-from station.readings import Publisher, Readings, Value
+from station.safety.readings import Publisher, Readings, Value
 
 if TYPE_CHECKING:
-    from station.bench import Bench
+    from station.instruments.bench import Bench
     from station.runner.trace import Trace
 
 

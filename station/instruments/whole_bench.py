@@ -23,7 +23,7 @@ from station.safety.interlocks.quantities import ENERGISED, quantities_of
 from station.safety.safe_state import Hurried, MadeSafe, SafeOutcome, can_harm
 
 if TYPE_CHECKING:
-    from station.bench import Bench
+    from station.instruments.bench import Bench
     from station.runner.trace import Trace
 
 WITHIN_S = 10.0

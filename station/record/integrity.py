@@ -16,8 +16,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
 from station.errors import DamagedRecord
+from station.files.locks import is_held
 from station.findings import Flag
-from station.locks import is_held
 from station.record.creation import BENCH, EVENTS, GUARDIAN_LOG, PLAN, RAW, REVISIONS, RUN
 from station.record.events import RESUMED, Event, read_events
 from station.record.manifest import LOCK, MANIFEST, covered_files, file_hash
@@ -194,8 +194,8 @@ def _recorded(folder: OpenedRecord) -> dict[str, str]:
 
 def data_hash(file: Path) -> str:
     """Return the SHA-256 of what a resolved plan or bench says, empty where it cannot be read."""
-    from station.faults import FaultList
-    from station.yaml.reading import read_yaml
+    from station.files.faults import FaultList
+    from station.files.yaml.reading import read_yaml
 
     try:
         return hash_of_data(read_yaml(file).data)

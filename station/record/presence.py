@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from station.errors import RecordError
-from station.locks import FileLock
+from station.files.locks import FileLock
 from station.record.manifest import LOCK
 
 

@@ -12,7 +12,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from station.lookup import is_there
+from station.files.lookup import is_there
 from station.record.blocks import END
 from station.record.creation import RAW
 from station.record.events import RESUMED, Event

@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING
 
 from station.findings import Findings
 from station.procedure import procedure_of
+from station.record.versions import versions
 from station.report.context import ReportContext
 from station.report.html import render_html
 from station.report.run_report import flat_rows, version_rows
 from station.results import ResultDocument
-from station.versions import versions
 
 if TYPE_CHECKING:
     from station.dataset_reading import RawDataset

@@ -11,7 +11,6 @@ from typing import Any
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
-from station.decision import Decision, Limit
 from station.findings import Published
 from station.report.context import ReportContext
 from station.report.numbers import (
@@ -26,7 +25,7 @@ from station.report.numbers import (
     is_numeric_column,
 )
 from station.report.parts import Part, Plot, Table
-from station.results import LIMIT_WITHOUT_RESULT, Result, ResultDocument
+from station.results import LIMIT_WITHOUT_RESULT, Decision, Limit, Result, ResultDocument
 
 RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 BADGES = {

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from station.bench import Bench
 from station.fields import to_yaml_data
 from station.findings import Findings
+from station.instruments.bench import Bench
 from station.procedure import procedure_of
 from station.record.events import LEFT_FOR_THE_END, Event
 from station.record.folder import RunFolder
-from station.recorded import left_unverified, read_plan_and_bench
+from station.record.recorded import left_unverified, read_plan_and_bench
 from station.report.context import (
     InstrumentRow,
     PromptRow,

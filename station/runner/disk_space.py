@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any
 from station import registry
 
 if TYPE_CHECKING:
-    from station.bench import Bench
     from station.clock import Clock
+    from station.instruments.bench import Bench
     from station.procedure import Forecast
 
 ROOM = 1.2

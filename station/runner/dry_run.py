@@ -26,8 +26,8 @@ from station.runner.simulation import clock_for
 from station.safety.static_limits import RESISTANCE, coil_resistance_ohm, heating_W
 
 if TYPE_CHECKING:
-    from station.bench import Bench
-    from station.plan import Plan
+    from station.files.plan import Plan
+    from station.instruments.bench import Bench
     from station.procedure import SetPoint
 
 QUANTITIES = {"field": ("field_mT", "mT"), "current": ("current_A", "A")}

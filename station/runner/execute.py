@@ -11,20 +11,23 @@ from pathlib import Path
 from typing import Any
 
 from station import registry
-from station.bench import Bench
 from station.clock import Clock, system_clock_synchronised, utc_now
 from station.consent import Prompt
 from station.console import tell
 from station.control.signals import wishes_held
+from station.control.status import RUN_STARTED, what_is_planned
 from station.errors import EXIT_ABORTED, EXIT_FAULT, EXIT_INTERLOCK, InputError, RecordError
-from station.evaluation import conclude_run, exit_code_of
-from station.plan import Plan
-from station.plan.resolved import resolved_text
+from station.files.plan import Plan
+from station.files.plan.resolved import resolved_text
+from station.files.yaml.writing import yaml_text
+from station.instruments.bench import Bench
 from station.procedure import Procedure, procedure_of
 from station.record.creation import BENCH, PLAN, RUN
 from station.record.files import json_text
 from station.record.folder import EXPORTS, RunFolder, RunRecord
 from station.record.integrity import hash_of_data
+from station.record.versions import versions
+from station.runner.evaluation import conclude_run, exit_code_of
 from station.runner.outcome import NO_MEMORY, Outcome, in_one_sentence, is_lack_of_memory
 from station.runner.preflight import look_before_a_run, watch_system_clock
 from station.runner.progress import Progress, how_long
@@ -34,9 +37,6 @@ from station.runner.session import BenchSession
 from station.runner.trace import Trace
 from station.runner.walking import Walk
 from station.safety.acknowledgement import addresses_of, refuse_until_acknowledged
-from station.status import RUN_STARTED, what_is_planned
-from station.versions import versions
-from station.yaml.writing import yaml_text
 
 SERVED_SINCE = "served_since_unix"
 """In run.json: when the bench that `station sim` served began, None where nothing was served."""
@@ -194,7 +194,7 @@ def content_hashes(plan: Plan, bench: Bench) -> dict[str, str]:
 
 def export(record: RunRecord) -> None:
     """Leave the raw data as HDF5 for other tools; what cannot be exported now can be later."""
-    from station.exporting.hdf5 import export_hdf5
+    from station.record.export.hdf5 import export_hdf5
 
     try:
         export_hdf5(RunFolder(record.path), record.path / EXPORTS / f"{record.path.name}.h5")

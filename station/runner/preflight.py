@@ -10,15 +10,15 @@ from typing import TYPE_CHECKING
 
 from station.clock import RealClock, boot_seconds, system_clock_synchronised, utc_now
 from station.errors import RecordError
-from station.evaluation import record_flags
 from station.runner.disk_space import disk_of, nearest_there
+from station.runner.evaluation import record_flags
 from station.runner.memory import memory_of
 from station.safety.static_limits import problems_of_plan
 
 if TYPE_CHECKING:
-    from station.bench import Bench
     from station.clock import Clock
-    from station.plan import Plan
+    from station.files.plan import Plan
+    from station.instruments.bench import Bench
     from station.procedure import Procedure
     from station.record.folder import RunRecord
     from station.runner.memory import Memory

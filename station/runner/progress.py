@@ -8,7 +8,7 @@ from contextlib import contextmanager, suppress
 
 from station.clock import Clock, boot_seconds
 from station.console import span, tell
-from station.time_left import FinishedUnit, time_left_s
+from station.control.time_left import FinishedUnit, time_left_s
 
 LONGER = "not known, it takes longer than expected"
 LONGER_ON_A_BAR = "not known"

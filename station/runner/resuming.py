@@ -8,22 +8,24 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from station.bench import Bench, faults_of_use
 from station.clock import RealClock, utc_now
 from station.consent import Prompt
 from station.console import span
+from station.control.status import RUN_STARTED
 from station.errors import InputError
-from station.evaluation import evaluate_run, exit_code_of
-from station.faults import FaultList
+from station.files.faults import FaultList
+from station.files.plan import Plan
 from station.guardian.at_work import guardian_at_work
-from station.plan import Plan
+from station.instruments.bench import Bench, faults_of_use
 from station.procedure import Procedure, procedure_of
 from station.record.creation import EVENTS, RUN
 from station.record.events import LEFT_FOR_THE_END, RESUMED
 from station.record.folder import RESULTS, RunFolder, RunRecord
 from station.record.integrity import sentence_of
 from station.record.manifest import covered_files
-from station.recorded import read_plan_and_bench, used_instruments
+from station.record.recorded import read_plan_and_bench, used_instruments
+from station.record.versions import versions
+from station.runner.evaluation import evaluate_run, exit_code_of
 from station.runner.execute import SERVED_SINCE, all_prompts, conclude
 from station.runner.outcome import Outcome
 from station.runner.preflight import watch_system_clock
@@ -34,8 +36,6 @@ from station.runner.session import RESUME, BenchSession
 from station.runner.trace import Trace
 from station.runner.walking import Walk
 from station.safety.acknowledgement import addresses_of, refuse_until_acknowledged
-from station.status import RUN_STARTED
-from station.versions import versions
 
 AS_BEFORE = Prompt(
     RESUME,

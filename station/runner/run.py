@@ -10,16 +10,16 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from station.clock import Clock
 from station.consent import Prompt
 from station.errors import InputError
-from station.readings import Readings
 from station.record.events import LEFT_FOR_THE_END
 from station.record.folder import RunFolder, RunRecord
 from station.runner.progress import Progress
 from station.runner.prompts import Operator
+from station.safety.readings import Readings
 
 if TYPE_CHECKING:
-    from station.bench import Bench
     from station.control.requests import Control
-    from station.plan import Plan
+    from station.files.plan import Plan
+    from station.instruments.bench import Bench
 
 Role = TypeVar("Role")
 WAIT_SLICE_S = 1.0

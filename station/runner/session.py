@@ -7,9 +7,9 @@ import socket
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from station.bench import Bench
 from station.clock import Clock
 from station.errors import InputError, StationError
+from station.instruments.bench import Bench
 from station.runner.simulation import clock_for, serve_bench
 
 ACT_WITHIN_S = 5.0

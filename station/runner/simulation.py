@@ -10,7 +10,7 @@ from station.clock import Clock, RealClock, VirtualClock, utc_now
 from station.errors import InputError, StationError
 
 if TYPE_CHECKING:
-    from station.bench import Bench
+    from station.instruments.bench import Bench
 
 
 def clock_for(bench: Bench, served: Mapping[str, Any] | None = None, began_s: float = 0.0) -> Clock:

@@ -21,13 +21,13 @@ from typing import TYPE_CHECKING, Any
 
 from station.clock import utc_now
 from station.errors import InterlockTripped, NotAcknowledged
-from station.faults import FaultList
+from station.files.faults import FaultList
+from station.files.yaml.reading import read_yaml
 from station.safety import trip_notes
 from station.safety.trip_notes import Note, address_key, identity_key, system_places
-from station.yaml.reading import read_yaml
 
 if TYPE_CHECKING:
-    from station.bench import Bench
+    from station.instruments.bench import Bench
 
 APPLICATION = "inertial-station"
 HISTORY = "acknowledged.jsonl"

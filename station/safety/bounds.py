@@ -13,11 +13,11 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from station.faults import Fault
+from station.files.faults import Fault
+from station.files.yaml.document import Document, Where
 from station.safety.interlocks.quantities import quantities_of, role_of
 from station.safety.safe_state import DEFAULT_WITHIN_S
 from station.units import UnitError, parse_as
-from station.yaml.document import Document, Where
 
 COIL = "coil_supply"
 ZERO_SHARE = 0.01

@@ -14,7 +14,7 @@ from station.procedure import Problem
 from station.units import parse_as
 
 if TYPE_CHECKING:
-    from station.bench import Bench
+    from station.instruments.bench import Bench
     from station.procedure import Forecast, Procedure, SetPoint
 
 RESISTANCE = "coil_resistance"

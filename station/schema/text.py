@@ -13,10 +13,10 @@ from importlib.metadata import distribution
 from typing import Any
 
 from station import registry
-from station.bench import INSTANCES, NEEDED_LIMITS, BenchFile
 from station.dataset_reading import DatasetHeader
 from station.driver_checks import keys_of, settings_of
-from station.plan import PlanHeader
+from station.files.plan import PlanHeader
+from station.instruments.bench import INSTANCES, NEEDED_LIMITS, BenchFile
 from station.procedure import Procedure
 from station.role_lookup import role_settings, roles_of
 from station.safety.interlocks.quantities import role_of

@@ -12,19 +12,19 @@ from command_line import station
 from pydantic import Field, field_validator
 
 from station import driver_checks, registry
-from station.addresses import why_unknown
-from station.bench import Bench, bench_of, faults_of_use
 from station.cli.validating import validate_plans
 from station.driver_checks import driver_faults, keys_of, role_faults, settings_of
 from station.errors import QuantityNotRead
-from station.faults import FaultList
 from station.fields import Second
-from station.lookup import BENCHES, find
+from station.files.faults import FaultList
+from station.files.lookup import BENCHES, find
+from station.files.yaml.document import Document
+from station.files.yaml.reading import read_yaml_text
+from station.instruments.addresses import why_unknown
+from station.instruments.bench import Bench, bench_of, faults_of_use
 from station.role_lookup import role_settings, roles_of
 from station.roles import Driver, DriverSettings
 from station.safety.interlocks.quantities import QUANTITIES, kind_of
-from station.yaml.document import Document
-from station.yaml.reading import read_yaml_text
 
 PLAN = "fog-scale-factor-temperature"
 DRIVERS = {

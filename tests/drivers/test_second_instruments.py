@@ -22,11 +22,11 @@ from drivers.kepco.bop import KepcoBop
 from drivers.kepco.bop_1kw import KepcoBop1kW
 from sim_instruments.wire.crc32 import crc32
 from station import registry
-from station.bench import read_bench
 from station.cli.validating import read_plan_for
 from station.conformance.stand import Stand, standing
 from station.errors import InstrumentError
-from station.faults import FaultList
+from station.files.faults import FaultList
+from station.instruments.bench import read_bench
 from station.record.folder import RunFolder
 from station.runner.acquisition import POLL_S
 

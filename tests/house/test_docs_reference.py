@@ -10,11 +10,11 @@ import pytest
 from docs_examples import ROOT, commands_of, examples, same
 
 from station import registry
-from station.bench import BenchFile, read_bench
 from station.dataset_reading import DatasetHeader
-from station.lookup import BENCHES, find
-from station.plan import read_plan
-from station.plan.model import PlanHeader
+from station.files.lookup import BENCHES, find
+from station.files.plan import read_plan
+from station.files.plan.model import PlanHeader
+from station.instruments.bench import BenchFile, read_bench
 from station.procedure import Procedures
 from station.record.folder import RunFolder
 from station.runner.execute import Request, execute

@@ -168,7 +168,7 @@ def test_a_run_without_a_fault_breaks_no_promise(
 def test_every_procedure_in_the_campaign_says_what_is_true() -> None:
     from fault_cases import BENCH, read_bench_at, short
 
-    from station.lookup import BENCHES, find
+    from station.files.lookup import BENCHES, find
 
     bench = read_bench_at(find(BENCHES, BENCH))
     procedures = {short(plan, bench).procedure for plan in PLANS}

@@ -24,10 +24,10 @@ from mcap.stream_reader import StreamReader
 
 from sim_instruments.bench import SimulatedBench
 from station import registry
-from station.bench import read_bench
 from station.clock import VirtualClock
+from station.files.plan import read_plan
+from station.instruments.bench import read_bench
 from station.instruments.opening import Place
-from station.plan import read_plan
 from station.procedure import Procedures
 from station.record.folder import RunRecord
 from station.runner.acquisition import acquire

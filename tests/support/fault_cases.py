@@ -25,12 +25,13 @@ from sim_instruments.bench import WORLDS, SimulatedBench
 from sim_instruments.faults.catalogue import applicable_faults
 from sim_instruments.faults.wire import CAN, MEASURED, WIRE_FAULTS
 from station import registry
-from station.bench import Bench, read_bench
 from station.cli.validating import read_plan_for
 from station.clock import VirtualClock
-from station.faults import FaultList
-from station.lookup import BENCHES, PLANS, available, find
-from station.plan import Plan
+from station.control.status import RUN_STARTED, what_is_planned
+from station.files.faults import FaultList
+from station.files.lookup import BENCHES, PLANS, available, find
+from station.files.plan import Plan
+from station.instruments.bench import Bench, read_bench
 from station.procedure import Step, procedure_of
 from station.record.folder import RunFolder, RunRecord
 from station.runner.execute import conclude, head_of, inputs_of
@@ -41,7 +42,6 @@ from station.runner.run import Run
 from station.runner.session import BenchSession
 from station.runner.trace import Trace
 from station.runner.walking import Walk
-from station.status import RUN_STARTED, what_is_planned
 
 BENCH = "sim"
 FIRST, MIDDLE, LASTING = "first message", "middle", "from the middle on"

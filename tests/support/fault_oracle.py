@@ -16,8 +16,8 @@ from fault_cases import Case, Reference, bench_data
 from fault_runs import Ended
 from fault_truths import off_the_truth
 
-from station.evaluation import evaluate_run
 from station.runner.acquisition import POLL_S
+from station.runner.evaluation import evaluate_run
 
 NOTHING_LEFT_A = 0.001
 GOOD, FAULT, TRIPPED = frozenset({0, 1, 6}), 3, 5

@@ -10,7 +10,7 @@ from typing import Any
 from fault_cases import BENCH, read_bench_at, short
 from scipy.stats import t as student
 
-from station.lookup import BENCHES, find
+from station.files.lookup import BENCHES, find
 
 AT_A_MEAN_TEMPERATURE = ("K0", "Ki")
 BY_CHANCE = 1e-6

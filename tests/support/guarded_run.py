@@ -14,12 +14,12 @@ from pathlib import Path
 from typing import Any
 
 from station import registry
-from station.bench import read_bench
 from station.clock import RealClock
+from station.files.plan import read_plan
 from station.guardian.watched import Guardian
+from station.instruments.bench import read_bench
 from station.instruments.instrument_locks import InstrumentLocks
 from station.instruments.opening import open_instruments
-from station.plan import read_plan
 from station.procedure import Procedures
 from station.record.folder import RunRecord
 from station.runner.execute import head_of

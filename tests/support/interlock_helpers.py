@@ -12,15 +12,15 @@ from typing import Any
 import yaml
 
 from station import registry
-from station.bench import Bench, bench_of
 from station.clock import VirtualClock
+from station.files.lookup import BENCHES, find
+from station.files.yaml.reading import read_yaml_text
+from station.instruments.bench import Bench, bench_of
 from station.instruments.opening import open_instruments
-from station.lookup import BENCHES, find
-from station.readings import Readings
 from station.runner.simulation import serve_bench
 from station.safety.interlocks.monitor import Monitor
 from station.safety.interlocks.reading import watched_in_a_run
-from station.yaml.reading import read_yaml_text
+from station.safety.readings import Readings
 
 SUPPLY, GAUSSMETER, BOARD, CHAIN = (
     "coil_supply.x",

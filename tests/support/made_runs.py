@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from procedures.rlg_magnetic_sensitivity.records import PlannedRecord, sensitivity_records
-from station.bench import Bench
 from station.clock import VirtualClock
-from station.plan import Plan
+from station.files.plan import Plan
+from station.instruments.bench import Bench
 from station.record.folder import RunRecord
 from station.runner.execute import head_of
 

@@ -9,9 +9,9 @@ from typing import Any
 import yaml
 
 from station import registry
-from station.bench import read_bench
-from station.lookup import BENCHES, PLANS, find
-from station.plan import read_plan
+from station.files.lookup import BENCHES, PLANS, find
+from station.files.plan import read_plan
+from station.instruments.bench import read_bench
 from station.procedure import Procedures
 from station.runner.execute import Request, execute
 from station.runner.outcome import Outcome

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from station import registry
-from station.bench import Bench, read_bench
-from station.lookup import BENCHES, find
+from station.files.lookup import BENCHES, find
+from station.instruments.bench import Bench, read_bench
 
 
 def shipped_bench() -> Bench:

@@ -15,7 +15,7 @@ from sim_instruments.newport.esp301 import NewportEsp301 as Simulator
 from sim_instruments.world.rotation import RotationHistory
 from station.clock import VirtualClock
 from station.instruments.opening import Place
-from station.readings import Readings
+from station.safety.readings import Readings
 
 STAGE = "rotary_stage"
 LIMITS = {"rate": 20.0, "acceleration": 40.0, "angle_low": -175.0, "angle_high": 365.0}

@@ -17,9 +17,9 @@ from sim_instruments.instrument import Setting
 from sim_instruments.truth import Truth
 from station.clock import Clock, VirtualClock
 from station.errors import InstrumentError
+from station.files.lookup import BENCHES, find
 from station.instruments.opening import Place
-from station.lookup import BENCHES, find
-from station.readings import Readings
+from station.safety.readings import Readings
 
 
 class EmptyRoom:

@@ -25,7 +25,7 @@ from standstill_attacks import Scene, strike
 from standstill_cases import FAULT, GOOD, SPEEDS, TRIPPED, Case
 from standstill_runs import LOOKS_EVERY_S, Attacked, attacked_run, wait_for_step
 
-from station.lookup import BENCHES, find
+from station.files.lookup import BENCHES, find
 from station.record.manifest import MANIFEST
 
 RAMPS_BENCH_S = 15.0

@@ -15,7 +15,7 @@ from sim_instruments.bench import Maker, SimulatedBench
 from sim_instruments.world.rotation import RotationHistory
 from station.clock import VirtualClock
 from station.instruments.opening import Place
-from station.readings import Readings
+from station.safety.readings import Readings
 
 TABLE = "turntable"
 LIMITS = {"rate": 110.0, "acceleration": 50.0}

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import ClassVar, NamedTuple, Protocol
 
-from station.readings import Reading
+from station.safety.readings import Reading
 
 Watched = tuple[str, str]
 """An instrument and one of its quantities."""

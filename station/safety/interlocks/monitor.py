@@ -11,11 +11,11 @@ from collections.abc import Callable, Mapping, Sequence
 
 from station.clock import Clock, ClockError, ClockStopped
 from station.errors import InputError, InterlockTripped
-from station.readings import Readings
 from station.safety.interlocks.conditions import Judgement
 from station.safety.interlocks.quantities import ENERGISED, IDLE_PERIOD_S, quantities_of
 from station.safety.interlocks.reading import Interlock
 from station.safety.interlocks.sight import Sight
+from station.safety.readings import Readings
 
 REACTS_WITHIN_S = 1.5
 """Run time that a run has to react to a trip; longer than any of its waits is in one piece."""

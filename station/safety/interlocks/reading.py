@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
-from station.faults import Fault, listed, nearest
+from station.files.faults import Fault, listed, nearest
 from station.safety.interlocks.conditions import AllOf, AnyOf, Condition, Level, Not, State
 from station.safety.interlocks.model import InterlockEntry
 from station.safety.interlocks.quantities import (
@@ -21,7 +21,7 @@ from station.safety.interlocks.quantities import (
 from station.units import UnitError, parse_as
 
 if TYPE_CHECKING:
-    from station.yaml.document import Document
+    from station.files.yaml.document import Document
 
 CHAIN = "interlock_chain"
 BOUNDS = ("above", "below", "outside")

@@ -9,9 +9,9 @@ from typing import Protocol
 
 from station.clock import Clock, ClockError, ClockStopped
 from station.errors import InputError, InstrumentError
-from station.readings import Reading, Readings, Value
 from station.safety.interlocks.conditions import Seen, Watched
 from station.safety.interlocks.quantities import kind_of
+from station.safety.readings import Reading, Readings, Value
 
 YOUNGER = 0.99
 """A reading made at the last look is not fresh at the next, whatever the last bit says."""

@@ -24,8 +24,8 @@ from sim_instruments.truth import SimulationError
 from sim_instruments.world.rotation import RotationHistory
 from station.clock import RealClock
 from station.errors import InputError, InstrumentError
+from station.files.lookup import BENCHES, find
 from station.instruments.opening import Place
-from station.lookup import BENCHES, find
 from station.roles import MadeSafe, Turntable
 
 ARCSEC_DEG = 1 / 3600

@@ -13,8 +13,8 @@ from stand import EmptyRoom
 from drivers.keysight.generator_33522b import Keysight33522B
 from drivers.keysight.generator_33522b_messages import differs
 from station.errors import InputError, InstrumentError, InstrumentTimeout
-from station.scan import recognised
-from station.scan_draft import draft
+from station.instruments.scan import recognised
+from station.instruments.scan_draft import draft
 
 
 @pytest.fixture

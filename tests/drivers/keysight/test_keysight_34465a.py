@@ -15,8 +15,8 @@ from drivers.keysight.multimeter_34465a import Keysight34465A
 from drivers.keysight.multimeter_34465a_pt100 import Keysight34465APt100, temperature_degC
 from station.clock import Clock
 from station.errors import InputError, InstrumentError, InstrumentTimeout
-from station.scan import recognised
-from station.scan_draft import draft
+from station.instruments.scan import recognised
+from station.instruments.scan_draft import draft
 
 
 @pytest.fixture

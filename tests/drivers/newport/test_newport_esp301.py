@@ -19,8 +19,8 @@ from sim_instruments.faults.catalogue import applicable_faults
 from sim_instruments.world.rotation import RotationHistory
 from station.clock import RealClock
 from station.errors import InputError, InstrumentError, InstrumentTimeout
+from station.files.lookup import BENCHES, find
 from station.instruments.opening import Place
-from station.lookup import BENCHES, find
 from station.roles import MadeSafe, RotaryStage
 
 ARCSEC_DEG = 1 / 3600

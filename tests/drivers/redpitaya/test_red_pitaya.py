@@ -21,8 +21,8 @@ from sim_instruments.truth import SimulationError
 from station.clock import RealClock
 from station.errors import InputError, InstrumentError
 from station.instruments.opening import Place
+from station.instruments.scan import recognised
 from station.roles import Block, Digitizer, MadeSafe
-from station.scan import recognised
 
 NAME = "digitizer"
 TRUTH = {

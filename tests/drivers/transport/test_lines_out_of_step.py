@@ -18,8 +18,8 @@ import yaml
 from plan_runs import shipped_bench
 
 from station import registry
-from station.bench import read_bench
 from station.conformance.stand import Stand, standing
+from station.instruments.bench import read_bench
 from station.safety.safe_state import SafeOutcome, make_bench_safe
 
 READY_S = 300.0

@@ -15,7 +15,7 @@ from plan_runs import shipped_bench
 from drivers.generic.interlock_chain_shared import SharedInterlockChain
 from station.clock import RealClock
 from station.errors import InstrumentError
-from station.faults import FaultList
+from station.files.faults import FaultList
 from station.instruments.opening import Place, with_shared
 from station.record.folder import RunFolder
 

@@ -13,13 +13,13 @@ from campaign_helpers import file_hashes, short_plan
 
 from drivers.transport.visa_line import VisaLine
 from station import registry
-from station.bench import read_bench
 from station.clock import VirtualClock
 from station.conformance.hostile import HostileServer
 from station.errors import InstrumentTimeout
+from station.files.lookup import BENCHES, find
+from station.files.plan import read_plan
+from station.instruments.bench import read_bench
 from station.instruments.opening import Place
-from station.lookup import BENCHES, find
-from station.plan import read_plan
 from station.procedure import Procedures
 from station.runner.execute import Request, execute
 from station.runner.outcome import Outcome

@@ -13,11 +13,11 @@ from drivers.watlow.ramp import Steps
 from sim_instruments.bench import SimulatedBench
 from sim_instruments.truth import SimulationError
 from sim_instruments.wire.modbus import Parameter
-from station.bench import read_bench
 from station.clock import VirtualClock
 from station.control.pausing import ask_devices
 from station.errors import InputError, InstrumentError
-from station.lookup import BENCHES, find
+from station.files.lookup import BENCHES, find
+from station.instruments.bench import read_bench
 from station.roles import MadeSafe, ThermalChamber
 
 MODELS = pytest.mark.parametrize("model", ["f4t", "f4"])

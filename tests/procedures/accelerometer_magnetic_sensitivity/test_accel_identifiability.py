@@ -23,10 +23,10 @@ from procedures.accelerometer_magnetic_sensitivity.model import (
     model_columns,
     model_columns_by_angle,
 )
+from station.files.lookup import PLANS as PLANS_SHIPPED
+from station.files.lookup import find
+from station.files.plan import read_plan
 from station.findings import combination_text
-from station.lookup import PLANS as PLANS_SHIPPED
-from station.lookup import find
-from station.plan import read_plan
 from station.procedure import Procedures, procedure_of
 from station.runner.preflight import warned_of_limits
 

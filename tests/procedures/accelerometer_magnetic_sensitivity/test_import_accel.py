@@ -12,10 +12,10 @@ from places import DATA
 from procedures.accelerometer_magnetic_sensitivity.figures import draw_parts
 from station.cli.analysing import analyse_dataset
 from station.dataset_reading import read_dataset
-from station.evaluation import evaluate_dataset
-from station.faults import FaultList
+from station.files.faults import FaultList
 from station.report.parts import Plot, Table
 from station.results import ResultDocument
+from station.runner.evaluation import evaluate_dataset
 
 EXAMPLES = sorted(path.name for path in DATA.glob("accelerometer-*"))
 ONE, THREE = "accelerometer-one-plane", "accelerometer-three-planes"

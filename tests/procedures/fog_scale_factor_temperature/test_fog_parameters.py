@@ -15,11 +15,11 @@ from procedures.fog_scale_factor_temperature.expected import expected_uncertaint
 from procedures.fog_scale_factor_temperature.outlook import outlook
 from procedures.fog_scale_factor_temperature.parameters import FogParameters
 from station import registry
-from station.bench import Bench, bench_of
-from station.plan import read_plan
+from station.files.plan import read_plan
+from station.files.yaml.reading import read_yaml, read_yaml_text
+from station.instruments.bench import Bench, bench_of
 from station.procedure import Procedures
 from station.safety.static_limits import problems_of_plan
-from station.yaml.reading import read_yaml, read_yaml_text
 
 PLAN = CONFIG / "plans" / "fog-scale-factor-temperature.yaml"
 BASE = {

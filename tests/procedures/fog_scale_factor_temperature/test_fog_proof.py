@@ -32,7 +32,7 @@ from procedures.fog_scale_factor_temperature.simulated_drive import (
     drive_of_truth,
     simulated_drive,
 )
-from station.lookup import BENCHES, find
+from station.files.lookup import BENCHES, find
 
 COMPILER = next(filter(None, map(shutil.which, ("cc", "gcc", "clang"))), None)
 HEAT = (-60.0, -38.0, -12.3, 0.0, 21.7, 59.0, 80.0)

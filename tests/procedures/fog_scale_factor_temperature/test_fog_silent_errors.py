@@ -14,7 +14,7 @@ from procedures.fog_scale_factor_temperature.dataset import FogDataset, TurnTabl
 from procedures.fog_scale_factor_temperature.evaluate import to_findings
 from procedures.fog_scale_factor_temperature.findings import FogAnalysis
 from station.findings import Estimate, Flag
-from station.uncertainty import Combined, combine
+from station.results import Combined, combine
 
 PAIRS, SINGLE = (360, -360), (360,)
 STATED = {"angle_random_walk_deg_per_sqrt_h": 0.002, "turntable_accuracy_arcsec": 1.0}

@@ -18,9 +18,9 @@ from procedures.fog_scale_factor_temperature.figures import draw_parts
 from procedures.fog_scale_factor_temperature.simulated_drive import drive_csv, simulated_drive
 from station.cli.analysing import analyse_dataset
 from station.dataset_reading import read_dataset
-from station.evaluation import evaluate_dataset
-from station.faults import FaultList
+from station.files.faults import FaultList
 from station.report.parts import Plot, Table
+from station.runner.evaluation import evaluate_dataset
 
 EXAMPLES = sorted(path.name for path in DATA.glob("fog-*"))
 PAIRS = "fog-pairs"

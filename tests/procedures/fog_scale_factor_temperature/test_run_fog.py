@@ -14,7 +14,7 @@ from resume_helpers import raw_hashes
 
 from procedures.fog_scale_factor_temperature.drive_file import PLACE
 from station.cli.analysing import analyse_run
-from station.lookup import find
+from station.files.lookup import find
 from station.record.folder import RunFolder
 from station.record.manifest import covered_files, file_hash
 from station.runner.outcome import Outcome

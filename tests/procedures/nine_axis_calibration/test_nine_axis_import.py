@@ -12,10 +12,10 @@ from places import DATA
 from procedures.nine_axis_calibration.figures import draw_parts
 from station.cli.analysing import analyse_dataset
 from station.dataset_reading import read_dataset
-from station.evaluation import evaluate_dataset
-from station.faults import FaultList
+from station.files.faults import FaultList
 from station.report.parts import Plot
 from station.results import ResultDocument
+from station.runner.evaluation import evaluate_dataset
 
 DATA = DATA / "nine-axis"
 HEAD = "position,t_s,gx_deg_per_h"

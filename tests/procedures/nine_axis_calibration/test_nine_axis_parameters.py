@@ -10,8 +10,8 @@ from pydantic import ValidationError
 
 from procedures.nine_axis_calibration.outlook import expectation, outlook
 from procedures.nine_axis_calibration.parameters import NineAxisParameters
-from station.lookup import PLANS, find
-from station.plan import read_plan
+from station.files.lookup import PLANS, find
+from station.files.plan import read_plan
 from station.procedure import Procedures
 
 PLAN = find(PLANS, "nine-axis-calibration")

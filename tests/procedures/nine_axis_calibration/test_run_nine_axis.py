@@ -12,13 +12,13 @@ import yaml
 from fault_truths import nine_axis_scale_factor, number
 
 from station import registry
-from station.bench import read_bench
 from station.cli.analysing import analyse_run
-from station.evaluation import evaluate_run
-from station.lookup import BENCHES, PLANS, find
-from station.plan import read_plan
+from station.files.lookup import BENCHES, PLANS, find
+from station.files.plan import read_plan
+from station.instruments.bench import read_bench
 from station.procedure import Procedures
 from station.record.folder import RunFolder
+from station.runner.evaluation import evaluate_run
 from station.runner.execute import Request, execute
 from station.runner.outcome import Outcome
 from station.runner.resuming import ResumeRequest, resume

@@ -10,7 +10,7 @@ import pytest
 from places import DATA
 
 from station.cli.analysing import analyse_dataset
-from station.faults import FaultList
+from station.files.faults import FaultList
 from station.results import ResultDocument
 
 EXAMPLES = sorted(path.name for path in DATA.glob("rlg-*"))

@@ -18,7 +18,7 @@ from procedures.rlg_magnetic_sensitivity.dataset import AXES, Drive, RlgDataset,
 from procedures.rlg_magnetic_sensitivity.evaluate import undriven_inputs
 from procedures.rlg_magnetic_sensitivity.findings import AnalysisSettings
 from procedures.rlg_magnetic_sensitivity.published import published_value
-from station.uncertainty import combine
+from station.results import combine
 
 EXAMPLES = {
     "rlg-one-axis": ({"IA": Drive(0.08, 1.2)}, 0.1, 0.0),

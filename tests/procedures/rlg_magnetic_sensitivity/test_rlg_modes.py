@@ -32,8 +32,8 @@ from procedures.rlg_magnetic_sensitivity.stopping import (
     samples_at_next_look,
 )
 from station.cli.validating import read_plan_for
-from station.faults import FaultList
-from station.lookup import PLANS, find
+from station.files.faults import FaultList
+from station.files.lookup import PLANS, find
 from station.procedure import procedure_of
 from station.record.folder import RunFolder
 

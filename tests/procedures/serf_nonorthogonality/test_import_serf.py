@@ -12,9 +12,9 @@ from places import DATA
 from procedures.serf_nonorthogonality.figures import draw_parts
 from station.cli.analysing import analyse_dataset
 from station.dataset_reading import read_dataset
-from station.evaluation import evaluate_dataset
-from station.faults import FaultList
+from station.files.faults import FaultList
 from station.report.parts import Plot, Table
+from station.runner.evaluation import evaluate_dataset
 
 FOUR, REVERSAL = "serf-four-shots", "serf-polarity-reversal"
 

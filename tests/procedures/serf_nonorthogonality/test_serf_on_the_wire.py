@@ -14,8 +14,8 @@ from scipy.optimize import curve_fit
 
 from sim_instruments.bench import SimulatedBench
 from station import registry
-from station.bench import read_bench
 from station.clock import VirtualClock
+from station.instruments.bench import read_bench
 from station.instruments.opening import Place
 
 NAMES = ("signal_generator.xy", "signal_generator.z_gradient", "digitizer", "pump_laser")

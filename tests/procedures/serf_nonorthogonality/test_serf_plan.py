@@ -9,13 +9,13 @@ import pytest
 import yaml
 
 from station import registry
-from station.bench import Bench, read_bench
-from station.faults import FaultList
-from station.lookup import BENCHES, PLANS, find
-from station.plan import Plan, plan_of
+from station.files.faults import FaultList
+from station.files.lookup import BENCHES, PLANS, find
+from station.files.plan import Plan, plan_of
+from station.files.yaml.reading import read_yaml_text
+from station.instruments.bench import Bench, read_bench
 from station.procedure import Procedures
 from station.safety.static_limits import problems_of_plan
-from station.yaml.reading import read_yaml_text
 
 NAME = "serf-nonorthogonality"
 SHIPPED = yaml.safe_load(find(PLANS, NAME).read_text(encoding="utf-8"))

@@ -33,6 +33,7 @@ from station.control.client import NotRunning, ask, go_on
 from station.control.place import LONGEST_ADDRESS, places
 from station.control.requests import ENDS_ALREADY, RECEIVED, Control
 from station.control.signals import AbortSignals
+from station.control.status import read_status
 from station.errors import Aborted, InterlockTripped, PauseRefused, RecordError
 from station.instruments.opening import Place
 from station.record.events import Event as LogEvent
@@ -41,7 +42,6 @@ from station.record.spans import is_paused, paused_s
 from station.runner.progress import Progress
 from station.runner.prompts import Operator
 from station.runner.run import Run
-from station.status import read_status
 
 LIMITS = {"current": 8.0, "voltage": 30.0, "slew": 2.0, "zero_current": 0.02}
 LONG_S = 20.0

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from station.dataset_reading import RawDataset, check_ascending, read_dataset, read_table
-from station.yaml.reading import FaultList
+from station.files.yaml.reading import FaultList
 
 HEADER = "dataset: 1\nprocedure: rlg-magnetic-sensitivity\n"
 

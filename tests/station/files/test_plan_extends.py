@@ -7,8 +7,8 @@ from time import process_time
 
 import pytest
 
-from station.faults import FaultList
-from station.plan import Plan, read_plan
+from station.files.faults import FaultList
+from station.files.plan import Plan, read_plan
 from station.procedure import Procedures
 
 BASE = """\

@@ -11,15 +11,15 @@ import pytest
 from typer.testing import CliRunner
 
 from station import registry
-from station.bench import read_bench
 from station.cli.app import app
-from station.evaluation import read_plan_and_bench
-from station.lookup import BENCHES, find
-from station.plan import plan_of, read_plan
+from station.files.lookup import BENCHES, find
+from station.files.plan import plan_of, read_plan
+from station.files.yaml.reading import read_yaml_text
+from station.instruments.bench import read_bench
 from station.procedure import Procedures
 from station.record.folder import RunFolder
+from station.runner.evaluation import read_plan_and_bench
 from station.runner.execute import Request, execute
-from station.yaml.reading import read_yaml_text
 
 BASE = """\
 extends: rlg-magnetic-sensitivity

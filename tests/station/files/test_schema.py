@@ -12,13 +12,13 @@ from places import CONFIG
 from typer.testing import CliRunner
 
 from station import registry
-from station.bench import bench_of
 from station.cli.app import app
-from station.faults import FaultList
-from station.plan import plan_of
+from station.files.faults import FaultList
+from station.files.plan import plan_of
+from station.files.yaml.reading import read_yaml, read_yaml_text
+from station.instruments.bench import bench_of
 from station.procedure import Procedures
 from station.schema import KINDS, schema_text
-from station.yaml.reading import read_yaml, read_yaml_text
 
 SHIPPED = [
     *((path, "plan") for path in sorted((CONFIG / "plans").glob("*.yaml"))),

@@ -20,18 +20,18 @@ from campaign_helpers import whole_events
 from guardian_helpers import GuardedRun, World, start_run, until, world
 
 from station import registry
-from station.bench import read_bench
 from station.clock import RealClock, VirtualClock
+from station.control.status import read_status
+from station.files.lookup import find
+from station.files.yaml.writing import yaml_text
 from station.guardian.watched import Guardian, GuardianFailed
-from station.lookup import find
+from station.instruments.bench import read_bench
 from station.record.creation import GUARDIAN_LOG
 from station.record.events import Event
 from station.record.folder import RunFolder
 from station.record.guardian_log import guardian_events, latest_safe_state
 from station.record.manifest import MANIFEST, write_manifest
-from station.recorded import left_unverified, read_plan_and_bench
-from station.status import read_status
-from station.yaml.writing import yaml_text
+from station.record.recorded import left_unverified, read_plan_and_bench
 
 if sys.platform != "linux":
     pytest.skip("SIGKILL, SIGSTOP and /proc; not verified elsewhere", allow_module_level=True)

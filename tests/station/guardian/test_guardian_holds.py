@@ -23,15 +23,15 @@ from loop_disk import LoopDisk, disk_or_skip
 from standstill_runs import memory_of
 
 from station.clock import RealClock
-from station.evaluation import flags_of_guardians
+from station.control.status import read_status
+from station.files.lookup import find
+from station.files.yaml.writing import yaml_text
 from station.guardian.at_work import guardian_at_work
 from station.guardian.channel import Channel
 from station.guardian.watched import Guardian
-from station.lookup import find
 from station.record.folder import RunFolder
-from station.recorded import left_unverified, read_plan_and_bench
-from station.status import read_status
-from station.yaml.writing import yaml_text
+from station.record.recorded import left_unverified, read_plan_and_bench
+from station.runner.evaluation import flags_of_guardians
 
 if sys.platform != "linux":
     pytest.skip("SIGKILL, SIGSTOP and /proc; not verified elsewhere", allow_module_level=True)
@@ -243,7 +243,7 @@ def test_guardians_that_stand_still_do_not_hold_up_the_end_of_a_run(tmp_path: Pa
 
 def bench_text() -> str:
     from station import registry
-    from station.bench import read_bench
+    from station.instruments.bench import read_bench
 
     shipped = read_bench(find("benches", "sim"), registry.names(registry.DRIVERS))
     return yaml_text(shipped.to_yaml_data())

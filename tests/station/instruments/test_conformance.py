@@ -10,7 +10,7 @@ import pytest
 import yaml
 from conformance_runs import conformance
 
-from station.lookup import BENCHES, find
+from station.files.lookup import BENCHES, find
 
 OURS = (
     "kepco-bop-36-12",

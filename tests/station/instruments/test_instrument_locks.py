@@ -18,15 +18,15 @@ import pytest
 from guardian_helpers import World, world
 
 from station import registry
-from station.addresses import forms_of
-from station.bench import read_bench
 from station.cli.running import say
 from station.clock import RealClock
 from station.errors import InstrumentError, InstrumentInUse, InstrumentsMissing
+from station.files.lookup import find
+from station.instruments.addresses import forms_of
+from station.instruments.bench import read_bench
 from station.instruments.instrument_locks import InstrumentLocks, lock_folder, lock_place
 from station.instruments.opening import Probe, open_one, problems_of
 from station.instruments.whole_bench import LeftOut
-from station.lookup import find
 from station.runner.outcome import Outcome
 from station.safety.safe_state import SafeOutcome
 

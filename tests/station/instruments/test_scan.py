@@ -16,12 +16,12 @@ from command_line import begun, station
 from places import SIM
 
 from station import registry
-from station.bench import read_bench
 from station.clock import RealClock
 from station.conformance.hostile import HostileServer, closed_port
-from station.scan import IDENTIFY, Seen, ask_can, ask_port, modbus_identity, recognised
-from station.scan_draft import draft
-from station.yaml.reading import FaultList
+from station.files.yaml.reading import FaultList
+from station.instruments.bench import read_bench
+from station.instruments.scan import IDENTIFY, Seen, ask_can, ask_port, modbus_identity, recognised
+from station.instruments.scan_draft import draft
 
 FILLED_IN = {
     "coil_supply": "    settings: {coil_constant: 0.3 mT/A}\n"

@@ -17,17 +17,17 @@ from guardian_helpers import World, until, world
 from run_heads import head_of
 
 from station import registry
-from station.bench import read_bench
 from station.cli.controlling import left_safe, say_how_it_ended
 from station.clock import RealClock, VirtualClock
+from station.control.status import read_status
+from station.files.lookup import BENCHES, find
 from station.guardian.takeover import summary
+from station.instruments.bench import read_bench
 from station.instruments.instrument_locks import InstrumentLocks
 from station.instruments.whole_bench import BenchReading, Bystanders, LeftOut, bystanders_of
-from station.lookup import BENCHES, find
 from station.runner.session import BenchSession
 from station.runner.trace import Trace
 from station.safety.safe_state import SafeOutcome
-from station.status import read_status
 
 USED, OTHER = "coil_supply.x", "coil_supply.z"
 SPEED = 40.0

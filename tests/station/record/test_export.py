@@ -20,10 +20,10 @@ from command_line import station_command
 from numpy.typing import NDArray
 from scipy.io import loadmat
 
-from station.exporting.csv_files import export_csv
-from station.exporting.hdf5 import CHUNK_ROWS, FEW_ROWS, export_hdf5
-from station.exporting.mat import KEYWORDS, export_mat, valid_names
-from station.exporting.reading import CountedTime, blocks_of
+from station.record.export.csv_files import export_csv
+from station.record.export.hdf5 import CHUNK_ROWS, FEW_ROWS, export_hdf5
+from station.record.export.mat import KEYWORDS, export_mat, valid_names
+from station.record.export.reading import CountedTime, blocks_of
 from station.record.folder import RunFolder
 from station.record.raw import RawFile
 

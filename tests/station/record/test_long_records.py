@@ -23,14 +23,14 @@ from procedures.estimation.spectrum import LineSums, amplitude_spectrum, nearest
 from procedures.rlg_magnetic_sensitivity.averaged import in_groups
 from procedures.rlg_magnetic_sensitivity.dataset import Drive
 from station import registry
-from station.bench import Bench, read_bench
 from station.clock import VirtualClock
-from station.evaluation import evaluate_run
-from station.lookup import BENCHES, PLANS, find
-from station.plan import Plan, read_plan
+from station.files.lookup import BENCHES, PLANS, find
+from station.files.plan import Plan, read_plan
+from station.instruments.bench import Bench, read_bench
 from station.procedure import Procedures, procedure_of
 from station.record.folder import PIECE_ROWS, RunFolder, RunRecord
 from station.record.raw import ARRIVAL
+from station.runner.evaluation import evaluate_run
 from station.runner.memory import Memory, memory_of
 
 NAME = "rlg-magnetic-sensitivity"

@@ -8,13 +8,12 @@ from pathlib import Path
 import pytest
 from campaign_helpers import finished_run
 
-from station.decision import Limit
 from station.errors import EXIT_DONE, EXIT_OUTSIDE_LIMIT, EXIT_UNDETERMINED
-from station.evaluation import evaluate_run, exit_code_of
 from station.findings import Estimate, Findings
 from station.record.folder import RunFolder
 from station.report.junit import junit_of
-from station.results import ResultDocument, conclude
+from station.results import Limit, ResultDocument, conclude
+from station.runner.evaluation import evaluate_run, exit_code_of
 
 CODE = "limit-without-result"
 

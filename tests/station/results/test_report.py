@@ -13,7 +13,6 @@ from procedures.rlg_magnetic_sensitivity.analysis import analyse
 from procedures.rlg_magnetic_sensitivity.dataset import Drive, RlgDataset, Segment
 from procedures.rlg_magnetic_sensitivity.evaluate import to_findings
 from procedures.rlg_magnetic_sensitivity.figures import draw_parts
-from station.decision import Limit
 from station.findings import Estimate, Findings, Flag, InputQuantity, Published
 from station.report.context import (
     InstrumentRow,
@@ -30,7 +29,7 @@ from station.report.numbers import (
     format_with_uncertainty,
 )
 from station.report.parts import Part, Plot, Table
-from station.results import ResultDocument, conclude
+from station.results import Limit, ResultDocument, conclude
 
 NAME = "magnetic_sensitivity"
 UNIT = "deg/h/mT"

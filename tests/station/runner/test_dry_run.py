@@ -15,10 +15,10 @@ from shipped import shipped_bench
 from small_disk import small_disk
 
 from station import registry
-from station.bench import Bench, read_bench
-from station.faults import FaultList
-from station.lookup import BENCHES, PLANS, find
-from station.plan import Plan, read_plan
+from station.files.faults import FaultList
+from station.files.lookup import BENCHES, PLANS, find
+from station.files.plan import Plan, read_plan
+from station.instruments.bench import Bench, read_bench
 from station.procedure import Procedures, SetPoint, procedure_of
 from station.runner.disk_space import BESIDE_RAW_BYTES, in_bytes, needed_bytes
 from station.runner.dry_run import Extreme, extremes, walk

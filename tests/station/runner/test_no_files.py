@@ -14,9 +14,9 @@ from made_runs import made_run
 from station.cli.validating import read_bench_named, read_plan_for
 from station.dataset_reading import read_dataset
 from station.errors import DamagedRecord
-from station.faults import FaultList
+from station.files.faults import FaultList
+from station.files.yaml.reading import read_text
 from station.record.folder import RunFolder
-from station.yaml.reading import read_text
 
 WITHIN_S = 60.0
 

@@ -15,7 +15,7 @@ from small_disk import small_disk
 
 from station.clock import RealClock, VirtualClock, system_clock_synchronised
 from station.consent import Prompt
-from station.lookup import BENCHES, find
+from station.files.lookup import BENCHES, find
 from station.record.folder import RunFolder, RunRecord
 from station.runner.preflight import (
     SystemClockWatch,

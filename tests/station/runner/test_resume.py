@@ -22,12 +22,12 @@ from limited_files import limited
 from resume_helpers import raw_hashes, results_of, what_is_wrong
 
 from station import registry
-from station.bench import Bench, read_bench
 from station.cli.resuming import resume_run
 from station.clock import RealClock
 from station.control.client import ask
 from station.errors import InputError, NotAcknowledged, StationError
-from station.plan import read_plan
+from station.files.plan import read_plan
+from station.instruments.bench import Bench, read_bench
 from station.procedure import Procedures
 from station.record.creation import RUN
 from station.record.folder import RunFolder, RunRecord

@@ -11,11 +11,11 @@ import pytest
 from command_line import PLAN, begun
 from rlg_runs import short_run
 
-from station import evaluation
 from station.cli import main
 from station.cli.analysing import analyse_run
 from station.record.folder import RunFolder
 from station.record.presence import Presence
+from station.runner import evaluation
 from station.runner.outcome import NO_MEMORY, in_one_sentence
 
 ONE_AXIS = {"parameters/axes": ["IA"], "parameters/duration": "100 s"}

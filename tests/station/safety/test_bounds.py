@@ -9,10 +9,10 @@ import yaml
 from command_line import PLAN, station
 
 from station import registry
-from station.bench import bench_of, read_bench
-from station.faults import FaultList
-from station.lookup import BENCHES, find
-from station.yaml.reading import read_yaml
+from station.files.faults import FaultList
+from station.files.lookup import BENCHES, find
+from station.files.yaml.reading import read_yaml
+from station.instruments.bench import bench_of, read_bench
 
 GOOD = """\
 bench: 1

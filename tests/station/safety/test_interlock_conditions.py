@@ -8,7 +8,6 @@ from itertools import product
 
 import pytest
 
-from station.readings import Reading
 from station.safety.interlocks.conditions import (
     AllOf,
     AnyOf,
@@ -19,6 +18,7 @@ from station.safety.interlocks.conditions import (
     Seen,
     State,
 )
+from station.safety.readings import Reading
 
 ABOVE = Level("coil_supply.x", "current", "A", high=8.2, magnitude=True)
 BELOW = Level("thermal_chamber", "temperature", "degC", low=-45.0)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from interlock_helpers import CHAIN, SHIPPED, bench_from, bench_with
 
-from station.faults import FaultList
+from station.files.faults import FaultList
 from station.safety.interlocks.conditions import AllOf, AnyOf, Level, Not, State
 from station.safety.interlocks.reading import watched_in_a_run
 

@@ -6,8 +6,8 @@ from dataclasses import dataclass, field
 
 import pytest
 
-from station.bench import INSTANCES, role_of
 from station.clock import VirtualClock
+from station.instruments.bench import INSTANCES, role_of
 from station.role_lookup import role, safe_states
 from station.roles import SafetyReading
 from station.safety.safe_state import HURRIED_WITHIN_S, Hurry, make_bench_safe

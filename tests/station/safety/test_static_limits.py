@@ -9,9 +9,9 @@ from typing import Any
 import pytest
 from interlock_helpers import bench_from
 
-from station.bench import Bench
-from station.lookup import BENCHES, PLANS, find
-from station.plan import read_plan
+from station.files.lookup import BENCHES, PLANS, find
+from station.files.plan import read_plan
+from station.instruments.bench import Bench
 from station.procedure import Forecast, Problem, Procedures, SetPoint, procedure_of
 from station.safety.static_limits import beyond_limits, problems_of_plan
 

@@ -23,7 +23,7 @@ from places import ROOT
 from run_heads import head_of
 
 from station.errors import InterlockTripped
-from station.lookup import BENCHES, find
+from station.files.lookup import BENCHES, find
 from station.safety.acknowledgement import (
     notes_of_file,
     refuse_identified,

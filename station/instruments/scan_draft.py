@@ -7,15 +7,15 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 
 from station import registry
-from station.bench import INSTANCES, NEEDED_LIMITS
 from station.driver_checks import settings_of
 from station.fields import key_of
+from station.files.yaml.reading import plain_scalar
+from station.instruments.bench import INSTANCES, NEEDED_LIMITS
+from station.instruments.scan import Seen
 from station.role_lookup import role_settings, roles_of
 from station.safety.bounds import COIL
 from station.safety.interlocks.quantities import role_of
 from station.safety.safe_state import MadeSafe
-from station.scan import Seen
-from station.yaml.reading import plain_scalar
 
 FILL_IN = "FILL IN"
 DRAFT_LEVEL = "1 A"

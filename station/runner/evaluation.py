@@ -13,7 +13,6 @@ from datetime import date
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from station.bench import Bench
 from station.console import span
 from station.errors import (
     EXIT_DONE,
@@ -23,19 +22,20 @@ from station.errors import (
     InputError,
     MissingRows,
 )
-from station.faults import FaultList, listed, not_there
+from station.files.faults import FaultList, listed, not_there
 from station.findings import Findings, Flag
+from station.instruments.bench import Bench
 from station.procedure import Procedures, procedure_of
 from station.record.events import RESUMED
 from station.record.files import write_whole_file
 from station.record.folder import REPORT, RESULTS, RunFolder
 from station.record.manifest import MANIFEST, write_manifest
-from station.recorded import left_out, left_unverified, read_plan_and_bench, used_instruments
+from station.record.recorded import left_out, left_unverified, read_plan_and_bench, used_instruments
 from station.results import ResultDocument, conclude
 
 if TYPE_CHECKING:
     from station.dataset_reading import RawDataset
-    from station.plan import Plan
+    from station.files.plan import Plan
     from station.procedure import Procedure
 
 MOST_UNITS = 6

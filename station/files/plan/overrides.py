@@ -10,11 +10,11 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from station.faults import Fault, FaultList, dotted
-from station.plan.extends import EXTENDS
-from station.yaml.document import Document, Mark, Where
-from station.yaml.reading import plain_scalar, read_yaml_text
-from station.yaml.text import lookalikes
+from station.files.faults import Fault, FaultList, dotted
+from station.files.plan.extends import EXTENDS
+from station.files.yaml.document import Document, Mark, Where
+from station.files.yaml.reading import plain_scalar, read_yaml_text
+from station.files.yaml.text import lookalikes
 
 OPTION = "--set"
 _OPENS_YAML = "[{\"'"

@@ -18,8 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from station import __version__
-from station.exporting.files import Sink, replaced
-from station.exporting.reading import Column, Recording, blocks_of, sources, texts_of
+from station.record.export.files import Sink, replaced
+from station.record.export.reading import Column, Recording, blocks_of, sources, texts_of
 
 if TYPE_CHECKING:
     from station.record.folder import RunFolder

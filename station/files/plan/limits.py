@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any, Protocol
 
-from station.decision import Limit
-from station.faults import Fault, listed, nearest
+from station.files.faults import Fault, listed, nearest
+from station.files.yaml.reading import Document
+from station.results import Limit
 from station.units import UnitError, parse_as
-from station.yaml.reading import Document
 
 BOUNDS = ("min", "max", "max_abs")
 

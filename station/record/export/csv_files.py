@@ -8,8 +8,8 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from station.exporting.files import replaced
-from station.exporting.reading import Recording, blocks_of, sources
+from station.record.export.files import replaced
+from station.record.export.reading import Recording, blocks_of, sources
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -9,10 +9,10 @@ from __future__ import annotations
 from functools import lru_cache
 from pathlib import Path
 
-from station.faults import FaultList, listed, nearest
-from station.lookup import PLANS, available, find, is_there
-from station.yaml.document import Document, Where
-from station.yaml.reading import read_yaml
+from station.files.faults import FaultList, listed, nearest
+from station.files.lookup import PLANS, available, find, is_there
+from station.files.yaml.document import Document, Where
+from station.files.yaml.reading import read_yaml
 
 EXTENDS = "extends"
 _SUFFIX = ".yaml"

@@ -10,16 +10,16 @@ from typing import Annotated, Any, Literal, Protocol
 
 from pydantic import BaseModel, Field, field_validator
 
-from station.decision import Rule
 from station.errors import InputError
-from station.faults import Fault, FaultList, not_there
 from station.fields import StrictModel, to_yaml_data
-from station.plan.composition import compose
-from station.plan.limits import LimitedResult, LimitsByAxis, read_limits
+from station.files.faults import Fault, FaultList, not_there
+from station.files.plan.composition import compose
+from station.files.plan.limits import LimitedResult, LimitsByAxis, read_limits
+from station.files.validation import check_model
+from station.files.yaml.document import Document, FromDocument, leaves
+from station.files.yaml.reading import read_yaml
+from station.results import Rule
 from station.units import UnitError, parse_as
-from station.validation import check_model
-from station.yaml.document import Document, FromDocument, leaves
-from station.yaml.reading import read_yaml
 
 Words = Annotated[str, Field(min_length=1)]
 LONGEST = "30 d"

@@ -6,8 +6,8 @@ import re
 from collections.abc import Iterable
 from dataclasses import replace
 
-from station.faults import Fault, FaultList, listed, nearest
-from station.yaml.document import Document, Mark, Where, leaves
+from station.files.faults import Fault, FaultList, listed, nearest
+from station.files.yaml.document import Document, Mark, Where, leaves
 
 VARS = "vars"
 REFERENCE = re.compile(r"\$\{([^{}]*)\}")

@@ -18,8 +18,8 @@ from scipy.io import savemat
 from scipy.io.matlab import MatWriteError
 
 from station.errors import RecordError
-from station.exporting.files import replaced
-from station.exporting.reading import Recording, blocks_of, sources, texts_of
+from station.record.export.files import replaced
+from station.record.export.reading import Recording, blocks_of, sources, texts_of
 
 if TYPE_CHECKING:
     from station.record.folder import RunFolder

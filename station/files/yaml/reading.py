@@ -15,9 +15,9 @@ from typing import Any
 import yaml
 from yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 
-from station.faults import Fault, FaultList, dotted
-from station.yaml.document import TOP, Document, Mark, Where
-from station.yaml.text import lookalikes
+from station.files.faults import Fault, FaultList, dotted
+from station.files.yaml.document import TOP, Document, Mark, Where
+from station.files.yaml.text import lookalikes
 
 __all__ = [
     "Document",

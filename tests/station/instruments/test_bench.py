@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from station.bench import Bench, bench_of
-from station.calibration import Calibration, NotCalibrated
-from station.validation import validate_model
-from station.yaml.reading import FaultList, read_yaml_text
-from station.yaml.writing import yaml_text
+from station.files.validation import validate_model
+from station.files.yaml.reading import FaultList, read_yaml_text
+from station.files.yaml.writing import yaml_text
+from station.instruments.bench import Bench, bench_of
+from station.instruments.calibration import Calibration, NotCalibrated
 
 DRIVERS = ("bop", "f71", "pulse-board")
 

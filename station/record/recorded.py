@@ -6,16 +6,16 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from station import registry
-from station.bench import Bench, bench_of
 from station.errors import InputError
-from station.lookup import is_there
-from station.plan import Plan, read_plan
+from station.files.lookup import is_there
+from station.files.plan import Plan, read_plan
+from station.files.yaml.reading import read_yaml
+from station.instruments.bench import Bench, bench_of
 from station.procedure import Procedures
 from station.record.creation import BENCH, EVENTS, PLAN
 from station.record.folder import RunFolder
 from station.record.guardian_log import SAFE_STATE, guardian_events, latest_safe_state
 from station.safety.interlocks.quantities import role_of
-from station.yaml.reading import read_yaml
 
 NEVER_REACHED = "the run ended without making it safe"
 

@@ -6,11 +6,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from station.faults import Fault
-from station.plan.extends import EXTENDS, layers_of, merged
-from station.plan.overrides import override
-from station.plan.vars import VARS, fill_in, references
-from station.yaml.document import Document
+from station.files.faults import Fault
+from station.files.plan.extends import EXTENDS, layers_of, merged
+from station.files.plan.overrides import override
+from station.files.plan.vars import VARS, fill_in, references
+from station.files.yaml.document import Document
 
 
 @dataclass(frozen=True)

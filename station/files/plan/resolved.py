@@ -6,14 +6,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from unicodedata import east_asian_width
 
-from station.faults import dotted
-from station.plan.overrides import OPTION
-from station.yaml.document import Where, leaves
-from station.yaml.reading import read_yaml_text
-from station.yaml.writing import yaml_text
+from station.files.faults import dotted
+from station.files.plan.overrides import OPTION
+from station.files.yaml.document import Where, leaves
+from station.files.yaml.reading import read_yaml_text
+from station.files.yaml.writing import yaml_text
 
 if TYPE_CHECKING:
-    from station.plan.model import Plan
+    from station.files.plan.model import Plan
 
 DEFAULT = "default"
 WIDEST_ALIGNED = 60

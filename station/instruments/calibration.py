@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Annotated, TypeVar
 from pydantic import Field, ValidationInfo, field_serializer, field_validator
 
 from station.errors import InputError
-from station.faults import listed, nearest
 from station.fields import AnyQuantity, StrictModel, Unit
+from station.files.faults import listed, nearest
 from station.units import UnitError, convert, dimension_of, format_quantity, parse_as
 
 if TYPE_CHECKING:

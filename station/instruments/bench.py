@@ -10,18 +10,18 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, ValidationInfo, field_validator
 
-from station.addresses import why_unknown
-from station.calibration import Calibration, Number
 from station.driver_checks import driver_faults, role_faults
-from station.faults import Fault, FaultList, listed, nearest
 from station.fields import Celsius, Degree, Second, StrictModel, Unit, key_of, to_yaml_data
+from station.files.faults import Fault, FaultList, listed, nearest
+from station.files.validation import check_model
+from station.files.yaml.document import Document, FromDocument, Where
+from station.files.yaml.reading import read_yaml
+from station.instruments.addresses import why_unknown
+from station.instruments.calibration import Calibration, Number
 from station.safety.bounds import bound_faults
 from station.safety.interlocks.model import InterlockEntry
 from station.safety.interlocks.quantities import role_of
 from station.safety.interlocks.reading import Interlock, interlock_faults, interlocks_of
-from station.validation import check_model
-from station.yaml.document import Document, FromDocument, Where
-from station.yaml.reading import read_yaml
 
 INSTANCES = (
     "coil_supply.x",

@@ -6,7 +6,7 @@ from typing import Any
 
 import yaml
 
-from station.yaml.reading import plain_scalar
+from station.files.yaml.reading import plain_scalar
 
 _NEVER_WRAPPED = 1_000_000
 

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Any, TypeVar, get_args
 
 from pydantic import BaseModel, ValidationError
 
-from station.faults import Fault, FaultList, listed, nearest
 from station.fields import UNIT_ERROR, Unit, key_of, unit_in
+from station.files.faults import Fault, FaultList, listed, nearest
 
 if TYPE_CHECKING:
-    from station.yaml.document import Document
+    from station.files.yaml.document import Document
 
 ModelT = TypeVar("ModelT", bound=BaseModel)
 Loc = tuple[str | int, ...]

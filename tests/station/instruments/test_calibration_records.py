@@ -15,17 +15,17 @@ from rlg_runs import short_run
 from short_forms import SHORT_FORMS
 
 from station import registry
-from station.bench import Bench, bench_of
 from station.cli.validating import outlook_of, read_bench_named, read_plan_for
-from station.evaluation import quiet_numbers, record_flags
-from station.faults import FaultList
+from station.files.faults import FaultList
+from station.files.lookup import PLANS, find
+from station.files.yaml.reading import read_yaml_text
 from station.findings import Findings
-from station.lookup import PLANS, find
+from station.instruments.bench import Bench, bench_of
 from station.procedure import procedure_of
 from station.record.folder import RunFolder
-from station.recorded import read_plan_and_bench
+from station.record.recorded import read_plan_and_bench
 from station.results import conclude
-from station.yaml.reading import read_yaml_text
+from station.runner.evaluation import quiet_numbers, record_flags
 
 RLG, ACCELEROMETER, SERF, FOG, NINE = (
     "rlg-magnetic-sensitivity",

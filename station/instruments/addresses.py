@@ -11,7 +11,7 @@ from ipaddress import IPv6Address, ip_address
 from threading import Thread
 from urllib.parse import urlsplit
 
-from station.faults import nearest
+from station.files.faults import nearest
 
 RESOLVES_WITHIN_S = 2.0
 THIS_COMPUTER = "this computer"

@@ -7,7 +7,7 @@ import stat
 from importlib.resources import files
 from pathlib import Path
 
-from station.faults import Fault, FaultList, listed, nearest
+from station.files.faults import Fault, FaultList, listed, nearest
 
 PLANS = "plans"
 BENCHES = "benches"

@@ -12,9 +12,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from station.clock import utc_now
+from station.control.time_left import FinishedUnit, time_left_s
 from station.errors import InputError
+from station.files.locks import is_held
 from station.guardian.at_work import AtWork, guardian_at_work
-from station.locks import is_held
 from station.record.creation import EVENTS
 from station.record.events import RESUMED, Event, read_events
 from station.record.guardian_log import (
@@ -28,11 +29,10 @@ from station.record.guardian_log import (
 )
 from station.record.manifest import LOCK
 from station.record.spans import is_paused, paused_s
-from station.time_left import FinishedUnit, time_left_s
 
 if TYPE_CHECKING:
     from station.clock import Clock
-    from station.plan import Plan
+    from station.files.plan import Plan
     from station.procedure import Procedure
 
 RUN_STARTED = "run-started"

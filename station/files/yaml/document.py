@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from station.faults import Fault, dotted
+from station.files.faults import Fault, dotted
 
 Where = tuple[str | int, ...]
 TOP = "top level"
