@@ -30,7 +30,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from cases import print_cases
 
 from procedures.fog_scale_factor_temperature.analysis import analyse
-from procedures.fog_scale_factor_temperature.band import Band
+from procedures.fog_scale_factor_temperature.curve import Band
 from procedures.fog_scale_factor_temperature.dataset import FogDataset, TurnTable
 
 Array = NDArray[np.float64]
@@ -217,7 +217,7 @@ def measure(case: Case, runs: int) -> dict[str, object]:
     for seed in range(runs):
         dataset, there, wild, bias = record(case, seed)
         analysis = analyse(dataset)
-        fit, paper = analysis.fits["x"], analysis.published["x"].curve
+        fit, paper = analysis.fits["x"], analysis.published["x"]
         if fit.curve is None or paper is None:
             raise RuntimeError(f"{case.name}: seed {seed} leaves the curve undetermined")
         shift = bias * TURN_S / 3600.0 / 360.0 * 1e6 if plain else 0.0

@@ -13,13 +13,14 @@ from fog_records import Curve, record
 from numpy.typing import NDArray
 from sabotage import Array, Made
 
-from procedures.fog_scale_factor_temperature.dataset import Drive, TurnTable
-from procedures.fog_scale_factor_temperature.simulated_drive import drive_csv, simulated_drive
-from procedures.fog_scale_factor_temperature.turning import (
+from procedures.fog_scale_factor_temperature.dataset import (
+    Drive,
+    TurnTable,
     rotation_to_navigation,
     turn_errors_deg,
     wrapped_deg,
 )
+from procedures.fog_scale_factor_temperature.simulated_drive import drive_csv, simulated_drive
 
 Values = NDArray[Any]
 Shape = Callable[[Values], Any]

@@ -104,6 +104,11 @@ class Flag:
         return {**data, **told}
 
 
+def contradiction(statement: str, message: str, axis: str | None = None, **details: object) -> Flag:
+    """Return the flag of data that disagree with a stated constant, specification or column."""
+    return Flag("contradicts-statement", message, axis, {"statement": statement, **details})
+
+
 @dataclass(frozen=True)
 class InputQuantity:
     """A type B input: its standard uncertainty in its own unit, and where that comes from."""

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from procedures.fog_scale_factor_temperature.check import check, instruments, records
-from procedures.fog_scale_factor_temperature.drive_file import inputs
-from procedures.fog_scale_factor_temperature.parameters import FogParameters
-from procedures.fog_scale_factor_temperature.set_points import forecast
-from procedures.fog_scale_factor_temperature.steps import STEPS, prompts
 from station.procedure import Later, Procedure, ResultKind, usual_modules
+
+from .check import check, instruments, records
+from .parameters import FogParameters
+from .set_points import forecast
+from .steps import STEPS, prompts
 
 AXES = ("x", "y", "z")
 
@@ -46,7 +46,7 @@ PROCEDURE = Procedure(
     prompts=prompts,
     check=check,
     **usual_modules(__name__),
-    inputs=inputs,
+    inputs=Later(f"{__name__}.from_import:inputs"),
     files=Later(f"{__name__}.compensation:files_of"),
     forecast=forecast,
     outlook=Later(f"{__name__}.outlook:outlook"),

@@ -5,27 +5,61 @@ Source: fog-scale-factor-temperature document, steps 3 and 4. NumPy and SciPy on
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from .axis_turns import AxisTurns
-from .checks import axis_flags, check_flags, coarse, stated_turn_ppm, two_ways
-from .dataset import AXES, Array, FogDataset, Mask, TurnTable
-from .driving import evaluate_drive
-from .findings import AnalysisSettings, AxisFit, FogAnalysis, PublishedFit, Verified
-from .flags import data_flags, drive_flags, fit_flags, verification_flags
-from .published import published_fit
-from .solution import fit_axis
-from .table_checks import heading_resolution_deg, table_flags, unit_of_headings, upright
-from .turning import FULL_TURN_DEG, PPM, turn_errors_deg
-from .verification import verify_axis
+from station.findings import Flag
 
+from .axis_fit import AxisFit, fit_axis
+from .axis_problem import AnalysisSettings
+from .curve import CHECKED, Curve, published_curve
+from .dataset import (
+    AXES,
+    FULL_TURN_DEG,
+    PPM,
+    Array,
+    AxisTurns,
+    FogDataset,
+    Mask,
+    TurnTable,
+    turn_errors_deg,
+)
+from .flags import axis_flags, check_flags, data_flags, drive_flags, fit_flags, stated_turn_ppm
+from .table_checks import (
+    heading_resolution_deg,
+    resolution_of,
+    table_flags,
+    unit_of_headings,
+    upright,
+)
+from .verification import Driven, Verified, evaluate_drive, verification_flags, verify_axis
+
+NOT_REJECTED_RESOLUTIONS = 0.6
+"""Of one reading of the heading: the robust deviation of coarse data may be nothing."""
 NEIGHBOURS = 9
 WILD_DEVIATIONS = 8.0
 WILD_TEMPERATURE_DEGC = 5.0
-NOT_REJECTED_RESOLUTIONS = 0.6
-"""Of one reading of the heading: the robust deviation of coarse data may be nothing."""
+WAY_DEGC = 0.1
+"""From set to set: the gyro warms, or cools."""
+APART = 5.0
+FEWEST_SETS = 10
+UNIFORM = 12.0**-0.5
+COARSE_DEGC = 0.5
+SAME_PLACES = 0.25
+"""Of the turns: with fewer different headings at their beginnings, errors of rounding repeat."""
+
+
+@dataclass(frozen=True)
+class FogAnalysis:
+    """The whole outcome, axes in the order x, y, z as far as the turns concern them."""
+
+    fits: Mapping[str, AxisFit]
+    published: Mapping[str, Curve | None]
+    verified: Mapping[str, Verified]
+    driven: Driven | None
+    flags: tuple[Flag, ...]
 
 
 def analyse(dataset: FogDataset, settings: AnalysisSettings | None = None) -> FogAnalysis:
@@ -36,13 +70,13 @@ def analyse(dataset: FogDataset, settings: AnalysisSettings | None = None) -> Fo
     flags = table_flags(dataset)
     tables = axis_tables(dataset, dataset.turns)
     fits: dict[str, AxisFit] = {}
-    published: dict[str, PublishedFit] = {}
+    published: dict[str, Curve | None] = {}
     for axis, turns in tables.items():
         bias = dataset.gyro_bias_deg_per_h or 0.0
         fits[axis], found = coarse(fit_axis(turns, settings, floor_ppm, bias), dataset.turns)
         fits[axis], further = two_ways(fits[axis], turns)
         flags += found + further
-        published[axis] = published_fit(turns, dataset.initial_order)
+        published[axis] = published_curve(turns, dataset.initial_order)
     verified: dict[str, Verified] = {}
     if dataset.verification is not None:
         for axis, turns in axis_tables(dataset, dataset.verification).items():
@@ -68,6 +102,73 @@ def _held_against(fit: AxisFit, verified: Verified) -> AxisFit:
     if fit.curve is None or verified.beyond_ppm == 0.0:
         return fit
     return replace(fit, curve=fit.curve.checked(verified.beyond_ppm))
+
+
+def coarse(fit: AxisFit, table: TurnTable) -> tuple[AxisFit, list[Flag]]:
+    """Return an axis with the steps of its readings in its uncertainty, and the flag of them.
+
+    Many readings make up for steps only where they fall anywhere between two of them: headings do
+    not where the table begins each turn at the same, and a thermometer is always the same one.
+    """
+    if fit.curve is None or not fit.noise_ppm:
+        return fit, []
+    own = table.axis == fit.axis
+    grid = fit.curve.temperatures_degC(CHECKED)
+    said = []
+    step_deg = heading_resolution_deg(table)
+    places = len(np.unique(table.attitude_before_deg[own, 0]))
+    added = np.zeros(CHECKED)
+    if step_deg and places < SAME_PLACES * int(own.sum()):
+        added += step_deg * UNIFORM / FULL_TURN_DEG * PPM
+        said.append(f"headings of {step_deg:g} deg, each turn from the same heading")
+    both = np.concatenate((table.temperature_before_degC[own], table.temperature_after_degC[own]))
+    step_degC = resolution_of(both)
+    if step_degC >= COARSE_DEGC:
+        slope = np.abs(np.gradient(fit.curve.error_ppm(grid), grid))
+        added = np.hypot(added, slope * step_degC * UNIFORM)
+        said.append(f"temperatures of {step_degC:g} degC")
+    if float(added.max()) <= fit.noise_ppm * UNIFORM:
+        return fit, []
+    coarse_said = (
+        f"The readings of {fit.axis} come in coarse steps: {'; '.join(said)}. They are in the "
+        f"uncertainty by up to {added.max():.2g} ppm; record more digits."
+    )
+    found = replace(fit, curve=fit.curve.checked(added))
+    return found, [Flag("coarse-output", coarse_said, fit.axis, {"size_ppm": float(added.max())})]
+
+
+def two_ways(fit: AxisFit, turns: AxisTurns) -> tuple[AxisFit, list[Flag]]:
+    """Return an axis with what its warming and cooling turns differ by in u, and the flag of it.
+
+    A curve between the two branches of a loop leaves residuals of one sign on each.
+    """
+    kept = fit.kept & np.isfinite(fit.error_ppm)
+    if fit.curve is None or int(kept.sum()) < 2 * FEWEST_SETS:
+        return fit, []
+    middle, place = np.unique(turns.set_number[kept], return_inverse=True)
+    count = np.bincount(place)
+    heat = np.bincount(place, turns.temperature_degC[kept]) / count
+    left = np.bincount(place, fit.residual_ppm[kept]) / count
+    slope = np.gradient(heat) if len(middle) > 1 else np.zeros(1)
+    branches = [slope > WAY_DEGC, slope < -WAY_DEGC]
+    if min(int(one.sum()) for one in branches) < FEWEST_SETS:
+        return fit, []
+    shared = max(heat[one].min() for one in branches), min(heat[one].max() for one in branches)
+    inside = (heat >= shared[0]) & (heat <= shared[1])
+    up, down = (left[one & inside] for one in branches)
+    if min(len(up), len(down)) < FEWEST_SETS:
+        return fit, []
+    apart = float(up.mean() - down.mean())
+    u = float(np.sqrt(up.var(ddof=1) / len(up) + down.var(ddof=1) / len(down)))
+    if abs(apart) <= APART * u:
+        return fit, []
+    ways_said = (
+        f"The turns about {fit.axis} while the gyro cools differ by {-apart:+.2g} ppm from those "
+        "while it warms: hysteresis, or a thermometer that lags. The curve lies between them; half "
+        "of it is in the uncertainty."
+    )
+    found = replace(fit, curve=fit.curve.checked(0.5 * abs(apart)))
+    return found, [Flag("hysteresis", ways_said, fit.axis, {"size_ppm": abs(apart)})]
 
 
 def axis_tables(dataset: FogDataset, table: TurnTable) -> dict[str, AxisTurns]:

@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from procedures.fog_scale_factor_temperature.check import CHAMBER, NAVIGATOR, TABLE
-from procedures.fog_scale_factor_temperature.dataset import AXES
-from procedures.fog_scale_factor_temperature.parameters import FogParameters
-from procedures.fog_scale_factor_temperature.turning import FULL_TURN_DEG
 from station.errors import ConditionNotReached, InstrumentError, StationError
+
+from .check import CHAMBER, NAVIGATOR, TABLE
+from .dataset import AXES, FULL_TURN_DEG
+from .parameters import FogParameters
 
 if TYPE_CHECKING:
     from station.runner.run import Run

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from procedures.fog_scale_factor_temperature.drive_file import drive_in, inputs
-from procedures.fog_scale_factor_temperature.parameters import FogParameters
 from station.procedure import Problem, RecordUse
+
+from .parameters import FogParameters
 
 if TYPE_CHECKING:
     from station.instruments.bench import Bench
@@ -68,7 +68,7 @@ def table_problems(parameters: FogParameters, bench: Bench) -> Iterator[Problem]
 
 def uncertainty_problems(parameters: FogParameters) -> Iterator[Problem]:
     """Yield why the uncertainty that the plan asks for cannot be reached."""
-    from procedures.fog_scale_factor_temperature.expected import expected_uncertainty
+    from .outlook import expected_uncertainty
 
     asked = parameters.asked_uncertainty_ppm
     if asked is None:
@@ -94,6 +94,8 @@ def uncertainty_problems(parameters: FogParameters) -> Iterator[Problem]:
 def drive_problems(parameters: FogParameters) -> Iterator[Problem]:
     """Yield why the file of the vehicle test cannot be used."""
     from station.files.faults import FaultList
+
+    from .from_import import drive_in, inputs
 
     try:
         files = inputs(parameters)

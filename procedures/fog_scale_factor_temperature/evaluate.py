@@ -8,25 +8,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from procedures.fog_scale_factor_temperature.analysis import analyse
-from procedures.fog_scale_factor_temperature.band import Band
-from procedures.fog_scale_factor_temperature.check import TABLE
-from procedures.fog_scale_factor_temperature.curve import Curve
-from procedures.fog_scale_factor_temperature.dataset import FogDataset
-from procedures.fog_scale_factor_temperature.findings import (
-    AnalysisSettings,
-    AxisFit,
-    Driven,
-    FogAnalysis,
-    Verified,
-)
-from procedures.fog_scale_factor_temperature.flags import rejected_rows
-from procedures.fog_scale_factor_temperature.from_import import (
-    conditions_of,
-    dataset_of_import,
-)
-from procedures.fog_scale_factor_temperature.gaps import WIDE, within
-from procedures.fog_scale_factor_temperature.parameters import PUBLISHED_SOAK_H, FogParameters
 from station.files.faults import FaultList
 from station.findings import (
     Detail,
@@ -37,6 +18,16 @@ from station.findings import (
     Published,
     undetermined,
 )
+
+from .analysis import FogAnalysis, analyse
+from .axis_fit import WIDE, AxisFit, within
+from .axis_problem import AnalysisSettings
+from .check import TABLE
+from .curve import Band, Curve
+from .dataset import FogDataset
+from .from_import import conditions_of, dataset_of_import
+from .parameters import PUBLISHED_SOAK_H, FogParameters
+from .verification import Driven, Verified
 
 if TYPE_CHECKING:
     from station.dataset_reading import RawDataset
@@ -52,7 +43,7 @@ WIDEST_DEGC = WIDE * AnalysisSettings().temperature_gap_degC
 
 def findings_of_run(folder: RunFolder, parameters: FogParameters, bench: Bench) -> Findings:
     """Return what a run's finished turns say."""
-    from procedures.fog_scale_factor_temperature.from_record import dataset_of_run
+    from .from_record import dataset_of_run
 
     dataset = dataset_of_run(folder, parameters, bench)
     analysis = analyse(dataset, settings(parameters))
@@ -113,7 +104,7 @@ def to_findings(
             _at_reference(fit, dataset, WIDEST_DEGC),
             _largest(fit, WIDEST_DEGC),
         ]
-        paper = analysis.published[axis].curve
+        paper = analysis.published[axis]
         at = paper is not None and paper.holds(asked)
         published.append(
             Published(
@@ -205,11 +196,10 @@ def _estimate(
 def _at_reference(fit: AxisFit, dataset: FogDataset, widest_degC: float) -> Estimate:
     asked = dataset.reference_temperature_degC
     curve = fit.curve
-    rows = [] if curve is None else rejected_rows(fit)
     extra: dict[str, Any] = {
         "reference_temperature": asked,
         "model": None if curve is None else model_data(curve),
-        "rejected_rows": rows,
+        "rejected_rows": fit.rejected_rows,
     }
     if curve is None:
         return _estimate("scale_factor_error", fit, asked, False, extra)

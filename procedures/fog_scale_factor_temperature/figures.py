@@ -5,15 +5,16 @@ from __future__ import annotations
 import matplotlib as mpl
 import numpy as np
 
-from procedures.fog_scale_factor_temperature import plots
-from procedures.fog_scale_factor_temperature.band import Band
-from procedures.fog_scale_factor_temperature.dataset import FogDataset
-from procedures.fog_scale_factor_temperature.findings import FogAnalysis
 from station.findings import Findings
 from station.report.drawing import STYLE
 from station.report.numbers import NOTHING, format_number, format_with_uncertainty
 from station.report.parts import Part, Plot, Table
 from station.results import ResultDocument
+
+from . import plots
+from .analysis import FogAnalysis
+from .curve import Band
+from .dataset import FogDataset
 
 TABLE_STEP_DEGC = 5.0
 MOST_ROWS = 40
@@ -71,7 +72,7 @@ def draw_parts(findings: Findings, document: ResultDocument) -> tuple[Part, ...]
             )
     if fitted:
         parts.append(_compensation(analysis, dataset.gyro_bias_deg_per_h or 0.0))
-    if any(len(_rejected(analysis, axis)) for axis in analysis.fits):
+    if any(len(fit.rejected) for fit in analysis.fits.values()):
         parts.append(_left_out(analysis))
     return tuple(parts)
 
@@ -210,17 +211,11 @@ def _compensation(analysis: FogAnalysis, gyro_bias_deg_per_h: float) -> Table:
     )
 
 
-def _rejected(analysis: FogAnalysis, axis: str) -> list[int]:
-    fit = analysis.fits[axis]
-    meant = np.isfinite(fit.error_ppm) | fit.paired
-    return [int(n) for n in np.flatnonzero(meant & ~fit.kept)] if fit.curve is not None else []
-
-
 def _left_out(analysis: FogAnalysis) -> Table:
     rows: list[list[str]] = []
     more = 0
     for axis, fit in analysis.fits.items():
-        for n in _rejected(analysis, axis):
+        for n in fit.rejected:
             more += len(rows) >= MOST_ROWS
             if len(rows) < MOST_ROWS:
                 rows.append(

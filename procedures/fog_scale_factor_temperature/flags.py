@@ -6,35 +6,34 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from station.findings import Flag
+from station.findings import Flag, contradiction
 
-from .axis_problem import stiffness
-from .axis_turns import AxisTurns
+from .axis_fit import WIDE, AxisFit, within
+from .axis_problem import PUBLISHED_ORDER, AnalysisSettings, stiffness
 from .curve import Curve
-from .dataset import FogDataset
-from .findings import AnalysisSettings, AxisFit, Driven, Verified
-from .gaps import WIDE, within
+from .dataset import FULL_TURN_DEG, PPM, SECONDS_PER_HOUR, AxisTurns, FogDataset, Mask
+from .verification import Driven
 
 MOST_LISTED = 12
 DRIVE_BEYOND, LARGE_DEG = 5.0, 1.0
 """Standard uncertainties of a drive's error; a heading error that no reference heading has."""
 PAIRED_HEAP, SINGLE_HEAP = 3, 4
 """As many neighbouring sets without a good turn are no chance."""
-
-
-def rejected_rows(fit: AxisFit) -> list[int]:
-    """Return the rows of the turn table that the model leaves out as wrong, 0-based.
-
-    Waits among turns of one sense are no wrong rows: they tell that model nothing.
-    """
-    meant = np.isfinite(fit.error_ppm) | fit.paired
-    return [int(row) for row in fit.rows[meant & ~fit.kept]]
+LARGEST_PPM = 10_000.0
+BIASES, LEAST_BIAS_DEG_PER_H = 10.0, 1.0
+"""Gyro biases as specified, and a bias, beyond which the bias in the turns is another one."""
+FEW_SETS = 3 * PUBLISHED_ORDER
+"""With no more of them, what is called noise may be a curve of a higher order than they carry."""
+SMOOTH, FEWEST_SETS = 0.3, 10
+"""Of a difference within sets: the square of its steps over its own, 2 for noise."""
+SPEEDS = 1.6
+"""Of turns of two commands, one over the other."""
 
 
 def data_flags(turns: AxisTurns, fit: AxisFit, settings: AnalysisSettings) -> list[Flag]:
     """Return the flags on the rows of an axis: what was left out, and gaps."""
     flags = []
-    rows = rejected_rows(fit) if fit.curve is not None else []
+    rows = fit.rejected_rows
     if rows:
         shown = ", ".join(str(row) for row in rows[:MOST_LISTED])
         more = " and more" if len(rows) > MOST_LISTED else ""
@@ -170,35 +169,6 @@ def fit_flags(fit: AxisFit, dataset: FogDataset, settings: AnalysisSettings) -> 
     return flags
 
 
-def verification_flags(verified: Verified | None) -> list[Flag]:
-    """Return the flags of a verification ramp that denies the curve, or went beyond its range."""
-    if verified is None:
-        return []
-    flags = []
-    if verified.beyond_ppm > 0.0:
-        rms = float(np.sqrt(np.mean(verified.after_ppm**2)))
-        denied_said = (
-            f"The verification ramp contradicts the curve of {verified.axis}: after compensation "
-            f"its turns are {rms:.3g} ppm rms off, of which {verified.beyond_ppm:.3g} ppm are no "
-            "noise. The curve's uncertainty holds that; hysteresis, a thermometer that lags, or a "
-            "gyro that changed."
-        )
-        details: dict[str, object] = {"statement": "verification", "rms_ppm": rms}
-        flags.append(Flag("contradicts-statement", denied_said, verified.axis, details))
-    if not verified.outside:
-        return flags
-    return [
-        *flags,
-        Flag(
-            "extrapolation",
-            f"{verified.outside} verification turns about {verified.axis} were made outside the "
-            "calibrated range; there the compensation holds the value at the end of the range.",
-            verified.axis,
-            {"count": verified.outside},
-        ),
-    ]
-
-
 def drive_flags(
     driven: Driven | None, curves: Mapping[str, Curve], gyro_bias_deg_per_h: float | None
 ) -> list[Flag]:
@@ -228,8 +198,7 @@ def drive_flags(
                 "Check the sense of the turns (`turn_sense`), and latitude, signs and units of the "
                 "drive."
             )
-            details = {"statement": "drive", "explained_deg": u}
-            flags.append(Flag("contradicts-statement", denied_said, None, details))
+            flags.append(contradiction("drive", denied_said, explained_deg=u))
     if driven.outside > 0.0:
         flags.append(
             Flag(
@@ -250,4 +219,112 @@ def drive_flags(
                 {"coefficients": ["heading_error_compensated"]},
             )
         )
+    return flags
+
+
+def stated_turn_ppm(dataset: FogDataset, turns: AxisTurns) -> float | None:
+    """Return the noise of a turn that the papers of the instruments state, None without any.
+
+    Random walk over the turn, the table's accuracy, and two readings of the heading.
+    """
+    walk = dataset.angle_random_walk_deg_per_sqrt_h
+    if walk is None:
+        return None
+    turn_h = float(np.median(turns.duration_s)) / SECONDS_PER_HOUR
+    table = (dataset.turntable_accuracy_arcsec or 0.0) / SECONDS_PER_HOUR
+    square = walk**2 * turn_h + table**2 + dataset.heading_resolution_deg**2 / 6.0
+    return float(np.sqrt(square)) / FULL_TURN_DEG * PPM
+
+
+def axis_flags(turns: AxisTurns, fit: AxisFit, dataset: FogDataset) -> list[Flag]:
+    """Return the flags of turns that were not what the column of the commanded angle says."""
+    sensing = turns.usable & turns.sensing
+    if fit.curve is None or not bool(sensing.any()):
+        return []
+    flags = []
+    size = float(np.median(np.abs(turns.data_ppm[sensing])))
+    if size > LARGEST_PPM:
+        large_said = (
+            f"Half of the turns about {turns.axis} are more than {size / PPM * FULL_TURN_DEG:.1f} "
+            "deg from the commanded angle: no error of a gyro's scale factor. The angle was "
+            "another one, or the heading is not that of the turned body."
+        )
+        flags.append(contradiction("commanded_deg", large_said, turns.axis))
+    speed = np.abs(turns.commanded_deg) / turns.duration_s
+    own_speeds = [float(np.median(speed[sensing & rows])) for rows in _commands(turns, sensing)]
+    if max(own_speeds) > SPEEDS * min(own_speeds):
+        fast_said = (
+            f"By their times the turns about {turns.axis} of one command are "
+            f"{max(own_speeds) / min(own_speeds):.2g} times as fast as those of another: a "
+            "commanded angle was another one. Correct the column `commanded_deg`."
+        )
+        flags.append(contradiction("commanded_deg", fast_said, turns.axis))
+    left = turns.data_ppm - turns.turns * fit.curve.error_ppm(turns.temperature_degC)
+    apart = []
+    for number in turns.sets():
+        own = np.flatnonzero(sensing & (turns.set_number == number))
+        same = np.abs(turns.commanded_deg[own] - turns.commanded_deg[own[:1]]) < 1.0
+        soon = turns.middle_s[own] - turns.middle_s[own[:1]] < turns.set_interval_s
+        apart += [float(left[own[0]] - left[n]) for n in own[same & soon][1:2]]
+    course = np.array(apart)
+    power = float(course @ course)
+    if len(course) >= FEWEST_SETS and float(np.sum(np.diff(course) ** 2)) < SMOOTH * power:
+        sign_said = (
+            f"Turns about {turns.axis} of the same command in the same set differ by "
+            f"{np.sqrt(power / len(course)):.3g} ppm, set after set alike: one of them was another "
+            "turn than its command says, in the other sense, or a wait."
+        )
+        flags.append(contradiction("commanded_deg", sign_said, turns.axis))
+    spec, bias = dataset.gyro_bias_deg_per_h, fit.bias_deg_per_h
+    if (
+        fit.paired
+        and spec
+        and bias is not None
+        and abs(bias) > max(BIASES * spec, LEAST_BIAS_DEG_PER_H)
+    ):
+        bias_said = (
+            f"The bias in the turns about {turns.axis} is {bias:.3g} deg/h, the stated one "
+            f"{spec:g} deg/h: a rate of the earth that was not taken off, a commanded angle that "
+            "was another one, or another gyro."
+        )
+        flags.append(contradiction("gyro_bias", bias_said, turns.axis, bias_deg_per_h=bias))
+    return flags
+
+
+def _commands(turns: AxisTurns, sensing: Mask) -> list[Mask]:
+    """Return the rows of each commanded angle, those within a degree taken as one."""
+    whole = np.rint(turns.commanded_deg)
+    return [whole == one for one in np.unique(whole[sensing])]
+
+
+def check_flags(fit: AxisFit, stated_ppm: float | None, settings: AnalysisSettings) -> list[Flag]:
+    """Return the flags of a curve that its own turns contradict, and of noise beyond the stated."""
+    flags = []
+    found = fit.misfit
+    if found is not None and found.sure:
+        shape = f"a feature some {2.4 * found.width_degC:.1f} degC wide"
+        if found.kink:
+            shape = f"a kink of {found.slope_ppm_per_degC:+.2g} ppm/degC"
+        misfit_said = (
+            f"The turns about {fit.axis} show {shape} at {found.at_degC:.1f} degC, which the "
+            f"polynomial does not follow; it is up to {found.size_ppm:.2g} ppm off there, and its "
+            "uncertainty holds that."
+        )
+        details = {
+            "at_degC": found.at_degC,
+            "size_ppm": found.size_ppm,
+            "shape": "kink" if found.kink else "feature",
+        }
+        flags.append(Flag("misfit", misfit_said, fit.axis, details))
+    noise = fit.noise_ppm
+    if stated_ppm and noise is not None and noise > settings.noise_beyond_statement * stated_ppm:
+        few = fit.sets <= FEW_SETS
+        more = f"measure more sets ({fit.sets} show no curve of high order), " if few else ""
+        noise_said = (
+            f"The noise of a turn about {fit.axis} is {noise:.3g} ppm; random walk, table and "
+            f"heading as stated make {stated_ppm:.2g} ppm. The uncertainty follows the data; look "
+            f"for what disturbs the turns, {more}or state what is true."
+        )
+        noisy = {"noise_ppm": noise, "stated_ppm": stated_ppm}
+        flags.append(contradiction("angle_random_walk", noise_said, fit.axis, **noisy))
     return flags

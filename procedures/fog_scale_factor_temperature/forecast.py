@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import math
 
-from procedures.fog_scale_factor_temperature.parameters import FogParameters
-from procedures.fog_scale_factor_temperature.turning import SECONDS_PER_HOUR
+from .dataset import SECONDS_PER_HOUR
+from .parameters import FogParameters
 
 EXPECTED_HEAT_DEGC = 5.0
 """By how much gyros warm themselves."""

@@ -1,4 +1,4 @@
-"""From an imported dataset folder to the dataset of the analysis."""
+"""From an imported dataset folder to the dataset of the analysis, and a plan's drive."""
 
 from __future__ import annotations
 
@@ -8,17 +8,14 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import numpy as np
 from pydantic import Field, ValidationInfo, field_validator
 
-from procedures.fog_scale_factor_temperature.dataset import (
-    AXES,
-    Array,
-    Drive,
-    FogDataset,
-    TurnTable,
-)
 from station.dataset_reading import MOST_FAULTS, Table, check_ascending, read_table
 from station.fields import Celsius, Degree, Second, StrictModel, Unit
 from station.files.faults import Fault, FaultList, listed, nearest
+from station.files.lookup import find
 from station.files.validation import validate_model
+
+from .dataset import AXES, Array, Drive, FogDataset, TurnTable
+from .parameters import FogParameters
 
 if TYPE_CHECKING:
     from station.dataset_reading import RawDataset
@@ -32,6 +29,9 @@ DRIVE_COLUMNS = (
     *(f"rate_{axis}_deg_per_s" for axis in AXES),
     *(f"temperature_{axis}_degC" for axis in AXES),
 )
+PLACE = "inputs/drive.csv"
+"""Where a run folder keeps the drive, byte by byte as it was when the run began."""
+DRIVES, SUFFIX = "drives", ".csv"
 
 
 class Conditions(StrictModel):
@@ -95,6 +95,25 @@ def dataset_of_import(raw: RawDataset, conditions: Conditions) -> FogDataset:
         drive=drive,
         history=history_of(turns),
     )
+
+
+def inputs(parameters: FogParameters) -> dict[str, Path]:
+    """Return the file that the plan names, by its place in a run; FaultList where there is none."""
+    if parameters.drive is None:
+        return {}
+    return {PLACE: find(DRIVES, parameters.drive.file, SUFFIX)}
+
+
+def drive_in(path: Path, parameters: FogParameters) -> Drive | None:
+    """Return the drive in a file by what the plan says of it, None where the plan names none.
+
+    FaultList names file, row and reason.
+    """
+    test = parameters.drive
+    if test is None:
+        return None
+    latitude_deg = parameters.latitude_deg if test.latitude_deg is None else test.latitude_deg
+    return read_drive(path, latitude_deg, test.initial_heading_deg)
 
 
 def read_turns(path: Path, full_attitude: bool) -> TurnTable:

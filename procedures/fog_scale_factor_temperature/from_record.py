@@ -1,4 +1,4 @@
-"""From a run's raw rows to the dataset: attitude and temperature before and after each turn."""
+"""From a run to the dataset: attitude and temperature before and after each turn."""
 
 from __future__ import annotations
 
@@ -7,23 +7,24 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from procedures.fog_scale_factor_temperature.bench_work import BETWEEN_TURNS, PROOF, RAMP
-from procedures.fog_scale_factor_temperature.check import CHAMBER, NAVIGATOR
-from procedures.fog_scale_factor_temperature.dataset import AXES, FogDataset, TurnTable
-from procedures.fog_scale_factor_temperature.drive_file import PLACE, drive_in
-from procedures.fog_scale_factor_temperature.parameters import FogParameters
 from station.errors import MissingRows
+
+from .bench_work import BETWEEN_TURNS, PROOF, RAMP
+from .check import CHAMBER, NAVIGATOR
+from .dataset import AXES, FogDataset, TurnTable
+from .from_import import PLACE, drive_in
+from .parameters import FogParameters
 
 if TYPE_CHECKING:
     from station.instruments.bench import Bench
     from station.record.folder import RunFolder
+
 
 Array = NDArray[np.float64]
 ARRIVAL = "arrival_time_s"
 ATTITUDE = ("heading_deg", "pitch_deg", "roll_deg")
 THINNED = 5
 """Of the blocks of outputs between turns, which are many, one of so many is drawn."""
-
 SHORT_OF_MOTION_S = 0.3
 """The last outputs before a turn may already have left when it began; they arrive late."""
 

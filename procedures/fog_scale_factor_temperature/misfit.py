@@ -9,6 +9,7 @@ knocked turn disagrees with its partner, a feature of the gyro does not.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -23,12 +24,9 @@ from procedures.estimation.orthogonal import (
     thin_qr,
 )
 
-from .axis_problem import PUBLISHED_ORDER, AxisProblem, Solved
+from .axis_problem import PUBLISHED_ORDER, AxisProblem, Solved, Walk, deleted_residuals
 from .curve import CHECKED, chebyshev_columns
-from .dataset import Array, Index, Mask
-from .findings import Misfit
-from .sets import sets_that_tell_the_bias
-from .wandering_bias import Walk, deleted_residuals
+from .dataset import Array, Index, Mask, sets_that_tell_the_bias
 
 CHANCE = 1e-3
 """How often noise alone makes a misfit of any shape, at most."""
@@ -51,6 +49,25 @@ LONE_SETS = 3
 BESIDE, SHARE_BESIDE = 2.5, 0.06
 """Beside a turn that is off in a feature its neighbours are, too: by so many deviations of their
 sum, and by so much of what it is off."""
+
+
+@dataclass(frozen=True)
+class Misfit:
+    """What the curve does not follow: `size_ppm` is the largest that it leaves.
+
+    Where it is not `sure` chance makes it now and then.
+    `kink` says whether the slope changes at `at_degC`, by `slope_ppm_per_degC`; else it is a bump
+    whose standard deviation is `width_degC`. `left_ppm` (n,) is what the curve leaves at the
+    `CHECKED` even temperatures of its range.
+    """
+
+    sure: bool
+    kink: bool
+    at_degC: float
+    width_degC: float
+    slope_ppm_per_degC: float
+    size_ppm: float
+    left_ppm: Array
 
 
 def misfit_of(

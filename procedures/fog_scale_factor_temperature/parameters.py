@@ -6,8 +6,9 @@ from typing import Annotated, Literal
 
 from pydantic import Field, ValidationInfo, field_validator
 
-from procedures.fog_scale_factor_temperature.schedule import Schedule
 from station.fields import Celsius, Degree, StrictModel, Unit, WarmUpWindow
+
+from .schedule import Schedule
 
 Axis = Literal["x", "y", "z"]
 Turns = Literal["as_published", "pairs", "+--+"]

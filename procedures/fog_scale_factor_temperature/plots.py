@@ -6,10 +6,6 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from procedures.fog_scale_factor_temperature.band import Band
-from procedures.fog_scale_factor_temperature.dataset import FogDataset
-from procedures.fog_scale_factor_temperature.findings import AxisFit, Driven, FogAnalysis, Verified
-from procedures.fog_scale_factor_temperature.turning import SECONDS_PER_HOUR
 from station.report.drawing import (
     BLUE,
     GREEN,
@@ -22,6 +18,12 @@ from station.report.drawing import (
     label_above,
     new_figure,
 )
+
+from .analysis import FogAnalysis
+from .axis_fit import AxisFit
+from .curve import Band
+from .dataset import SECONDS_PER_HOUR, FogDataset
+from .verification import Driven, Verified
 
 COLOURS = {"x": BLUE, "y": VERMILION, "z": GREEN}
 GRID = 201
@@ -78,7 +80,7 @@ def _curve(axes: Axes, fit: AxisFit, analysis: FogAnalysis) -> None:
         label="turns",
     )
     axes.plot(heat, fit.curve.error_ppm(heat), color=INK, linewidth=1.2, label="curve")
-    published = analysis.published[fit.axis].curve
+    published = analysis.published[fit.axis]
     if published is not None:
         values = published.error_ppm(heat)
         axes.plot(heat, values, "--", color=PURPLE, linewidth=1.2, label="published rule", zorder=4)

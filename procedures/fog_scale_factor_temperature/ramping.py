@@ -8,19 +8,13 @@ from dataclasses import dataclass
 from itertools import count
 from typing import TYPE_CHECKING
 
-from procedures.fog_scale_factor_temperature.bench_work import (
-    COOLING,
-    PROOF,
-    RAMP,
-    BenchWork,
-    work_of,
-)
-from procedures.fog_scale_factor_temperature.check import CHAMBER, NAVIGATOR
-from procedures.fog_scale_factor_temperature.dataset import AXES
-from procedures.fog_scale_factor_temperature.forecast import PROVED_WITHIN_DEGC
-from procedures.fog_scale_factor_temperature.parameters import FogParameters
-from procedures.fog_scale_factor_temperature.turning import SECONDS_PER_HOUR
 from station.errors import ConditionNotReached
+
+from .bench_work import COOLING, PROOF, RAMP, BenchWork, work_of
+from .check import CHAMBER, NAVIGATOR
+from .dataset import AXES, SECONDS_PER_HOUR
+from .forecast import PROVED_WITHIN_DEGC
+from .parameters import FogParameters
 
 if TYPE_CHECKING:
     from station.runner.run import Run

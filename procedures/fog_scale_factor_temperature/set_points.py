@@ -6,12 +6,13 @@ from collections.abc import Iterator
 from itertools import accumulate
 from typing import TYPE_CHECKING
 
-from procedures.fog_scale_factor_temperature.bench_work import CHAMBER_EVERY_S, UP
-from procedures.fog_scale_factor_temperature.check import CHAMBER, NAVIGATOR, POWER, TABLE
-from procedures.fog_scale_factor_temperature.forecast import APPROACH_S, proof_s, ramp_s, soak_s
-from procedures.fog_scale_factor_temperature.parameters import FogParameters
-from procedures.fog_scale_factor_temperature.turning import FULL_TURN_DEG
 from station.procedure import Forecast, Recording, SetPoint
+
+from .bench_work import CHAMBER_EVERY_S, UP
+from .check import CHAMBER, NAVIGATOR, POWER, TABLE
+from .dataset import FULL_TURN_DEG
+from .forecast import APPROACH_S, proof_s, ramp_s, soak_s
+from .parameters import FogParameters
 
 if TYPE_CHECKING:
     from station.instruments.bench import Bench

@@ -16,9 +16,8 @@ from typing import Any
 
 import numpy as np
 
-from .dataset import AXES, Array, Drive
-from .driving import EARTH_RATE_DEG_PER_H
-from .turning import PPM, SECONDS_PER_HOUR
+from .dataset import AXES, PPM, SECONDS_PER_HOUR, Array, Drive
+from .verification import EARTH_RATE_DEG_PER_H
 
 STOP_S = 20.0
 STRAIGHT_S = 40.0

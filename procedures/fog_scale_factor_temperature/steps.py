@@ -9,33 +9,15 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from procedures.fog_scale_factor_temperature.bench_work import (
-    PROOF,
-    RAMP,
-    RANDOM,
-    SOAK,
-    WARM_UP,
-    work_of,
-)
-from procedures.fog_scale_factor_temperature.check import CHAMBER, NAVIGATOR, POWER
-from procedures.fog_scale_factor_temperature.forecast import (
-    EXPECTED_HEAT_DEGC,
-    proof_s,
-    ramp_s,
-    soak_s,
-)
-from procedures.fog_scale_factor_temperature.parameters import FogParameters
-from procedures.fog_scale_factor_temperature.ramping import (
-    Ramp,
-    coldest_degC,
-    cool_down,
-    last_turn,
-    make_ramp,
-    soak_again,
-)
-from procedures.fog_scale_factor_temperature.turning import SECONDS_PER_HOUR
 from station.errors import ConditionNotReached
 from station.procedure import Prompt, Step
+
+from .bench_work import PROOF, RAMP, RANDOM, SOAK, WARM_UP, work_of
+from .check import CHAMBER, NAVIGATOR, POWER
+from .dataset import SECONDS_PER_HOUR
+from .forecast import EXPECTED_HEAT_DEGC, proof_s, ramp_s, soak_s
+from .parameters import FogParameters
+from .ramping import Ramp, coldest_degC, cool_down, last_turn, make_ramp, soak_again
 
 if TYPE_CHECKING:
     from station.runner.run import Run
@@ -181,8 +163,8 @@ def fit(run: Run) -> None:
     """Step 3: heading differences over gyro temperature, and a polynomial, of what is recorded."""
     import numpy as np
 
-    from procedures.fog_scale_factor_temperature.analysis import analyse
-    from procedures.fog_scale_factor_temperature.from_record import dataset_of_run
+    from .analysis import analyse
+    from .from_record import dataset_of_run
 
     found = analyse(dataset_of_run(run.read_back(), run.parameters, run.bench))
     for axis, one in found.fits.items():

@@ -4,10 +4,18 @@ from __future__ import annotations
 
 import numpy as np
 
-from station.findings import Flag
+from station.findings import Flag, contradiction
 
-from .dataset import AXES, Array, FogDataset, Mask, TurnTable
-from .turning import FULL_TURN_DEG, SECONDS_PER_HOUR, rotation_to_navigation
+from .dataset import (
+    AXES,
+    FULL_TURN_DEG,
+    SECONDS_PER_HOUR,
+    Array,
+    FogDataset,
+    Mask,
+    TurnTable,
+    rotation_to_navigation,
+)
 
 RADIANS = 2.0 * np.pi
 UNITS = {
@@ -104,14 +112,7 @@ def table_flags(dataset: FogDataset) -> list[Flag]:
                 f"The headings of `{name}` look like {unit}: they fill one turn of that unit and "
                 "no more. The columns are in degrees; nothing is reported from them. Convert them."
             )
-            flags.append(
-                Flag(
-                    "contradicts-statement",
-                    unit_said,
-                    None,
-                    {"statement": "heading_deg", "file": name},
-                )
-            )
+            flags.append(contradiction("heading_deg", unit_said, file=name))
         wrong = sorted({str(one) for one in table.axis[~upright(table, dataset.full_attitude)]})
         if wrong and unit is None:
             axis_said = (
@@ -119,14 +120,7 @@ def table_flags(dataset: FogDataset) -> list[Flag]:
                 f"({', '.join(wrong)}): an axis called by another's name, mounted upside down, or "
                 "pitch and roll exchanged. Such turns are left out. Correct the column `axis`."
             )
-            flags.append(
-                Flag(
-                    "contradicts-statement",
-                    axis_said,
-                    None,
-                    {"statement": "axis", "axes": wrong, "file": name},
-                )
-            )
+            flags.append(contradiction("axis", axis_said, axes=wrong, file=name))
         flags += _temperature_flags(dataset, name, table) + _repeats(name, table)
         flags += _times(name, table) + _resolution(dataset, name, table)
     return flags
@@ -148,9 +142,7 @@ def _times(name: str, table: TurnTable) -> list[Flag]:
         f"changes by {spread:.3g} degC in {span_h:.3g} h: the times are not in seconds. The part "
         "of the gyro's bias follows them; convert the columns."
     )
-    return [
-        Flag("contradicts-statement", times_said, None, {"statement": "t_before_s", "file": name})
-    ]
+    return [contradiction("t_before_s", times_said, file=name)]
 
 
 def resolution_of(values: Array) -> float:
@@ -181,14 +173,7 @@ def _resolution(dataset: FogDataset, name: str, table: TurnTable) -> list[Flag]:
         f"The headings of `{name}` come in steps of {found:g} deg, the stated resolution is "
         f"{stated:g} deg: digits were lost. Export them with all digits, or state what is true."
     )
-    return [
-        Flag(
-            "contradicts-statement",
-            steps_said,
-            None,
-            {"statement": "heading_resolution", "file": name},
-        )
-    ]
+    return [contradiction("heading_resolution", steps_said, file=name)]
 
 
 def _temperature_flags(dataset: FogDataset, name: str, table: TurnTable) -> list[Flag]:
@@ -225,12 +210,11 @@ def _temperature_flags(dataset: FogDataset, name: str, table: TurnTable) -> list
             text = "are the chamber's: a gyro lags the chamber and warms itself"
             said.append(("gyro_temperature", text))
     flags = [
-        Flag(
-            "contradicts-statement",
+        contradiction(
+            statement,
             f"The gyro temperatures of `{name}` {text}. The curve stands at temperatures that may "
             "be wrong; correct the columns `gyro_temperature_…`.",
-            None,
-            {"statement": statement, "file": name},
+            file=name,
         )
         for statement, text in said
     ]
@@ -276,14 +260,7 @@ def _thermometers(name: str, table: TurnTable) -> list[Flag]:
                 f"{min(swings):.1f} degC and more: another unit, a drift, or a loose sensor. The "
                 "curve of this axis stands at wrong temperatures."
             )
-            flags.append(
-                Flag(
-                    "contradicts-statement",
-                    apart_said,
-                    axis,
-                    {"statement": "gyro_temperature", "file": name},
-                )
-            )
+            flags.append(contradiction("gyro_temperature", apart_said, axis, file=name))
     return flags
 
 

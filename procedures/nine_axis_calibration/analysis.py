@@ -16,20 +16,34 @@ from procedures.estimation.allan import (
     pooled_deviation,
 )
 from procedures.estimation.noise import grid_index
-
-from .attitude import PAIRS, BiasSolution, GyroGain, StaticMeans, solve_biases
-from .checks import denied_rotation, plausible, record_flags, statement_flags
-from .dataset import NineAxisDataset, Prior, StaticRecord
-from .estimates import bias_estimates, scale_estimates
-from .findings import AnalysisSettings, NineAxisAnalysis, StaticSummary
-from .flags import data_flags, frozen_flags, result_flags
-from .means import interval_of, means_of
-from .pose import check_together
-from .positions import earth_rate
-from .published import published_values
-from .scale import ScaleSolution, solve_axis
-from .screening import without_frozen, without_saturated
-from .turning import axis_means
+from procedures.nine_axis_calibration.attitude import (
+    PAIRS,
+    BiasSolution,
+    GyroGain,
+    StaticMeans,
+    solve_biases,
+)
+from procedures.nine_axis_calibration.checks import (
+    denied_rotation,
+    plausible,
+    record_flags,
+    statement_flags,
+)
+from procedures.nine_axis_calibration.dataset import NineAxisDataset, Prior, StaticRecord
+from procedures.nine_axis_calibration.estimates import bias_estimates, scale_estimates
+from procedures.nine_axis_calibration.findings import (
+    AnalysisSettings,
+    NineAxisAnalysis,
+    StaticSummary,
+)
+from procedures.nine_axis_calibration.flags import data_flags, frozen_flags, result_flags
+from procedures.nine_axis_calibration.means import interval_of, means_of
+from procedures.nine_axis_calibration.pose import check_together
+from procedures.nine_axis_calibration.positions import earth_rate
+from procedures.nine_axis_calibration.published import published_values
+from procedures.nine_axis_calibration.scale import ScaleSolution, solve_axis
+from procedures.nine_axis_calibration.screening import without_frozen, without_saturated
+from procedures.nine_axis_calibration.turning import axis_means
 
 Array = NDArray[np.float64]
 

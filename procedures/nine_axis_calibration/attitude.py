@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .dataset import Prior
-from .positions import ATTITUDES, earth_rate
+from procedures.nine_axis_calibration.dataset import Prior
+from procedures.nine_axis_calibration.positions import ATTITUDES, earth_rate
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

@@ -9,13 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
+from procedures.nine_axis_calibration.dataset import AXES, Prior
+from procedures.nine_axis_calibration.findings import StaticSummary
+from procedures.nine_axis_calibration.positions import ATTITUDES, EARTH_RATE_deg_per_h
+from procedures.nine_axis_calibration.scale import ScaleSolution
+from procedures.nine_axis_calibration.turning import AxisMeans
 from station.findings import Flag
-
-from .dataset import AXES, Prior
-from .findings import StaticSummary
-from .positions import ATTITUDES, EARTH_RATE_deg_per_h
-from .scale import ScaleSolution
-from .turning import AxisMeans
 
 Array = NDArray[np.float64]
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .dataset import TurnRecord
+from procedures.nine_axis_calibration.dataset import TurnRecord
 
 Array = NDArray[np.float64]
 

@@ -7,13 +7,20 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from procedures.nine_axis_calibration.attitude import PAIRS, BiasSolution
+from procedures.nine_axis_calibration.dataset import AXES, Prior
+from procedures.nine_axis_calibration.findings import (
+    ASYMMETRY,
+    BIAS,
+    FRAME,
+    MISALIGNMENT,
+    NONLINEARITY,
+    SCALE_FACTOR,
+    UNITS,
+)
+from procedures.nine_axis_calibration.scale import ScaleSolution, Value
+from procedures.nine_axis_calibration.turning import AxisMeans
 from station.findings import Estimate, undetermined
-
-from .attitude import PAIRS, BiasSolution
-from .dataset import AXES, Prior
-from .findings import ASYMMETRY, BIAS, FRAME, MISALIGNMENT, NONLINEARITY, SCALE_FACTOR, UNITS
-from .scale import ScaleSolution, Value
-from .turning import AxisMeans
 
 Array = NDArray[np.float64]
 

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .attitude import GyroGain, StaticMeans, solve_biases
-from .dataset import Prior
-from .pose import expected_rates
-from .positions import EAST_AXIS, earth_rate, gravity_pattern
+from procedures.nine_axis_calibration.attitude import GyroGain, StaticMeans, solve_biases
+from procedures.nine_axis_calibration.dataset import Prior
+from procedures.nine_axis_calibration.pose import expected_rates
+from procedures.nine_axis_calibration.positions import EAST_AXIS, earth_rate, gravity_pattern
 
 Array = NDArray[np.float64]
 

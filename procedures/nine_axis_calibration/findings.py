@@ -9,13 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from procedures.estimation.allan import AllanDeviation, NoiseCoefficients
+from procedures.nine_axis_calibration.attitude import BiasSolution
+from procedures.nine_axis_calibration.means import Mask
+from procedures.nine_axis_calibration.pose import Pose, PoseLimits
+from procedures.nine_axis_calibration.scale import ScaleSolution
+from procedures.nine_axis_calibration.turning import AxisMeans
 from station.findings import Estimate, Flag, Published
-
-from .attitude import BiasSolution
-from .means import Mask
-from .pose import Pose, PoseLimits
-from .scale import ScaleSolution
-from .turning import AxisMeans
 
 Array = NDArray[np.float64]
 

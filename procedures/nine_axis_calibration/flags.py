@@ -7,11 +7,9 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from station.findings import Estimate, Flag, Published
-
-from .attitude import BiasSolution
-from .dataset import AXES, NineAxisDataset
-from .findings import (
+from procedures.nine_axis_calibration.attitude import BiasSolution
+from procedures.nine_axis_calibration.dataset import AXES, NineAxisDataset
+from procedures.nine_axis_calibration.findings import (
     ASYMMETRY,
     BIAS,
     MISALIGNMENT,
@@ -19,11 +17,12 @@ from .findings import (
     AnalysisSettings,
     StaticSummary,
 )
-from .means import interval_of
-from .positions import PUBLISHED
-from .scale import ScaleSolution
-from .screening import Saturated
-from .turning import AxisMeans
+from procedures.nine_axis_calibration.means import interval_of
+from procedures.nine_axis_calibration.positions import PUBLISHED
+from procedures.nine_axis_calibration.scale import ScaleSolution
+from procedures.nine_axis_calibration.screening import Saturated
+from procedures.nine_axis_calibration.turning import AxisMeans
+from station.findings import Estimate, Flag, Published
 
 Array = NDArray[np.float64]
 

@@ -8,12 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import numpy as np
 from pydantic import Field
 
-from procedures.nine_axis_calibration.dataset import (
-    AXES,
-    NineAxisDataset,
-    StaticRecord,
-    TurnRecord,
-)
+from procedures.nine_axis_calibration.dataset import AXES, NineAxisDataset, StaticRecord, TurnRecord
 from procedures.nine_axis_calibration.encoder import unwrap
 from procedures.nine_axis_calibration.means import Array, interval_of
 from procedures.nine_axis_calibration.outlook import prior_of

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
-from .dataset import TurnRecord
-from .encoder import SMALLEST_WILD_DEG, Encoder
+from procedures.nine_axis_calibration.dataset import TurnRecord
+from procedures.nine_axis_calibration.encoder import SMALLEST_WILD_DEG, Encoder
 
 Array = NDArray[np.float64]
 

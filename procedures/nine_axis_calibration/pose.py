@@ -9,7 +9,7 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from .positions import ATTITUDES, earth_rate, gravity_pattern
+from procedures.nine_axis_calibration.positions import ATTITUDES, earth_rate, gravity_pattern
 
 Array = NDArray[np.float64]
 

@@ -6,11 +6,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from procedures.nine_axis_calibration.dataset import AXES, NineAxisDataset, StaticRecord, TurnRecord
+from procedures.nine_axis_calibration.findings import BIAS, SCALE_FACTOR, UNITS
+from procedures.nine_axis_calibration.positions import EAST_AXIS
 from station.findings import Published
-
-from .dataset import AXES, NineAxisDataset, StaticRecord, TurnRecord
-from .findings import BIAS, SCALE_FACTOR, UNITS
-from .positions import EAST_AXIS
 
 
 def published_values(dataset: NineAxisDataset, turned: Sequence[int]) -> tuple[Published, ...]:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
-from .turning import AxisMeans
+from procedures.nine_axis_calibration.turning import AxisMeans
 
 Array = NDArray[np.float64]
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
-from .dataset import NineAxisDataset, TurnRecord
+from procedures.nine_axis_calibration.dataset import NineAxisDataset, TurnRecord
 
 Array = NDArray[np.float64]
 

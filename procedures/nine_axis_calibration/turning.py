@@ -10,11 +10,10 @@ from scipy.stats import chi2
 
 from procedures.estimation.noise import grid_index
 from procedures.estimation.robust import robust_sigma
-
-from .dataset import TurnRecord
-from .encoder import Encoder, unwrap
-from .graduation import without_graduation
-from .means import (
+from procedures.nine_axis_calibration.dataset import TurnRecord
+from procedures.nine_axis_calibration.encoder import Encoder, unwrap
+from procedures.nine_axis_calibration.graduation import without_graduation
+from procedures.nine_axis_calibration.means import (
     BLOCKS,
     COARSE,
     QUANTUM_PART,

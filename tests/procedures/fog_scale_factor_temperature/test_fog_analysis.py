@@ -8,10 +8,9 @@ import numpy as np
 import pytest
 from fog_records import CURVES, NOISE_DEG, knocked, only, other, quartic, record
 
-from procedures.fog_scale_factor_temperature.analysis import analyse
-from procedures.fog_scale_factor_temperature.band import Band
-from procedures.fog_scale_factor_temperature.curve import Curve
-from procedures.fog_scale_factor_temperature.findings import AxisFit, FogAnalysis
+from procedures.fog_scale_factor_temperature.analysis import FogAnalysis, analyse
+from procedures.fog_scale_factor_temperature.axis_fit import AxisFit
+from procedures.fog_scale_factor_temperature.curve import Band, Curve
 
 WAITING = (360, 0)
 
@@ -223,7 +222,7 @@ def test_nothing_is_said_outside_the_range_of_the_turns() -> None:
 def test_the_published_rule_takes_bias_and_wild_turns_for_scale_factor() -> None:
     dataset = knocked(record(0, bias_deg_per_h=0.3), [40], 0.1)
     analysis = analyse(dataset)
-    published = analysis.published["x"].curve
+    published = analysis.published["x"]
     assert published is not None
     assert published.order == 4
     assert np.abs(off_ppm(published)).max() > 10.0

@@ -25,13 +25,13 @@ from procedures.fog_scale_factor_temperature.compensation import (
 )
 from procedures.fog_scale_factor_temperature.curve import Curve
 from procedures.fog_scale_factor_temperature.dataset import FogDataset, TurnTable
-from procedures.fog_scale_factor_temperature.driving import evaluate_drive, heading_deg
 from procedures.fog_scale_factor_temperature.from_import import read_drive
 from procedures.fog_scale_factor_temperature.simulated_drive import (
     drive_csv,
     drive_of_truth,
     simulated_drive,
 )
+from procedures.fog_scale_factor_temperature.verification import evaluate_drive, heading_deg
 from station.files.lookup import BENCHES, find
 
 COMPILER = next(filter(None, map(shutil.which, ("cc", "gcc", "clang"))), None)

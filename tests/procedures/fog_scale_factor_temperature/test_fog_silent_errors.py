@@ -9,10 +9,9 @@ import numpy as np
 import pytest
 from fog_records import CURVES, NOISE_DEG, Array, only, quartic, record
 
-from procedures.fog_scale_factor_temperature.analysis import analyse
+from procedures.fog_scale_factor_temperature.analysis import FogAnalysis, analyse
 from procedures.fog_scale_factor_temperature.dataset import FogDataset, TurnTable
 from procedures.fog_scale_factor_temperature.evaluate import to_findings
-from procedures.fog_scale_factor_temperature.findings import FogAnalysis
 from station.findings import Estimate, Flag
 from station.results import Combined, combine
 

@@ -9,8 +9,8 @@ import pytest
 from fog_records import record
 from numpy.typing import NDArray
 
-from procedures.fog_scale_factor_temperature.dataset import TurnTable
-from procedures.fog_scale_factor_temperature.turning import (
+from procedures.fog_scale_factor_temperature.dataset import (
+    TurnTable,
     rotation_to_navigation,
     turn_errors_deg,
     wrapped_deg,

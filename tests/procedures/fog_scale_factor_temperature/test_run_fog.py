@@ -12,7 +12,7 @@ from fault_truths import fog_curve_ppm
 from fog_runs import short_run
 from resume_helpers import raw_hashes
 
-from procedures.fog_scale_factor_temperature.drive_file import PLACE
+from procedures.fog_scale_factor_temperature.from_import import PLACE
 from station.cli.analysing import analyse_run
 from station.files.lookup import find
 from station.record.folder import RunFolder

@@ -1,0 +1,333 @@
+"""The best estimate for one axis: robust, bias and all, with an order that the data ask for."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from procedures.estimation.linear import combine
+from procedures.estimation.orthogonal import keep_inliers, solve_by_qr
+
+from .axis_problem import (
+    PUBLISHED_ORDER,
+    AnalysisSettings,
+    AxisProblem,
+    Solved,
+    Walk,
+    deleted_residuals,
+)
+from .curve import CHECKED, Curve, chebyshev_columns
+from .dataset import SECONDS_PER_HOUR, Array, AxisTurns, Index, Mask, noise_of_sets
+from .misfit import Misfit, misfit_of
+
+START_BIAS_ORDER = 6
+START_THRESHOLD = 1.6
+"""Of the rejection's: the first look has no model of the bias's walk."""
+START_ORDERS = (4, 9, 20)
+WILD_SHARE = 0.05
+ROUNDS = 25
+Gaps = tuple[tuple[float, float], ...]
+UNSEEN = 2.5
+"""Standard deviations of a coefficient that the information criterion leaves out."""
+FURTHER_ORDERS = 2
+WIDE = 2.0
+"""Times the threshold of the flag: from such a width on no value is given within."""
+LEAST_NOISE = 0.5
+"""Of what is called noise at least: readings that all round alike have none, and are not exact."""
+
+
+def first_look(problem: AxisProblem, order: int) -> Mask:
+    """Return the rows that a look by least magnitudes, of this order, does not throw out."""
+    kept: Mask = problem.candidates.copy()
+    highest = problem.highest_order(kept)
+    if highest < 0:
+        return kept
+    order = min(order, highest, max(int(kept.sum()) // 5, 1))
+    design, _ = problem.design(problem.domain(kept), order, START_BIAS_ORDER)
+    inside = keep_inliers(
+        design[kept], problem.data[kept], START_THRESHOLD * problem.settings.outlier
+    )
+    near = np.zeros(len(kept), dtype=bool)
+    near[np.flatnonzero(kept)] = inside
+    # Quantised data may have a robust deviation of nothing: never reject within the floor.
+    if problem.floor_ppm > 0.0:
+        found = solve_by_qr(design[near], problem.data[near]).coefficients
+        reach = START_THRESHOLD * problem.settings.outlier * problem.floor_ppm
+        near |= kept & (np.abs(problem.data - design @ found) <= reach)
+    return near
+
+
+def reject(problem: AxisProblem) -> tuple[Mask, Solved | None]:
+    """Return the rows that agree with what the others foretell, and their solution.
+
+    From several first looks: a stiff one takes a feature of the curve for wild turns, a soft
+    one a wild turn at the end of the range for the curve. The likeliest of their ends counts.
+    """
+    ends: dict[bytes, tuple[Mask, Solved | None]] = {}
+    begun: set[bytes] = set()
+    for order in START_ORDERS:
+        kept = first_look(problem, order)
+        if kept.tobytes() not in begun:
+            begun.add(kept.tobytes())
+            found = _settle(problem, kept)
+            ends.setdefault(found[0].tobytes(), found)
+    return min(ends.values(), key=lambda end: _surprise(problem, end))
+
+
+def _surprise(problem: AxisProblem, end: tuple[Mask, Solved | None]) -> float:
+    """Return minus twice the logarithm of the likelihood, wild turns and columns charged.
+
+    A wild turn may lie anywhere within the span of the data, and is as seldom as `WILD_SHARE`.
+    """
+    kept, solved = end
+    if solved is None:
+        return float("inf")
+    count = int(kept.sum())
+    wild = int(problem.candidates.sum()) - count
+    span = float(np.ptp(problem.data[problem.candidates])) or 1.0
+    noise = max(solved.fit.noise, problem.floor_ppm, 1e-9 * span)
+    walk = Walk(problem.course.of(kept), solved.ratio)
+    told = count * (np.log(2.0 * np.pi * noise**2) + 1.0)
+    told += walk.log_determinant
+    told += (solved.order + 1) * np.log(count)
+    return float(told + 2.0 * wild * np.log(span * (1.0 - WILD_SHARE) / WILD_SHARE))
+
+
+def _settle(problem: AxisProblem, kept: Mask) -> tuple[Mask, Solved | None]:
+    """Return the rows that stay when wild ones are left out and good ones taken back.
+
+    One row of a set is taken or given back at a time: of a pair the good turn looks as wrong as
+    the bad one until one of them is gone.
+    """
+    solved = problem.solve(kept)
+    seen = {kept.tobytes()}
+    for _ in range(ROUNDS):
+        if solved is None:
+            break
+        design, _ = problem.design(solved.domain_degC, solved.order)
+        far = np.abs(
+            deleted_residuals(
+                design[problem.candidates],
+                problem.data[problem.candidates],
+                problem.course.of(problem.candidates),
+                solved.ratio,
+                kept[problem.candidates],
+            )
+        )
+        size = np.zeros(len(kept))
+        size[problem.candidates] = far
+        sigma = max(solved.fit.noise, problem.floor_ppm)
+        changed = _changed(problem, kept, size, problem.settings.outlier * sigma)
+        if changed.tobytes() in seen or problem.highest_order(changed) < 0:
+            break
+        again = problem.solve(changed)
+        if again is None:
+            break
+        seen.add(changed.tobytes())
+        kept, solved = changed, again
+    return kept, solved
+
+
+def _changed(problem: AxisProblem, kept: Mask, size: Array, threshold: float) -> Mask:
+    changed = kept.copy()
+    far = kept & (size > threshold)
+    back = problem.candidates & ~kept & (size <= threshold)
+    for number in np.unique(problem.turns.set_number[far | back]):
+        own = problem.turns.set_number == number
+        if bool((own & far).any()):
+            changed[np.flatnonzero(own & far)[np.argmax(size[own & far])]] = False
+        else:
+            changed[np.flatnonzero(own & back)[np.argmin(size[own & back])]] = True
+    return changed
+
+
+def gaps_of(problem: AxisProblem, kept: Mask) -> Gaps:
+    """Return the stretches without a turn that are wider than the threshold, from and until."""
+    heat = np.sort(problem.turns.temperature_degC[kept & problem.turns.sensing])
+    wide = np.flatnonzero(np.diff(heat) > problem.settings.temperature_gap_degC)
+    return tuple((float(heat[n]), float(heat[n + 1])) for n in wide)
+
+
+def within(gaps: Gaps, temperature_degC: float, wider_than: float) -> bool:
+    """Whether a temperature lies in a stretch wider than that."""
+    return any(a < temperature_degC < b and b - a > wider_than for a, b in gaps)
+
+
+def unseen_orders_ppm(problem: AxisProblem, kept: Mask, solved: Solved, noise: float) -> Array:
+    """Return how far the published order is from a lower one, beyond chance, at `CHECKED` places.
+
+    The information criterion leaves out what noise may have made; much noise hides much of a
+    curve, and that is no proof that it is not there.
+    """
+    if solved.order >= PUBLISHED_ORDER or problem.highest_order(kept) < PUBLISHED_ORDER:
+        return np.zeros(CHECKED)
+    whole = problem.fit_of_order(kept, solved.domain_degC, PUBLISHED_ORDER, solved.ratio)
+    grid = np.linspace(*solved.domain_degC, CHECKED)
+    apart, square = np.zeros(CHECKED), np.zeros(CHECKED)
+    for one, sign in ((whole, 1.0), (solved, -1.0)):
+        columns = chebyshev_columns(grid, solved.domain_degC, one.order)
+        count = one.order + 1
+        inverse = one.fit.inverse_normal[-count:, -count:]
+        apart += sign * combine(columns, one.fit.coefficients[-count:])
+        square += sign * noise**2 * np.einsum("ij,jk,ik->i", columns, inverse, columns)
+    return np.asarray(np.sqrt(np.maximum(apart**2 - square, 0.0)))
+
+
+def unknown_in_gaps_ppm(
+    problem: AxisProblem, kept: Mask, solved: Solved, noise: float, gaps: Gaps
+) -> Array:
+    """Return what higher orders may add at the `CHECKED` temperatures; zero outside the gaps.
+
+    Between two ends a polynomial of the order that the turns ask for says one thing and one of a
+    higher order another; nothing in the data speaks for either. The next two orders, each as large
+    as could have been there unseen, are in the uncertainty. In a wide gap no value is given.
+    """
+    order = solved.order + FURTHER_ORDERS
+    walk = Walk(problem.course.of(kept), solved.ratio)
+    design, biases = problem.design(solved.domain_degC, order)
+    white = walk.whiten(design[kept])
+    grid = np.linspace(*solved.domain_degC, CHECKED)
+    polynomials = chebyshev_columns(grid, solved.domain_degC, order)
+    square = np.zeros(CHECKED)
+    for place in range(biases + solved.order + 1, biases + order + 1):
+        taken = solve_by_qr(white[:, :place], white[:, place])
+        left = float(np.sqrt(taken.sum_of_squares))
+        shape = polynomials[:, place - biases]
+        shape = shape - combine(polynomials[:, : place - biases], taken.coefficients[biases:])
+        square += (UNSEEN * noise / max(left, 1e-9) * shape) ** 2
+    inside = np.zeros(CHECKED, dtype=bool)
+    for low, high in gaps:
+        inside |= (grid > low) & (grid < high)
+    return np.where(inside, np.sqrt(square), 0.0)
+
+
+@dataclass(frozen=True)
+class AxisFit:
+    """One axis: its rows of the turn table, those that the model uses, and the model.
+
+    `rows` are row numbers of the table, the other arrays belong to them: `error_ppm` (n,) is the
+    turn error over the commanded turn, NaN for a wait; `residual_ppm` (n,) what the model and the
+    wandering bias leave of it. `curve` is None where the turns do not determine one. `noise_ppm` is
+    the standard deviation of a turn, by the scatter of the sets that tell their bias.
+    `walk_deg_per_h_per_sqrt_h` and `bias_deg_per_h` are None where turns of one sense cannot tell
+    them. `misfit` is what the curve does not follow, `gaps_degC` are the stretches of temperature
+    without a turn, each from and until, that are wider than `temperature_gap_degC`.
+    """
+
+    axis: str
+    rows: Index
+    kept: Mask
+    temperature_degC: Array
+    error_ppm: Array
+    residual_ppm: Array
+    curve: Curve | None
+    paired: bool
+    noise_ppm: float | None = None
+    lag_one_correlation: float | None = None
+    sets: int = 0
+    walk_deg_per_h_per_sqrt_h: float | None = None
+    bias_deg_per_h: float | None = None
+    misfit: Misfit | None = None
+    gaps_degC: tuple[tuple[float, float], ...] = ()
+
+    @property
+    def rejected(self) -> Index:
+        """Places in `rows` that the model leaves out as wrong, (k,); none without a curve.
+
+        Waits among turns of one sense are no wrong rows: they tell that model nothing.
+        """
+        meant = (np.isfinite(self.error_ppm) | self.paired) & (self.curve is not None)
+        return np.flatnonzero(meant & ~self.kept)
+
+    @property
+    def rejected_rows(self) -> list[int]:
+        """The rows of the turn table that the model leaves out as wrong, 0-based."""
+        return [int(row) for row in self.rows[self.rejected]]
+
+
+def fit_axis(
+    turns: AxisTurns,
+    settings: AnalysisSettings,
+    floor_ppm: float = 0.0,
+    gyro_bias_deg_per_h: float = 0.0,
+) -> AxisFit:
+    """Return the model of one axis; `floor_ppm` is the least deviation that is called noise.
+
+    `gyro_bias_deg_per_h` is what the bias may change by where turns of one sense cannot tell it.
+    """
+    problem = AxisProblem(turns, settings, floor_ppm)
+    kept, solved = reject(problem)
+    sensing = turns.sensing
+    safe = np.where(sensing, turns.turns, 1.0)
+    error = np.where(sensing, turns.data_ppm / safe, np.nan)
+    blank = np.full(len(error), np.nan)
+    if solved is None:
+        nothing = np.zeros(len(kept), dtype=bool)
+        return AxisFit(
+            turns.axis,
+            turns.rows,
+            nothing,
+            turns.temperature_degC,
+            error,
+            blank,
+            None,
+            problem.paired,
+        )
+    design, biases = problem.design(solved.domain_degC, solved.order)
+    fit = solved.fit
+    residual = blank.copy()
+    residual[kept] = fit.white
+    out = turns.usable & ~kept
+    residual[out] = problem.data[out] - design[out] @ fit.coefficients
+    by_bias = np.zeros(solved.order + 1)
+    if not problem.paired:
+        by_bias = solve_by_qr(design[kept], turns.by_bias_ppm[kept]).coefficients
+    noise, free = fit.noise, float(fit.degrees_of_freedom)
+    if problem.paired:
+        left = problem.data - design[:, biases:] @ fit.coefficients[biases:]
+        noise, free = noise_of_sets(turns, kept, left, solved.order + 1) or (noise, free)
+    noise = max(noise, LEAST_NOISE * floor_ppm)
+    bias_ppm = 0.0
+    if not problem.paired:
+        bias_ppm = gyro_bias_deg_per_h * float(np.mean(turns.by_bias_ppm))
+    curve = Curve(
+        solved.domain_degC,
+        fit.coefficients[biases:],
+        noise**2 * fit.inverse_normal[biases:, biases:],
+        free,
+        by_bias,
+    )
+    misfit = misfit_of(problem, kept, solved, noise, free, bias_ppm)
+    if misfit is not None:
+        curve = curve.checked(misfit.left_ppm)
+    gaps = gaps_of(problem, kept)
+    unseen = unseen_orders_ppm(problem, kept, solved, noise)
+    if bool(unseen.any()):
+        curve = curve.checked(unseen)
+    if gaps:
+        curve = curve.checked(unknown_in_gaps_ppm(problem, kept, solved, noise, gaps))
+    return AxisFit(
+        turns.axis,
+        turns.rows,
+        kept,
+        turns.temperature_degC,
+        error,
+        np.where(sensing, residual / safe, np.nan),
+        curve,
+        problem.paired,
+        noise,
+        solved.lag_one,
+        len(np.unique(turns.set_number[kept])),
+        _walk(turns, solved) if problem.paired else None,
+        float(fit.coefficients[0]) if problem.paired else None,
+        misfit,
+        gaps,
+    )
+
+
+def _walk(turns: AxisTurns, solved: Solved) -> float:
+    """Return the size of the bias's walk in deg/h per root hour."""
+    usual_ppm = float(np.mean(turns.by_bias_ppm))
+    per_step = solved.fit.noise * np.sqrt(solved.ratio) / usual_ppm
+    return float(per_step / np.sqrt(turns.set_interval_s / SECONDS_PER_HOUR))
