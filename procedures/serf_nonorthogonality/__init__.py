@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from procedures.serf_nonorthogonality.check import check
-from procedures.serf_nonorthogonality.forecast import forecast
-from procedures.serf_nonorthogonality.parameters import SerfParameters
-from procedures.serf_nonorthogonality.shots import AXES, PAIRS
-from procedures.serf_nonorthogonality.steps import (
+from station.procedure import Later, Procedure, ResultKind, usual_modules
+
+from .check import check
+from .forecast import forecast
+from .parameters import SerfParameters
+from .shots import AXES, PAIRS
+from .steps import (
     STEPS,
     instruments,
     prompts,
     records,
     units,
 )
-from station.procedure import Later, Procedure, ResultKind, usual_modules
 
 PROCEDURE = Procedure(
     name="serf-nonorthogonality",

@@ -11,7 +11,6 @@ four polarities of a pair the terms in r cancel, which is the closed form.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -258,45 +257,3 @@ def _alone(slopes: Array) -> NDArray[np.bool_]:
     _, values, rows = np.linalg.svd(slopes, full_matrices=True)
     rank = int(np.sum(values > INDEPENDENT * np.sqrt(len(slopes))))
     return np.asarray(np.max(np.abs(rows[rank:]), axis=0, initial=0.0) < 1e-6)
-
-
-def closed_form(commanded_nT: Array, omega: Array) -> dict[str, float]:
-    """Return the cosine of each pair of coils whose four polarities were measured at equal fields.
-
-    Mean of w² over the four is a_i² B_i² + a_j² B_j² + residual², its contrast 2 a_i a_j B_i B_j
-    cos; the three pairs together give the a. Empty where a pair is wanting.
-    """
-    sums: dict[str, float] = {}
-    contrasts: dict[str, float] = {}
-    for pair in PAIRS:
-        i, j = PLACES[pair]
-        other = 3 - i - j
-        inside = (
-            (commanded_nT[:, i] != 0.0)
-            & (commanded_nT[:, j] != 0.0)
-            & (commanded_nT[:, other] == 0.0)
-        )
-        rows, square = commanded_nT[inside][:, [i, j]], omega[inside] ** 2
-        signs = {tuple(row) for row in np.sign(rows).tolist()}
-        sizes = np.abs(rows)
-        if len(signs) < 4 or not bool(np.all(sizes == sizes[:1])):
-            return {}
-        means = [float(np.mean(square[_same(rows, sign)])) for sign in sorted(signs)]
-        sums[pair] = float(np.mean(means))
-        unlike = [sign[0] * sign[1] for sign in sorted(signs)]
-        contrasts[pair] = float(np.mean(np.array(means) * np.array(unlike)))
-    squares = {
-        "x": 0.5 * (sums["xy"] + sums["xz"] - sums["yz"]),
-        "y": 0.5 * (sums["xy"] + sums["yz"] - sums["xz"]),
-        "z": 0.5 * (sums["xz"] + sums["yz"] - sums["xy"]),
-    }
-    if min(squares.values()) <= 0.0:
-        return {}
-    return {
-        pair: contrasts[pair] / (2.0 * float(np.sqrt(squares[pair[0]] * squares[pair[1]])))
-        for pair in PAIRS
-    }
-
-
-def _same(rows: Array, sign: Sequence[float]) -> NDArray[np.bool_]:
-    return np.asarray(np.all(np.sign(rows) == np.asarray(sign), axis=1))

@@ -6,16 +6,18 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from procedures.serf_nonorthogonality.parameters import SerfParameters
-from procedures.serf_nonorthogonality.shots import Wanted
 from station.errors import InstrumentError
 
+from .parameters import SerfParameters
+from .shots import Wanted
+
 if TYPE_CHECKING:
-    from procedures.serf_nonorthogonality.dataset import Shot
-    from procedures.serf_nonorthogonality.tone import ToneFit
     from station.instruments.bench import Bench
     from station.roles import Block
     from station.runner.run import Run
+
+    from .dataset import Shot
+    from .tone import ToneFit
 
 GENERATOR_XY = "signal_generator.xy"
 GENERATOR_Z = "signal_generator.z_gradient"
@@ -174,7 +176,7 @@ class Cell:
         """Return a record from the beginning of the field on."""
         import numpy as np
 
-        from procedures.serf_nonorthogonality.dataset import Shot
+        from .dataset import Shot
 
         time_s = block.columns["time_s"] - self.delay_s
         after = time_s > 0.0

@@ -6,13 +6,14 @@ import math
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from procedures.serf_nonorthogonality.cell import CHANNELS, DIGITIZER, PUMP, SURE_OF_DARK
-from procedures.serf_nonorthogonality.expected import expectation
-from procedures.serf_nonorthogonality.parameters import SerfParameters
-from procedures.serf_nonorthogonality.shots import LEAST_CYCLES
 from station import registry
 from station.procedure import Problem
 from station.units import UnitError, parse_as
+
+from .cell import CHANNELS, DIGITIZER, PUMP, SURE_OF_DARK
+from .expected import expectation
+from .parameters import SerfParameters
+from .shots import LEAST_CYCLES
 
 if TYPE_CHECKING:
     from station.instruments.bench import Bench

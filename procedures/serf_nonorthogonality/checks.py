@@ -1,20 +1,28 @@
-"""What the result should agree with: the isotope, its own chi-square, the closed form."""
+"""What the result should agree with: isotope, chi-square, closed form; and the published angles."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from station.findings import Estimate
 
-from .angles import closed_form
-from .dataset import SerfDataset
-from .findings import Check, ShotResult
+from .angles import PLACES
+from .dataset import (
+    ANGLE,
+    SLOWING_DOWN,
+    Check,
+    SerfDataset,
+    ShotResult,
+)
 from .frequencies import Frequencies
-from .results import ANGLE, SLOWING_DOWN
-from .shots import PAIRS
-from .spins import SPINS
+from .shots import PAIRS, SPINS
+
+Array = NDArray[np.float64]
+
 
 MARGIN_U = 3.0
 FACTOR_MARGIN = 0.02
@@ -136,3 +144,102 @@ def _residual(residual_nT: float | None) -> Check:
     if residual_nT is None:
         return Check(what, "undetermined", wanted, None)
     return Check(what, f"{residual_nT:.3f} nT", wanted, residual_nT < ACCEPTED_RESIDUAL_NT)
+
+
+# Steps 4 to 7 as published: slowing-down factor from one shot, angles by the law of cosines,
+#
+#     Q = gamma B_x / w_x,  B_xy = Q w_xy / gamma,  cos theta = (B_xy² - B_x² - B_y²) / (2 B_x B_y)
+#
+# theta is the angle between the positive axes. The source takes the angle theta_1 inside the
+# triangle and then theta = pi - theta_1, which is the same; theta_1 would be 89 deg for 91 deg.
+
+
+@dataclass(frozen=True)
+class PublishedAngles:
+    """Angles in deg by pair, None where the rule cannot run, with the reason; and the factor."""
+
+    angles_deg: dict[str, float | None]
+    wanting: dict[str, str]
+    slowing_down: float | None
+
+
+def published_angles(
+    commanded_nT: Array, omega: Array, gamma_rad_per_s_nT: float
+) -> PublishedAngles:
+    """Return the published angles from the first shot of each kind, coils taken for exact.
+
+    `commanded_nT` (n, 3), `omega` (n,) in rad/s, NaN for a shot without one.
+    """
+    driven = commanded_nT != 0.0
+    good = np.isfinite(omega)
+    single = np.flatnonzero((driven.sum(axis=1) == 1) & good)
+    if not len(single):
+        said = "no shot with a single coil gives the slowing-down factor"
+        return PublishedAngles(dict.fromkeys(PAIRS), dict.fromkeys(PAIRS, said), None)
+    first = int(single[0])
+    alone_nT = float(np.linalg.norm(commanded_nT[first]))
+    factor = gamma_rad_per_s_nT * alone_nT / float(omega[first])
+    angles: dict[str, float | None] = {}
+    wanting: dict[str, str] = {}
+    for pair in PAIRS:
+        axes = ["xyz".index(axis) for axis in pair]
+        wanted = np.zeros(3, dtype=bool)
+        wanted[axes] = True
+        rows = np.flatnonzero(np.all(driven == wanted, axis=1) & good)
+        angles[pair] = None
+        if not len(rows):
+            wanting[pair] = f"no usable shot drives {pair[0]} and {pair[1]}"
+            continue
+        # The source's shot has both fields positive; one of another polarity serves as well.
+        positive = [k for k in rows if bool(np.all(commanded_nT[k, axes] > 0.0))]
+        k = int(positive[0] if positive else rows[0])
+        one_nT, other_nT = (float(commanded_nT[k, axis]) for axis in axes)
+        total_nT = factor * float(omega[k]) / gamma_rad_per_s_nT
+        cosine = (total_nT**2 - one_nT**2 - other_nT**2) / (2.0 * one_nT * other_nT)
+        if abs(cosine) > 1.0:
+            wanting[pair] = f"the cosine would be {cosine:.3g}"
+            continue
+        angles[pair] = float(np.degrees(np.arccos(cosine)))
+    return PublishedAngles(angles, wanting, factor)
+
+
+def closed_form(commanded_nT: Array, omega: Array) -> dict[str, float]:
+    """Return the cosine of each pair of coils whose four polarities were measured at equal fields.
+
+    Mean of w² over the four is a_i² B_i² + a_j² B_j² + residual², its contrast 2 a_i a_j B_i B_j
+    cos; the three pairs together give the a. Empty where a pair is wanting.
+    """
+    sums: dict[str, float] = {}
+    contrasts: dict[str, float] = {}
+    for pair in PAIRS:
+        i, j = PLACES[pair]
+        other = 3 - i - j
+        inside = (
+            (commanded_nT[:, i] != 0.0)
+            & (commanded_nT[:, j] != 0.0)
+            & (commanded_nT[:, other] == 0.0)
+        )
+        rows, square = commanded_nT[inside][:, [i, j]], omega[inside] ** 2
+        signs = {tuple(row) for row in np.sign(rows).tolist()}
+        sizes = np.abs(rows)
+        if len(signs) < 4 or not bool(np.all(sizes == sizes[:1])):
+            return {}
+        means = [float(np.mean(square[_same(rows, sign)])) for sign in sorted(signs)]
+        sums[pair] = float(np.mean(means))
+        unlike = [sign[0] * sign[1] for sign in sorted(signs)]
+        contrasts[pair] = float(np.mean(np.array(means) * np.array(unlike)))
+    squares = {
+        "x": 0.5 * (sums["xy"] + sums["xz"] - sums["yz"]),
+        "y": 0.5 * (sums["xy"] + sums["yz"] - sums["xz"]),
+        "z": 0.5 * (sums["xz"] + sums["yz"] - sums["xy"]),
+    }
+    if min(squares.values()) <= 0.0:
+        return {}
+    return {
+        pair: contrasts[pair] / (2.0 * float(np.sqrt(squares[pair[0]] * squares[pair[1]])))
+        for pair in PAIRS
+    }
+
+
+def _same(rows: Array, sign: Sequence[float]) -> NDArray[np.bool_]:
+    return np.asarray(np.all(np.sign(rows) == np.asarray(sign), axis=1))

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from procedures.serf_nonorthogonality.parameters import SerfParameters
+from .parameters import SerfParameters
 
 LEAST_LOSS_SHARE = 0.5
 """Broadening over width at which angles are told best."""

@@ -5,16 +5,22 @@ from __future__ import annotations
 import matplotlib as mpl
 import numpy as np
 
-from procedures.serf_nonorthogonality import plots
-from procedures.serf_nonorthogonality.dataset import SerfDataset
-from procedures.serf_nonorthogonality.findings import SerfAnalysis
-from procedures.serf_nonorthogonality.results import ANGLE, FACTOR, RESIDUAL, SLOWING_DOWN
-from procedures.serf_nonorthogonality.shots import AXES, PAIRS
 from station.findings import Findings
 from station.report.drawing import STYLE
 from station.report.numbers import NOTHING, format_number, format_with_uncertainty
 from station.report.parts import Part, Plot, Table
 from station.results import Result, ResultDocument
+
+from . import plots
+from .dataset import (
+    ANGLE,
+    FACTOR,
+    RESIDUAL,
+    SLOWING_DOWN,
+    SerfAnalysis,
+    SerfDataset,
+)
+from .shots import AXES, PAIRS
 
 ARCSEC_PER_DEG = 3600.0
 

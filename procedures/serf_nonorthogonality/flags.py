@@ -8,12 +8,21 @@ import numpy as np
 
 from station.findings import Estimate, Flag
 
-from .checks import outside_the_isotope, slowing_down_bounds
-from .dataset import SerfDataset
-from .findings import AnalysisSettings
+from .checks import (
+    PublishedAngles,
+    outside_the_isotope,
+    slowing_down_bounds,
+)
+from .dataset import (
+    ANGLE,
+    FACTOR,
+    RESIDUAL,
+    SLOWING_DOWN,
+    AnalysisSettings,
+    SerfDataset,
+    scale_axis,
+)
 from .frequencies import Frequencies
-from .published import PublishedAngles
-from .results import ANGLE, FACTOR, RESIDUAL, SLOWING_DOWN, scale_axis
 from .shots import PAIRS
 
 CHANCE = 4.0

@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from procedures.serf_nonorthogonality.cell import CHANNELS, DIGITIZER, PUMP, Coils, coils_of
-from procedures.serf_nonorthogonality.check import knows_its_coils
-from procedures.serf_nonorthogonality.parameters import SerfParameters
-from procedures.serf_nonorthogonality.steps import shot_s
 from station.procedure import Forecast, Recording, SetPoint
+
+from .cell import CHANNELS, DIGITIZER, PUMP, Coils, coils_of
+from .check import knows_its_coils
+from .parameters import SerfParameters
+from .steps import shot_s
 
 if TYPE_CHECKING:
     from station.instruments.bench import Bench

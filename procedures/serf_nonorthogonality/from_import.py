@@ -7,13 +7,20 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import numpy as np
 from pydantic import Field, ValidationInfo, field_validator
 
-from procedures.serf_nonorthogonality.dataset import SerfDataset, Shot
-from procedures.serf_nonorthogonality.shots import Axis, Wanted, not_along_pump, why_without_signal
-from procedures.serf_nonorthogonality.spins import GAMMA_HZ_PER_NT, known_spin
 from station.dataset_reading import Table, check_ascending, read_table
 from station.fields import StrictModel, Unit
 from station.files.faults import Fault, FaultList
 from station.files.validation import validate_model
+
+from .dataset import SerfDataset, Shot
+from .shots import (
+    GAMMA_HZ_PER_NT,
+    Axis,
+    Wanted,
+    known_spin,
+    not_along_pump,
+    why_without_signal,
+)
 
 if TYPE_CHECKING:
     from station.dataset_reading import RawDataset

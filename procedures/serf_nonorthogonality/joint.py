@@ -14,9 +14,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .law import clocks
-from .spins import SlowingDown
-from .tone import NoTone, ToneFit, beyond, fit_tone
+from .shots import SlowingDown
+from .spin_motion import clocks, decay_line
+from .tone import NoTone, ToneFit, fit_tone
+from .tone_search import beyond
 
 Array = NDArray[np.float64]
 
@@ -25,8 +26,6 @@ MOST_ITERATIONS = 25
 ENOUGH = 1e-9
 SQUARES = (0.03, 0.08, 0.15, 0.25, 0.36, 0.5, 0.68, 0.85)
 """P² to begin with."""
-UNTOLD = 0.25
-"""Part of a decay: with a larger u the shots do not tell the broadening from the relaxation."""
 
 
 @dataclass(frozen=True)
@@ -275,34 +274,3 @@ def _in_its_time(
         return fit_tone(u, record.voltage_V, mains_Hz=mains_Hz, start=near)
     except NoTone:
         return None
-
-
-@dataclass(frozen=True)
-class DecayLine:
-    """R/q(0) in 1/s and beta in s of decay = R/q(0) + beta w², each with its u."""
-
-    rate_per_s: float
-    rate_u: float
-    beta_s: float
-    beta_u: float
-
-
-def decay_line(omega: Array, decay: Array, decay_u: Array) -> DecayLine:
-    """Return the line of the decays of several shots, each (n,); a baseline has the frequency 0.
-
-    Beta is zero where nothing tells it, or it would be negative; its u is then infinite.
-    """
-    weight = decay_u**-2
-    x = omega**2
-    middle = float(weight @ x / weight.sum())
-    spread = float(weight @ (x - middle) ** 2)
-    mean = float(weight @ decay / weight.sum())
-    mean_u = float(weight.sum() ** -0.5)
-    if spread > 0.0:
-        beta = float(weight @ ((x - middle) * (decay - mean))) / spread
-        rate, rate_u = mean - beta * middle, float(np.hypot(mean_u, middle * spread**-0.5))
-        if rate_u > UNTOLD * mean:
-            return DecayLine(mean, UNTOLD * mean, 0.0, np.inf)
-        if beta > 0.0 and rate > 0.0:
-            return DecayLine(rate, rate_u, beta, spread**-0.5)
-    return DecayLine(mean, mean_u, 0.0, np.inf)

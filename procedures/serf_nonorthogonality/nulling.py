@@ -11,15 +11,17 @@ import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from procedures.serf_nonorthogonality.cell import Cell
-from procedures.serf_nonorthogonality.shots import AXES, shots_of
 from station.errors import ConditionNotReached
 
+from .cell import Cell
+from .shots import AXES, shots_of
+
 if TYPE_CHECKING:
-    from procedures.serf_nonorthogonality.dataset import Shot
-    from procedures.serf_nonorthogonality.parameters import SerfParameters
-    from procedures.serf_nonorthogonality.precession import Precession
     from station.runner.run import Run
+
+    from .dataset import Shot
+    from .parameters import SerfParameters
+    from .precession import Precession
 
 LEAST_SLACK = 0.1
 USUAL_RESIDUAL_NT = 5.0
@@ -70,9 +72,8 @@ def look_at_shots(looks: Sequence[Shot], parameters: SerfParameters) -> list[Pre
 
     A shot alone may take a baseline for its tone.
     """
-    from procedures.serf_nonorthogonality.dataset import SerfDataset
-    from procedures.serf_nonorthogonality.findings import AnalysisSettings
-    from procedures.serf_nonorthogonality.precession import look_at_all
+    from .dataset import AnalysisSettings, SerfDataset
+    from .precession import look_at_all
 
     dataset = SerfDataset(
         looks,
@@ -93,7 +94,7 @@ def solved_residual_nT(seen: Sequence[Precession], said: str) -> dict[str, float
     """
     import numpy as np
 
-    from procedures.serf_nonorthogonality.angles import solve
+    from .angles import solve
 
     used = [one for one in seen if one.used]
     bad = [one for one in seen if not one.used]

@@ -6,11 +6,12 @@ import math
 
 import numpy as np
 
-from procedures.serf_nonorthogonality.angles import NAMES, solve
-from procedures.serf_nonorthogonality.expected import expectation
-from procedures.serf_nonorthogonality.parameters import SerfParameters
-from procedures.serf_nonorthogonality.shots import PAIRS
 from station.report.numbers import format_number
+
+from .angles import NAMES, solve
+from .expected import expectation
+from .parameters import SerfParameters
+from .shots import PAIRS
 
 SIGNAL_TO_NOISE = 100.0
 """Of a single sample of the first shot; what the uncertainties below are told for."""

@@ -7,21 +7,20 @@ from typing import Annotated, Literal
 
 from pydantic import Field, ValidationInfo, field_validator
 
-from procedures.serf_nonorthogonality.shots import (
+from station.fields import StrictModel, Unit
+
+from .shots import (
     AXES,
+    GAMMA_HZ_PER_NT,
+    SPINS,
     Axis,
+    SlowingDown,
     Wanted,
+    known_spin,
     not_along_pump,
     shots_of,
     why_without_signal,
 )
-from procedures.serf_nonorthogonality.spins import (
-    GAMMA_HZ_PER_NT,
-    SPINS,
-    SlowingDown,
-    known_spin,
-)
-from station.fields import StrictModel, Unit
 
 Nanotesla = Annotated[float, Unit("nT"), Field(gt=0)]
 Positive = Annotated[float, Unit("s"), Field(gt=0)]

@@ -11,9 +11,9 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
-from procedures.serf_nonorthogonality.dataset import SerfDataset
-from procedures.serf_nonorthogonality.findings import SerfAnalysis
 from station.report.drawing import BLUE, GREEN, GREY, INK, VERMILION, label_above, new_figure
+
+from .dataset import SerfAnalysis, SerfDataset
 
 Array = NDArray[np.float64]
 

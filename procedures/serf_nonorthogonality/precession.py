@@ -1,4 +1,4 @@
-"""Every shot on its own: which samples are any, the fit, and whether it can be used."""
+"""Every shot on its own: which samples count, the fit, and whether the shot can be used."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from .dataset import SerfDataset, Shot
-from .findings import AnalysisSettings
-from .joint import DecayLine, decay_line
-from .shots import LEAST_CYCLES
+from .dataset import AnalysisSettings, SerfDataset, Shot
+from .shots import LEAST_CYCLES, LEAST_SIGNAL_TO_NOISE
+from .spin_motion import DecayLine, decay_line
 from .tone import NoTone, ToneFit, fit_tone
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
+
 
 AT_THE_END = 0.9995
 """Part of full scale from which a sample counts as saturated."""
@@ -203,3 +203,40 @@ def fades_unlike(fit: ToneFit, fits: Sequence[ToneFit]) -> str | None:
         f"it fades at {fit.decay_per_s:.3g} /s where others fade at {usual:.3g} /s: pump light "
         "leaked, or the field was not steady"
     )
+
+
+# On the bench: why a shot has to be taken again.
+
+
+SATURATED = 0.999
+
+
+def fit_of(shot: Shot, mains_Hz: float | None) -> ToneFit | None:
+    """Return the fit of a shot on its own, None where it holds no decaying tone."""
+    try:
+        return fit_tone(shot.time_s, shot.voltage_V, mains_Hz=mains_Hz)
+    except NoTone:
+        return None
+
+
+def bad_because(
+    shot: Shot, fit: ToneFit | None, others: Sequence[ToneFit], largest_nT: float
+) -> str | None:
+    """Return why a shot has to be taken again, None where it is good.
+
+    `others` are good shots of the same cell: one that fades faster than its like had pump light.
+    `largest_nT` is the largest field of a coil in the plan.
+    """
+    if not len(shot.time_s):
+        return "the record ends before the field begins"
+    largest_V = float(np.max(np.abs(shot.voltage_V)))
+    if shot.full_scale_V is not None and largest_V >= SATURATED * shot.full_scale_V:
+        return f"saturated: {largest_V:.3g} V of {shot.full_scale_V:g} V; raise full_scale"
+    if fit is None or fit.signal_to_noise < LEAST_SIGNAL_TO_NOISE:
+        return "no decaying tone: look at the pump light, the probe light and the coil"
+    if fit.cycles < LEAST_CYCLES:
+        return (
+            f"{fit.cycles:.2f} cycles within the 1/e time, fewer than one; a field of about "
+            f"{largest_nT / fit.cycles:.0f} nT would do"
+        )
+    return fades_unlike(fit, [*others, fit])

@@ -9,24 +9,26 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from procedures.serf_nonorthogonality.cell import (
+from station.errors import ConditionNotReached
+from station.procedure import Prompt, RecordUse, Step
+
+from .cell import (
     CHANNELS,
     DIGITIZER,
     PUMP,
     Cell,
     LightPassed,
 )
-from procedures.serf_nonorthogonality.nulling import fields_lost, null_residual_field
-from procedures.serf_nonorthogonality.parameters import SerfParameters
-from procedures.serf_nonorthogonality.shots import AXES, REPEATED, Wanted
-from station.errors import ConditionNotReached
-from station.procedure import Prompt, RecordUse, Step
+from .nulling import fields_lost, null_residual_field
+from .parameters import SerfParameters
+from .shots import AXES, REPEATED, Wanted
 
 if TYPE_CHECKING:
-    from procedures.serf_nonorthogonality.published import PublishedAngles
     from station.instruments.bench import Bench
     from station.roles import Block
     from station.runner.run import Run
+
+    from .checks import PublishedAngles
 
 CELL = "the cell"
 SHOT_EXTRA_S = 0.1
@@ -108,7 +110,7 @@ def expected_Hz(parameters: SerfParameters) -> tuple[float, float]:
 
 def first_frequency_Hz(run: Run, said: str) -> float | None:
     """Fire the plan's first shot, as a look, and return its frequency; None where none is seen."""
-    from procedures.serf_nonorthogonality.judging import fit_of
+    from .precession import fit_of
 
     fit = fit_of(
         cell_of(run).look(run.parameters.wanted[0], said), run.parameters.mains_frequency_Hz
@@ -156,7 +158,7 @@ def bad_attempt(run: Run, cell: Cell, shot: Wanted, *, last: bool) -> str | None
 
     Raises LightPassed where the light was not blocked at the last attempt.
     """
-    from procedures.serf_nonorthogonality.judging import bad_because, fit_of
+    from .precession import bad_because, fit_of
 
     try:
         block = cell.fire(shot.by_coil_nT, f"shot {shot.id}")
@@ -168,7 +170,7 @@ def bad_attempt(run: Run, cell: Cell, shot: Wanted, *, last: bool) -> str | None
     parameters: SerfParameters = run.parameters
     seen = cell.shot_of(shot, block)
     fit = fit_of(seen, parameters.mains_frequency_Hz) if len(seen.time_s) else None
-    reason = bad_because(seen, fit, cell.usual, parameters)
+    reason = bad_because(seen, fit, cell.usual, max(parameters.field_levels_nT.values()))
     if reason is None and fit is not None:
         cell.usual.append(fit)
     return reason
@@ -203,9 +205,9 @@ def published_so_far(run: Run, count: int) -> tuple[PublishedAngles, float]:
     """
     import numpy as np
 
-    from procedures.serf_nonorthogonality.from_record import shot_of_unit
-    from procedures.serf_nonorthogonality.judging import fit_of
-    from procedures.serf_nonorthogonality.published import published_angles
+    from .checks import published_angles
+    from .evaluate import shot_of_unit
+    from .precession import fit_of
 
     parameters: SerfParameters = run.parameters
     folder, wanted = run.read_back(), parameters.wanted[:count]

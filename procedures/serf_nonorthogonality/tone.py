@@ -16,15 +16,17 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
-from .projection import project, rows_of
-from .starts import starting_points
+from .tone_search import (
+    Minimum,
+    descend,
+    minimum_from,
+    rows_of,
+    starting_points,
+)
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-MOST_ITERATIONS = 40
-ENOUGH = 1e-9
-"""Of the sum of squares: with a thousand samples a thousandth of an uncertainty."""
 FIRST_LOOK = 5
 LEAST_SAMPLES = 16
 WILD = 6.0
@@ -114,12 +116,12 @@ def fit_tone(
     if float(np.ptp(y)) == 0.0:
         raise NoTone("the signal does not change")
     places = [start] if start is not None else starting_points(t, y, mains_Hz)
-    begun = [_search(t, y, place, baseline_decay_per_s, mains_Hz, FIRST_LOOK) for place in places]
+    begun = [descend(t, y, place, baseline_decay_per_s, mains_Hz, FIRST_LOOK) for place in places]
     ahead = sorted((one for one in begun if one is not None), key=lambda one: one[2])
     best = None
     for omega, decay, _ in ahead:
         # The one that is ahead after a few steps is the right one, unless it ends at no tone.
-        best = _minimum(t, y, (omega, decay), baseline_decay_per_s, mains_Hz)
+        best = minimum_from(t, y, (omega, decay), baseline_decay_per_s, mains_Hz)
         if best is not None:
             break
     if best is None:
@@ -129,122 +131,13 @@ def fit_tone(
         again = kept.copy()
         again[np.flatnonzero(kept)[wild]] = False
         t, y = time_s[again], voltage_V[again]
-        better = _minimum(t, y, (best.omega, best.decay), baseline_decay_per_s, mains_Hz)
+        better = minimum_from(t, y, (best.omega, best.decay), baseline_decay_per_s, mains_Hz)
         if better is not None:
             kept, best = again, better
     return _said(best, time_s, voltage_V, kept, mains_Hz)
 
 
-@dataclass(frozen=True)
-class _Found:
-    """A minimum of the search."""
-
-    omega: float
-    decay: float
-    slow: float
-    linear: Array
-    cost: float
-    inverse: Array
-    chirp: tuple[float, float, float]
-    """The value, its u, and the frequency's derivative by it; so too the baseline's decay."""
-    rate: tuple[float, float, float]
-    drift: tuple[float, float]
-    freedom: int
-
-
-def _search(
-    t: Array,
-    y: Array,
-    start: tuple[float, float],
-    baseline_decay_per_s: float | None,
-    mains_Hz: float | None,
-    steps: int,
-) -> tuple[float, float, float] | None:
-    """Go down from a start by damped Gauss-Newton: frequency, decay, cost; None at no tone."""
-    omega, decay = start
-    largest = np.pi / float(np.median(np.diff(t)))
-    damping = 1e-3
-    here = project(t, y, omega, decay, baseline_decay_per_s, mains_Hz)
-    for _ in range(steps):
-        squared = np.diag(here.normal)
-        if not bool(np.all(np.isfinite(squared)) and np.all(squared > 0.0)):
-            return None
-        scale = np.sqrt(squared)
-        small, right = here.normal / np.outer(scale, scale), here.right / scale
-        for _ in range(12):
-            step = np.linalg.solve(small + damping * np.eye(2), right) / scale
-            new_omega, new_decay = omega + float(step[0]), decay + float(step[1])
-            if new_decay > 0.0 and 0.0 < new_omega < largest:
-                after = project(t, y, new_omega, new_decay, baseline_decay_per_s, mains_Hz)
-                if after.cost <= here.cost:
-                    break
-            damping *= 8.0
-        else:
-            break
-        gained = here.cost - after.cost
-        omega, decay, here, damping = new_omega, new_decay, after, 0.1 * damping
-        if gained <= ENOUGH * here.cost:
-            break
-    return omega, decay, here.cost
-
-
-def _minimum(
-    t: Array,
-    y: Array,
-    start: tuple[float, float],
-    baseline_decay_per_s: float | None,
-    mains_Hz: float | None,
-) -> _Found | None:
-    """Return the minimum that a start leads to; None where that is no decaying tone."""
-    found = _search(t, y, start, baseline_decay_per_s, mains_Hz, MOST_ITERATIONS)
-    if found is None:
-        return None
-    omega, decay, _ = found
-    span_s = float(t[-1] - t[0])
-    if omega * span_s < np.pi or decay * span_s < 0.05:
-        return None
-    here = project(t, y, omega, decay, baseline_decay_per_s, mains_Hz, chirp=True)
-    own = here.normal[:2, :2]
-    scale = np.sqrt(np.diag(own))
-    if not bool(np.all(np.isfinite(here.normal)) and np.all(scale > 0.0)):
-        return None
-    small = own / np.outer(scale, scale)
-    if np.linalg.cond(small) > 1e12:
-        return None
-    inverse = np.asarray(np.linalg.inv(small) / np.outer(scale, scale), dtype=np.float64)
-    freedom = max(len(t) - len(here.linear) - 2, 1)
-    noise = float(np.sqrt(here.cost / freedom))
-    more = []
-    for place in (2, 3):
-        share = inverse @ here.normal[:2, place]
-        power = float(here.normal[place, place] - here.normal[place, :2] @ share)
-        if power > 0.0:
-            step = float(here.right[place] - share @ here.right[:2]) / power
-            more.append((step, noise / float(np.sqrt(power)), -float(share[0])))
-        else:
-            more.append((0.0, np.inf, 0.0))
-    chirp, (step, rate_u, by_rate) = more
-    drift = beyond(here.normal[:, [0, 1, 2, 4]][[0, 1, 2, 4]], here.right[[0, 1, 2, 4]], noise)
-    rate = here.slow + step, rate_u if baseline_decay_per_s is not None else np.inf, by_rate
-    return _Found(
-        omega, decay, here.slow, here.linear, here.cost, inverse, chirp, rate, drift, freedom
-    )
-
-
-def beyond(normal: Array, right: Array, noise: float) -> tuple[float, float]:
-    """Return the last unknown of normal equations (k, k), and its u; infinite where not told."""
-    scale = np.sqrt(np.diag(normal))
-    if not bool(np.all(scale > 0.0)):
-        return 0.0, np.inf
-    small = normal / np.outer(scale, scale)
-    if np.linalg.cond(small) > 1e12:
-        return 0.0, np.inf
-    inverse = np.linalg.inv(small)
-    value = float(inverse[-1] @ (right / scale)) / float(scale[-1])
-    return value, noise * float(np.sqrt(inverse[-1, -1])) / float(scale[-1])
-
-
-def _model(t: Array, found: _Found, mains_Hz: float | None) -> Array:
+def _model(t: Array, found: Minimum, mains_Hz: float | None) -> Array:
     return np.asarray(found.linear @ rows_of(t, found.omega, found.decay, found.slow, mains_Hz))
 
 
@@ -263,7 +156,7 @@ def wild_samples(residual: Array) -> Mask:
 
 
 def _said(
-    found: _Found, time_s: Array, voltage_V: Array, kept: Mask, mains_Hz: float | None
+    found: Minimum, time_s: Array, voltage_V: Array, kept: Mask, mains_Hz: float | None
 ) -> ToneFit:
     model = _model(time_s, found, mains_Hz)
     # From the residuals themselves: their sum of squares as a difference is less exact.

@@ -10,8 +10,8 @@ import pytest
 from plan_runs import run_of, shipped_bench, shipped_plan
 from serf_shots import Cell
 
-from procedures.serf_nonorthogonality.judging import bad_because
 from procedures.serf_nonorthogonality.parameters import SerfParameters
+from procedures.serf_nonorthogonality.precession import bad_because
 from procedures.serf_nonorthogonality.tone import fit_tone
 from station.cli.analysing import analyse_run
 from station.record.folder import RunFolder
@@ -139,10 +139,10 @@ def test_a_shutter_that_stays_open_once_costs_one_more_shot(tmp_path: Path) -> N
 
 def test_a_shot_that_pump_light_leaks_into_is_taken_again() -> None:
     plan = shipped_plan(PROCEDURE)["parameters"] | {"full_scale": "2 V"}
-    parameters = SerfParameters.model_validate(plan)
+    largest_nT = max(SerfParameters.model_validate(plan).field_levels_nT.values())
     good, leaking = Cell().dataset(0).shots, Cell(relaxation=330.0).dataset(0).shots[1]
     fits = [fit_tone(shot.time_s, shot.voltage_V) for shot in good]
-    assert bad_because(good[1], fits[1], fits[2:], parameters) is None
+    assert bad_because(good[1], fits[1], fits[2:], largest_nT) is None
     fit = fit_tone(leaking.time_s, leaking.voltage_V)
-    reason = bad_because(leaking, fit, fits, parameters)
+    reason = bad_because(leaking, fit, fits, largest_nT)
     assert reason is not None and "pump light leaked" in reason

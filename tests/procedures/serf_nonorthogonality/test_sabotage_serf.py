@@ -10,8 +10,7 @@ from serf_shots import Cell
 
 from benchmarks.sabotage import analysed, clean_runs, faults_of
 from procedures.serf_nonorthogonality.analysis import analyse
-from procedures.serf_nonorthogonality.dataset import SerfDataset
-from procedures.serf_nonorthogonality.findings import SerfAnalysis
+from procedures.serf_nonorthogonality.dataset import SerfAnalysis, SerfDataset
 from procedures.serf_nonorthogonality.precession import saturated_samples
 
 COILS, RESIDUAL = (1.010, 0.995, 1.008), (1.0, -0.6, 0.8)

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from serf_shots import FOUR, Cell, bound_of_frequency, slowing_down
 
-from procedures.serf_nonorthogonality.law import clocks
-from procedures.serf_nonorthogonality.spins import SPINS
+from procedures.serf_nonorthogonality.shots import SPINS
+from procedures.serf_nonorthogonality.spin_motion import clocks
 from procedures.serf_nonorthogonality.tone import NoTone, ToneFit, fit_tone, pooled_chirp
 
 STILL = Cell(pattern=FOUR, polarisation=1e-4, pull=False)

@@ -209,7 +209,7 @@ def test_corrections_of_angle_and_temperature_are_applied(run_of: Callable[[str]
 
 
 def test_corrections_of_known_coil_constants_are_applied(run_of: Callable[[str], Path]) -> None:
-    from procedures.serf_nonorthogonality.from_record import dataset_of_run
+    from procedures.serf_nonorthogonality.evaluate import dataset_of_run
 
     run = RunFolder(run_of(SERF))
     plan = read_plan_for(
