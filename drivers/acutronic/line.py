@@ -6,9 +6,8 @@ import math
 import re
 from typing import NamedTuple
 
-from drivers.transport.answers import odd, shortened
-from drivers.transport.proof import Proof
-from drivers.transport.retry import NEVER, Repeatable
+from drivers.transport.line import odd, shortened
+from drivers.transport.retry import NEVER, Proof, Repeatable
 from drivers.transport.serial_line import SerialLine
 from drivers.transport.serial_port import SerialSettings
 from station.errors import InstrumentError

@@ -21,7 +21,7 @@ from __future__ import annotations
 from contextlib import suppress
 from typing import ClassVar
 
-from drivers.transport.answers import identification, shortened
+from drivers.transport.line import identification, shortened
 from drivers.transport.retry import PatientLine, Repeatable
 from drivers.transport.visa_line import ScpiLine
 from drivers.transport.visa_port import VisaSettings

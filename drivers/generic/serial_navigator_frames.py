@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import struct
 
-from drivers.transport.crc import crc32_stim300
-from drivers.transport.serial_stream import Split
+from drivers.transport.serial_stream import Split, crc32_stim300
 
 SYNC = b"\x9a\x65"
 LONGEST_PAYLOAD = 32

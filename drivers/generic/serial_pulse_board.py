@@ -49,9 +49,8 @@ from drivers.generic.serial_pulse_board_frames import (
     frame,
     split,
 )
-from drivers.transport.numbering import Numbering
 from drivers.transport.serial_port import BaudRate, SerialSettings
-from drivers.transport.serial_stream import SerialStream, StreamAnswers, StreamFrame
+from drivers.transport.serial_stream import Numbering, SerialStream, StreamAnswers, StreamFrame
 from station.roles import Place
 
 COMMANDS: Mapping[str, int] = {"start": 1, "stop": 2, "identify": 3, "status": 4}

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import struct
 
-from drivers.transport.crc import crc32_stim300
-from drivers.transport.serial_stream import Split
+from drivers.transport.serial_stream import Split, crc32_stim300
 
 COMMAND, OUTPUT, ACKNOWLEDGEMENT, STATUS, IDENTITY = 0x60, 0x94, 0x61, 0x62, 0x63
 CHECKSUM = struct.Struct(">I")

@@ -13,9 +13,8 @@ from typing import ClassVar
 
 from drivers.kepco.list_stop import Sine, wait_for_zero
 from drivers.kepco.steady_current import SteadyCurrent, set_point_A
-from drivers.transport.answers import identification
-from drivers.transport.proof import Proof
-from drivers.transport.retry import PatientLine, Repeatable
+from drivers.transport.line import identification
+from drivers.transport.retry import PatientLine, Proof, Repeatable
 from drivers.transport.visa_line import ScpiLine
 from drivers.transport.visa_port import VisaSettings
 from station.errors import InstrumentError, PauseRefused

@@ -38,9 +38,8 @@ from drivers.keysight.generator_33522b_messages import (
     load_of,
     load_ohm,
 )
-from drivers.transport.answers import identification, shortened
-from drivers.transport.proof import Proof
-from drivers.transport.retry import PatientLine, Repeatable
+from drivers.transport.line import identification, shortened
+from drivers.transport.retry import PatientLine, Proof, Repeatable
 from drivers.transport.visa_line import ScpiLine
 from drivers.transport.visa_port import VisaSettings
 from station.errors import InstrumentError

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from drivers.transport.answers import identification, odd
+from drivers.transport.line import identification, odd
 from drivers.transport.retry import PatientLine, Repeatable
 from drivers.transport.visa_line import ScpiLine
 from drivers.transport.visa_port import VisaSettings

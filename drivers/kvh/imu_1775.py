@@ -29,10 +29,9 @@ from numpy.typing import NDArray
 
 from drivers.generic.nine_axis import ACCELEROMETERS, GYROS, MAGNETOMETERS, ROW, NineAxisSource
 from drivers.kvh.imu_1775_frames import OUTPUT, PAYLOAD, SELF_TEST, TEXT, split
-from drivers.transport.numbering import Counting, Numbering
 from drivers.transport.retry import Repeatable
 from drivers.transport.serial_port import BaudRate, SerialSettings
-from drivers.transport.serial_stream import SerialStream, StreamFrame
+from drivers.transport.serial_stream import Counting, Numbering, SerialStream, StreamFrame
 from station.errors import InputError, InstrumentError, InstrumentTimeout
 from station.roles import Identity, Place, SensorStatus
 

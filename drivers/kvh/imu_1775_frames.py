@@ -6,8 +6,7 @@ import re
 
 import numpy as np
 
-from drivers.transport.crc import ends_with_its_crc
-from drivers.transport.serial_stream import Split
+from drivers.transport.serial_stream import Split, ends_with_its_crc
 
 MARK = b"\xfe\x81"
 OUTPUT, TEXT, SELF_TEST = 0x57, 0x00, 0xAA

@@ -24,7 +24,7 @@ from typing import ClassVar
 import numpy as np
 from pydantic import Field
 
-from drivers.transport.answers import number_of, odd, shortened
+from drivers.transport.line import number_of, odd, shortened
 from drivers.transport.retry import Repeatable, repeated
 from drivers.transport.serial_line import SerialLine
 from drivers.transport.serial_port import BaudRate, DataBits, Parity, SerialSettings

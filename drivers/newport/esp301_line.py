@@ -5,9 +5,8 @@ from __future__ import annotations
 import re
 from collections.abc import Collection
 
-from drivers.transport.answers import number_of, odd, shortened
-from drivers.transport.proof import Proof
-from drivers.transport.retry import NEVER, Repeatable
+from drivers.transport.line import number_of, odd, shortened
+from drivers.transport.retry import NEVER, Proof, Repeatable
 from drivers.transport.serial_line import SerialLine
 from drivers.transport.serial_port import SerialSettings
 from station.errors import InstrumentError

@@ -25,9 +25,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.redpitaya.stemlab_settings import SLOTS, BoardSettings, CannotRecord, Record
-from drivers.transport.answers import odd, shortened
-from drivers.transport.proof import Proof
-from drivers.transport.retry import Repeatable, repeated
+from drivers.transport.line import odd, shortened
+from drivers.transport.retry import Proof, Repeatable, repeated
 from drivers.transport.visa_line import VisaLine
 from station.errors import InstrumentError
 from station.roles import Block, Driver, Identity, Place, SafetyReading

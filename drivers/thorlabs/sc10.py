@@ -20,9 +20,8 @@ from typing import ClassVar, Literal
 
 from pydantic import Field
 
-from drivers.transport.answers import odd
-from drivers.transport.proof import Proof
-from drivers.transport.retry import Repeatable, repeated
+from drivers.transport.line import odd
+from drivers.transport.retry import Proof, Repeatable, repeated
 from drivers.transport.serial_line import SerialLine
 from drivers.transport.serial_port import SerialSettings
 from station.errors import InstrumentError

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections import deque
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from urllib.parse import urlsplit
@@ -10,9 +11,112 @@ from urllib.parse import urlsplit
 import can
 
 from drivers.transport.kept_frames import READ_SLICE_S, KeptFrames
-from drivers.transport.serial_port import one_line
-from drivers.transport.socketcand import Socketcand
+from drivers.transport.serial_port import CONNECT_DEADLINE_S, SocketPort, connected, one_line
+from station.clock import boot_seconds
 from station.roles import Place
+
+GREETING, OPENED = b"< hi >", b"< ok >"
+LONGEST_MESSAGE = 256
+"""A frame of eight bytes takes less than 60 characters."""
+
+EXTENDED_ID_DIGITS = 8
+LARGEST_ID = 0x1FFFFFFF
+"""The bits above it say what kind of frame it is."""
+
+
+class Socketcand(can.BusABC):  # type: ignore[misc]  # python-can is not typed here
+    """A CAN bus behind the public socketcand daemon; OSError where none opens it within 2 s.
+
+    From the daemon's protocol: it greets with `< hi >`, answers `< open BUS >` and `< rawmode >`
+    with `< ok >`, then sends `< frame ID TIME DATA >` for every frame on the bus and takes
+    `< send ID LENGTH DATA >`. Bytes come as TCP cuts them: a frame may lie in one segment with the
+    last `< ok >`, and any message may come in pieces. The bus of that name in python-can refuses
+    to open there, and takes a daemon that hangs up for a bus without traffic.
+
+    `passed_over` is called with bytes that are no message.
+    """
+
+    def __init__(
+        self, host: str, port: int, bus: str, passed_over: Callable[[bytes], None]
+    ) -> None:
+        self._passed_over = passed_over
+        self._pending = b""
+        self._messages: deque[can.Message] = deque()
+        self._port: SocketPort = connected(host, port)
+        try:
+            self._expect(GREETING, f"no socketcand with a bus {bus}")
+            for request in (f"< open {bus} >", "< rawmode >"):
+                self._port.write(request.encode("ascii"))
+                self._expect(OPENED, f"no socketcand with a bus {bus}")
+            super().__init__(channel=bus)
+        except BaseException:
+            self._is_shutdown = True  # there is nothing to be shut down
+            self._port.close()
+            raise
+
+    @property
+    def waiting(self) -> bool:
+        """Whether a message has come that nobody has taken yet."""
+        return bool(self._messages)
+
+    def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
+        """Return the next message that has come, or comes within a real time; raises OSError."""
+        if not self._messages:
+            self._messages.extend(self._read(timeout or 0.0))
+        return (self._messages.popleft() if self._messages else None), False
+
+    def _read(self, within_s: float) -> list[can.Message]:
+        whole = b">" in self._pending  # they came with the end of the opening
+        self._pending += self._port.read(0.0 if whole else within_s)
+        *texts, self._pending = self._pending.split(b">")
+        if len(self._pending) > LONGEST_MESSAGE:
+            self._passed_over(self._pending)
+            self._pending = b""
+        return [one for text in texts if (one := self._message(text)) is not None]
+
+    def send(self, msg: can.Message, timeout: float | None = None) -> None:
+        """Put a frame on the bus; raises OSError."""
+        identifier = msg.arbitration_id
+        name = f"{identifier:08X}" if msg.is_extended_id else f"{identifier:03X}"
+        octets = " ".join(f"{one:x}" for one in msg.data)
+        self._port.write(f"< send {name} {msg.dlc:X} {octets} >".encode("ascii"))
+
+    def shutdown(self) -> None:
+        """Close the connection."""
+        super().shutdown()
+        self._port.close()
+
+    def _expect(self, wanted: bytes, otherwise: str) -> None:
+        """Wait for a message of the opening; what comes behind it is kept."""
+        until_s = boot_seconds() + CONNECT_DEADLINE_S
+        while b">" not in self._pending and len(self._pending) <= LONGEST_MESSAGE:
+            left_s = until_s - boot_seconds()
+            if left_s <= 0.0:
+                raise TimeoutError(f"{otherwise}: {self._pending[:40]!r} came back")
+            self._pending += self._port.read(left_s)
+        said, _, behind = self._pending.partition(b">")
+        if (said + b">").strip() != wanted:
+            raise ConnectionError(f"{otherwise}: {self._pending[:40]!r} came back")
+        self._pending = behind
+
+    def _message(self, text: bytes) -> can.Message | None:
+        """Return what a message says, None for what is no frame."""
+        words = text.partition(b"<")[2].decode("ascii", "replace").split()
+        try:
+            if words[0] not in ("frame", "error"):
+                raise ValueError
+            return can.Message(
+                timestamp=float(words[2]),
+                arbitration_id=int(words[1], 16) & LARGEST_ID,
+                is_extended_id=len(words[1]) == EXTENDED_ID_DIGITS,
+                is_error_frame=words[0] == "error",
+                data=bytes.fromhex("".join(words[3:])),
+                check=True,
+            )
+        except (IndexError, ValueError):
+            self._passed_over(text)
+            return None
+
 
 LONGEST_TRACE = 80
 

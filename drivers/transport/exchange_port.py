@@ -14,10 +14,9 @@ from collections.abc import Callable
 from contextlib import suppress
 from typing import TypeVar
 
-from drivers.transport.answers import shortened
+from drivers.transport.line import TracedLine, shortened
 from drivers.transport.retry import NEVER, TRIES, Repeatable
 from drivers.transport.serial_port import Port, SocketPort, one_line
-from drivers.transport.traced import TracedLine
 from station.errors import InstrumentError, InstrumentTimeout
 from station.roles import Place
 

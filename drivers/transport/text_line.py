@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from drivers.transport.answers import shortened
 from drivers.transport.exchange_port import EXCHANGE_DEADLINE_S, ExchangePort
+from drivers.transport.line import shortened
 from drivers.transport.retry import NEVER, Repeatable
 from station.errors import InstrumentError
 from station.roles import Place

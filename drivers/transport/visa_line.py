@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from drivers.transport.answers import number_of, shortened
+from drivers.transport.line import number_of, shortened
 from drivers.transport.retry import NEVER, Repeatable
 from drivers.transport.serial_port import Port
 from drivers.transport.text_line import TextLine

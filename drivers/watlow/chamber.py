@@ -8,8 +8,7 @@ from contextlib import suppress
 
 from drivers.bench_limits import limit_of
 from drivers.transport.modbus_line import ModbusLine
-from drivers.transport.patient_registers import RegisterLine
-from drivers.transport.proof import Proof
+from drivers.transport.retry import Proof, RegisterLine
 from drivers.watlow.quantity_reader import WatlowSight
 from drivers.watlow.ramp import Steps
 from station.errors import InstrumentError

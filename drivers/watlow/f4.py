@@ -18,8 +18,7 @@ from typing import ClassVar, Literal
 from pydantic import Field
 
 from drivers.transport.modbus_line import ModbusLine, ModbusSettings
-from drivers.transport.patient_registers import PatientRegisters, RegisterLine
-from drivers.transport.retry import Repeatable
+from drivers.transport.retry import PatientRegisters, RegisterLine, Repeatable
 from drivers.watlow.chamber import WatlowChamber
 from station.errors import InstrumentError
 from station.roles import Identity, Place

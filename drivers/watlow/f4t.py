@@ -18,10 +18,8 @@ from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field
 
-from drivers.transport.modbus_line import SCHEME
-from drivers.transport.modbus_refusal import NO_REGISTER, ModbusRefusal
-from drivers.transport.patient_registers import RegisterLine
-from drivers.transport.retry import Repeatable
+from drivers.transport.modbus_line import NO_REGISTER, SCHEME, ModbusRefusal
+from drivers.transport.retry import RegisterLine, Repeatable
 from drivers.watlow.chamber import LOOK_S, WatlowChamber
 from drivers.watlow.f4t_registers import (
     OFF,

@@ -8,8 +8,7 @@ from typing import Annotated, Literal
 from pydantic import AfterValidator, Field
 
 from drivers.transport.modbus_line import ModbusLine, ModbusSettings
-from drivers.transport.patient_registers import PatientRegisters, RegisterLine
-from drivers.transport.retry import Repeatable
+from drivers.transport.retry import PatientRegisters, RegisterLine, Repeatable
 from station.errors import InstrumentError
 from station.roles import Identity, Place
 

@@ -12,7 +12,7 @@ from typing import ClassVar
 
 from pydantic import Field
 
-from drivers.transport.modbus_refusal import DEVICE_FAILURE, ModbusRefusal
+from drivers.transport.modbus_line import DEVICE_FAILURE, ModbusRefusal
 from drivers.transport.retry import Repeatable
 from drivers.watlow.f4t import WatlowF4T
 from drivers.watlow.f4t_registers import (

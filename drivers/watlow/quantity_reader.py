@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from typing import ClassVar
 
-from drivers.transport.patient_registers import RegisterLine
+from drivers.transport.retry import RegisterLine
 from station.errors import InstrumentError
 from station.roles import Driver, Place
 

@@ -7,7 +7,7 @@ import pytest
 from imu_stand import FIELD_NT, FORCE_G, KINDS, LATENCY_S, STRETCH, Spindle, imu
 from stand import recorded
 
-from drivers.transport.numbering import Numbering
+from drivers.transport.serial_stream import Numbering
 from station.errors import InputError, InstrumentError
 from station.roles import Imu, SensorStatus
 

@@ -16,7 +16,7 @@ from navigator_stand import RawLine, bitwise_crc
 from drivers.kvh.imu_1775_frames import OUTPUT, SELF_TEST, TEXT, split
 from drivers.transport.can_line import CanLine
 from drivers.transport.can_messages import message_file
-from drivers.transport.crc import crc32_mpeg2
+from drivers.transport.serial_stream import crc32_mpeg2
 
 NINE_AXIS = "nine-axis-calibration"
 

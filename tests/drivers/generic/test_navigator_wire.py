@@ -29,7 +29,7 @@ from drivers.generic.serial_navigator import SerialNavigator
 from drivers.generic.serial_navigator_frames import OUTPUT, SYNC, frame, split
 from drivers.transport.can_line import CanLine
 from drivers.transport.can_messages import decoder_of, message_file
-from drivers.transport.crc import crc32_stim300
+from drivers.transport.serial_stream import crc32_stim300
 from sim_instruments.bench import SimulatedBench
 from sim_instruments.generic.serial_navigator import SerialNavigator as SimulatedOnSerial
 from sim_instruments.wire.crc32 import crc32

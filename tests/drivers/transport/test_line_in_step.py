@@ -14,8 +14,7 @@ from wires import LIMITS, no_thread_is_left  # noqa: F401
 
 from drivers.kepco.bop import KepcoBop
 from drivers.transport.kept_frames import MOST_FRAMES, KeptFrames
-from drivers.transport.proof import Proof
-from drivers.transport.retry import Repeatable
+from drivers.transport.retry import Proof, Repeatable
 from drivers.transport.serial_line import SerialLine
 from drivers.transport.serial_port import SerialSettings
 from drivers.transport.serial_stream import SerialStream, Split

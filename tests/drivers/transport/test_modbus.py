@@ -12,10 +12,8 @@ from pymodbus.framer import FramerRTU
 from pymodbus.pdu import DecodePDU
 from watlow_stand import NAME, Stand, controller
 
-from drivers.transport.modbus_line import ModbusLine, ModbusSettings
-from drivers.transport.modbus_refusal import ModbusRefusal
-from drivers.transport.patient_registers import PatientRegisters
-from drivers.transport.retry import Repeatable
+from drivers.transport.modbus_line import ModbusLine, ModbusRefusal, ModbusSettings
+from drivers.transport.retry import PatientRegisters, Repeatable
 from sim_instruments.wire.modbus import ModbusError, Parameter, Registers, fixed
 from sim_instruments.wire.modbus_rtu import crc16
 from station.clock import RealClock, VirtualClock

@@ -9,8 +9,7 @@ from contextlib import contextmanager, suppress
 
 import pytest
 
-from drivers.transport.can_line import CanLine, Frame
-from drivers.transport.socketcand import LONGEST_MESSAGE, Socketcand
+from drivers.transport.can_line import LONGEST_MESSAGE, CanLine, Frame, Socketcand
 from station.clock import RealClock
 from station.errors import InstrumentError
 from station.instruments.opening import Place

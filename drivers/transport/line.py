@@ -1,10 +1,44 @@
-"""What came back over a line, as a number, or cut to a length that a sentence can hold."""
+"""What every line does alike: its bytes and faults go to the place's tracer, its answers are read."""
 
 from __future__ import annotations
 
 import math
 
 from station.errors import InstrumentError
+from station.roles import Place
+
+
+class TracedLine:
+    """What every line does alike."""
+
+    def __init__(self, place: Place) -> None:
+        self._place = place
+        self._clock = place.clock
+        self._trace = place.trace
+
+    def _traced(self, direction: str, data: bytes) -> None:
+        if self._trace is not None:
+            self._trace(direction, data)
+
+    def _fault(
+        self,
+        attempted: str,
+        came_back: str,
+        do_now: str,
+        kind: type[InstrumentError] = InstrumentError,
+    ) -> InstrumentError:
+        self._traced("!", f"{attempted}: {came_back}".encode())
+        return kind(self._place.name, attempted, came_back, do_now)
+
+    def _nobody_answers(
+        self, why: object, do_now: str = "switch the instrument on, check its cable"
+    ) -> InstrumentError:
+        return self._fault(
+            f"open {self._place.address}",
+            f"nobody answers there ({why})",
+            f"{do_now} and the address in the bench file",
+        )
+
 
 OTHER_ADDRESS = "check that the address in the bench file is its own"
 
