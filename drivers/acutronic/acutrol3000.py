@@ -19,7 +19,7 @@ from drivers.acutronic.axis import AclSettings, Doing
 from drivers.acutronic.limits import limit, programme
 from drivers.acutronic.line import AclLine
 from drivers.acutronic.table import Table
-from drivers.transport.retry import Repeatable, repeated
+from drivers.transport.retry import Repeatable
 from station.errors import InstrumentError
 from station.roles import Driver, Identity, Place, SafetyReading
 
@@ -58,7 +58,7 @@ class Acutrol3000(Driver):
         self._line = AclLine(
             place, self._settings, self._settings.framing == "framed", self.repeatable
         )
-        self._table = Table(place, self._settings, self._line, self.repeatable)
+        self._table = Table(place, self._settings, self._line)
 
     def identify(self) -> Identity:
         """Ask `*IDN?`: maker, model, serial number and firmware."""
@@ -267,5 +267,5 @@ class Acutrol3000(Driver):
 
     def _interlock_broke(self) -> bool:
         asked = self._table.state_queries
-        states = repeated(self.repeatable, ";".join(asked), lambda: self._line.numbers(*asked))
+        states = self._line.repeated(";".join(asked), lambda: self._line.numbers(*asked))
         return self._table.say_interlock(map(int, states))

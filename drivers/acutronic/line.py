@@ -7,9 +7,9 @@ import re
 from typing import NamedTuple
 
 from drivers.transport.line import odd, shortened
-from drivers.transport.retry import NEVER, Proof, Repeatable
-from drivers.transport.serial_line import SerialLine
+from drivers.transport.retry import NEVER, Repeatable
 from drivers.transport.serial_port import SerialSettings
+from drivers.transport.text_line import SerialLine
 from station.errors import InstrumentError
 from station.roles import Place
 
@@ -77,7 +77,7 @@ class AclLine:
         self._framed = framed
         kind = FramedLine if self._framed else SerialLine
         self._line = kind(place, serial, request_end="\r\n", answer_end="\n", repeatable=repeatable)
-        self.proof = Proof(place, self._line)
+        self.proof, self.repeated = self._line.proof, self._line.repeated
         self._free_s = -math.inf
 
     def query(self, message: str) -> str:

@@ -20,7 +20,6 @@ from drivers.acutronic.status import (
     wrong_rate,
 )
 from drivers.acutronic.turns import TURN_DEG, TurnCount
-from drivers.transport.retry import Repeatable, repeated
 from station.errors import InputError, InstrumentError
 from station.roles import Place
 
@@ -36,11 +35,8 @@ RATE_AGREES, RATE_KEPT = 1e-3, 0.05
 class Table:
     """All axes, with what was read of them last."""
 
-    def __init__(
-        self, place: Place, settings: AclSettings, line: AclLine, repeatable: Repeatable
-    ) -> None:
+    def __init__(self, place: Place, settings: AclSettings, line: AclLine) -> None:
         self._place, self._settings, self._line = place, settings, line
-        self._repeatable = repeatable
         numbers = range(1, settings.axes + 1)
         self.axes = {n: AxisState(n, TurnCount(n in settings.turns_for_ever)) for n in numbers}
         self._reads = tuple(f":Read:{what}? {n}" for n in numbers for what in ("Position", "Rate"))
@@ -254,15 +250,15 @@ class Table:
 
     def patiently_look(self) -> None:
         """Look, where one lost answer must not decide."""
-        repeated(self._repeatable, self._reads[0], self.look)
+        self._line.repeated(self._reads[0], self.look)
 
     def patiently_tell(self, message: str) -> None:
         """Send a command whose refusal does not matter, where one lost answer must not decide."""
-        repeated(self._repeatable, message, lambda: self._line.tell(message))
+        self._line.repeated(message, lambda: self._line.tell(message))
 
     def patient_mode(self, n: int) -> str:
         """Return the mode of an axis, where one lost answer must not decide."""
-        return repeated(self._repeatable, f":Mode? {n}", lambda: self._line.mode(n))
+        return self._line.repeated(f":Mode? {n}", lambda: self._line.mode(n))
 
     def brakes_within_s(self) -> float:
         """Return the time in which the fastest axis that the bench allows comes to rest."""

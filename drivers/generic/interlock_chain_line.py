@@ -22,9 +22,8 @@ from contextlib import suppress
 from typing import ClassVar
 
 from drivers.transport.line import identification, shortened
-from drivers.transport.retry import PatientLine, Repeatable
-from drivers.transport.visa_line import ScpiLine
-from drivers.transport.visa_port import VisaSettings
+from drivers.transport.retry import Repeatable
+from drivers.transport.visa_line import ScpiLine, VisaSettings
 from station.errors import InstrumentError
 from station.roles import Driver, Identity, Place
 
@@ -40,13 +39,7 @@ class InterlockChainLine(Driver):
 
     def __init__(self, place: Place) -> None:
         self.place = place
-        self._line = ScpiLine(
-            place,
-            error_query=":SYST:ERR?",
-            no_error=lambda answer: answer.startswith("0,"),
-            repeatable=self.repeatable,
-        )
-        self._patient = PatientLine(self._line, self.repeatable)
+        self._line = ScpiLine(place, repeatable=self.repeatable)
 
     def identify(self) -> Identity:
         """Ask `*IDN?`: maker, model, serial number and firmware."""
@@ -58,7 +51,7 @@ class InterlockChainLine(Driver):
 
     def open_contacts(self) -> tuple[str, ...]:
         """Return the names of the contacts that are open."""
-        answer = self._patient.query("CHAIN:LIST?").strip()
+        answer = self._line.patient.query("CHAIN:LIST?").strip()
         names = tuple(name.strip() for name in answer.split(",") if name.strip())
         return () if names == ("NONE",) else names
 
@@ -74,7 +67,7 @@ class InterlockChainLine(Driver):
         self._line.close()
 
     def _state(self) -> str:
-        answer = self._patient.query("CHAIN?").strip()
+        answer = self._line.patient.query("CHAIN?").strip()
         state = STATES.get(answer)
         if state is None:
             raise InstrumentError(

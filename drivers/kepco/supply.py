@@ -14,9 +14,8 @@ from typing import ClassVar
 from drivers.kepco.list_stop import Sine, wait_for_zero
 from drivers.kepco.steady_current import SteadyCurrent, set_point_A
 from drivers.transport.line import identification
-from drivers.transport.retry import PatientLine, Proof, Repeatable
-from drivers.transport.visa_line import ScpiLine
-from drivers.transport.visa_port import VisaSettings
+from drivers.transport.retry import Repeatable
+from drivers.transport.visa_line import ScpiLine, VisaSettings
 from station.errors import InstrumentError, PauseRefused
 from station.roles import CoilSettings, Driver, Identity, Place, SafetyReading
 
@@ -48,14 +47,7 @@ class KepcoSupply(Driver, ABC):
         self._voltage_limit_V = place.limits["voltage"]
         self._ramp_step_A = place.limits["slew"] * RAMP_STEP_S
         self._zero_A = place.limits["zero_current"]
-        self._line = ScpiLine(
-            place,
-            error_query=ERROR_QUERY,
-            no_error=lambda answer: answer.startswith("0,"),
-            repeatable=self.repeatable,
-        )
-        self._proof = Proof(place, self._line)
-        self._patient = PatientLine(self._line, self.repeatable)
+        self._line = ScpiLine(place, repeatable=self.repeatable)
         self._steady = SteadyCurrent(place, coil, self._line, self.current_A)
         self._half_period_s = LONGEST_HALF_PERIOD_S
         self._sine: Sine | None = None
@@ -72,7 +64,7 @@ class KepcoSupply(Driver, ABC):
         rest within its slew limit. Raises InstrumentError when the bench's limit is above the
         instrument's rating.
         """
-        if self._proof.of(self._output_is_on) == [True]:
+        if self._line.proof.of(self._output_is_on) == [True]:
             self.make_safe(self.place.clock.now() + COMES_TO_REST_S)
         self._programme_limits()
 
@@ -152,9 +144,9 @@ class KepcoSupply(Driver, ABC):
         """
         try:
             # What was refused before must not be taken for a refusal of what follows.
-            self._patient.query(f"*CLS;{ERROR_QUERY}")
+            self._line.patient.query(f"*CLS;{ERROR_QUERY}")
             self._ramp_to_zero(deadline_s)
-            self._patient.command("OUTP OFF")
+            self._line.patient.command("OUTP OFF")
             self.place.publish("output", "off")
         except InstrumentError:
             with suppress(InstrumentError):
@@ -164,10 +156,10 @@ class KepcoSupply(Driver, ABC):
     def _ramp_to_zero(self, deadline_s: float) -> None:
         clock = self.place.clock
         # An answer to another question must not be what a ramp starts from.
-        if self._proof.of(self._list_runs) == [True]:
+        if self._line.proof.of(self._list_runs) == [True]:
             self._leave_list(deadline_s)
-        present_A, set_A = self._proof.of(
-            self._sure_current_A, lambda: set_point_A(self._patient.number)
+        present_A, set_A = self._line.proof.of(
+            self._sure_current_A, lambda: set_point_A(self._line.patient.number)
         )
         if abs(set_A) > self._ramp_step_A or self._stood_still:
             # What it drives follows what is commanded, also where it reads back something else:
@@ -179,15 +171,15 @@ class KepcoSupply(Driver, ABC):
         # made its step, or its last command was lost.
         clock.sleep(RAMP_STEP_S)
         for step in range(steps, 0, -1):
-            self._patient.command(f"CURR {present_A * step / steps:.4f}")
+            self._line.patient.command(f"CURR {present_A * step / steps:.4f}")
             clock.sleep(RAMP_STEP_S)
-        self._patient.command("CURR:MODE FIX;:CURR 0")
+        self._line.patient.command("CURR:MODE FIX;:CURR 0")
         while abs(self._sure_current_A()) > self._zero_A and clock.now() < deadline_s:
             clock.sleep(SETTLE_S)
 
     def read_safety(self) -> SafetyReading:
         """Read back output state, list state and current."""
-        output_on, runs, current_A = self._proof.of(
+        output_on, runs, current_A = self._line.proof.of(
             self._output_is_on, self._list_runs, self._sure_current_A
         )
         safe = not output_on and not runs and abs(current_A) <= self._zero_A
@@ -224,27 +216,27 @@ class KepcoSupply(Driver, ABC):
             self._ramp_step_A,
             until_s,
             self._sine,
-            self._proof.in_step,
+            self._line.proof.in_step,
         )
-        self._patient.command("CURR:MODE FIX")
+        self._line.patient.command("CURR:MODE FIX")
 
     def _list_runs(self) -> bool:
-        return list_runs(self._patient.number(OPERATION))
+        return list_runs(self._line.patient.number(OPERATION))
 
     def _output_is_on(self) -> bool:
-        is_on = self._patient.number("OUTP?") != 0
+        is_on = self._line.patient.number("OUTP?") != 0
         self.place.publish("output", "on" if is_on else "off")
         return is_on
 
     def _sure_current_A(self) -> float:
-        return self._published_current_A(self._patient.number("MEAS:CURR?"))
+        return self._published_current_A(self._line.patient.number("MEAS:CURR?"))
 
     def _published_current_A(self, current_A: float) -> float:
         self.place.publish("current", current_A, "A")
         return current_A
 
     def _voltage_V(self) -> float:
-        voltage_V = self._patient.number("MEAS:VOLT?")
+        voltage_V = self._line.patient.number("MEAS:VOLT?")
         self.place.publish("voltage", voltage_V, "V")
         return voltage_V
 

@@ -39,9 +39,8 @@ from drivers.keysight.generator_33522b_messages import (
     load_ohm,
 )
 from drivers.transport.line import identification, shortened
-from drivers.transport.retry import PatientLine, Proof, Repeatable
-from drivers.transport.visa_line import ScpiLine
-from drivers.transport.visa_port import VisaSettings
+from drivers.transport.retry import Repeatable
+from drivers.transport.visa_line import ScpiLine, VisaSettings
 from station.errors import InstrumentError
 from station.roles import Driver, Identity, Place, SafetyReading
 
@@ -83,14 +82,7 @@ class Keysight33522B(Driver):
         self._steady: set[int] = set()
         self._armed: set[int] = set()
         """Channels that are proven to hold a voltage, and those proven to wait for a trigger."""
-        self._line = ScpiLine(
-            place,
-            error_query=ERROR_QUERY,
-            no_error=lambda answer: answer.startswith(("+0,", "0,")),
-            repeatable=self.repeatable,
-        )
-        self._proof = Proof(place, self._line)
-        self._patient = PatientLine(self._line, self.repeatable)
+        self._line = ScpiLine(place, repeatable=self.repeatable)
 
     def identify(self) -> Identity:
         """Ask `*IDN?`; the answer is maker, model, serial number, firmware."""
@@ -206,9 +198,9 @@ class Keysight33522B(Driver):
         off = joined(*(one.switch(on=False) for one in self._messages.values()))
         self._forget()
         try:
-            self._patient.query(f"*CLS;{ERROR_QUERY}")
-            self._patient.command(off)
-            (outputs,) = self._proof.of(self._outputs)
+            self._line.patient.query(f"*CLS;{ERROR_QUERY}")
+            self._line.patient.command(off)
+            (outputs,) = self._line.proof.of(self._outputs)
             on = [channel for channel, is_on in outputs.items() if is_on]
             if on:
                 what = f"channel {' and '.join(map(str, on))} reads back as on"
@@ -220,7 +212,7 @@ class Keysight33522B(Driver):
 
     def read_safety(self) -> SafetyReading:
         """Read back both outputs."""
-        (outputs,) = self._proof.of(self._outputs)
+        (outputs,) = self._line.proof.of(self._outputs)
         words = [f"channel {channel} {'on' if on else 'off'}" for channel, on in outputs.items()]
         return SafetyReading(not any(outputs.values()), ", ".join(words))
 
@@ -263,8 +255,8 @@ class Keysight33522B(Driver):
             off = "and the channel was switched off"
             self._forget(channel)
             try:
-                self._patient.query(f"*CLS;{ERROR_QUERY}")
-                self._patient.command(self._messages[channel].switch(on=False))
+                self._line.patient.query(f"*CLS;{ERROR_QUERY}")
+                self._line.patient.command(self._messages[channel].switch(on=False))
                 self._outputs()
             except InstrumentError:
                 off = "and the channel could not be switched off"
@@ -291,7 +283,7 @@ class Keysight33522B(Driver):
     def _outputs(self) -> dict[int, bool]:
         """Return which outputs are on, and publish whether any is."""
         question = joined(*(one.output for one in self._messages.values()))
-        told = self._patient.query(question).split(";")
+        told = self._line.patient.query(question).split(";")
         if len(told) != len(CHANNELS) or not set(told) <= {"0", "1"}:
             raise self._odd(question, ";".join(told))
         outputs = {channel: one == "1" for channel, one in zip(CHANNELS, told, strict=True)}

@@ -18,9 +18,8 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from drivers.transport.line import identification, odd
-from drivers.transport.retry import PatientLine, Repeatable
-from drivers.transport.visa_line import ScpiLine
-from drivers.transport.visa_port import VisaSettings
+from drivers.transport.retry import Repeatable
+from drivers.transport.visa_line import PatientLine, ScpiLine, VisaSettings
 from station.errors import InstrumentError
 from station.fields import Unit
 from station.roles import Identity, Place
@@ -85,13 +84,7 @@ class Bursts:
         self._began_s = 0.0
         # Held while a burst is begun, and for the whole of a single reading of an interlock's.
         self._turn = place.clock.lock(f"{place.name} burst")
-        self._line = ScpiLine(
-            place,
-            error_query=ERROR_QUERY,
-            no_error=lambda answer: answer.startswith(("+0,", "0,")),
-            repeatable=REPEATABLE,
-        )
-        self._patient = PatientLine(self._line, REPEATABLE)
+        self._line = ScpiLine(place, repeatable=REPEATABLE)
 
     def identify(self) -> Identity:
         """Ask `*IDN?`; the answer is maker, model, serial number, firmware."""
@@ -181,14 +174,14 @@ class Bursts:
             return None
         with self._turn:
             if self._pending:
-                answer = self._patient.query("DATA:LAST?")
+                answer = self._line.patient.query("DATA:LAST?")
                 value = self._numbers("DATA:LAST?", answer.split(" ")[0])[0]
                 return None if abs(value) >= NO_READING * 0.9999 else float(value)
-            self._initiate(self._patient, 1)
+            self._initiate(self._line.patient, 1)
             while True:
                 look_s = min(self._reading_s + BETWEEN_READINGS_S, LONGEST_LOOK_S)
                 self._clock.sleep(look_s)
-                values = self._taken(self._patient, 1)
+                values = self._taken(self._line.patient, 1)
                 if values is not None:
                     return float(values[0])
 

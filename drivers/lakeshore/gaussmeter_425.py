@@ -25,9 +25,9 @@ import numpy as np
 from pydantic import Field
 
 from drivers.transport.line import number_of, odd, shortened
-from drivers.transport.retry import Repeatable, repeated
-from drivers.transport.serial_line import SerialLine
+from drivers.transport.retry import Repeatable
 from drivers.transport.serial_port import BaudRate, DataBits, Parity, SerialSettings
+from drivers.transport.text_line import SerialLine
 from station.errors import InputError, InstrumentError
 from station.fields import Second
 from station.roles import Block, Driver, Identity, Place
@@ -143,7 +143,7 @@ class Lakeshore425(Driver):
         """
         if not self._gives_tesla:
             self._prepare()
-        field_T, _ = repeated(self.repeatable, "RDGFIELD?", self._newest)
+        field_T, _ = self._line.repeated("RDGFIELD?", self._newest)
         return self._shown_mT(field_T)
 
     quantities: ClassVar = {"field": _field_mT}
@@ -164,7 +164,7 @@ class Lakeshore425(Driver):
             self._tell(command)
             self._check(f"sent {command!r}", query, self._ask(query), wanted)
 
-        repeated(self.repeatable, command, exchange)
+        self._line.repeated(command, exchange)
 
     def _check(self, attempted: str, query: str, answer: str, wanted: str) -> None:
         """Raise InstrumentError where an answer does not begin as wanted."""

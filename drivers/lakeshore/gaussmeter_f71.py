@@ -18,9 +18,8 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from drivers.transport.line import identification, shortened
-from drivers.transport.retry import PatientLine, Repeatable
-from drivers.transport.visa_line import ScpiLine
-from drivers.transport.visa_port import VisaSettings
+from drivers.transport.retry import Repeatable
+from drivers.transport.visa_line import ScpiLine, VisaSettings
 from station.errors import InstrumentError
 from station.fields import Second
 from station.roles import Block, Driver, Identity, Place
@@ -69,11 +68,10 @@ class LakeshoreF71(Driver):
         self._line = ScpiLine(
             place,
             error_query=":SYST:ERR:ALL?",
-            no_error=lambda answer: "no error" in answer.lower(),
+            no_error="(?i).*no error",
             answer_end="\r\n",
             repeatable=self.repeatable,
         )
-        self._patient = PatientLine(self._line, self.repeatable)
 
     def identify(self) -> Identity:
         """Ask `*IDN?`: maker, model, serial number, options and firmware."""
@@ -112,10 +110,10 @@ class LakeshoreF71(Driver):
         """
         if not self._gives_tesla:
             # Before the first start it is as somebody left it, perhaps in gauss.
-            self._patient.command("SENS:MODE DC")
-            self._patient.command("UNIT:FIELD TESLA")
+            self._line.patient.command("SENS:MODE DC")
+            self._line.patient.command("UNIT:FIELD TESLA")
             self._gives_tesla = True
-        return self._publish_field(self._patient.number("FETC:DC?"))
+        return self._publish_field(self._line.patient.number("FETC:DC?"))
 
     quantities: ClassVar = {"field": _field_mT}
 

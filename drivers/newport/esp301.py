@@ -17,7 +17,7 @@ from pydantic import Field
 
 from drivers.newport.esp301_limits import limit, programme
 from drivers.newport.esp301_line import MODEL, EspLine
-from drivers.transport.retry import Repeatable, repeated
+from drivers.transport.retry import Repeatable
 from drivers.transport.serial_port import BaudRate, Handshake, SerialSettings
 from station.errors import InstrumentError
 from station.fields import Degree, Second
@@ -198,7 +198,7 @@ class NewportEsp301(Driver):
         stop = self._of_axis("ST")
         try:
             # What was refused before is no refusal of this: that it stands is what is read back.
-            repeated(self.repeatable, stop, lambda: self._line.query(f"{stop};TB?"))
+            self._line.repeated(stop, lambda: self._line.query(f"{stop};TB?"))
             while self._surely("MD?") == 0 and self.place.clock.now() < deadline_s - STILL_S:
                 self.place.clock.sleep(LOOK_S)
         except InstrumentError:
@@ -269,7 +269,7 @@ class NewportEsp301(Driver):
     def _surely(self, query: str) -> float:
         """Return a number on the way to rest, where one lost answer must not decide."""
         message = self._of_axis(query)
-        return repeated(self.repeatable, message, lambda: self._line.number(message))
+        return self._line.repeated(message, lambda: self._line.number(message))
 
     def _of_axis(self, command: str) -> str:
         return f"{self._axis}{command}"

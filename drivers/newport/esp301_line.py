@@ -6,9 +6,9 @@ import re
 from collections.abc import Collection
 
 from drivers.transport.line import number_of, odd, shortened
-from drivers.transport.retry import NEVER, Proof, Repeatable
-from drivers.transport.serial_line import SerialLine
+from drivers.transport.retry import NEVER, Repeatable
 from drivers.transport.serial_port import SerialSettings
+from drivers.transport.text_line import SerialLine
 from station.errors import InstrumentError
 from station.roles import Place
 
@@ -49,30 +49,14 @@ OF_AXIS = {
 }
 
 
-class EspLine:
+class EspLine(SerialLine):
     """Commands and queries of one controller; `axis` is the one whose errors are ours."""
 
     def __init__(
         self, place: Place, settings: SerialSettings, axis: int, repeatable: Repeatable = NEVER
     ) -> None:
-        self._place = place
         self._axis = axis
-        self._line = SerialLine(
-            place, settings, ignores_empty=True, repeatable=repeatable, identity="VE?"
-        )
-        self.proof = Proof(place, self._line)
-
-    def query(self, message: str) -> str:
-        """Send a message with one query in it and return the answer."""
-        return self._line.query(message)
-
-    def last_attempt(self, message: str) -> None:
-        """Send a command where no answer can be understood."""
-        self._line.last_attempt(message)
-
-    def close(self) -> None:
-        """Close the line."""
-        self._line.close()
+        super().__init__(place, settings, ignores_empty=True, repeatable=repeatable, identity="VE?")
 
     def number(self, message: str) -> float:
         """Return the answer to a query as a finite number; anything else is InstrumentError."""

@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 
 from drivers.redpitaya.stemlab_settings import SLOTS, BoardSettings, CannotRecord, Record
 from drivers.transport.line import odd, shortened
-from drivers.transport.retry import Proof, Repeatable, repeated
+from drivers.transport.retry import Repeatable
 from drivers.transport.visa_line import VisaLine
 from station.errors import InstrumentError
 from station.roles import Block, Driver, Identity, Place, SafetyReading
@@ -73,7 +73,6 @@ class RedPitaya(Driver):
         # Held while a record is begun, and for the whole of a single look of an interlock's.
         self._turn = place.clock.lock(f"{place.name} record")
         self._line = VisaLine(place, request_end=END, answer_end=END, repeatable=self.repeatable)
-        self._proof = Proof(place, self._line)
 
     def identify(self) -> Identity:
         """Ask `*IDN?`: maker, model, a serial number that is 0, firmware."""
@@ -175,7 +174,7 @@ class RedPitaya(Driver):
     def make_safe(self, deadline_s: float) -> None:
         """Drive the trigger output low, so that nothing that listens goes on."""
         try:
-            repeated(self.repeatable, f"DIG:PIN {OUTPUT},0", self._low)
+            self._line.repeated(f"DIG:PIN {OUTPUT},0", self._low)
         except InstrumentError:
             # It may do what it is told though nobody understands its answers.
             with suppress(InstrumentError):
@@ -184,7 +183,7 @@ class RedPitaya(Driver):
 
     def read_safety(self) -> SafetyReading:
         """Read back whether the trigger output is an output, and low."""
-        way, level = self._proof.of(
+        way, level = self._line.proof.of(
             lambda: self._surely(f"DIG:PIN:DIR? {OUTPUT}", self._word),
             lambda: self._surely(f"DIG:PIN? {OUTPUT}", self._word),
         )
@@ -256,7 +255,7 @@ class RedPitaya(Driver):
 
     def _surely(self, question: str, ask: Callable[[str], Answer]) -> Answer:
         """Ask what does no harm twice, where one lost answer must not decide."""
-        return repeated(self.repeatable, question, lambda: ask(question))
+        return self._line.repeated(question, lambda: ask(question))
 
     def _word(self, question: str) -> str:
         return self._line.query(question).strip()

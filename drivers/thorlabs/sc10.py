@@ -21,9 +21,9 @@ from typing import ClassVar, Literal
 from pydantic import Field
 
 from drivers.transport.line import odd
-from drivers.transport.retry import Proof, Repeatable, repeated
-from drivers.transport.serial_line import SerialLine
+from drivers.transport.retry import Repeatable
 from drivers.transport.serial_port import SerialSettings
+from drivers.transport.text_line import SerialLine
 from station.errors import InstrumentError
 from station.fields import Second
 from station.roles import Driver, Identity, LightSettings, Place, SafetyReading
@@ -71,7 +71,6 @@ class ThorlabsSc10(Driver):
             repeatable=self.repeatable,
             identity="id?",
         )
-        self._proof = Proof(place, self._line)
 
     def identify(self) -> Identity:
         """Ask `id?` for model and firmware; the serial number stands on the unit alone."""
@@ -136,7 +135,7 @@ class ThorlabsSc10(Driver):
     def read_safety(self) -> SafetyReading:
         """Read back whether the shutter is closed, and whether it is disabled, so that it stays."""
         ask = self._surely
-        is_open, enabled, mode_now = self._proof.of(
+        is_open, enabled, mode_now = self._line.proof.of(
             lambda: self._is_open(ask),
             lambda: self._flag("ens?", ask) == 1,
             lambda: self._mode(ask),
@@ -246,7 +245,7 @@ class ThorlabsSc10(Driver):
 
     def _surely(self, message: str) -> str:
         """Ask what does no harm twice, so that one lost answer does not leave the light on."""
-        return repeated(self.repeatable, message, lambda: self._ask(message))
+        return self._line.repeated(message, lambda: self._ask(message))
 
     def _ask(self, message: str) -> str:
         """Send a message and return the value after its echo, empty for a command."""

@@ -14,8 +14,8 @@ from collections.abc import Callable
 from contextlib import suppress
 from typing import TypeVar
 
-from drivers.transport.line import TracedLine, shortened
-from drivers.transport.retry import NEVER, TRIES, Repeatable
+from drivers.transport.line import AnswerInDoubt, LineBroken, TracedLine, shortened
+from drivers.transport.retry import NEVER, TRIES, Proof, Repeatable, repeated
 from drivers.transport.serial_port import Port, SocketPort, one_line
 from station.errors import InstrumentError, InstrumentTimeout
 from station.roles import Place
@@ -29,14 +29,6 @@ QUIET_S = 0.1
 QUIET_LOOKS = 5
 LARGEST_ANSWER_BYTES = 1 << 20
 LARGEST_TRACE_BYTES = 4096
-
-
-class AnswerInDoubt(InstrumentError):
-    """An answer that may belong to another question, or to none."""
-
-
-class LineBroken(InstrumentError):
-    """A connection that ended while it was used."""
 
 
 class ExchangePort(TracedLine, ABC):
@@ -57,6 +49,7 @@ class ExchangePort(TracedLine, ABC):
         self._lock = place.clock.lock(f"{place.name} line")
         self._wire = place.clock.wire(wire)
         self._repeatable = repeatable
+        self.proof = Proof(place, self)
         self._port: Port | None = None
         self._opened = 0
         self._must_calm = False
@@ -72,6 +65,14 @@ class ExchangePort(TracedLine, ABC):
         if self._port is not None:
             self._traced("-", b"closed")
         self._disconnect()
+
+    def repeated(self, message: str, exchange: Callable[[], Answer]) -> Answer:
+        """Return what an exchange of `message` brings, tried three times if it is repeatable."""
+        return repeated(self._repeatable, message, exchange)
+
+    @abstractmethod
+    def echoes_identity(self) -> bool:
+        """Whether the answer to who is there is the identity."""
 
     def resynchronise(self) -> None:
         """Have the next exchange begin on a line that is opened anew and quiet."""

@@ -1,4 +1,4 @@
-"""What every line does alike: its bytes and faults go to the place's tracer, its answers are read."""
+"""What every line does alike: it traces bytes and faults, and reads answers as numbers."""
 
 from __future__ import annotations
 
@@ -6,6 +6,14 @@ import math
 
 from station.errors import InstrumentError
 from station.roles import Place
+
+
+class AnswerInDoubt(InstrumentError):
+    """An answer that may belong to another question, or to none."""
+
+
+class LineBroken(InstrumentError):
+    """A connection that ended while it was used."""
 
 
 class TracedLine:

@@ -112,6 +112,7 @@ class ModbusLine(ExchangePort):
         logging.getLogger("pymodbus").setLevel(logging.CRITICAL)
         address = f"{self._host}:{self._tcp_port}" if self._tcp else wire_address(place.address)
         super().__init__(place, address, repeatable)
+        self.patient = PatientRegisters(self)
 
     def read(self, address: int, count: int = 1) -> list[int]:
         """Return `count` registers from `address` on.
@@ -228,6 +229,27 @@ class ModbusLine(ExchangePort):
         except (ModbusException, IndexError, ValueError) as error:
             what = f"{shown(answer)} came back, which is no Modbus ({one_line(error)})"
             raise self._wrong(attempted, what) from error
+
+
+class PatientRegisters:
+    """A device's registers where one lost answer must not decide.
+
+    Everything repeatable, named as `read 2820`, is tried three times before its error is believed.
+    """
+
+    def __init__(self, line: ModbusLine) -> None:
+        self._line = line
+
+    def read(self, address: int, count: int = 1) -> list[int]:
+        """Return registers from an address on."""
+        return self._line.repeated(f"read {address}", lambda: self._line.read(address, count))
+
+    def write(self, address: int, values: Sequence[int]) -> None:
+        """Write registers from an address on."""
+        self._line.repeated(f"write {address}", lambda: self._line.write(address, values))
+
+
+RegisterLine = ModbusLine | PatientRegisters
 
 
 def shown(data: bytes, most: int = 24) -> str:

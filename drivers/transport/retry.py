@@ -10,7 +10,7 @@ came (`ExchangePort`). Any other fault, and each one of any other message, ends 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from contextlib import suppress
 from typing import Any, Protocol, TypeVar
 
@@ -66,42 +66,6 @@ def repeated(repeatable: Repeatable, message: str, exchange: Callable[[], Answer
         with suppress(InstrumentError):
             return exchange()
     return exchange()
-
-
-class Line(Protocol):
-    """A line of text with an error queue at its other end."""
-
-    def query(self, message: str) -> str:
-        """Send a message and return the answer."""
-        ...
-
-    def command(self, message: str) -> None:
-        """Send a command and read the error queue."""
-        ...
-
-    def number(self, message: str) -> float:
-        """Return the answer as a finite number."""
-        ...
-
-
-class PatientLine:
-    """A line on which everything repeatable is tried three times before its error is believed."""
-
-    def __init__(self, line: Line, repeatable: Repeatable) -> None:
-        self._line = line
-        self._repeatable = repeatable
-
-    def query(self, message: str) -> str:
-        """Send `message` and return the answer without its end."""
-        return repeated(self._repeatable, message, lambda: self._line.query(message))
-
-    def command(self, message: str) -> None:
-        """Send a command and read the error queue in one exchange; a refusal is InstrumentError."""
-        repeated(self._repeatable, message, lambda: self._line.command(message))
-
-    def number(self, message: str) -> float:
-        """Return the answer to `message` as a finite number; anything else is InstrumentError."""
-        return repeated(self._repeatable, message, lambda: self._line.number(message))
 
 
 class ProvableLine(Protocol):
@@ -166,33 +130,3 @@ class Proof:
             "it answered with something else each time, so nothing that it reads back counts",
             "look at its display, switch it off by hand where it is on, then switch it off and on",
         )
-
-
-class RegisterLine(Protocol):
-    """A device's registers, as `ModbusLine` reaches them."""
-
-    def read(self, address: int, count: int = 1) -> list[int]:
-        """Return registers from an address on."""
-        ...
-
-    def write(self, address: int, values: Sequence[int]) -> None:
-        """Write registers from an address on."""
-        ...
-
-
-class PatientRegisters:
-    """A line on which everything repeatable, named as `read 2820`, is tried three times."""
-
-    def __init__(self, line: RegisterLine, repeatable: Repeatable) -> None:
-        self._line = line
-        self._repeatable = repeatable
-
-    def read(self, address: int, count: int = 1) -> list[int]:
-        """Return registers from an address on."""
-        message = f"read {address}"
-        return repeated(self._repeatable, message, lambda: self._line.read(address, count))
-
-    def write(self, address: int, values: Sequence[int]) -> None:
-        """Write registers from an address on."""
-        message = f"write {address}"
-        repeated(self._repeatable, message, lambda: self._line.write(address, values))

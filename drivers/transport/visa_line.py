@@ -1,16 +1,131 @@
-"""Text messages over VISA: a request and its answer as one exchange."""
+"""Text messages over VISA: a request and its answer as one exchange.
+
+PyVISA opens and closes every resource. Of a bare TCP connection that PyVISA-py made, the bytes are
+taken from the connection itself: PyVISA-py's own read goes on beyond its deadline as long as bytes
+come, takes a closed connection for silence, and its write waits for ever.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import math
+import re
+import socket
+from contextlib import suppress
+from typing import Any
+
+import pyvisa
+from pydantic import Field
+from pyvisa import constants
 
 from drivers.transport.line import number_of, shortened
 from drivers.transport.retry import NEVER, Repeatable
-from drivers.transport.serial_port import Port
+from drivers.transport.serial_port import CONNECT_DEADLINE_S, Port, SocketPort
 from drivers.transport.text_line import TextLine
-from drivers.transport.visa_port import visa_port, wire_address
 from station.errors import InstrumentError
-from station.roles import Place
+from station.roles import DriverSettings, Place
+
+LARGEST_CHUNK_BYTES = 1 << 16
+ERROR_QUERY = ":SYST:ERR?"
+TIMEOUT = constants.StatusCode.error_timeout
+
+
+def resource_manager(library: str) -> pyvisa.ResourceManager:
+    """Return the resource manager of a VISA library, `@py` or the path of the vendor's."""
+    # PyVISA keeps one a library and makes a new one where somebody closed it.
+    return pyvisa.ResourceManager(library)
+
+
+def is_socket(resource_name: str) -> bool:
+    """Whether a resource is a bare TCP connection, where nothing but the bytes ends an answer."""
+    parts = resource_name.split("::")
+    return len(parts) == 4 and parts[-1].upper() == "SOCKET"
+
+
+def visa_wire_address(resource_name: str) -> str:
+    """Return `host:port` of a socket resource, else the resource name itself."""
+    parts = resource_name.split("::")
+    return f"{parts[1]}:{parts[2]}" if is_socket(resource_name) else resource_name
+
+
+class VisaSettings(DriverSettings):
+    """The settings of an instrument on a VISA line."""
+
+    visa_library: str = Field(
+        "@py", min_length=1, description="path of a vendor's VISA library; `@py` is pyvisa-py"
+    )
+
+
+def visa_port(place: Place, answer_end: str) -> Port:
+    """Open a resource, with the library of the bench file's `visa_library`; raises OSError."""
+    library = VisaSettings.of(place).visa_library
+    try:
+        resource: Any = resource_manager(library).open_resource(
+            place.address,
+            open_timeout=int(1000 * CONNECT_DEADLINE_S),
+            read_termination=answer_end,
+        )
+    except Exception as error:  # pyvisa-py raises bare Exception for a refused connection
+        raise OSError(str(error)) from error
+    session = getattr(resource.visalib, "sessions", {}).get(resource.session)
+    connection = getattr(session, "interface", None)
+    if is_socket(place.address) and isinstance(connection, socket.socket):
+        return SocketPort(connection, resource.close)
+    return VisaPort(resource, bare=is_socket(place.address))
+
+
+class VisaPort:
+    """A resource whose library reads: the vendor's, or PyVISA-py for anything but a bare TCP line.
+
+    What lies on the line can be looked for where bytes end an answer: on serial lines and bare TCP
+    connections. GPIB, USB, VXI-11 and HiSLIP keep answers and questions together themselves.
+    """
+
+    def __init__(self, resource: Any, *, bare: bool) -> None:
+        self._resource, self._bare = resource, bare
+        self._timeout_ms = math.nan
+        resource.chunk_size = LARGEST_CHUNK_BYTES
+        if bare:
+            # What came of an answer without its end is then given out, and can be shown.
+            with suppress(pyvisa.errors.Error):
+                attribute = constants.ResourceAttribute.suppress_end_enabled
+                resource.set_visa_attribute(attribute, False)
+
+    def read(self, timeout_s: float) -> bytes:
+        """Return what has come, or what comes first within a real time; empty for nothing."""
+        try:
+            if timeout_s > 0.0:
+                return self._read(timeout_s)
+            waiting = int(getattr(self._resource, "bytes_in_buffer", 0))
+            if waiting:
+                return bytes(self._resource.read_bytes(waiting, break_on_termchar=True))
+            return self._read(0.0) if self._bare else b""
+        except (pyvisa.errors.Error, OSError) as error:
+            raise OSError(str(error)) from error
+
+    def write(self, data: bytes) -> None:
+        """Put bytes on the line."""
+        try:
+            self._resource.write_raw(data)
+        except (pyvisa.errors.Error, OSError) as error:
+            raise OSError(str(error)) from error
+
+    def close(self) -> None:
+        """Give the resource back."""
+        with suppress(pyvisa.errors.Error, OSError):
+            self._resource.close()
+
+    def _read(self, timeout_s: float) -> bytes:
+        timeout_ms = 1000 * timeout_s
+        if timeout_ms != self._timeout_ms:  # it is nearly always the same, and setting it is slow
+            self._resource.timeout = self._timeout_ms = timeout_ms
+        try:
+            # One call of the library, which ends with the answer, its chunk, or its time.
+            data, _ = self._resource.visalib.read(self._resource.session, LARGEST_CHUNK_BYTES)
+        except pyvisa.errors.VisaIOError as error:
+            if error.error_code == TIMEOUT:
+                return b""
+            raise
+        return bytes(data)
 
 
 class VisaLine(TextLine):
@@ -37,7 +152,7 @@ class VisaLine(TextLine):
         self._before_end = answer_end[:-1]
         super().__init__(
             place,
-            wire_address(place.address),
+            visa_wire_address(place.address),
             request_end=request_end,
             answer_end=answer_end[-1:],
             repeatable=repeatable,
@@ -57,26 +172,28 @@ class VisaLine(TextLine):
 class ScpiLine(VisaLine):
     """A VISA line whose instrument keeps an error queue that is asked in the same message.
 
-    `error_query` is appended to each command; `no_error(answer)` tells an empty queue.
+    `error_query` is appended to each command; an empty queue answers with `no_error`, a regular
+    expression. `patient` is this line where one lost answer must not decide.
     """
 
     def __init__(
         self,
         place: Place,
         *,
-        error_query: str,
-        no_error: Callable[[str], bool],
+        error_query: str = ERROR_QUERY,
+        no_error: str = r"\+?0,",
         answer_end: str = "\n",
         repeatable: Repeatable = NEVER,
     ) -> None:
         super().__init__(place, answer_end=answer_end, repeatable=repeatable)
         self._error_query = error_query
-        self._no_error = no_error
+        self._no_error = re.compile(no_error)
+        self.patient = PatientLine(self)
 
     def command(self, message: str) -> None:
         """Send a command and read the error queue in one exchange; a refusal is InstrumentError."""
         answer = self.query(f"{message};{self._error_query}")
-        if not self._no_error(answer):
+        if not self._no_error.match(answer):
             raise self.refused(message, answer)
 
     def refused(self, message: str, answer: str) -> InstrumentError:
@@ -91,3 +208,22 @@ class ScpiLine(VisaLine):
     def number(self, message: str) -> float:
         """Return the answer to `message` as a finite number; anything else is InstrumentError."""
         return number_of(self._place.name, message, self.query(message))
+
+
+class PatientLine:
+    """A line on which everything repeatable is tried three times before its error is believed."""
+
+    def __init__(self, line: ScpiLine) -> None:
+        self._line = line
+
+    def query(self, message: str) -> str:
+        """Send `message` and return the answer without its end."""
+        return self._line.repeated(message, lambda: self._line.query(message))
+
+    def command(self, message: str) -> None:
+        """Send a command and read the error queue in one exchange; a refusal is InstrumentError."""
+        self._line.repeated(message, lambda: self._line.command(message))
+
+    def number(self, message: str) -> float:
+        """Return the answer to `message` as a finite number; anything else is InstrumentError."""
+        return self._line.repeated(message, lambda: self._line.number(message))

@@ -7,8 +7,7 @@ from abc import abstractmethod
 from contextlib import suppress
 
 from drivers.bench_limits import limit_of
-from drivers.transport.modbus_line import ModbusLine
-from drivers.transport.retry import Proof, RegisterLine
+from drivers.transport.modbus_line import ModbusLine, RegisterLine
 from drivers.watlow.quantity_reader import WatlowSight
 from drivers.watlow.ramp import Steps
 from station.errors import InstrumentError
@@ -33,12 +32,8 @@ class WatlowChamber(WatlowSight):
     resolution_K: float
     """How fine the controller's set-point is."""
 
-    def __init__(
-        self, place: Place, line: ModbusLine, surely: RegisterLine, door_register: int | None
-    ) -> None:
-        super().__init__(place, surely, door_register)
-        self._line = line
-        self._proof = Proof(place, line)
+    def __init__(self, place: Place, line: ModbusLine, door_register: int | None) -> None:
+        super().__init__(place, line, door_register)
         self._lock = place.clock.lock(f"{place.name} set-point")
         self._limits_written = self._on = False
         self._steps: Steps | None = None
@@ -151,7 +146,7 @@ class WatlowChamber(WatlowSight):
         with self._lock:
             self._steps = None
             try:
-                self._disengage(self._surely)
+                self._disengage(self._line.patient)
             except InstrumentError:
                 with suppress(InstrumentError):
                     self._last_attempt()
@@ -164,8 +159,8 @@ class WatlowChamber(WatlowSight):
     def read_safety(self) -> SafetyReading:
         """Read back whether the control is off and the output without power."""
         # A sensor that has failed makes nothing unsafe.
-        (on, power_percent), air_degC = self._proof.of(
-            lambda: self._output(self._surely), lambda: self._process_degC(self._surely)
+        (on, power_percent), air_degC = self._line.proof.of(
+            lambda: self._output(self._line.patient), lambda: self._process_degC(self._line.patient)
         )
         self.place.publish("output", "on" if on else "off")
         return SafetyReading(

@@ -17,8 +17,8 @@ from typing import ClassVar, Literal
 
 from pydantic import Field
 
-from drivers.transport.modbus_line import ModbusLine, ModbusSettings
-from drivers.transport.retry import PatientRegisters, RegisterLine, Repeatable
+from drivers.transport.modbus_line import ModbusLine, ModbusSettings, RegisterLine
+from drivers.transport.retry import Repeatable
 from drivers.watlow.chamber import WatlowChamber
 from station.errors import InstrumentError
 from station.roles import Identity, Place
@@ -68,8 +68,7 @@ class WatlowF4(WatlowChamber):
         self._event_register = FIRST_EVENT + PER_EVENT * (event - 1) if event else None
         self._per_K: float | None = None
         self._modbus = ModbusLine(place, settings, self.repeatable, WITNESS)
-        surely = PatientRegisters(self._modbus, self.repeatable)
-        super().__init__(place, self._modbus, surely, INPUTS[door - 1] if door else None)
+        super().__init__(place, self._modbus, INPUTS[door - 1] if door else None)
 
     def identify(self) -> Identity:
         """Read model, serial number and software revision."""

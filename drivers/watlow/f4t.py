@@ -18,8 +18,8 @@ from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field
 
-from drivers.transport.modbus_line import NO_REGISTER, SCHEME, ModbusRefusal
-from drivers.transport.retry import RegisterLine, Repeatable
+from drivers.transport.modbus_line import NO_REGISTER, SCHEME, ModbusRefusal, RegisterLine
+from drivers.transport.retry import Repeatable
 from drivers.watlow.chamber import LOOK_S, WatlowChamber
 from drivers.watlow.f4t_registers import (
     OFF,
@@ -84,7 +84,7 @@ class WatlowF4T(WatlowChamber):
         self._stepped = settings.ramp == "stepped"
         door_register = None if settings.door is None else io_register(settings.door)
         self._unit_register = UNIT_BY_TCP if place.address.startswith(SCHEME) else UNIT_BY_PORT
-        super().__init__(place, registers.line, registers.surely, door_register)
+        super().__init__(place, registers.line, door_register)
 
     def identify(self) -> Identity:
         """Read hardware, serial number and firmware."""

@@ -7,8 +7,8 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, Field
 
-from drivers.transport.modbus_line import ModbusLine, ModbusSettings
-from drivers.transport.retry import PatientRegisters, RegisterLine, Repeatable
+from drivers.transport.modbus_line import ModbusLine, ModbusSettings, RegisterLine
+from drivers.transport.retry import Repeatable
 from station.errors import InstrumentError
 from station.roles import Identity, Place
 
@@ -56,7 +56,6 @@ class F4TRegisters:
         self._place = place
         self._low_first = settings.word_order == LOW_FIRST
         self.line = ModbusLine(place, settings, REPEATABLE, ((HARDWARE, 2), (SERIAL, 2)))
-        self.surely = PatientRegisters(self.line, REPEATABLE)
 
     def identify(self) -> Identity:
         """Read who is there; the hardware's number proves the model and the order of words."""

@@ -111,7 +111,7 @@ class WatlowOutputPower(Driver):
 
     def _state(self) -> int:
         try:
-            (state,) = self._registers.surely.read(self._output)
+            (state,) = self._registers.line.patient.read(self._output)
         except ModbusRefusal as refusal:
             raise self._missing(refusal) from refusal
         self.place.publish("output", "on" if state == ON else "off")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from typing import ClassVar
 
-from drivers.transport.retry import RegisterLine
+from drivers.transport.modbus_line import ModbusLine, RegisterLine
 from station.errors import InstrumentError
 from station.roles import Driver, Place
 
@@ -18,14 +18,17 @@ class WatlowSight(Driver, ABC):
     input_on: int
     """What a digital input reads while it is on."""
 
-    def __init__(self, place: Place, surely: RegisterLine, door_register: int | None) -> None:
+    def __init__(self, place: Place, line: ModbusLine, door_register: int | None) -> None:
         self.place = place
-        self._surely = surely
+        self._line = line
         self._door_register = door_register
 
     def open_contacts(self) -> tuple[str, ...]:
         """Return `door` where it is open, and each alarm and limit that is on."""
-        contacts = (*(["door"] if self._door() == "open" else ()), *self._troubles(self._surely))
+        contacts = (
+            *(["door"] if self._door() == "open" else ()),
+            *self._troubles(self._line.patient),
+        )
         self.place.publish("chain", "open" if contacts else "closed")
         return contacts
 
@@ -49,7 +52,7 @@ class WatlowSight(Driver, ABC):
         """Return what is known of the door, None where no input is wired to it."""
         if self._door_register is None:
             return None
-        closed = self._surely.read(self._door_register) == [self.input_on]
+        closed = self._line.patient.read(self._door_register) == [self.input_on]
         door = "closed" if closed else "open"
         self.place.publish("door", door)
         return door
@@ -68,12 +71,12 @@ class WatlowSight(Driver, ABC):
 
     def _air_now(self) -> float:
         self._step()
-        return self._air(self._surely)
+        return self._air(self._line.patient)
 
     quantities: ClassVar = {
         "temperature": _air_now,
         "door": _door,
         "chain": lambda self: "open" if self.open_contacts() else "closed",
-        "output": lambda self: "on" if self._output(self._surely)[0] else "off",
+        "output": lambda self: "on" if self._output(self._line.patient)[0] else "off",
     }
     wired_by: ClassVar = {"door": "door"}

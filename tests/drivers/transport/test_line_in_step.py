@@ -14,11 +14,10 @@ from wires import LIMITS, no_thread_is_left  # noqa: F401
 
 from drivers.kepco.bop import KepcoBop
 from drivers.transport.kept_frames import MOST_FRAMES, KeptFrames
-from drivers.transport.retry import Proof, Repeatable
-from drivers.transport.serial_line import SerialLine
+from drivers.transport.retry import Repeatable
 from drivers.transport.serial_port import SerialSettings
 from drivers.transport.serial_stream import SerialStream, Split
-from drivers.transport.text_line import TextLine
+from drivers.transport.text_line import SerialLine, TextLine
 from drivers.transport.visa_line import VisaLine
 from station.clock import RealClock, boot_seconds
 from station.errors import InstrumentError
@@ -385,7 +384,6 @@ def test_readings_count_only_between_identities(answers_behind: int) -> None:
         client.sendall(waiting.pop(0))
 
     with line_to(lagging) as (line, _, _notes):
-        place = Place("it", "", RealClock())
 
         def number_of(question: str) -> float:
             answer = line.query(question)
@@ -393,7 +391,7 @@ def test_readings_count_only_between_identities(answers_behind: int) -> None:
                 raise InstrumentError("it", question, answer, "")
             return float(answer)
 
-        proof = Proof(place, line)
+        proof = line.proof
         assert proof.of(lambda: number_of("MEAS:CURR?")) == [5.0]
         waiting += [(IDENTITY if n % 2 else "0").encode() + b"\n" for n in range(1, 5)]
         del waiting[answers_behind:]

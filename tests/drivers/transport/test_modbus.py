@@ -13,7 +13,7 @@ from pymodbus.pdu import DecodePDU
 from watlow_stand import NAME, Stand, controller
 
 from drivers.transport.modbus_line import ModbusLine, ModbusRefusal, ModbusSettings
-from drivers.transport.retry import PatientRegisters, Repeatable
+from drivers.transport.retry import NEVER, Repeatable
 from sim_instruments.wire.modbus import ModbusError, Parameter, Registers, fixed
 from sim_instruments.wire.modbus_rtu import crc16
 from station.clock import RealClock, VirtualClock
@@ -27,9 +27,11 @@ PROCESS = {"f4t": (2820, 2), "f4": (100, 1)}
 
 
 @contextmanager
-def line(model: str, *faults: dict[str, object]) -> Iterator[tuple[Stand, ModbusLine]]:
+def line(
+    model: str, *faults: dict[str, object], repeatable: Repeatable = NEVER
+) -> Iterator[tuple[Stand, ModbusLine]]:
     with controller(model, *faults) as stand:
-        opened = ModbusLine(stand.place(), SETTINGS)
+        opened = ModbusLine(stand.place(), SETTINGS, repeatable)
         yield stand, opened
         opened.close()
 
@@ -228,10 +230,11 @@ def test_frames_on_a_serial_line_are_kept_apart_by_silence() -> None:
 
 
 def test_on_the_way_to_rest_one_lost_answer_does_not_decide() -> None:
-    with line("f4t", {"fault": "no-reply", "command": "write 2730", "count": 2}) as (_, modbus):
-        surely = PatientRegisters(modbus, Repeatable(r"(read|write) \d+"))
-        surely.write(2730, [62])
-        told(lambda: PatientRegisters(modbus, Repeatable("none")).read(9999))
+    fault = {"fault": "no-reply", "command": "write 2730", "count": 2}
+    with line("f4t", fault, repeatable=Repeatable(r"(read|write) \d+")) as (_, modbus):
+        modbus.patient.write(2730, [62])
+    with line("f4t") as (_, modbus):
+        told(lambda: modbus.patient.read(9999))
 
 
 @pytest.mark.parametrize(

@@ -11,8 +11,8 @@ from typing import Any
 
 import pytest
 
-from drivers.transport.serial_line import SerialLine
 from drivers.transport.serial_port import SerialSettings, wire_address
+from drivers.transport.text_line import SerialLine
 from station.clock import Clock, RealClock, VirtualClock
 from station.conformance.hostile import HostileServer, closed_port
 from station.errors import InstrumentError, InstrumentTimeout
