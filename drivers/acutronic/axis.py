@@ -10,9 +10,122 @@ from typing import Annotated, Literal
 
 from pydantic import Field, ValidationInfo, field_validator
 
-from drivers.acutronic.turns import TurnCount
 from drivers.transport.serial_port import SerialSettings
 from station.fields import Degree, DegreePerSecond, Second
+
+TURN_DEG = 360.0
+LATE_S = 0.6
+"""By how much the axis may be earlier or later than the plan: two exchanges and the servo's lag."""
+
+RATE_AGREES = 1e-3
+SLACK_DEG = 5.0
+MOST_SLACK_DEG = 100.0
+"""An angle that is further than this from its plan might be one of another turn."""
+
+
+class TurnCount:
+    """The angle of one axis, counted through every turn, from an encoder that reads the same after.
+
+    Between two readings the axis goes as commanded: at a rate after a ramp, or towards an angle. So
+    the turns are known however long nobody looked, as long as the plan is good to half a turn.
+
+    `continuous` False for one that has end stops and no turns to count.
+
+    `lost` says why the turns can no longer be told, if so; `reset` begins anew.
+    """
+
+    def __init__(self, continuous: bool) -> None:
+        self.continuous = continuous
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget all turns: the next reading is the angle, from -180 deg to 180 deg."""
+        self.angle_deg = math.nan
+        self.lost = ""
+        self._begin_s = self._seen_s = 0.0
+        self._from_rate = self._to_rate = 0.0
+        self._acceleration = 1.0
+        self._aim_deg: float | None = None
+        self._aims_with = 0.0
+        self._carried_deg = self._slack_deg = self._fastest = 0.0
+
+    def turns_at(
+        self, time_s: float, rate: float, acceleration: float, from_rate: float | None = None
+    ) -> None:
+        """Go by a plan from now on: to a rate in deg/s, and then at it.
+
+        It begins at the rate of the plan before, unless another one was measured just now.
+        """
+        self._carry(time_s)
+        now_rate = self.planned_rate(time_s) if from_rate is None else from_rate
+        self._begin_s, self._from_rate, self._to_rate = time_s, now_rate, rate
+        self._acceleration, self._aim_deg = acceleration, None
+
+    def aims_at(self, time_s: float, angle_deg: float, fastest: float) -> None:
+        """Go towards an angle from now on, less than half a turn away, no faster than a rate."""
+        self._carry(time_s)
+        self._begin_s, self._from_rate, self._to_rate = time_s, 0.0, 0.0
+        self._aim_deg, self._aims_with = angle_deg, fastest
+
+    def take(self, reading_deg: float, time_s: float) -> float:
+        """Return the angle for a reading of the encoder, and remember it."""
+        if not self.continuous:
+            self.angle_deg = reading_deg
+            return reading_deg
+        if math.isnan(self.angle_deg):
+            self.angle_deg = reading_deg - TURN_DEG * (reading_deg > TURN_DEG / 2)
+        else:
+            self._carry(time_s)
+            expected_deg = self.angle_deg + self._carried_deg
+            turns = round((expected_deg - reading_deg) / TURN_DEG)
+            self.angle_deg = reading_deg + TURN_DEG * turns
+            self._judge(self.angle_deg, expected_deg)
+        self._seen_s = time_s
+        self._carried_deg = self._slack_deg = self._fastest = 0.0
+        return self.angle_deg
+
+    def planned_rate(self, time_s: float) -> float:
+        """Return the rate of the plan, in deg/s."""
+        change = self._to_rate - self._from_rate
+        ramp = min(self._acceleration * max(time_s - self._begin_s, 0.0), abs(change))
+        return self._from_rate + math.copysign(ramp, change)
+
+    def _carry(self, time_s: float) -> None:
+        """Add what the plan says of the time since the last look."""
+        if math.isnan(self.angle_deg):
+            self._seen_s = time_s
+            return
+        if self._aim_deg is None:
+            goes_deg = self._travelled(time_s) - self._travelled(self._seen_s)
+            rates = self.planned_rate(self._seen_s), self.planned_rate(time_s)
+            self._fastest = max(self._fastest, *map(abs, rates))
+            slack_deg = RATE_AGREES * abs(goes_deg)
+        else:
+            left_deg = self._aim_deg - (self.angle_deg + self._carried_deg)
+            most_deg = min(abs(left_deg), self._aims_with * (time_s - self._seen_s))
+            goes_deg, slack_deg = math.copysign(most_deg / 2, left_deg), most_deg / 2
+        self._carried_deg += goes_deg
+        self._slack_deg += slack_deg
+        self._seen_s = time_s
+
+    def _travelled(self, time_s: float) -> float:
+        """Return how far the plan goes from its begin, deg."""
+        since_s = max(time_s - self._begin_s, 0.0)
+        change = self._to_rate - self._from_rate
+        ramp_s = min(since_s, abs(change) / self._acceleration)
+        ramped = math.copysign(self._acceleration, change) * ramp_s
+        return self._from_rate * since_s + ramped * (since_s - 0.5 * ramp_s)
+
+    def _judge(self, angle_deg: float, expected_deg: float) -> None:
+        slack_deg = SLACK_DEG + LATE_S * self._fastest + self._slack_deg
+        if slack_deg > MOST_SLACK_DEG:
+            self.lost = "nobody read the encoder for so long that its turns cannot be counted"
+        elif abs(angle_deg - expected_deg) > slack_deg:
+            self.lost = (
+                f"the encoder reads {angle_deg % TURN_DEG:.3f} deg where about "
+                f"{expected_deg % TURN_DEG:.3f} deg was expected, so its turns cannot be counted"
+            )
+
 
 MOST_AXES = 3
 

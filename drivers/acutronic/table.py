@@ -6,20 +6,20 @@ import math
 from collections.abc import Iterable
 from contextlib import suppress
 
-from drivers.acutronic.axis import MOVES, AclSettings, AxisState, Doing
+from drivers.acutronic.axis import MOVES, TURN_DEG, AclSettings, AxisState, Doing, TurnCount
 from drivers.acutronic.limits import limit
-from drivers.acutronic.line import AclLine, number
-from drivers.acutronic.status import (
+from drivers.acutronic.line import (
     AT_POSITION,
     AT_RATE,
     HARDWARE_ABORT,
+    AclLine,
     Status,
     astray,
     fault_of,
+    number,
     queries,
     wrong_rate,
 )
-from drivers.acutronic.turns import TURN_DEG, TurnCount
 from station.errors import InputError, InstrumentError
 from station.roles import Place
 

@@ -10,8 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import ClassVar
 
-from drivers.generic.navigator import InertialNavigator
-from drivers.generic.navigator_messages import Output, Request
+from drivers.generic.navigator import InertialNavigator, Output, Request
 from drivers.transport.can_messages import CanMessages, Parts
 from station.roles import Place
 

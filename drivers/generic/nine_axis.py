@@ -9,7 +9,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.stream_watch import StreamWatch
+from drivers.transport.streaming import StreamWatch
 from station.roles import Block, Driver, Place
 
 AXES = ("x", "y", "z")

@@ -7,9 +7,8 @@ from typing import Any, ClassVar, NamedTuple, Protocol
 
 import numpy as np
 
-from drivers.stream_watch import StreamWatch
-from drivers.transport.acknowledged import AnswerLine, Commands
 from drivers.transport.retry import Repeatable
+from drivers.transport.streaming import AnswerLine, Commands, StreamWatch
 from station.errors import InstrumentError
 from station.roles import Block, Driver, Identity, Place
 

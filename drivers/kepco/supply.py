@@ -8,14 +8,16 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from contextlib import suppress
+from dataclasses import dataclass
 from typing import ClassVar
 
-from drivers.kepco.list_stop import Sine, wait_for_zero
 from drivers.kepco.steady_current import SteadyCurrent, set_point_A
 from drivers.transport.line import identification
 from drivers.transport.retry import Repeatable
 from drivers.transport.visa_line import ScpiLine, VisaSettings
+from station.clock import Clock
 from station.errors import InstrumentError, PauseRefused
 from station.roles import CoilSettings, Driver, Identity, Place, SafetyReading
 
@@ -27,6 +29,10 @@ SETTLE_S = 0.1
 COMES_TO_REST_S = 60.0
 LONGEST_HALF_PERIOD_S = 10.5
 """Half a period of the slowest published drive, 0.05 Hz, and a little."""
+
+LOOK_S = 0.01
+LOOKS = 6
+"""A sine near its zero changes by several times its read-back's noise in as many looks."""
 
 
 class KepcoSupply(Driver, ABC):
@@ -250,3 +256,52 @@ class KepcoSupply(Driver, ABC):
 def list_runs(operation: float) -> bool:
     """Return whether the operation condition register says that a list runs."""
     return bool(int(operation) & LIST_RUNNING)
+
+
+@dataclass(frozen=True)
+class Sine:
+    """A list that was started by this driver: when, and half of its period."""
+
+    began_s: float
+    half_period_s: float
+
+    def next_zero_s(self, time_s: float) -> float:
+        """Return the first zero of the current at or after a run time."""
+        halves = math.ceil((time_s - self.began_s) / self.half_period_s - 1e-9)
+        return self.began_s + halves * self.half_period_s
+
+
+def wait_for_zero(
+    clock: Clock,
+    read_A: Callable[[], float],
+    near_zero_A: float,
+    until_s: float,
+    sine: Sine | None,
+    in_step: Callable[[], bool],
+) -> bool:
+    """Return near a zero of a running list's current; False when the read-back stood still.
+
+    A card that leaves its list goes at once to the fixed set-point, which is zero. At full current
+    this would cut the coil off, so the list is left where it carries no more than one step of a
+    ramp. A read-back that stands still while a list runs tells nothing: then the zeros are reckoned
+    from the time at which the list was started.
+
+    `in_step` proves that a reading near zero is the current, and no answer to another question.
+    At `until_s` the list is to be left in any case.
+    """
+    seen: list[float] = []
+    while clock.now() < until_s:
+        seen = [*seen[1 - LOOKS :], read_A()]
+        if abs(seen[-1]) <= near_zero_A:
+            if len(set(seen)) > 1:
+                if in_step():
+                    return True
+                seen = []
+                continue
+            if len(seen) == LOOKS:
+                break
+        clock.sleep(LOOK_S)
+    stood_still = len(seen) == LOOKS and len(set(seen)) == 1
+    if stood_still and sine is not None:
+        clock.sleep_until(max(clock.now(), sine.next_zero_s(clock.now())))
+    return not stood_still

@@ -1,16 +1,20 @@
-"""Keysight 34465A multimeter (SCPI over TCP, lines end with LF): bursts of DC voltage readings.
+"""Keysight 34465A multimeter (SCPI over TCP, lines end with LF): as a voltmeter, or with a Pt100.
 
-Sources and what is not confirmed: see `drivers/keysight/multimeter_34465a_bursts.py`.
+Temperature from four-wire resistance by the Callendar-Van Dusen equation with the coefficients of
+IEC 60751:2008 (5.1), -200 degC to 850 degC. Not confirmed in a primary source: that four-wire
+resistance is always zeroed, as on the 34410A.
+
+Other sources, and what else is not confirmed: see `multimeter_34465a_bursts.py`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, ClassVar
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field
+from pydantic import AfterValidator, Field
 
 from drivers.keysight.multimeter_34465a_bursts import (
     INTEGRATION_CYCLES,
@@ -24,6 +28,7 @@ from drivers.keysight.multimeter_34465a_bursts import (
 )
 from drivers.transport.retry import Repeatable
 from station.errors import InstrumentError
+from station.fields import Unit
 from station.roles import Block, Driver, Identity, Place
 
 VOLTS = Function("VOLT:DC", "V", (0.1, 1.0, 10.0, 100.0, 1000.0), (0.12, 1.2, 12.0, 120.0, 1000.0))
@@ -113,3 +118,133 @@ class Keysight34465A(Driver):
     def close(self) -> None:
         """Close the line."""
         self._bursts.close()
+
+
+OHMS = Function("FRES", "ohm", (100.0, 1e3, 1e4, 1e5, 1e6), (120.0, 1.2e3, 1.2e4, 1.2e5, 1.2e6))
+A, B, C = 3.9083e-3, -5.775e-7, -4.183e-12
+COLDEST_DEGC, HOTTEST_DEGC = -200.0, 850.0
+NEWTON_STEPS = 6
+WIRES = "check the four wires of the Pt100 and its plug"
+HIGHEST_R0_OHM = 1e4
+
+
+def integrates_over(nplc: float) -> float:
+    """Return an integration time that the meter has; raise ValueError for another."""
+    if nplc not in INTEGRATION_CYCLES:
+        known = ", ".join(f"{one:g}" for one in INTEGRATION_CYCLES)
+        raise ValueError(f"it cannot integrate over nplc {nplc:g}; it can do {known}")
+    return nplc
+
+
+class Keysight34465APt100(Driver):
+    """A platinum thermometer at the device under test."""
+
+    class Settings(MainsSettings):
+        """The sensor, and how it is measured."""
+
+        r0_ohm: Annotated[float, Unit("ohm")] = Field(
+            100.0, gt=0, le=HIGHEST_R0_OHM, description="resistance of the sensor at 0 degC"
+        )
+        nplc: Annotated[float, AfterValidator(integrates_over)] = Field(
+            10.0, description="integration time in power-line cycles"
+        )
+
+    recognises: ClassVar[str] = RECOGNISES
+    repeatable: ClassVar[Repeatable] = REPEATABLE
+    source = "thermometer"
+    columns: ClassVar[Mapping[str, str]] = {
+        "resistance_ohm": "ohm, four-wire resistance of the Pt100",
+        "temperature_degC": "degC, by IEC 60751 from the resistance",
+    }
+
+    def __init__(self, place: Place) -> None:
+        self.place = place
+        settings = self.Settings.of(place)
+        self._r0_ohm, self._nplc = settings.r0_ohm, settings.nplc
+        # The highest temperature must fit; the test current is the same on 100 and 1000 ohm.
+        hottest_ohm = resistance_ohm(HOTTEST_DEGC, self._r0_ohm)
+        self._range_ohm = OHMS.range_for(hottest_ohm) or OHMS.ranges[-1]
+        self._bursts = Bursts(place, OHMS, settings.line_frequency_Hz)
+
+    def identify(self) -> Identity:
+        """Ask `*IDN?`; the answer is maker, model, serial number, firmware."""
+        return self._bursts.identify()
+
+    def start(self, readings: int) -> None:
+        """Begin a burst of readings; returns at once."""
+        self._prepare()
+        self._bursts.begin(readings)
+
+    def fetch(self) -> Block | None:
+        """Return the burst that was started, None while it is being taken.
+
+        Raises InstrumentError for a resistance that no Pt100 has: no such reading is a temperature.
+        """
+        ohms = self._bursts.values()
+        if ohms is None:
+            return None
+        temperature_degC = self._temperature_degC(ohms)
+        self.place.publish("temperature", float(temperature_degC[-1]), "degC")
+        columns = {"resistance_ohm": ohms, "temperature_degC": temperature_degC}
+        return Block(columns, np.full(len(ohms), self.place.clock.now()))
+
+    def _temperature_now_degC(self) -> float | None:
+        self._prepare()
+        ohms = self._bursts.value_now()
+        if ohms is None:
+            return None
+        temperature_degC = float(self._temperature_degC(np.array([ohms]))[0])
+        self.place.publish("temperature", temperature_degC, "degC")
+        return temperature_degC
+
+    quantities: ClassVar = {"temperature": _temperature_now_degC}
+
+    def close(self) -> None:
+        """Close the line."""
+        self._bursts.close()
+
+    def _prepare(self) -> None:
+        self._bursts.choose(self._range_ohm, self._nplc, None, once=True)
+
+    def _temperature_degC(self, ohms: NDArray[np.float64]) -> NDArray[np.float64]:
+        overload = is_overload(ohms)
+        if overload.any():
+            raise self._bursts.overload(float(ohms[overload][0]), f"it is open: {WIRES}")
+        coldest, hottest = (
+            resistance_ohm(end, self._r0_ohm) for end in (COLDEST_DEGC, HOTTEST_DEGC)
+        )
+        for value in ohms[(ohms < coldest) | (ohms > hottest)]:
+            raise self._error(
+                "measured the Pt100",
+                f"{value:.6g} ohm came back, which with r0 = {self._r0_ohm:g} ohm is outside "
+                f"{COLDEST_DEGC:g} degC to {HOTTEST_DEGC:g} degC",
+                WIRES,
+            )
+        return temperature_degC(ohms, self._r0_ohm)
+
+    def _error(self, attempted: str, came_back: str, do_now: str) -> InstrumentError:
+        return InstrumentError(self.place.name, attempted, came_back, do_now)
+
+
+def resistance_ohm(at_degC: float, r0_ohm: float) -> float:
+    """Return the resistance of a platinum thermometer in ohm (IEC 60751, equations 1 and 2)."""
+    cold = C * (at_degC - 100.0) * at_degC**3 if at_degC < 0 else 0.0
+    return r0_ohm * (1.0 + A * at_degC + B * at_degC**2 + cold)
+
+
+def temperature_degC(ohms: NDArray[np.float64], r0_ohm: float) -> NDArray[np.float64]:
+    """Return temperatures in degC, shape as `ohms`.
+
+    From 0 degC up the quadratic is solved; below, Newton's method starts from its solution there
+    and is exact to rounding after a few steps.
+    """
+    ratio = np.asarray(ohms, dtype=np.float64) / r0_ohm
+    root = np.sqrt(np.maximum(A**2 - 4.0 * B * (1.0 - ratio), 0.0))
+    found = 2.0 * (ratio - 1.0) / (A + root)  # this form loses no digits near 0 degC
+    cold = ratio < 1.0
+    t = found[cold]
+    for _ in range(NEWTON_STEPS):
+        off = 1.0 + A * t + B * t**2 + C * (t - 100.0) * t**3 - ratio[cold]
+        t = t - off / (A + 2.0 * B * t + C * (4.0 * t**3 - 300.0 * t**2))
+    found[cold] = t
+    return found

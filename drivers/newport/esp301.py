@@ -15,8 +15,7 @@ from typing import ClassVar
 
 from pydantic import Field
 
-from drivers.newport.esp301_limits import limit, programme
-from drivers.newport.esp301_line import MODEL, EspLine
+from drivers.newport.esp301_line import MODEL, EspLine, limit, programme
 from drivers.transport.retry import Repeatable
 from drivers.transport.serial_port import BaudRate, Handshake, SerialSettings
 from station.errors import InstrumentError

@@ -14,14 +14,14 @@ from pydantic import Field
 
 from drivers.transport.modbus_line import DEVICE_FAILURE, ModbusRefusal
 from drivers.transport.retry import Repeatable
-from drivers.watlow.f4t import WatlowF4T
-from drivers.watlow.f4t_registers import (
+from drivers.watlow.f4t import (
     OFF,
     ON,
     REPEATABLE,
     F4TRegisters,
     F4TSettings,
     IoName,
+    WatlowF4T,
     io_register,
 )
 from station.errors import InstrumentError

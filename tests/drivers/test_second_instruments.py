@@ -17,7 +17,7 @@ import yaml
 from navigator_stand import bitwise_crc
 from plan_runs import run_of, shipped_bench, shipped_plan
 
-from drivers.generic.serial_pulse_board_frames import IDENTITY, OUTPUT, frame, split
+from drivers.generic.serial_pulse_board import IDENTITY, OUTPUT, frame, split
 from drivers.kepco.bop import KepcoBop
 from drivers.kepco.bop_1kw import KepcoBop1kW
 from sim_instruments.wire.crc32 import crc32

@@ -16,7 +16,7 @@ from conformance_runs import conformance
 from table_bench import AXIS, LIMITED, LIMITS, TABLE, TRUTH, RawTable, table_bench
 
 from drivers.acutronic.acutrol3000 import Acutrol3000
-from drivers.acutronic.turns import TurnCount
+from drivers.acutronic.axis import TurnCount
 from sim_instruments.acutronic.acutrol3000 import Acutrol3000 as Simulator
 from sim_instruments.acutronic.trips import too_far_from_s, too_fast_from_s
 from sim_instruments.faults.catalogue import applicable_faults

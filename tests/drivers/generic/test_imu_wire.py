@@ -13,7 +13,7 @@ from conformance_runs import conformance
 from imu_stand import FIELD_NT, FORCE_G, KINDS, NAME, bench_of, imu
 from navigator_stand import RawLine, bitwise_crc
 
-from drivers.kvh.imu_1775_frames import OUTPUT, SELF_TEST, TEXT, split
+from drivers.kvh.imu_1775 import OUTPUT, SELF_TEST, TEXT, split
 from drivers.transport.can_line import CanLine
 from drivers.transport.can_messages import message_file
 from drivers.transport.serial_stream import crc32_mpeg2

@@ -9,7 +9,7 @@ from interlock_helpers import CHAIN, SHIPPED, bench_with
 from sim_bench import Line, served
 from wires import Wire, line_to
 
-from drivers.generic.interlock_chain_line import InterlockChainLine
+from drivers.generic.interlock_chain import InterlockChainLine
 from sim_instruments.bench import SimulatedBench
 from sim_instruments.truth import SimulationError
 from station.clock import RealClock, VirtualClock

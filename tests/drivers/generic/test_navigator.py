@@ -17,7 +17,7 @@ from navigator_stand import (
 )
 from stand import EmptyRoom, recorded
 
-from drivers.generic.navigator_messages import fault_words
+from drivers.generic.navigator import fault_words
 from sim_instruments.truth import SimulationError
 from station.errors import InputError, InstrumentError
 from station.role_lookup import role

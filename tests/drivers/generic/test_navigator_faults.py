@@ -7,7 +7,7 @@ import pytest
 from navigator_stand import KINDS, NAME, navigator
 from stand import recorded, said_of_a_line_that_is_gone
 
-from drivers.generic.navigator_messages import Request
+from drivers.generic.navigator import Request
 from station.errors import InstrumentTimeout
 from station.roles import NavigatorStatus
 

@@ -25,8 +25,7 @@ from places import CONFIG
 from stand import standing
 
 from drivers.generic.can_navigator import CanNavigator
-from drivers.generic.serial_navigator import SerialNavigator
-from drivers.generic.serial_navigator_frames import OUTPUT, SYNC, frame, split
+from drivers.generic.serial_navigator import OUTPUT, SYNC, SerialNavigator, frame, split
 from drivers.transport.can_line import CanLine
 from drivers.transport.can_messages import decoder_of, message_file
 from drivers.transport.serial_stream import crc32_stim300

@@ -11,8 +11,7 @@ import yaml
 from keysight_stand import OHMS, Room, standing
 from stand import EmptyRoom, Stand
 
-from drivers.keysight.multimeter_34465a import Keysight34465A
-from drivers.keysight.multimeter_34465a_pt100 import Keysight34465APt100, temperature_degC
+from drivers.keysight.multimeter_34465a import Keysight34465A, Keysight34465APt100, temperature_degC
 from station.clock import Clock
 from station.errors import InputError, InstrumentError, InstrumentTimeout
 from station.instruments.scan import recognised

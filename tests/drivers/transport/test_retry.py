@@ -6,7 +6,7 @@ import pytest
 from wires import HANG_UP, NO_ERROR, KepcoWire, Wire, gaussmeter, supply
 
 from drivers.generic.can_pulse_board import CanPulseBoard
-from drivers.generic.interlock_chain_line import InterlockChainLine
+from drivers.generic.interlock_chain import InterlockChainLine
 from drivers.kepco.bop import KepcoBop, list_messages
 from drivers.lakeshore.gaussmeter_f71 import LakeshoreF71
 from drivers.transport.retry import TRIES, Repeatable, repeated

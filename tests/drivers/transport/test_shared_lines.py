@@ -12,7 +12,7 @@ from fog_runs import short_run
 from interlock_helpers import CHAIN, bench_from, bench_with, watched
 from plan_runs import shipped_bench
 
-from drivers.generic.interlock_chain_shared import SharedInterlockChain
+from drivers.generic.interlock_chain import SharedInterlockChain
 from station.clock import RealClock
 from station.errors import InstrumentError
 from station.files.faults import FaultList

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from watlow_stand import LIMITS, Room, controller, opened
 
-from drivers.watlow.ramp import Steps
+from drivers.watlow.chamber import Steps
 from sim_instruments.bench import SimulatedBench
 from sim_instruments.truth import SimulationError
 from sim_instruments.wire.modbus import Parameter
