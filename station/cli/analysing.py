@@ -1,12 +1,12 @@
-"""`station analyse`."""
+"""`station analyse`, `report`, `export`: what comes out of recorded data, once more."""
 
 from __future__ import annotations
 
+from station.report.numbers import format_like, format_with_uncertainty
+from station.results import ResultDocument
 import json
 from pathlib import Path
 from typing import Any
-
-from station.cli.printing import print_document
 from station.console import tell
 from station.dataset_reading import read_dataset
 from station.errors import DamagedRecord, InputError
@@ -25,6 +25,45 @@ from station.runner.evaluation import (
     write_results,
     write_revision,
 )
+from pathlib import Path
+from station.record.files import write_whole_file
+from station.record.folder import EXPORTS, REPORT, RunFolder
+from station.record.recorded import read_run
+from station.runner.evaluation import evaluate_run
+from pathlib import Path
+from station.console import tell
+from station.record.folder import EXPORTS
+from station.record.integrity import MOST_FLAGS, sentence_of
+from station.record.recorded import read_run
+
+
+# Results as text for a terminal.
+
+
+def print_document(document: ResultDocument) -> None:
+    """Print results with expanded uncertainties, the published values, flags and the verdict."""
+    published = {(one.name, one.axis): one for one in document.published}
+    for result in document.results:
+        estimate, combined = result.estimate, result.combined
+        expanded = combined.expanded_uncertainty if combined else None
+        value, uncertainty = format_with_uncertainty(estimate.value, expanded)
+        line = f"{estimate.measures} {estimate.axis or '':<3} {value:>10}"
+        if combined:
+            line += f" ± {uncertainty} {estimate.unit} (k = {combined.coverage_factor:.2f})"
+        if estimate.holds_at:
+            line += f" at {estimate.holds_at}"
+        other = published.get((estimate.name, estimate.axis))
+        if other is not None and other.value is not None:
+            line += f"   as published {format_like(other.value, value)}"
+        if result.limit is not None:
+            line += f"   {result.decision.verdict}"
+        print(line)
+    for flag in document.flags:
+        print(f"{flag.code}{f' {flag.axis}' if flag.axis else ''}: {flag.message}")
+    print(f"verdict: {document.verdict}")
+
+
+# `station analyse`.
 
 
 def analyse_data(data: Path, output: Path | None, *, compare: bool, as_json: bool) -> int:
@@ -101,3 +140,72 @@ def analyse_dataset(path: Path, output: Path | None) -> ResultDocument:
         write_whole_file(output / REPORT, report_of_dataset(raw, document, findings).encode())
         tell(f"written: {output / RESULTS}, {output / REPORT}")
     return document
+
+
+# `station report`.
+
+
+FILE_OF_FORMAT = {"html": REPORT, "csv": "results.csv", "junit": "results.junit.xml"}
+
+
+def remake_report(path: Path, format: str) -> None:
+    """Make the report of a run again, into the run's `exports` folder, which no manifest covers.
+
+    Prints the path of what was written.
+    """
+    file = path / EXPORTS / FILE_OF_FORMAT[format]
+    text = report_text(read_run(path), format)
+    file.parent.mkdir(exist_ok=True)
+    write_whole_file(file, text.encode())
+    print(file)
+
+
+def report_text(folder: RunFolder, format: str) -> str:
+    """Return the report of a run in a format: html, csv or junit."""
+    document, findings = evaluate_run(folder)
+    if format == "csv":
+        from station.report.result_table import csv_of
+
+        return csv_of(document)
+    if format == "junit":
+        from station.report.junit import junit_of
+
+        return junit_of(folder, document)
+    from station.report.run_report import report_of_run
+
+    return report_of_run(folder, document, findings)
+
+
+# `station export`.
+
+
+def export_run(path: Path, format: str) -> None:
+    """Write the raw data of a run into its `exports` folder, and print the path of what it wrote.
+
+    HDF5 and MAT are one file each, CSV is a folder with a file for each source and unit of work.
+    Damaged blocks are passed over and named; their units count as unfinished. Raises DamagedRecord
+    where plan, bench or log is not the one of the run.
+    """
+    folder = read_run(path)
+    folder.damage.refuse_altered()
+    folder.leave_out(folder.damage.units)
+    for part in folder.damage.parts[:MOST_FLAGS]:
+        tell(sentence_of(part))
+    exports = path / EXPORTS
+    name = path.resolve().name
+    if format == "hdf5":
+        from station.record.export.hdf5 import export_hdf5
+
+        written = exports / f"{name}.h5"
+        export_hdf5(folder, written)
+    elif format == "mat":
+        from station.record.export.mat import export_mat
+
+        written = exports / f"{name}.mat"
+        export_mat(folder, written)
+    else:
+        from station.record.export.csv_files import export_csv
+
+        written = exports / "csv"
+        export_csv(folder, written)
+    print(written)

@@ -2,28 +2,85 @@
 
 from __future__ import annotations
 
+from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
-
+import typer
+from pathlib import Path
+from typing import Annotated
 import typer
 
-from station.cli.options import (
-    DEFAULT_BENCH,
-    MOUNTED,
-    Answers,
-    BenchFile,
-    BenchName,
-    ExportFormat,
-    Json,
-    Kind,
-    NonInteractive,
-    Overrides,
-    ReportFormat,
-    RunFolder,
-    SchemaKind,
-    Served,
-    Traced,
-)
+
+# Options and words that several verbs share.
+
+
+Json = Annotated[
+    bool, typer.Option("--json", help="Print exactly one JSON document on standard output.")
+]
+BenchName = Annotated[
+    str, typer.Option("--bench", help="Bench file: a path, or a name in config/benches.")
+]
+Overrides = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--set",
+        metavar="KEY=VALUE",
+        help="Change a value of the plan, as in `--set 'parameters.frequency=0.2 Hz'`; repeatable.",
+    ),
+]
+NonInteractive = Annotated[
+    bool, typer.Option("--non-interactive", help="Ask nobody; CI=true implies it.")
+]
+Answers = Annotated[Path | None, typer.Option(help="YAML file of prompt ids and answers.")]
+Served = Annotated[
+    Path | None, typer.Option(help="File with the first line of a running `station sim`.")
+]
+Traced = Annotated[
+    bool, typer.Option("--trace", help="Write every byte on the wires into the run folder.")
+]
+RunFolder = Annotated[Path, typer.Argument(metavar="RUN", help="Run folder.")]
+BenchFile = Annotated[str, typer.Argument(help="Bench file: a path, or a name.")]
+DEFAULT_BENCH = "sim"
+MOUNTED = "rlg-magnetic-sensitivity"
+"""The procedure whose device a simulated bench mounts where nobody says otherwise."""
+
+
+class Kind(StrEnum):
+    """What `list` can list."""
+
+    PROCEDURES = "procedures"
+    PLANS = "plans"
+    BENCHES = "benches"
+    DRIVERS = "drivers"
+    RUNS = "runs"
+
+
+class SchemaKind(StrEnum):
+    """What `schema` can describe."""
+
+    PLAN = "plan"
+    BENCH = "bench"
+    DATASET = "dataset"
+
+
+class ReportFormat(StrEnum):
+    """What `report` can write."""
+
+    HTML = "html"
+    CSV = "csv"
+    JUNIT = "junit"
+
+
+class ExportFormat(StrEnum):
+    """What `export` can write."""
+
+    HDF5 = "hdf5"
+    CSV = "csv"
+    MAT = "mat"
+
+
+# The verbs and their options.
+
 
 # rich would draw the same help in twice the time.
 app = typer.Typer(
@@ -39,7 +96,7 @@ app = typer.Typer(
 @app.command("list")
 def list_(kind: Annotated[Kind | None, typer.Argument()] = None, json: Json = False) -> None:
     """List procedures, plans, benches, drivers, runs."""
-    from station.cli.listing import list_what_there_is
+    from station.cli.looking import list_what_there_is
 
     list_what_there_is(kind.value if kind else None, as_json=json)
 
@@ -114,7 +171,7 @@ def resume(
     json: Json = False,
 ) -> None:
     """Go on with an interrupted or a paused run."""
-    from station.cli.resuming import resume_run
+    from station.cli.running import resume_run
 
     raise typer.Exit(
         resume_run(
@@ -155,7 +212,7 @@ def report(
     format: Annotated[ReportFormat, typer.Option("--format")] = ReportFormat.HTML,
 ) -> None:
     """Make the report of a run again, into its exports folder."""
-    from station.cli.reporting import remake_report
+    from station.cli.analysing import remake_report
 
     remake_report(folder, format.value)
 
@@ -166,7 +223,7 @@ def export(
     format: Annotated[ExportFormat, typer.Option("--format")],
 ) -> None:
     """Write the raw data of a run for other tools."""
-    from station.cli.exporting import export_run
+    from station.cli.analysing import export_run
 
     export_run(folder, format.value)
 
@@ -179,7 +236,7 @@ def status(
     json: Json = False,
 ) -> None:
     """Say how a run stands, from its log alone."""
-    from station.cli.status import print_status
+    from station.cli.looking import print_status
 
     print_status(run, as_json=json)
 
@@ -215,7 +272,7 @@ def acknowledge(
     json: Json = False,
 ) -> None:
     """Allow a bench again after an interlock tripped."""
-    from station.cli.acknowledging import acknowledge_bench
+    from station.cli.controlling import acknowledge_bench
 
     acknowledge_bench(bench, as_json=json)
 
@@ -226,7 +283,7 @@ def identify(
     json: Json = False,
 ) -> None:
     """Ask every instrument of a bench who it is."""
-    from station.cli.identifying import identify_bench
+    from station.cli.looking import identify_bench
 
     raise typer.Exit(identify_bench(bench, MOUNTED, as_json=json))
 
@@ -242,7 +299,7 @@ def scan(
     json: Json = False,
 ) -> None:
     """Look for what is attached; print a draft of a bench file."""
-    from station.cli.scanning import print_scan
+    from station.cli.looking import print_scan
 
     raise typer.Exit(print_scan(host or (), visa_library, served, as_json=json))
 

@@ -1,4 +1,4 @@
-"""`station pause` and `station abort`."""
+"""`station pause`, `abort`, `acknowledge`: act on a run in another process, and on its bench."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ from pathlib import Path
 from queue import Empty, SimpleQueue
 from threading import Thread
 from typing import Any, TypeVar, cast
-
 from station.clock import RealClock, boot_seconds
 from station.console import span, tell
 from station.control.client import NoAnswer, ask
@@ -25,6 +24,15 @@ from station.record.guardian_log import (
     whole_bench,
 )
 from station.record.manifest import LOCK
+import json
+from dataclasses import asdict
+from station.errors import InputError
+from station.files.lookup import BENCHES, find
+from station.safety.acknowledgement import acknowledge, addresses_in
+
+
+# `station pause` and `station abort`.
+
 
 REPEATS_EVERY_S = 10.0
 """Real time between two words of progress."""
@@ -266,3 +274,29 @@ def say_how_it_ended(
 def print_json(data: dict[str, Any], exit_code: int) -> None:
     """Print one JSON document."""
     print(json.dumps({**data, "exit_code": exit_code}, indent=1, ensure_ascii=False))
+
+
+# `station acknowledge`.
+
+
+def acknowledge_bench(name: str, *, as_json: bool) -> None:
+    """Take back the refusal of a bench whose interlock tripped, and say what it was.
+
+    Only the file's place and the addresses in it count, so that a bench file with a fault can be
+    acknowledged too.
+    """
+    bench = find(BENCHES, name)
+    try:
+        trip = acknowledge(bench, addresses_in(bench))
+    except OSError as error:
+        raise InputError(
+            f"the acknowledgement cannot be written: {error}; make that folder writable for "
+            "everybody who uses the bench"
+        ) from error
+    if as_json:
+        told = asdict(trip) if trip else None
+        print(json.dumps({"bench": str(bench), "acknowledged": told}, indent=1, ensure_ascii=False))
+    elif trip is None:
+        print(f"{name}: no interlock waits to be acknowledged")
+    else:
+        print(f"{name}: acknowledged: {trip.message} ({trip.tripped_utc}, {trip.run})")

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from places import DATA
 
-from station.cli.printing import print_document
+from station.cli.analysing import print_document
 from station.dataset_reading import read_dataset
 from station.report.dataset_report import report_of_dataset
 from station.runner.evaluation import evaluate_dataset

@@ -22,7 +22,7 @@ from limited_files import limited
 from resume_helpers import raw_hashes, results_of, what_is_wrong
 
 from station import registry
-from station.cli.resuming import resume_run
+from station.cli.running import resume_run
 from station.clock import RealClock
 from station.control.client import ask
 from station.errors import InputError, NotAcknowledged, StationError

@@ -1,0 +1,188 @@
+"""`station list`, `status`, `identify`, `scan`: what there is, and how it stands."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+from station import registry
+from station.console import tell
+from station.errors import InputError
+from station.files.lookup import BENCHES, PLANS, available
+from station.procedure import procedure_of
+import json
+from pathlib import Path
+from station.console import span
+from station.control.status import SENTENCES, Status, newest_run, read_status
+from station.record.guardian_log import whole_bench
+import json
+from station.cli.validating import read_bench_named
+from station.errors import EXIT_DONE, EXIT_FAULT
+from station.instruments.instrument_locks import InstrumentLocks
+from station.instruments.opening import probe
+from station.runner.session import BenchSession
+import json
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from station.cli.running import read_served
+from station.errors import EXIT_DONE, EXIT_FAULT
+from station.instruments.scan import scan
+from station.instruments.scan_draft import draft
+
+
+# `station list`.
+
+
+def list_what_there_is(kind: str | None, *, as_json: bool) -> None:
+    """Print the names of one kind, or of all kinds, with a line about each."""
+    kinds = [kind] if kind else ["procedures", "plans", "benches", "drivers", "runs"]
+    found = {one: entries(one) for one in kinds}
+    for said in registry.offers()[1]:
+        tell(f"WARNING: {said}")
+    if as_json:
+        print(json.dumps(found, indent=1, ensure_ascii=False))
+        return
+    for one, rows in found.items():
+        print(f"{one}:")
+        width = max((len(row["name"]) for row in rows), default=0)
+        for row in rows:
+            print(f"  {row['name']:<{width}}  {row['about']}".rstrip())
+        if not rows:
+            print("  none")
+
+
+def entries(kind: str) -> list[dict[str, Any]]:
+    """Return name and a line about each thing of a kind."""
+    if kind == "procedures":
+        return [
+            {"name": name, "about": about(name)} for name in registry.names(registry.PROCEDURES)
+        ]
+    if kind == "plans":
+        return [{"name": name, "about": where} for name, where in available(PLANS)]
+    if kind == "benches":
+        return [{"name": name, "about": where} for name, where in available(BENCHES)]
+    if kind == "drivers":
+        simulated = dict.fromkeys(registry.names(registry.SIMULATORS), "with a simulator")
+        return [
+            {
+                "name": name,
+                "about": registry.why_not(registry.DRIVERS, name) or simulated.get(name, ""),
+            }
+            for name in registry.names(registry.DRIVERS)
+        ]
+    return [{"name": path.name, "about": outcome_of(path)} for path in runs(Path("runs"))]
+
+
+def about(procedure: str) -> str:
+    """Return the title of a procedure, or why it cannot be loaded."""
+    try:
+        return procedure_of(procedure).title
+    except InputError as error:
+        return str(error)
+
+
+def runs(parent: Path) -> list[Path]:
+    """Return the run folders below `parent`, oldest first."""
+    return sorted(path.parent for path in parent.glob("[!.]*/events.jsonl"))
+
+
+def outcome_of(path: Path) -> str:
+    """Return a run's verdict, or that it did not end."""
+    results = path / "results.json"
+    if not results.is_file():
+        return "no results"
+    verdict: str = json.loads(results.read_text(encoding="utf-8"))["verdict"]
+    return f"verdict {verdict}"
+
+
+# `station status`.
+
+
+RUNS = Path("runs")
+MOST_UNITS = 6
+
+
+def print_status(run: Path | None, *, as_json: bool) -> None:
+    """Print how a run stands; without one, the newest below `runs`."""
+    status = read_status(newest_run(RUNS) if run is None else run)
+    if as_json:
+        print(json.dumps(status.to_data(), indent=1, ensure_ascii=False))
+        return
+    for name, text in rows(status):
+        print(f"{name:<16}{text}")
+
+
+def rows(status: Status) -> list[tuple[str, str]]:
+    """Return what there is to say, a name and a text each."""
+    dut = status.dut
+    done = len(status.units_finished)
+    of = "" if status.units_planned is None else f" of {status.units_planned}"
+    shown = ", ".join(status.units_finished[-MOST_UNITS:])
+    listed = f" ({'… ' if done > MOST_UNITS else ''}{shown})" if done else ""
+    found = [
+        ("run", status.run),
+        ("procedure", status.procedure or "unknown"),
+        ("device", f"{dut['model']} {dut['serial']}" if dut else "unknown"),
+        ("state", SENTENCES[status.state]),
+        ("step", f"{status.step}  {status.step_title}" if status.step else "none yet"),
+        ("units of work", f"{done}{of} finished{listed}"),
+        ("run time", span(status.run_time_s)),
+    ]
+    if status.state in ("running", "paused") and status.remaining_s is not None:
+        found.append(("bench time left", f"about {span(status.remaining_s)}"))
+    if status.bench_safe is not None:
+        whole = whole_bench(status.left_out).removeprefix("the bench is ")
+        found.append(("bench", whole if status.bench_safe else "NOT VERIFIED as safe"))
+    elif status.state == "interrupted":
+        found.append(("bench", "NOT made safe by the run itself; look at it now"))
+    found.append(("last message", status.message))
+    return found
+
+
+# `station identify`.
+
+
+def identify_bench(bench_name: str, mounted: str, *, as_json: bool) -> int:
+    """Ask every instrument of a bench who it is; exit code 3 when one is missing or wrong."""
+    bench = read_bench_named(bench_name)
+    locks = InstrumentLocks("`station identify`")
+    with BenchSession(bench, mounted) as session, session.clock.participant("run"):
+        rows = [
+            probe(
+                instance, bench, session.addresses, session.clock, None if session.here else locks
+            )
+            for instance in bench.instruments
+        ]
+    if as_json:
+        print(json.dumps([row.to_data() for row in rows], indent=1, ensure_ascii=False))
+    else:
+        for row in rows:
+            print(f"{'ok   ' if row.ok else 'WRONG'} {row.name:<27} {row.said}")
+    return EXIT_DONE if all(row.ok for row in rows) else EXIT_FAULT
+
+
+# `station scan`.
+
+
+def print_scan(hosts: Sequence[str], library: str, served: Path | None, *, as_json: bool) -> int:
+    """Print what is attached on standard error and a bench-file draft on standard output.
+
+    Returns exit code 3 when nothing answers.
+    """
+    seen = scan(hosts, library, read_served(served) if served else None)
+    answered = any(one.answered for one in seen)
+    if as_json:
+        found = [vars(one) for one in seen]
+        print(json.dumps({"seen": found, "draft": draft(seen)}, indent=1, ensure_ascii=False))
+    else:
+        for one in seen:
+            mark = "     " if not one.answered else "ok   " if one.driver else "?    "
+            told = f"{one.driver}: {one.said}" if one.driver else one.said
+            print(f"{mark} {one.address:<36} {told}", file=sys.stderr)
+        print(draft(seen), end="")
+    if not answered:
+        print(
+            "nothing answers; switch the instruments on, or name hosts with --host", file=sys.stderr
+        )
+    return EXIT_DONE if answered else EXIT_FAULT
