@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-from station.report.numbers import format_like, format_with_uncertainty
-from station.results import ResultDocument
 import json
 from pathlib import Path
 from typing import Any
+
 from station.console import tell
 from station.dataset_reading import read_dataset
 from station.errors import DamagedRecord, InputError
 from station.files.lookup import is_there
 from station.record.creation import EVENTS
 from station.record.files import write_whole_file
-from station.record.folder import REPORT, RESULTS, RunFolder
-from station.record.integrity import first
+from station.record.folder import EXPORTS, REPORT, RESULTS, RunFolder
+from station.record.integrity import MOST_FLAGS, first, sentence_of
+from station.record.recorded import read_run
+from station.report.numbers import format_like, format_with_uncertainty
 from station.results import ResultDocument
 from station.runner.evaluation import (
     evaluate_dataset,
@@ -25,19 +26,6 @@ from station.runner.evaluation import (
     write_results,
     write_revision,
 )
-from pathlib import Path
-from station.record.files import write_whole_file
-from station.record.folder import EXPORTS, REPORT, RunFolder
-from station.record.recorded import read_run
-from station.runner.evaluation import evaluate_run
-from pathlib import Path
-from station.console import tell
-from station.record.folder import EXPORTS
-from station.record.integrity import MOST_FLAGS, sentence_of
-from station.record.recorded import read_run
-
-
-# Results as text for a terminal.
 
 
 def print_document(document: ResultDocument) -> None:
@@ -61,9 +49,6 @@ def print_document(document: ResultDocument) -> None:
     for flag in document.flags:
         print(f"{flag.code}{f' {flag.axis}' if flag.axis else ''}: {flag.message}")
     print(f"verdict: {document.verdict}")
-
-
-# `station analyse`.
 
 
 def analyse_data(data: Path, output: Path | None, *, compare: bool, as_json: bool) -> int:
@@ -142,9 +127,6 @@ def analyse_dataset(path: Path, output: Path | None) -> ResultDocument:
     return document
 
 
-# `station report`.
-
-
 FILE_OF_FORMAT = {"html": REPORT, "csv": "results.csv", "junit": "results.junit.xml"}
 
 
@@ -174,9 +156,6 @@ def report_text(folder: RunFolder, format: str) -> str:
     from station.report.run_report import report_of_run
 
     return report_of_run(folder, document, findings)
-
-
-# `station export`.
 
 
 def export_run(path: Path, format: str) -> None:

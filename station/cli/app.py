@@ -5,14 +5,8 @@ from __future__ import annotations
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
+
 import typer
-from pathlib import Path
-from typing import Annotated
-import typer
-
-
-# Options and words that several verbs share.
-
 
 Json = Annotated[
     bool, typer.Option("--json", help="Print exactly one JSON document on standard output.")
@@ -79,9 +73,6 @@ class ExportFormat(StrEnum):
     MAT = "mat"
 
 
-# The verbs and their options.
-
-
 # rich would draw the same help in twice the time.
 app = typer.Typer(
     name="station",
@@ -134,7 +125,7 @@ def run(
 ) -> None:
     """Run a test plan; leaves a folder of data and report."""
     if dry_run:
-        from station.cli.dry_running import dry_run_plan
+        from station.cli.running import dry_run_plan
 
         raise typer.Exit(
             dry_run_plan(
@@ -326,9 +317,9 @@ def schema(
     ] = False,
 ) -> None:
     """Print the JSON Schema of plan, bench or dataset files."""
-    from station.cli.schema import print_schema
+    from station.schema import schema_text
 
-    print_schema(kind.value, built_in=built_in)
+    print(schema_text(kind.value, built_in=built_in), end="")
 
 
 @app.callback(invoke_without_command=True)

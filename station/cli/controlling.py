@@ -4,16 +4,26 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Mapping
+from dataclasses import asdict
 from pathlib import Path
 from queue import Empty, SimpleQueue
 from threading import Thread
 from typing import Any, TypeVar, cast
+
 from station.clock import RealClock, boot_seconds
 from station.console import span, tell
 from station.control.client import NoAnswer, ask
 from station.control.status import RUN_STARTED, Status, read_status, remaining_s
-from station.errors import EXIT_DONE, EXIT_FAULT, EXIT_WRONG_INPUT, Aborted, StationError
+from station.errors import (
+    EXIT_DONE,
+    EXIT_FAULT,
+    EXIT_WRONG_INPUT,
+    Aborted,
+    InputError,
+    StationError,
+)
 from station.files.locks import is_held
+from station.files.lookup import BENCHES, find
 from station.guardian.at_work import AtWork, guardian_at_work
 from station.record.creation import EVENTS
 from station.record.events import Event, read_events
@@ -24,15 +34,7 @@ from station.record.guardian_log import (
     whole_bench,
 )
 from station.record.manifest import LOCK
-import json
-from dataclasses import asdict
-from station.errors import InputError
-from station.files.lookup import BENCHES, find
 from station.safety.acknowledgement import acknowledge, addresses_in
-
-
-# `station pause` and `station abort`.
-
 
 REPEATS_EVERY_S = 10.0
 """Real time between two words of progress."""
@@ -274,9 +276,6 @@ def say_how_it_ended(
 def print_json(data: dict[str, Any], exit_code: int) -> None:
     """Print one JSON document."""
     print(json.dumps({**data, "exit_code": exit_code}, indent=1, ensure_ascii=False))
-
-
-# `station acknowledge`.
 
 
 def acknowledge_bench(name: str, *, as_json: bool) -> None:

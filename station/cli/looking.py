@@ -3,35 +3,25 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path
-from typing import Any
-from station import registry
-from station.console import tell
-from station.errors import InputError
-from station.files.lookup import BENCHES, PLANS, available
-from station.procedure import procedure_of
-import json
-from pathlib import Path
-from station.console import span
-from station.control.status import SENTENCES, Status, newest_run, read_status
-from station.record.guardian_log import whole_bench
-import json
-from station.cli.validating import read_bench_named
-from station.errors import EXIT_DONE, EXIT_FAULT
-from station.instruments.instrument_locks import InstrumentLocks
-from station.instruments.opening import probe
-from station.runner.session import BenchSession
-import json
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
+
+from station import registry
 from station.cli.running import read_served
-from station.errors import EXIT_DONE, EXIT_FAULT
+from station.cli.validating import read_bench_named
+from station.console import span, tell
+from station.control.status import SENTENCES, Status, newest_run, read_status
+from station.errors import EXIT_DONE, EXIT_FAULT, InputError
+from station.files.lookup import BENCHES, PLANS, available
+from station.instruments.instrument_locks import InstrumentLocks
+from station.instruments.opening import probe
 from station.instruments.scan import scan
 from station.instruments.scan_draft import draft
-
-
-# `station list`.
+from station.procedure import procedure_of
+from station.record.guardian_log import whole_bench
+from station.runner.session import BenchSession
 
 
 def list_what_there_is(kind: str | None, *, as_json: bool) -> None:
@@ -96,9 +86,6 @@ def outcome_of(path: Path) -> str:
     return f"verdict {verdict}"
 
 
-# `station status`.
-
-
 RUNS = Path("runs")
 MOST_UNITS = 6
 
@@ -140,9 +127,6 @@ def rows(status: Status) -> list[tuple[str, str]]:
     return found
 
 
-# `station identify`.
-
-
 def identify_bench(bench_name: str, mounted: str, *, as_json: bool) -> int:
     """Ask every instrument of a bench who it is; exit code 3 when one is missing or wrong."""
     bench = read_bench_named(bench_name)
@@ -160,9 +144,6 @@ def identify_bench(bench_name: str, mounted: str, *, as_json: bool) -> int:
         for row in rows:
             print(f"{'ok   ' if row.ok else 'WRONG'} {row.name:<27} {row.said}")
     return EXIT_DONE if all(row.ok for row in rows) else EXIT_FAULT
-
-
-# `station scan`.
 
 
 def print_scan(hosts: Sequence[str], library: str, served: Path | None, *, as_json: bool) -> int:

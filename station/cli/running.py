@@ -1,38 +1,40 @@
-"""`station run` and `station resume`."""
+"""`station run`, also `--dry-run`, and `station resume`."""
 
 from __future__ import annotations
 
 import json
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
 from station.cli.analysing import print_document
 from station.cli.validating import read_bench_named, read_plan_for
-from station.console import OutputLost, tell
-from station.errors import EXIT_ABORTED, EXIT_FAULT, EXIT_INTERLOCK, InputError
+from station.console import OutputLost, span, tell
+from station.control.client import go_on
+from station.errors import EXIT_ABORTED, EXIT_DONE, EXIT_FAULT, EXIT_INTERLOCK, InputError
+from station.files.locks import is_held
 from station.files.yaml.reading import read_yaml
 from station.instruments.whole_bench import IN_USE
-from station.record.folder import REPORT
-from station.record.guardian_log import not_known, whole_bench
-from station.results import SCHEMA
-from station.role_lookup import safe_states
-from station.runner.execute import Request, execute
-from station.runner.outcome import Outcome
-from station.safety.interlocks.quantities import role_of
-import json
-from pathlib import Path
-from station.cli.validating import read_bench_named
-from station.console import tell
-from station.control.client import go_on
-from station.errors import EXIT_DONE, InputError
-from station.files.locks import is_held
+from station.procedure import procedure_of
 from station.record.creation import EVENTS
-from station.record.folder import RunFolder
+from station.record.folder import REPORT, RunFolder
+from station.record.guardian_log import not_known, whole_bench
 from station.record.manifest import LOCK
 from station.record.recorded import read_plan_and_bench
+from station.results import SCHEMA
+from station.role_lookup import safe_states
+from station.runner.disk_space import in_bytes
+from station.runner.dry_run import DryRun, Extreme, walk
+from station.runner.execute import Request, execute
+from station.runner.outcome import Outcome
 from station.runner.resuming import ResumeRequest, resume
+from station.safety.interlocks.quantities import role_of
+
+if TYPE_CHECKING:
+    from station.files.plan import Plan
+    from station.instruments.bench import Bench
 
 
 # `station run`.
@@ -67,7 +69,7 @@ def run_plan(
         served=read_served(served) if served else None,
         trace=trace,
     )
-    return told(execute(request), plan.procedure, as_json=as_json)
+    return report_outcome(execute(request), plan.procedure, as_json=as_json)
 
 
 def may_ask(*, non_interactive: bool) -> bool:
@@ -76,9 +78,9 @@ def may_ask(*, non_interactive: bool) -> bool:
     return not non_interactive and not in_ci and sys.stdin.isatty()
 
 
-def told(outcome: Outcome, procedure: str, *, as_json: bool) -> int:
+def report_outcome(outcome: Outcome, procedure: str, *, as_json: bool) -> int:
     """Say how a run ended and print its results; return the exit code."""
-    say(outcome)
+    report_end(outcome)
     try:
         print_outcome(outcome, procedure, as_json=as_json)
         outcome.ask_at_the_end()
@@ -121,7 +123,7 @@ def read_served(path: Path) -> dict[str, Any]:
         ) from error
 
 
-def say(outcome: Outcome) -> None:
+def report_end(outcome: Outcome) -> None:
     """Tell the technician on standard error how the run and the bench ended."""
     if outcome.error is not None:
         tell(f"\nthe run did not finish: {outcome.error}")
@@ -155,10 +157,10 @@ def say(outcome: Outcome) -> None:
     tell(f"run folder: {outcome.folder}")
 
 
-def why_short(why: str, told: str) -> str:
-    """Return why an instrument was not read; who has it is named once, also where that was told."""
+def why_short(why: str, error: str) -> str:
+    """Return why an instrument was not read; who has it is named once, as in the error."""
     who = why.removeprefix(IN_USE)
-    return f"{IN_USE}that process" if who != why and who in told else why
+    return f"{IN_USE}that process" if who != why and who in error else why
 
 
 def document_of(outcome: Outcome, procedure: str) -> dict[str, Any]:
@@ -183,9 +185,6 @@ def document_of(outcome: Outcome, procedure: str) -> dict[str, Any]:
         "outside": [one.to_data() for one in outcome.outside],
         "left_out": [one.to_data() for one in outcome.left_out],
     }
-
-
-# `station resume`.
 
 
 def resume_run(
@@ -217,4 +216,87 @@ def resume_run(
         served=read_served(served) if served else None,
         trace=trace,
     )
-    return told(resume(request), plan.procedure, as_json=as_json)
+    return report_outcome(resume(request), plan.procedure, as_json=as_json)
+
+
+def dry_run_plan(
+    plan_name: str,
+    bench_name: str,
+    *,
+    served: Path | None,
+    output: Path,
+    as_json: bool,
+    overrides: Sequence[str] = (),
+) -> int:
+    """Print what a run of the plan would do, and return the exit code."""
+    bench = read_bench_named(bench_name)
+    plan = read_plan_for(plan_name, bench, overrides)
+    walked = walk(plan, bench, output, read_served(served) if served else None)
+    if as_json:
+        head = {"procedure": plan.procedure, "dut": dut_of(plan), "bench": bench.name}
+        document = {"dry_run": True, **head, **walked.to_data()}
+        print(json.dumps(document, indent=1, ensure_ascii=False))
+    else:
+        for line in dry_run_lines(walked, plan, bench):
+            print(line)
+    for warning in walked.warnings:
+        print(f"WARNING: {warning}", file=sys.stderr)
+    return EXIT_DONE
+
+
+def dut_of(plan: Plan) -> dict[str, str]:
+    """Return model and serial number of the device under test."""
+    return {"model": plan.dut.model, "serial": plan.dut.serial}
+
+
+def dry_run_lines(walked: DryRun, plan: Plan, bench: Bench) -> Iterator[str]:
+    """Yield the walk as a table of steps and set-points, and what it comes to."""
+    title = procedure_of(plan.procedure).title
+    yield f"{title}: {plan.dut.model} {plan.dut.serial}, bench {bench.name}"
+    yield "step   begins at    takes"
+    for one in walked.steps:
+        when = f"{span(one.starts_s):<12} {span(one.expected_s):<12}"
+        yield f"{one.step:<6} {when} {one.title}"
+        for point in one.set_points:
+            yield f"{'':<33}{point.instrument}: {point.text}"
+    yield ""
+    for extreme in walked.extremes:
+        yield summary_line(f"{extreme.which} {extreme.quantity}", extreme_in_words(extreme))
+    yield summary_line("expected duration", f"{span(walked.expected_s)} of bench time")
+    yield summary_line("estimated end", estimated_end(walked))
+    disk = walked.disk
+    needed, free = in_bytes(disk.needed_bytes), in_bytes(disk.free_bytes)
+    yield summary_line("disk space needed", f"about {needed}, free below {disk.folder}: {free}")
+    memory = walked.memory
+    fitted = (
+        ""
+        if memory.fitted_bytes is None
+        else f", this computer has {in_bytes(memory.fitted_bytes)}"
+    )
+    yield summary_line(
+        "memory needed", f"about {in_bytes(memory.needed_bytes)} to evaluate{fitted}"
+    )
+    yield "dry run: no instrument was opened and nothing was written"
+
+
+def summary_line(name: str, text: str) -> str:
+    """Return one line of the summary."""
+    return f"{name:<21}{text}"
+
+
+def extreme_in_words(extreme: Extreme) -> str:
+    """Return an extreme as text: `3.33 A (coil_supply.x)`."""
+    if extreme.value is None:
+        return f"{extreme.note} ({extreme.instrument})"
+    note = f", {extreme.note}" if extreme.note else ""
+    return f"{extreme.value:.4g} {extreme.unit} ({extreme.instrument}{note})"
+
+
+def estimated_end(walked: DryRun) -> str:
+    """Return when a run that begins now would end, or why that is unknown."""
+    if walked.speed is None:
+        return "unknown: a simulated bench runs on virtual time, where waiting is skipped"
+    if walked.ends_utc is None:
+        return "beyond all calendars"
+    faster = "" if walked.speed == 1.0 else f", at {walked.speed:g} times real time"
+    return f"{walked.ends_utc:%Y-%m-%d %H:%M} UTC if it begins now{faster}"

@@ -16,7 +16,7 @@ from typing import Any
 import yaml
 from fault_cases import Case, bench_data, read_bench_at, short
 
-from station.cli.running import told
+from station.cli.running import report_outcome
 from station.errors import StationError
 from station.record.folder import RunFolder
 from station.runner.execute import Request, execute
@@ -68,7 +68,7 @@ def run_case(case: Case, entry: Mapping[str, Any], folder: Path) -> Ended:
         warnings.simplefilter("always")
         try:
             outcome = execute(request)
-            exit_code = told(outcome, request.plan.procedure, as_json=False)
+            exit_code = report_outcome(outcome, request.plan.procedure, as_json=False)
             error = outcome.error or ""
         except StationError as raised:
             exit_code, error = raised.exit_code, str(raised)

@@ -13,8 +13,8 @@ from command_line import PLAN, station
 from plan_runs import shipped_bench
 
 from station import registry
-from station.cli.dry_running import dry_run_plan
 from station.cli.looking import list_what_there_is
+from station.cli.running import dry_run_plan
 from station.cli.validating import validate_plans
 from station.instruments.scan import recognised
 from station.role_lookup import role as registry_of_roles

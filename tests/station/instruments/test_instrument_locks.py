@@ -18,7 +18,7 @@ import pytest
 from guardian_helpers import World, world
 
 from station import registry
-from station.cli.running import say
+from station.cli.running import report_end
 from station.clock import RealClock
 from station.errors import InstrumentError, InstrumentInUse, InstrumentsMissing
 from station.files.lookup import find
@@ -303,7 +303,7 @@ def test_a_refused_second_run_names_who_has_its_instruments_once(
     assert silent.said in error
     left_out = [LeftOut(name, f"in use by {who}", "") for name in used[:2]]
     outside = [SafeOutcome("turntable", True, "at rest", 0.1, used=False)]
-    say(Outcome(Path("second"), error=error, outside=outside, left_out=left_out))
+    report_end(Outcome(Path("second"), error=error, outside=outside, left_out=left_out))
     said = capsys.readouterr().err
     assert said.count(who) == 1
     assert "NOT KNOWN to be safe: coil_supply.x, coil_supply.y (in use by that process)" in said

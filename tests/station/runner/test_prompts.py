@@ -17,7 +17,7 @@ import pytest
 from rlg_runs import short_run
 
 from drivers.generic.operator_power import OperatorPower
-from station.cli.running import told
+from station.cli.running import report_outcome
 from station.clock import RealClock
 from station.consent import Prompt
 from station.errors import Aborted, InputError
@@ -149,7 +149,7 @@ def test_no_answer_to_the_last_prompt_changes_exit_code_or_results(
         else:
             Timer(0.3, os.write, (master, answer.encode())).start()
         monkeypatch.setattr(run, "ask_at_the_end", lambda: last(run))
-        assert told(run, "rlg-magnetic-sensitivity", as_json=True) == 0
+        assert report_outcome(run, "rlg-magnetic-sensitivity", as_json=True) == 0
         time.sleep(0.4 if not answer else 0.0)
     os.close(master)
     shown = capsys.readouterr()
