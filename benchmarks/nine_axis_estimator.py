@@ -35,7 +35,7 @@ from procedures.nine_axis_calibration.dataset import (
     StaticRecord,
     TurnRecord,
 )
-from procedures.nine_axis_calibration.expected import expected_uncertainty
+from procedures.nine_axis_calibration.outlook import expected_uncertainty
 
 Array = NDArray[np.float64]
 

@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from station.errors import ConditionNotReached, InstrumentError, StationError
+from station.roles.motion import table_axes
 
 from .check import CHAMBER, NAVIGATOR, TABLE
 from .dataset import AXES, FULL_TURN_DEG
@@ -40,21 +40,10 @@ BETWEEN_TURNS = (SOAK, WARM_UP, RANDOM, RAMP, COOLING, PROOF)
 
 UP: dict[str, tuple[float, float]] = {"x": (90.0, 0.0), "y": (0.0, -90.0), "z": (0.0, 180.0)}
 """Angles of the middle and the inner axis, in deg, that let a body axis point up (z is down)."""
-AXIS_SETTINGS = ("outer_axis", "middle_axis", "inner_axis")
-"""Settings of the table in the bench file: which number the controller gives each axis."""
 CHAMBER_COLUMNS = {
     "process_value_degC": "degC, the chamber's air",
     "set_point_degC": "degC, what it is controlled to",
 }
-
-
-@dataclass(frozen=True)
-class TableAxes:
-    """Numbers of the table's axes: the outer one is vertical and carries the middle one."""
-
-    outer: int
-    middle: int
-    inner: int
 
 
 class BenchWork:
@@ -68,8 +57,9 @@ class BenchWork:
         self.chamber = run.role(CHAMBER, ThermalChamber)
         self.table = run.role(TABLE, Turntable)
         self.navigator = run.role(NAVIGATOR, Navigator)
-        settings = run.bench.instruments[TABLE].settings
-        self.axes = TableAxes(*(int(settings[key]) for key in AXIS_SETTINGS))
+        axes = table_axes(run.bench.instruments[TABLE].settings)
+        assert axes is not None  # `check` asks for them
+        self.axes = axes
         self.newest: Any = None
         """The navigator's last row, a structured array of shape (1,); None before the first."""
         self.navigates = False

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from station.procedure import Problem, RecordUse
+from station.roles.motion import unnamed_axes
 
 from .parameters import FogParameters
 
@@ -50,13 +51,8 @@ def table_problems(parameters: FogParameters, bench: Bench) -> Iterator[Problem]
     table = bench.instruments.get(TABLE)
     if table is None:
         return
-    for key in ("outer_axis", "middle_axis", "inner_axis"):
-        if not isinstance(table.settings.get(key), int):
-            yield Problem(
-                ("procedure",),
-                f"the bench file does not say which axis of {TABLE} is the {key[:-5]} one; write "
-                f"instruments.{TABLE}.settings.{key}, such as 1",
-            )
+    for what in unnamed_axes(TABLE, table.settings):
+        yield Problem(("procedure",), what)
     counted, allowed = parameters.turn_acceleration_deg_per_s2, table.limits.get("acceleration")
     if allowed is not None and counted > allowed:
         yield Problem(

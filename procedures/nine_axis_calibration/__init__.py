@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from procedures.nine_axis_calibration.check import check, instruments, records
-from procedures.nine_axis_calibration.forecast import forecast
-from procedures.nine_axis_calibration.parameters import NineAxisParameters
-from procedures.nine_axis_calibration.placing import prompts
-from procedures.nine_axis_calibration.steps import STEPS, unit_durations_s
 from station.procedure import Later, Procedure, ResultKind, usual_modules
+
+from .check import check, instruments, prompts, records
+from .forecast import forecast
+from .parameters import NineAxisParameters
+from .steps import STEPS, unit_durations_s
 
 AXES = ("X", "Y", "Z")
 PAIRS = ("XY", "XZ", "YX", "YZ", "ZX", "ZY")

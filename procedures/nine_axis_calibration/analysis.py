@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from procedures.estimation.allan import (
@@ -16,36 +15,31 @@ from procedures.estimation.allan import (
     pooled_deviation,
 )
 from procedures.estimation.noise import grid_index
-from procedures.nine_axis_calibration.attitude import (
-    PAIRS,
-    BiasSolution,
-    GyroGain,
-    StaticMeans,
-    solve_biases,
+
+from .attitude import PAIRS, BiasSolution, GyroGain, StaticMeans, solve_biases
+from .checks import denied_rotation, plausible, record_flags, statement_flags
+from .dataset import (
+    Array,
+    Mask,
+    NineAxisDataset,
+    Prior,
+    StaticRecord,
+    without_frozen,
+    without_saturated,
 )
-from procedures.nine_axis_calibration.checks import (
-    denied_rotation,
-    plausible,
-    record_flags,
-    statement_flags,
-)
-from procedures.nine_axis_calibration.dataset import NineAxisDataset, Prior, StaticRecord
-from procedures.nine_axis_calibration.estimates import bias_estimates, scale_estimates
-from procedures.nine_axis_calibration.findings import (
+from .findings import (
     AnalysisSettings,
     NineAxisAnalysis,
     StaticSummary,
+    bias_estimates,
+    published_values,
+    scale_estimates,
 )
-from procedures.nine_axis_calibration.flags import data_flags, frozen_flags, result_flags
-from procedures.nine_axis_calibration.means import interval_of, means_of
-from procedures.nine_axis_calibration.pose import check_together
-from procedures.nine_axis_calibration.positions import earth_rate
-from procedures.nine_axis_calibration.published import published_values
-from procedures.nine_axis_calibration.scale import ScaleSolution, solve_axis
-from procedures.nine_axis_calibration.screening import without_frozen, without_saturated
-from procedures.nine_axis_calibration.turning import axis_means
-
-Array = NDArray[np.float64]
+from .flags import data_flags, frozen_flags, result_flags
+from .means import interval_of, means_of
+from .pose import check_together, earth_rate
+from .scale import ScaleSolution, solve_axis
+from .turning import axis_means
 
 __all__ = ["AnalysisSettings", "NineAxisAnalysis", "analyse"]
 
@@ -178,9 +172,7 @@ def _static(
     return tuple(summaries), freedom, wander, rounding
 
 
-def _allan(
-    record: StaticRecord, kept: NDArray[np.bool_], interval_s: float
-) -> tuple[AllanDeviation, ...]:
+def _allan(record: StaticRecord, kept: Mask, interval_s: float) -> tuple[AllanDeviation, ...]:
     found = []
     for axis in range(3):
         good = kept[:, axis]

@@ -11,13 +11,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from procedures.nine_axis_calibration.dataset import Prior
-from procedures.nine_axis_calibration.positions import ATTITUDES, earth_rate
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
+from .dataset import Array, Mask, Prior
+from .pose import ATTITUDES, earth_rate
 
 ROUNDS = 3
 SMALLEST_PRIOR = 1e-9

@@ -12,22 +12,14 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
-from procedures.nine_axis_calibration.dataset import AXES
-from procedures.nine_axis_calibration.findings import (
-    ASYMMETRY,
-    BIAS,
-    FRAME,
-    SCALE_FACTOR,
-    NineAxisAnalysis,
-)
+from .dataset import AXES, Array
+from .findings import ASYMMETRY, BIAS, FRAME, SCALE_FACTOR, NineAxisAnalysis
 
 if TYPE_CHECKING:
     from station.findings import Findings
     from station.results import ResultDocument
 
-Array = NDArray[np.float64]
 
 PPM = 1e-6
 SECONDS_PER_HOUR = 3600.0

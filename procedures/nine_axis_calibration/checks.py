@@ -4,19 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import chi2
 
-from procedures.nine_axis_calibration.dataset import AXES, Prior
-from procedures.nine_axis_calibration.findings import StaticSummary
-from procedures.nine_axis_calibration.positions import ATTITUDES, EARTH_RATE_deg_per_h
-from procedures.nine_axis_calibration.scale import ScaleSolution
-from procedures.nine_axis_calibration.turning import AxisMeans
-from station.findings import Flag
+from station.findings import Flag, contradiction
 
-Array = NDArray[np.float64]
+from .dataset import AXES, Array, Mask, Prior
+from .findings import StaticSummary
+from .pose import ATTITUDES, EARTH_RATE_deg_per_h
+from .scale import ScaleSolution
+from .turning import AxisMeans
 
 STATED_GAIN = 0.05
 """No gyro whose output is in deg/s is further from 1 than that."""
@@ -46,7 +45,7 @@ MOST_LEAN_RAD = 0.02
 """About one degree, 200 ppm of the scale factor: more is no misalignment but a wrong mounting."""
 
 
-def plausible(gain: Array) -> NDArray[np.bool_]:
+def plausible(gain: Array) -> Mask:
     """Return which gains can be those of gyros whose output has the unit that it should have."""
     return np.asarray(np.abs(gain - 1.0) < STATED_GAIN)
 
@@ -140,8 +139,7 @@ def statement_flags(
             f"in deg/s: likely it {likely[0] if likely else 'has another unit, sign or axis'} in "
             "some record or in all. Correct the column and analyse again."
         )
-        details: dict[str, object] = {"statement": "rate_deg_per_s", "ratio": worst}
-        flags.append(Flag("contradicts-statement", said, AXES[axis], details))
+        flags.append(contradiction("rate_deg_per_s", said, AXES[axis], ratio=worst))
     return flags
 
 
@@ -159,14 +157,12 @@ def _askew(axis: int, means: AxisMeans, solution: ScaleSolution | None) -> list[
         f"{np.degrees(lean):.2g} deg, which alone makes its scale factor {5e5 * lean**2:.2g} ppm "
         "too small. Mount the sensor straight and turn it again."
     )
-    details: dict[str, object] = {"statement": "axis", "lean_deg": float(np.degrees(lean))}
-    return [Flag("contradicts-statement", said, AXES[axis], details)]
+    return [contradiction("axis", said, AXES[axis], lean_deg=float(np.degrees(lean)))]
 
 
 def _of_rotation(rotation: Rotation, latitude_deg: float) -> Flag:
     ratio = rotation.size_deg_per_h / EARTH_RATE_deg_per_h
-    details: dict[str, object] = {
-        "statement": "latitude",
+    details: dict[str, Any] = {
         "latitude_deg": rotation.latitude_deg,
         "rotation_deg_per_h": rotation.size_deg_per_h,
     }
@@ -176,8 +172,7 @@ def _of_rotation(rotation: Rotation, latitude_deg: float) -> Flag:
             f"{rotation.latitude_u_deg:.2g} deg), where {latitude_deg:g} deg is stated. Check its "
             "sign and its minutes, then analyse again."
         )
-        return Flag("contradicts-statement", said, None, details)
-    details["statement"] = "earth-rate"
+        return contradiction("latitude", said, **details)
     likely = [text for text, one in AT_REST.items() if abs(ratio - one) <= LIKE * max(one, 1e-5)]
     if abs(ratio) < 1e-6:
         likely = ["have the earth's rotation taken off"]
@@ -191,7 +186,7 @@ def _of_rotation(rotation: Rotation, latitude_deg: float) -> Flag:
         f"{rotation.size_u_deg_per_h:.2g} deg/h) where the earth turns at "
         f"{EARTH_RATE_deg_per_h:.4g} deg/h: likely {cause}"
     )
-    return Flag("contradicts-statement", said, None, details)
+    return contradiction("earth-rate", said, **details)
 
 
 def record_flags(

@@ -1,15 +1,30 @@
-"""What the calibration of a nine-axis sensor needs, whoever recorded it."""
+"""What the calibration of a nine-axis sensor needs, without samples that measured nothing."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
 
 AXES = ("X", "Y", "Z")
+AT_THE_END = 1.0 - 1e-6
+MOST_OF_A_RECORD = 0.01
+STUCK = 0.3
+NEXT_LEVEL = 0.2
+FEWEST_STUCK = 5
+FEWEST_FROZEN = 10
+"""So many samples in a row never come again by chance."""
+MOSTLY = 0.9
+USUALLY_NEW = 0.9
+"""Of coarse data, of which fewer differ from the one before, none counts as frozen."""
+HASH = np.cumprod(np.full(FEWEST_FROZEN, 6364136223846793005, dtype=np.uint64))
+"""Odd numbers: two windows of samples with the same sum of products are the same."""
 
 
 @dataclass(frozen=True)
@@ -73,3 +88,171 @@ class NineAxisDataset:
     static: tuple[StaticRecord, ...]
     turns: tuple[TurnRecord, ...]
     largest_rate_deg_per_s: float | None = None
+
+
+@dataclass(frozen=True)
+class Saturated:
+    """Saturated samples of one turned axis at one rate; `whole` when the record is left out."""
+
+    axis: int
+    commanded_deg_per_s: float
+    count: int
+    whole: bool
+
+
+def without_saturated(
+    dataset: NineAxisDataset,
+) -> tuple[NineAxisDataset, tuple[Saturated, ...], int]:
+    """Return the dataset without saturated samples, which ones those were, and how many at rest.
+
+    A record of which more than a hundredth is saturated is left out: what is cut off at one end
+    makes the mean of the others wrong. Where the range is not known, output that stands still at
+    its largest value, and does not at slower rates, counts as saturated.
+    """
+    range_deg_per_s = dataset.largest_rate_deg_per_s
+    found: list[Saturated] = []
+    turns = []
+    for record in dataset.turns:
+        rate = record.rate_deg_per_s
+        own = rate[:, record.axis]
+        over = _beyond(rate, range_deg_per_s)
+        if not bool(over[:, record.axis].any()) and _stands_still(own, record, dataset.turns):
+            over[:, record.axis] = True
+        count = int(over[:, record.axis].sum())
+        if bool(over.any()):
+            whole = over.mean(axis=0) > MOST_OF_A_RECORD
+            over[:, whole] = True
+            record = replace(record, rate_deg_per_s=np.where(over, np.nan, rate))
+            if count:
+                found.append(
+                    Saturated(
+                        record.axis, record.commanded_deg_per_s, count, bool(whole[record.axis])
+                    )
+                )
+        turns.append(record)
+    static, at_rest = [], 0
+    for still in dataset.static:
+        over = _beyond(still.rate_deg_per_h / 3600.0, range_deg_per_s)
+        at_rest += int(over.sum())
+        if bool(over.any()):
+            still = replace(still, rate_deg_per_h=np.where(over, np.nan, still.rate_deg_per_h))
+        static.append(still)
+    return replace(dataset, static=tuple(static), turns=tuple(turns)), tuple(found), at_rest
+
+
+def _beyond(rate: Array, range_deg_per_s: float | None) -> Mask:
+    if range_deg_per_s is None:
+        return np.zeros(rate.shape, dtype=bool)
+    return np.asarray(np.abs(rate) >= AT_THE_END * range_deg_per_s)
+
+
+def _stands_still(own: Array, record: TurnRecord, turns: Sequence[TurnRecord]) -> bool:
+    """Return whether output stands at its largest value as it never does at slower rates."""
+    slower = [
+        _at_the_top(one.rate_deg_per_s[:, one.axis])
+        for one in turns
+        if one.axis == record.axis
+        and abs(one.commanded_deg_per_s) < abs(record.commanded_deg_per_s)
+        and np.isfinite(one.rate_deg_per_s[:, one.axis]).any()
+    ]
+    usual = float(np.median(slower)) if slower else 1.0
+    share = _at_the_top(own)
+    below = _at_the_top(own[np.abs(own) < np.nanmax(np.abs(own))]) * (1.0 - share)
+    if below > NEXT_LEVEL * share:
+        return False  # What is cut off has one level; coarse output has others as full beside it.
+    enough = share * float(np.isfinite(own).sum()) >= FEWEST_STUCK
+    return share > STUCK and enough and usual < 0.5 * STUCK
+
+
+def _at_the_top(own: Array) -> float:
+    """Return the share of samples that have the largest magnitude."""
+    size = np.abs(own[np.isfinite(own)])
+    return float(np.mean(size == size.max())) if len(size) else 0.0
+
+
+def without_frozen(dataset: NineAxisDataset) -> tuple[NineAxisDataset, int, int]:
+    """Return the dataset without samples that repeat others, and how many at rest and turning.
+
+    A stretch of ten samples that was there before, a value that stands still or a copy from
+    elsewhere, measured nothing. Of a gyro's record that mostly repeats nothing counts.
+    """
+    still, at_rest = _without_repeats([one.rate_deg_per_h for one in dataset.static])
+    sensed, also = _without_repeats([one.acceleration_g for one in dataset.static], most=1.0)
+    axes = [one.axis for one in dataset.turns]
+    spun, turning = _without_repeats([one.rate_deg_per_s for one in dataset.turns], axes)
+    static = tuple(
+        replace(one, rate_deg_per_h=rate, acceleration_g=force)
+        for one, rate, force in zip(dataset.static, still, sensed, strict=True)
+    )
+    turns = tuple(
+        replace(one, rate_deg_per_s=rate) for one, rate in zip(dataset.turns, spun, strict=True)
+    )
+    return replace(dataset, static=static, turns=turns), max(at_rest, also), turning
+
+
+def _without_repeats(
+    records: Sequence[Array], sorts: Sequence[int] = (), most: float = MOSTLY
+) -> tuple[list[Array], int]:
+    """Return records (n, 3) with NaN in the place of repeats, and how many samples hold one.
+
+    A channel that is so coarse that its neighbours often are alike is left as it is; that is judged
+    by the records of one of the `sorts`.
+    """
+    sorts = sorts or [0] * len(records)
+    fine = {
+        (sort, channel)
+        for sort in set(sorts)
+        for channel in range(3)
+        if _usually_new([r[:, channel] for r, s in zip(records, sorts, strict=True) if s == sort])
+        > USUALLY_NEW
+    }
+    found = [one.copy() for one in records]
+    places = [(n, c) for n, sort in enumerate(sorts) for c in range(3) if (sort, c) in fine]
+    repeated = [np.zeros(one.shape, dtype=bool) for one in records]
+    for (n, c), own in zip(places, repeats([records[n][:, c] for n, c in places]), strict=True):
+        repeated[n][:, c] = np.isfinite(records[n][:, c]) if own.mean() > most else own
+        found[n][repeated[n][:, c], c] = np.nan
+    return found, sum(int(one.any(axis=1).sum()) for one in repeated)
+
+
+def _usually_new(columns: Sequence[Array]) -> float:
+    """Return the median share of samples that differ from the one before.
+
+    A long stretch that stands still does not count where it is the smaller part of its record.
+    """
+    found = []
+    for one in columns:
+        if np.isfinite(one).sum() > 1:
+            new = np.append(True, one[1:] != one[:-1])
+            lengths = np.diff(np.append(np.flatnonzero(new), len(one)))
+            short = lengths[lengths < FEWEST_FROZEN]
+            moving = 2 * int(short.sum()) > len(one)
+            found.append(len(short) / int(short.sum()) if moving else float(new[1:].mean()))
+    return float(np.median(found)) if found else 0.0
+
+
+def repeats(columns: Sequence[Array]) -> list[Mask]:
+    """Return for each column (n,) which samples belong to ten in a row that were there before.
+
+    Of a column of five to nine samples, to all of it.
+    """
+    masks = [np.zeros(len(one), dtype=bool) for one in columns]
+    long = [n for n, one in enumerate(columns) if len(one) >= FEWEST_STUCK]
+    if not long:
+        return masks
+    hashes, finite = [], []
+    for n in long:
+        wide = min(FEWEST_FROZEN, len(columns[n]))
+        bits = np.ascontiguousarray(columns[n]).view(np.uint64)
+        hashes.append((sliding_window_view(bits, wide) * HASH[:wide]).sum(axis=1))
+        finite.append(sliding_window_view(np.isfinite(columns[n]), wide).all(axis=1))
+    together = np.concatenate(hashes)
+    _, first = np.unique(together, return_index=True)
+    again = np.concatenate(finite)
+    again[first] = False
+    ends = np.cumsum([len(one) for one in hashes])
+    for window in np.flatnonzero(again).tolist():
+        place = int(np.searchsorted(ends, window, side="right"))
+        start = window - (int(ends[place - 1]) if place else 0)
+        masks[long[place]][start : start + FEWEST_FROZEN] = True
+    return masks

@@ -1,19 +1,28 @@
-"""From data to findings: the analysis, with the type B inputs of the set-up and the bench file."""
+"""From data to findings: a run's rows to the dataset, the analysis, and the type B inputs."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from typing import TYPE_CHECKING
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING, Any
 
-from procedures.nine_axis_calibration.analysis import analyse
-from procedures.nine_axis_calibration.check import TURNTABLE
-from procedures.nine_axis_calibration.dataset import Prior
-from procedures.nine_axis_calibration.findings import AnalysisSettings
-from procedures.nine_axis_calibration.from_import import dataset_of_import
-from procedures.nine_axis_calibration.parameters import FULL_TURN_DEG, NineAxisParameters
-from procedures.nine_axis_calibration.pose import PoseLimits
+import numpy as np
+from numpy.typing import NDArray
+
+from procedures.estimation.alignment import align, unwrapped
+from station.errors import MissingRows
 from station.findings import Findings, InputQuantity, findings_of
+
+from .analysis import analyse
+from .check import IMU, RATE, TURNTABLE, UP_SENSE
+from .dataset import AXES, Array, Mask, NineAxisDataset, Prior, StaticRecord, TurnRecord
+from .encoder import SHORT_S, track
+from .findings import AnalysisSettings
+from .from_import import dataset_of_import
+from .outlook import prior_of
+from .parameters import FULL_TURN_DEG, NineAxisParameters
+from .pose import PoseLimits
+from .sensing import ACCELEROMETER_BITS, ACCELEROMETERS, GYRO_BITS, GYROS, SECONDS_PER_HOUR
 
 if TYPE_CHECKING:
     from station.dataset_reading import RawDataset
@@ -22,11 +31,16 @@ if TYPE_CHECKING:
 
 ARCMIN_PER_RAD = 60.0 * 180.0 / math.pi
 PPM = 1e-6
+ARRIVAL = "arrival_time_s"
+POSITION, TURN = "position", "rate_deg_per_s"
+"""What a finished unit tells of itself: its position, or the rate of its turns."""
+LATE_S = 0.3
+"""Outputs of a record may reach the computer so long after its end."""
+USUAL = 1.5
 
 
 def findings_of_run(folder: RunFolder, parameters: NineAxisParameters, bench: Bench) -> Findings:
     """Return what a run's finished units say, type B inputs from plan and bench file."""
-    from procedures.nine_axis_calibration.from_record import dataset_of_run
 
     dataset = dataset_of_run(folder, parameters, bench)
     inputs = [*prior_inputs(dataset.prior, "the plan"), *bench_inputs(parameters, bench)]
@@ -77,3 +91,140 @@ def bench_inputs(parameters: NineAxisParameters, bench: Bench) -> Iterator[Input
         # Both ends of a part turn are read: root two of one reading.
         u = math.sqrt(2.0) * stated[0]
         yield InputQuantity("encoder_angle_deg", "angle of the table", u, "deg", stated[1])
+
+
+def dataset_of_run(
+    folder: RunFolder,
+    parameters: NineAxisParameters,
+    bench: Bench,
+    kinds: tuple[str, ...] = (POSITION, TURN),
+) -> NineAxisDataset:
+    """Return all finished positions and turns of a run, or one of these kinds.
+
+    Times are run time. An output that the sensor itself calls not valid counts as beyond its range.
+    """
+    units = [
+        (unit, details)
+        for unit, details in folder.finished_units().items()
+        if any(kind in details for kind in kinds)
+    ]
+    sensor = bench.instruments.get(IMU)
+    limit = sensor.limits.get(RATE) if sensor is not None else None
+    interval_s = 1.0 / parameters.sample_rate_Hz
+    return NineAxisDataset(
+        latitude_deg=parameters.latitude_deg,
+        prior=prior_of(parameters.prior),
+        static=tuple(
+            static_record(folder, unit, details, interval_s)
+            for unit, details in units
+            if POSITION in details
+        ),
+        turns=tuple(
+            turn_record(folder, unit, details, interval_s, bench)
+            for unit, details in units
+            if TURN in details
+        ),
+        largest_rate_deg_per_s=parameters.range_deg_per_s or limit or np.inf,
+    )
+
+
+def static_record(
+    folder: RunFolder, unit: str, details: Mapping[str, Any], interval_s: float
+) -> StaticRecord:
+    """Return one position at rest, what came while it settled left out."""
+    rows, time_s = outputs(folder, unit, details, interval_s)
+    inside = (time_s >= details["from_s"] + interval_s) & (time_s <= details["until_s"])
+    if not inside.any():
+        raise MissingRows(unit, "the sensor said nothing while it was at rest")
+    return StaticRecord(
+        position=int(details[POSITION]),
+        time_s=time_s[inside],
+        rate_deg_per_h=gyros(rows[inside]) * SECONDS_PER_HOUR,
+        acceleration_g=accelerometers(rows[inside]),
+    )
+
+
+def turn_record(
+    folder: RunFolder, unit: str, details: Mapping[str, Any], interval_s: float, bench: Bench
+) -> TurnRecord:
+    """Return the whole turns of one rate: as many outputs as they take at the measured rate.
+
+    The table's angle is corrected by its record.
+    """
+    path = track(*readings(folder, unit, details))
+    rows, time_s = outputs(folder, unit, details, interval_s)
+    whole_s = details["turns"] * FULL_TURN_DEG / abs(path.rate_deg_per_s)
+    from_s, until_s = path.known(details["from_s"], details["until_s"])
+    inside = (time_s >= from_s + interval_s) & (time_s < from_s + whole_s + 1.5 * interval_s)
+    count = round(whole_s / interval_s)
+    place = np.flatnonzero(inside & (time_s <= until_s))
+    if not len(place):
+        raise MissingRows(unit, "the sensor said nothing while the table's angle was read")
+    place = place[time_s[place] < time_s[place[0]] + (count - 0.5) * interval_s]
+    return TurnRecord(
+        axis=AXES.index(details["axis"]),
+        commanded_deg_per_s=float(details[TURN]),
+        time_s=time_s[place],
+        rate_deg_per_s=gyros(rows[place]),
+        encoder_deg=bench.corrected(TURNTABLE, "angle", path.angle_deg(time_s[place]), "deg"),
+        encoder_u_deg=path.end_u_deg,
+    )
+
+
+def readings(
+    folder: RunFolder, unit: str, details: Mapping[str, Any]
+) -> tuple[Array, Array, Array]:
+    """Return when a record's angles of the table were read, what they were, how long each took.
+
+    Angles are positive as rates are.
+    A reading is taken for one of the middle between question and answer. One that took longer than
+    usual, as when others had the line, is left out: nobody knows when it was made.
+    """
+    table = folder.rows(TURNTABLE, unit)
+    asked_s, answered_s = table["asked_time_s"], table[ARRIVAL]
+    inside = (asked_s >= details["from_s"]) & (answered_s <= details["until_s"])
+    took_s = answered_s - asked_s
+    if inside.any():
+        inside &= took_s <= USUAL * float(np.median(took_s[inside])) + SHORT_S
+    if int(inside.sum()) < 2:
+        raise MissingRows(unit, "the table's angle was not read while it turned")
+    middle_s = 0.5 * (asked_s + answered_s)
+    return middle_s[inside], UP_SENSE * table["angle_deg"][inside], took_s[inside]
+
+
+def outputs(
+    folder: RunFolder, unit: str, details: Mapping[str, Any], interval_s: float
+) -> tuple[NDArray[Any], Array]:
+    """Return the outputs of a unit's record and the run time at which each interval ended (n,).
+
+    A unit that was measured again holds the outputs of the refused attempts, too.
+    """
+    rows = folder.rows(IMU, unit)
+    arrival_s = rows[ARRIVAL]
+    near = (arrival_s >= details["from_s"]) & (arrival_s <= details["until_s"] + LATE_S)
+    rows = rows[near]
+    if len(rows) < 2:
+        raise MissingRows(unit, "the sensor said nothing")
+    number = unwrapped(rows["counter"])
+    return rows, align(number, rows[ARRIVAL], interval_s).run_time_s(number)
+
+
+def gyros(rows: NDArray[Any]) -> Array:
+    """Return the gyros' output in deg/s, (n, 3); infinite where the sensor calls it not valid."""
+    return np.where(invalid(rows, GYRO_BITS), np.inf, columns(rows, GYROS))
+
+
+def accelerometers(rows: NDArray[Any]) -> Array:
+    """Return the accelerometers' output in g, (n, 3); NaN where the sensor calls it not valid."""
+    return np.where(invalid(rows, ACCELEROMETER_BITS), np.nan, columns(rows, ACCELEROMETERS))
+
+
+def columns(rows: NDArray[Any], names: tuple[str, ...]) -> Array:
+    """Return some columns as an array (n, columns)."""
+    return np.column_stack([rows[name].astype(np.float64) for name in names])
+
+
+def invalid(rows: NDArray[Any], bits: Mapping[str, int]) -> Mask:
+    """Return which outputs the sensor calls not valid, (n, bits)."""
+    status = rows["status"].astype(np.int64)
+    return np.asarray((status[:, None] >> np.array(list(bits.values()))) & 1 == 1)

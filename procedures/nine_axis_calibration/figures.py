@@ -4,19 +4,35 @@ from __future__ import annotations
 
 import matplotlib as mpl
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import NullFormatter
 
-from procedures.nine_axis_calibration import plots
-from procedures.nine_axis_calibration.calibration import Correction, correction_of
-from procedures.nine_axis_calibration.dataset import AXES, NineAxisDataset
-from procedures.nine_axis_calibration.findings import NineAxisAnalysis
 from station.findings import Findings
-from station.report.drawing import STYLE
+from station.report.drawing import (
+    BLUE,
+    GREEN,
+    GREY,
+    INK,
+    ORANGE,
+    STYLE,
+    VERMILION,
+    label_above,
+    new_figure,
+)
 from station.report.numbers import NOTHING, format_number, format_with_uncertainty
 from station.report.parts import Part, Plot, Table
 from station.results import ResultDocument
 
+from .calibration import Correction, correction_of
+from .dataset import AXES, Array, NineAxisDataset
+from .findings import NineAxisAnalysis
+from .pose import gravity_pattern
+
+COLOURS = (BLUE, ORANGE, GREEN)
+PPM = MICRO = 1e6
+MOST_DOTS = 600
 ARCMIN_PER_RAD = 60.0 * 180.0 / np.pi
-PPM = 1e6
 
 
 def draw_parts(findings: Findings, document: ResultDocument) -> tuple[Part, ...]:
@@ -33,7 +49,7 @@ def draw_parts(findings: Findings, document: ResultDocument) -> tuple[Part, ...]
                     "Pose check",
                     "Left: accelerometer means less gravity in the ideal position. Right: what "
                     "the solution of all gyro means leaves. Red: a position that was refused.",
-                    plots.pose_check(analysis),
+                    pose_check(analysis),
                 )
             )
             parts.append(
@@ -43,7 +59,7 @@ def draw_parts(findings: Findings, document: ResultDocument) -> tuple[Part, ...]
                     "no longer falls, a longer record does not make the bias better. N: angle "
                     "random walk; B: bias instability where it is more than noise, both of all "
                     "the longest records.",
-                    plots.static_records(analysis, dataset),
+                    static_records(analysis, dataset),
                 )
             )
         if any(one is not None for one in analysis.axes.values()):
@@ -53,7 +69,7 @@ def draw_parts(findings: Findings, document: ResultDocument) -> tuple[Part, ...]
                     "K of each rate, true rates from the encoder, less K; bars are 2 u, the band "
                     "is 2 u of K. Rates that differ by noise alone are weighted, others count "
                     "alike.",
-                    plots.rate_residuals(analysis),
+                    rate_residuals(analysis),
                 )
             )
     if np.isfinite(analysis.gain).any():
@@ -131,3 +147,134 @@ def _correction(correction: Correction) -> Table:
         ["", "bias, deg/s", "asymmetry, ppm", *(f"inverse gain {axis}" for axis in AXES)],
         rows,
     )
+
+
+def pose_check(analysis: NineAxisAnalysis) -> Figure:
+    """Draw what each position's accelerometers and gyros read less what they should."""
+    static = analysis.static
+    figure = new_figure(2.9)
+    left, right = figure.subplots(1, 2)
+    figure.subplots_adjust(wspace=0.22)
+    place = np.arange(len(static))
+    for axis, name in enumerate(AXES):
+        shift = 0.16 * (axis - 1)
+        off = [one.accelerometer[axis] - gravity_pattern(one.position)[axis] for one in static]
+        left.plot(place + shift, np.array(off) * MICRO, "o", color=COLOURS[axis], label=name)
+        if analysis.bias is None:
+            continue
+        rows = [n for n, one in enumerate(static) if one.pose.right]
+        right.errorbar(
+            np.array(rows) + shift,
+            analysis.bias.residual[:, axis],
+            yerr=[2.0 * static[n].gyro_u[axis] for n in rows],
+            fmt="o",
+            markersize=5,
+            color=COLOURS[axis],
+            elinewidth=0.9,
+        )
+    for n, one in enumerate(static):
+        if not one.pose.right:
+            for axes in (left, right):
+                axes.axvspan(n - 0.4, n + 0.4, color=VERMILION, alpha=0.12)
+    for axes in (left, right):
+        axes.axhline(0.0, color=INK, linewidth=0.7)
+        axes.set_xticks(place, [f"position {one.position}" for one in static])
+        axes.set_xlim(-0.5, len(static) - 0.5)
+    left.set_ylabel("mean − expected, µg")
+    label_above(left, "accelerometers")
+    left.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3)
+    right.set_ylabel("mean − solution, deg/h")
+    label_above(right, "gyros, bars 2 u")
+    return figure
+
+
+def static_records(analysis: NineAxisAnalysis, dataset: NineAxisDataset) -> Figure:
+    """Draw each gyro's records, less their means, and its Allan deviation beside them."""
+    figure = new_figure(5.8)
+    grid = figure.subplots(3, 2, squeeze=False, sharex="col", width_ratios=(1.35, 1))
+    figure.subplots_adjust(hspace=0.32, wspace=0.2)
+    for axis, name in enumerate(AXES):
+        course, allan = grid[axis]
+        start = 0.0
+        for record, one in zip(dataset.static, analysis.static, strict=True):
+            good = one.kept[:, axis]
+            time_s = record.time_s - record.time_s[0]
+            minutes, values = _thinned(
+                (start + time_s[good]) / 60.0, record.rate_deg_per_h[good, axis] - one.gyro[axis]
+            )
+            colour = COLOURS[axis] if one.pose.right else GREY
+            course.plot(minutes, values, color=colour, linewidth=0.6)
+            course.axvline(start / 60.0, color=GREY, linewidth=0.6)
+            start += float(time_s[-1]) if len(time_s) else 0.0
+            deviation = one.allan[axis] if one.allan else None
+            if deviation is not None and len(deviation.tau_s):
+                bars = deviation.standard_uncertainty
+                allan.errorbar(
+                    deviation.tau_s,
+                    deviation.deviation,
+                    yerr=bars,
+                    color=colour,
+                    linewidth=1.0,
+                    elinewidth=0.6,
+                )
+        course.set_ylabel(f"{name}, deg/h")
+        _allan_axes(allan, analysis, axis)
+    positions = ", ".join(str(one.position) for one in analysis.static)
+    label_above(grid[0][0], f"rate less its mean, positions {positions}")
+    label_above(grid[0][1], "Allan deviation, deg/h")
+    grid[2][0].set_xlabel("time at rest, min")
+    grid[2][1].set_xlabel("averaging time, s")
+    return figure
+
+
+def _allan_axes(axes: Axes, analysis: NineAxisAnalysis, axis: int) -> None:
+    axes.set_xscale("log")
+    axes.set_yscale("log")
+    axes.yaxis.set_minor_formatter(NullFormatter())
+    noise = analysis.noise[axis]
+    if noise is None:
+        return
+    text = f"N = {noise.angle_random_walk_deg_per_sqrt_h:.3g} deg/√h"
+    if noise.bias_instability_seen:
+        text += f", B = {noise.bias_instability_deg_per_h:.2g} deg/h"
+    axes.text(0.97, 0.92, text, transform=axes.transAxes, ha="right", va="top", fontsize=8.0)
+
+
+def _thinned(x: Array, y: Array) -> tuple[Array, Array]:
+    """Return means of equal stretches, so that a plot has no more points than it can show."""
+    size = -(-len(x) // MOST_DOTS)
+    whole = len(x) - len(x) % size if size > 1 else len(x)
+    if size <= 1 or whole == 0:
+        return x, y
+    return (
+        x[:whole].reshape(-1, size).mean(axis=1),
+        y[:whole].reshape(-1, size).mean(axis=1),
+    )
+
+
+def rate_residuals(analysis: NineAxisAnalysis) -> Figure:
+    """Draw how each rate's scale factor differs from K, axis by axis, with bars of 2 u."""
+    solved = {axis: one for axis, one in analysis.axes.items() if one is not None}
+    figure = new_figure(3.0)
+    grid = figure.subplots(1, len(solved), squeeze=False)[0]
+    figure.subplots_adjust(wspace=0.24)
+    for axes, (axis, one) in zip(grid, solved.items(), strict=True):
+        axes.errorbar(
+            one.commanded,
+            PPM * one.deviation,
+            yerr=2.0 * PPM * one.deviation_u,
+            fmt="o",
+            markersize=5,
+            color=COLOURS[axis],
+            elinewidth=1.0,
+            capsize=2,
+        )
+        u = PPM * one.scale_factor.standard_uncertainty / abs(one.scale_factor.value)
+        axes.axhline(0.0, color=INK, linewidth=0.7)
+        axes.axhspan(-2.0 * u, 2.0 * u, color=GREY, alpha=0.25)
+        axes.set_xscale("log")
+        axes.set_xlabel("rate, deg/s")
+        kind = "weighted mean" if one.agree else "plain mean"
+        label_above(axes, f"{AXES[axis]}: K is the {kind}")
+    grid[0].set_ylabel("K of the rate less K, ppm")
+    return figure

@@ -5,26 +5,16 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
-from procedures.nine_axis_calibration.attitude import BiasSolution
-from procedures.nine_axis_calibration.dataset import AXES, NineAxisDataset
-from procedures.nine_axis_calibration.findings import (
-    ASYMMETRY,
-    BIAS,
-    MISALIGNMENT,
-    NONLINEARITY,
-    AnalysisSettings,
-    StaticSummary,
-)
-from procedures.nine_axis_calibration.means import interval_of
-from procedures.nine_axis_calibration.positions import PUBLISHED
-from procedures.nine_axis_calibration.scale import ScaleSolution
-from procedures.nine_axis_calibration.screening import Saturated
-from procedures.nine_axis_calibration.turning import AxisMeans
 from station.findings import Estimate, Flag, Published
 
-Array = NDArray[np.float64]
+from .attitude import BiasSolution
+from .dataset import AXES, Array, NineAxisDataset, Saturated
+from .findings import ASYMMETRY, BIAS, MISALIGNMENT, NONLINEARITY, AnalysisSettings, StaticSummary
+from .means import interval_of
+from .pose import PUBLISHED
+from .scale import ScaleSolution
+from .turning import AxisMeans
 
 FEWEST_RATES = 5
 RATE_DIFFERS = 0.01

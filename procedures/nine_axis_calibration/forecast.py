@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from procedures.nine_axis_calibration.check import IMU, POWER, RATES, TURNTABLE
-from procedures.nine_axis_calibration.parameters import AXES, NineAxisParameters
-from procedures.nine_axis_calibration.placing import POSES_DEG, STANDS, UP_DEG, table_axes
-from procedures.nine_axis_calibration.steps import rest_s, rotate_s, turn_s
 from station.procedure import Forecast, Recording, SetPoint
+
+from .check import IMU, POSES_DEG, POWER, RATES, STANDS, TURNTABLE, UP_DEG, axes_of
+from .parameters import AXES, NineAxisParameters
+from .steps import rest_s, rotate_s, turn_s
 
 if TYPE_CHECKING:
     from station.instruments.bench import Bench
@@ -24,7 +24,7 @@ def forecast(parameters: NineAxisParameters, bench: Bench) -> Forecast:
 
 def set_points(parameters: NineAxisParameters, bench: Bench) -> Iterator[SetPoint]:
     """Yield what is commanded of each instrument, in order."""
-    by_table = parameters.positioning == "table" and table_axes(bench) is not None
+    by_table = parameters.positioning == "table" and axes_of(bench) is not None
     yield SetPoint("1a", POWER, "on")
     for position in parameters.all_positions:
         if by_table:

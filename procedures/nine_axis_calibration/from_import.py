@@ -8,16 +8,17 @@ from typing import TYPE_CHECKING, Annotated
 import numpy as np
 from pydantic import Field
 
-from procedures.nine_axis_calibration.dataset import AXES, NineAxisDataset, StaticRecord, TurnRecord
-from procedures.nine_axis_calibration.encoder import unwrap
-from procedures.nine_axis_calibration.means import Array, interval_of
-from procedures.nine_axis_calibration.outlook import prior_of
-from procedures.nine_axis_calibration.parameters import Prior
-from procedures.nine_axis_calibration.positions import ATTITUDES
 from station.dataset_reading import MOST_FAULTS, Table, read_table
 from station.fields import StrictModel, Unit
 from station.files.faults import Fault, FaultList, listed, nearest
 from station.files.validation import validate_model
+
+from .dataset import AXES, Array, NineAxisDataset, StaticRecord, TurnRecord
+from .encoder import unwrap
+from .means import interval_of
+from .outlook import prior_of
+from .parameters import Prior
+from .pose import ATTITUDES
 
 if TYPE_CHECKING:
     from station.dataset_reading import RawDataset

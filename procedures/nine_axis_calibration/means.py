@@ -6,14 +6,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import chdtri, fdtri
 
 from procedures.estimation.noise import Index, fit_autoregression, grid_index
 from procedures.estimation.robust import robust_sigma
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
+from .dataset import Array, Mask
 
 FEWEST_TO_JUDGE = 8
 LONGEST_MEMORY = 6

@@ -6,9 +6,22 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from procedures.nine_axis_calibration.check import IMU, TURNTABLE
-from procedures.nine_axis_calibration.evaluate import pose_limits
-from procedures.nine_axis_calibration.parameters import (
+from station.errors import ConditionNotReached, InstrumentError
+
+from .check import (
+    IMU,
+    MOUNT_TABLE,
+    POSES_DEG,
+    TURNTABLE,
+    UP_DEG,
+    UP_SENSE,
+    axes_of,
+    pose_prompt,
+    turning_axis,
+    up_prompt,
+)
+from .evaluate import pose_limits
+from .parameters import (
     AXES,
     FULL_TURN_DEG,
     LONGEST_READING_S,
@@ -17,24 +30,8 @@ from procedures.nine_axis_calibration.parameters import (
     Turn,
     position_unit,
 )
-from procedures.nine_axis_calibration.placing import (
-    MOUNT_TABLE,
-    POSES_DEG,
-    UP_DEG,
-    UP_SENSE,
-    pose_prompt,
-    table_axes,
-    turning_axis,
-    up_prompt,
-)
-from procedures.nine_axis_calibration.pose import Pose, check_pose
-from procedures.nine_axis_calibration.sensing import (
-    ACCELEROMETER_BITS,
-    GYRO_BITS,
-    SECONDS_PER_HOUR,
-    Sensing,
-)
-from station.errors import ConditionNotReached, InstrumentError
+from .pose import Pose, check_pose
+from .sensing import ACCELEROMETER_BITS, GYRO_BITS, SECONDS_PER_HOUR, Sensing
 
 if TYPE_CHECKING:
     from station.procedure import Prompt
@@ -115,7 +112,7 @@ def ask_to_put(run: Run, prompt: Prompt, *, again: bool = False) -> None:
 
 def put(run: Run, position: int, *, again: bool) -> None:
     """Bring the sensor into a position, by the table or by hand."""
-    axes = table_axes(run.bench)
+    axes = axes_of(run.bench)
     if run.parameters.positioning == "table" and axes is not None:
         ask_to_put(run, MOUNT_TABLE)
         for axis, angle_deg in zip(
@@ -156,7 +153,7 @@ def looks_like(pose: Pose) -> str:
 
 def turn_up(run: Run, axis: str) -> None:
     """Bring an axis of the sensor up, along the table's axis that turns."""
-    axes = table_axes(run.bench)
+    axes = axes_of(run.bench)
     if run.parameters.positioning == "table" and axes is not None:
         ask_to_put(run, MOUNT_TABLE)
         for number, angle_deg in zip((axes.middle, axes.inner), UP_DEG[axis], strict=True):

@@ -5,12 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import chi2
 
-from procedures.nine_axis_calibration.turning import AxisMeans
-
-Array = NDArray[np.float64]
+from .dataset import Array
+from .turning import AxisMeans
 
 AGREE = 0.999
 EVEN = 1.0 - 1e-5

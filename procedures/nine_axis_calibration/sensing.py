@@ -9,14 +9,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from procedures.nine_axis_calibration.check import IMU
-from procedures.nine_axis_calibration.parameters import NineAxisParameters
 from station.errors import InstrumentError
+
+from .check import IMU
+from .dataset import Array
+from .parameters import NineAxisParameters
 
 if TYPE_CHECKING:
     from station.runner.run import Run
 
-Array = NDArray[np.float64]
 
 LOOK_S = 2.0
 """Run time between two looks; less where time runs by itself, so that a kill loses little."""

@@ -9,15 +9,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from procedures.nine_axis_calibration.check import POWER, TURNTABLE
-from procedures.nine_axis_calibration.parameters import (
-    AXES,
-    NineAxisParameters,
-    Turn,
-    position_unit,
-)
-from procedures.nine_axis_calibration.placing import axes_to_close, table_axes
 from station.procedure import Step
+
+from .check import POWER, TURNTABLE, axes_of, axes_to_close
+from .parameters import AXES, NineAxisParameters, Turn, position_unit
 
 if TYPE_CHECKING:
     from station.runner.run import Run
@@ -30,8 +25,9 @@ USUAL_ACCELERATION_DEG_PER_S2 = 50.0
 
 def mount(run: Run) -> None:
     """Claim 1: the sensor on its tooling; switched on and warm."""
-    from procedures.nine_axis_calibration.measuring import ask_to_place
     from station.roles import DutPower
+
+    from .measuring import ask_to_place
 
     parameters: NineAxisParameters = run.parameters
     missing = [unit for unit in parameters.units if not run.is_finished(unit)]
@@ -49,8 +45,9 @@ def make_table_ready(run: Run) -> None:
 
     The axes' zeros are looked for where the table does not know them.
     """
-    from procedures.nine_axis_calibration.measuring import go_to
     from station.roles import Turntable
+
+    from .measuring import go_to
 
     if run.handed_on.get(READY):
         return
@@ -63,7 +60,7 @@ def make_table_ready(run: Run) -> None:
         while table.is_moving(axis):
             run.clock.sleep(HOMING_LOOK_S)
             run.say_progress("the table looks for its zeros")
-    axes = table_axes(run.bench)
+    axes = axes_of(run.bench)
     for axis in () if axes is None else (axes.middle, axes.inner):
         go_to(run, axis, 0.0, "the table goes to zero")
     run.handed_on[READY] = True
@@ -71,7 +68,7 @@ def make_table_ready(run: Run) -> None:
 
 def rest(run: Run) -> None:
     """Claim 1: in each position the output at rest for the first preset time."""
-    from procedures.nine_axis_calibration.measuring import need_sensor_well, stand
+    from .measuring import need_sensor_well, stand
 
     positions = run.parameters.all_positions
     for number, position in enumerate(positions, 1):
@@ -87,7 +84,7 @@ def biases(run: Run) -> None:
 
 def rotate(run: Run) -> None:
     """Claim 2: on the turntable, each axis up in turn, N rates in both senses."""
-    from procedures.nine_axis_calibration.measuring import need_sensor_well, turn, turn_up
+    from .measuring import need_sensor_well, turn, turn_up
 
     turns = run.parameters.all_turns
     for axis in AXES:
@@ -111,9 +108,8 @@ def scale_factors(run: Run) -> None:
 
 def say_published(run: Run, name: str) -> None:
     """Say and record what the source's own rule gives for a result, from what is recorded."""
-    from procedures.nine_axis_calibration.findings import UNITS
-    from procedures.nine_axis_calibration.from_record import POSITION, TURN, dataset_of_run
-    from procedures.nine_axis_calibration.published import published_values
+    from .evaluate import POSITION, TURN, dataset_of_run
+    from .findings import UNITS, published_values
 
     kinds = (POSITION,) if name == "bias" else (TURN,)
     dataset = dataset_of_run(run.read_back(), run.parameters, run.bench, kinds)

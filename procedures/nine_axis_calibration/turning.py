@@ -10,15 +10,13 @@ from scipy.stats import chi2
 
 from procedures.estimation.noise import grid_index
 from procedures.estimation.robust import robust_sigma
-from procedures.nine_axis_calibration.dataset import TurnRecord
-from procedures.nine_axis_calibration.encoder import Encoder, unwrap
-from procedures.nine_axis_calibration.graduation import without_graduation
-from procedures.nine_axis_calibration.means import (
+
+from .dataset import Array, Mask, TurnRecord
+from .encoder import Encoder, unwrap, without_graduation
+from .means import (
     BLOCKS,
     COARSE,
     QUANTUM_PART,
-    Array,
-    Mask,
     colour_factor,
     good_samples,
     interval_of,

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Protocol, runtime_checkable
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any, Protocol, runtime_checkable
 
 from pydantic import Field, ValidationInfo, field_validator
 
@@ -28,6 +30,33 @@ class TableSettings(DriverSettings):
         if before:
             raise ValueError(f"is the number of {before[0]}, too; each axis has its own")
         return number
+
+
+@dataclass(frozen=True)
+class TableAxes:
+    """Numbers of a three-axis table's axes: the outer is vertical and carries the middle one."""
+
+    outer: int
+    middle: int
+    inner: int
+
+
+def table_axes(settings: Mapping[str, Any]) -> TableAxes | None:
+    """Return which axis is which by a table's settings; None for a table that only turns."""
+    numbers = [settings.get(key) for key in TableSettings.model_fields]
+    whole = [number for number in numbers if isinstance(number, int)]
+    return TableAxes(*whole) if len(whole) == len(numbers) else None
+
+
+def unnamed_axes(instance: str, settings: Mapping[str, Any]) -> Iterator[str]:
+    """Yield what a bench file has to say before a table's angles mean anything, axis by axis."""
+    for key in TableSettings.model_fields:
+        if not isinstance(settings.get(key), int):
+            name = key.removesuffix("_axis")
+            yield (
+                f"the bench file does not say which axis of {instance} is the {name} one; write "
+                f"instruments.{instance}.settings.{key}, such as 1"
+            )
 
 
 @runtime_checkable

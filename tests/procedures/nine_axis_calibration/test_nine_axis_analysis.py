@@ -25,9 +25,13 @@ from scipy.special import stdtrit
 from procedures.nine_axis_calibration.analysis import analyse
 from procedures.nine_axis_calibration.dataset import NineAxisDataset, TurnRecord
 from procedures.nine_axis_calibration.encoder import unwrap
-from procedures.nine_axis_calibration.expected import expected_uncertainty
-from procedures.nine_axis_calibration.pose import check_pose, expected_rates
-from procedures.nine_axis_calibration.positions import ATTITUDES, gravity_pattern
+from procedures.nine_axis_calibration.outlook import expected_uncertainty
+from procedures.nine_axis_calibration.pose import (
+    ATTITUDES,
+    check_pose,
+    expected_rates,
+    gravity_pattern,
+)
 
 ORDINARY = {"not-significant"}
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from procedures.nine_axis_calibration.tracking import track
+from procedures.nine_axis_calibration.encoder import track
 
 
 def readings(
