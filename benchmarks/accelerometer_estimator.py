@@ -29,7 +29,7 @@ from cases import print_cases
 
 from procedures.accelerometer_magnetic_sensitivity.analysis import analyse
 from procedures.accelerometer_magnetic_sensitivity.dataset import AccelerometerDataset
-from procedures.accelerometer_magnetic_sensitivity.identifiability import judge
+from procedures.accelerometer_magnetic_sensitivity.model import judge
 
 Array = NDArray[np.float64]
 

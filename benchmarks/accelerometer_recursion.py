@@ -24,7 +24,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parent))
 from accelerometer_estimator import NOISE_V, TRUTH, Case, columns
 
 from procedures.accelerometer_magnetic_sensitivity.finite_memory import FiniteMemory, column_scale
-from procedures.accelerometer_magnetic_sensitivity.identifiability import judge
+from procedures.accelerometer_magnetic_sensitivity.model import judge
 
 
 def recursion(samples: int) -> dict[str, object]:

@@ -18,7 +18,7 @@ from accelerometer_records import INTERVAL_S, TRUTH, axes_g, output_V
 from numpy.typing import NDArray
 from sabotage import Made
 
-from procedures.accelerometer_magnetic_sensitivity.identifiability import judge
+from procedures.accelerometer_magnetic_sensitivity.model import judge
 
 Array = NDArray[np.float64]
 Generator = np.random.Generator

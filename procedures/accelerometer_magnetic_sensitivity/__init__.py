@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from procedures.accelerometer_magnetic_sensitivity.check import check, instruments, records
-from procedures.accelerometer_magnetic_sensitivity.forecast import forecast
-from procedures.accelerometer_magnetic_sensitivity.parameters import AccelerometerParameters
-from procedures.accelerometer_magnetic_sensitivity.steps import STEPS, prompts, units
 from station.procedure import Later, Procedure, ResultKind, usual_modules
+
+from .check import check, instruments, records
+from .forecast import forecast
+from .parameters import AccelerometerParameters
+from .steps import STEPS, prompts, units
 
 UNITS = {
     **{"K0": "V", "Ki": "V/g", "Kii": "V/g^2", "Kiii": "V/g^3"},

@@ -11,13 +11,18 @@ from numpy.typing import NDArray
 from station.findings import Estimate, Flag, undetermined
 
 from .causes import cause_flags
-from .dataset import AccelerometerDataset
-from .findings import (
+from .dataset import (
     AccelerometerAnalysis,
+    AccelerometerDataset,
     AnalysisSettings,
     LeftOut,
     Nuisance,
     Path,
+    Rows,
+)
+from .finite_memory import (
+    finite_memory_path,
+    published_values,
 )
 from .flags import (
     data_flags,
@@ -28,16 +33,24 @@ from .flags import (
     result_flags,
     scale_drift_flags,
 )
-from .identifiability import Identifiability, judge
-from .lack_of_fit import groups_of
-from .misreadings import misread_flags
-from .model import COEFFICIENTS, FIELD_POWER, UNITS, accelerations, model_columns
+from .model import (
+    COEFFICIENTS,
+    FIELD_POWER,
+    UNITS,
+    Identifiability,
+    accelerations,
+    judge,
+    model_columns,
+)
 from .nuisances import FEWEST_LEFT, KI_DRIFT, unit_of
-from .published import finite_memory_path, published_values
-from .rows import Rows
-from .screening import coarse_step_V, frozen_temperature, screen
+from .screening import (
+    coarse_step_V,
+    frozen_temperature,
+    misread_flags,
+    screen,
+)
 from .solution import solve_rows
-from .solved import Solution
+from .solved import Solution, groups_of
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

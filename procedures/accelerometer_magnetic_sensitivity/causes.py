@@ -17,10 +17,10 @@ from procedures.estimation.linear import combine
 from procedures.estimation.orthogonal import independent_of, project, solve_by_qr, thin_qr
 from station.findings import Flag
 
+from .dataset import Rows
 from .jump import Suspects, small_jumps
 from .model import model_columns
 from .nuisances import ARCSEC_PER_RAD, OFFSET
-from .rows import Rows
 from .solved import PLACE, Cause, Solution, Solved
 
 Array = NDArray[np.float64]

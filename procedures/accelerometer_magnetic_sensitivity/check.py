@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from procedures.accelerometer_magnetic_sensitivity.parameters import AccelerometerParameters
 from station import registry
 from station.procedure import Problem, RecordUse
+
+from .parameters import AccelerometerParameters
 
 if TYPE_CHECKING:
     from station.instruments.bench import Bench

@@ -1,14 +1,26 @@
-"""What the analysis of an accelerometer's magnetic sensitivity needs, whoever recorded it."""
+"""What the analysis of an accelerometer takes, whoever recorded it, and what it says."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
+from station.findings import Estimate, Flag, Published
+
+from .model import (
+    Identifiability,
+    Names,
+    accelerations,
+    accelerations_by_angle,
+)
+
 Array = NDArray[np.float64]
-Names = NDArray[np.str_]
+Mask = NDArray[np.bool_]
+
 
 OVERLOAD_V = 1e30
 """A voltmeter says 9.9e37 where its range did not suffice; nothing real comes near."""
@@ -48,3 +60,120 @@ class AccelerometerDataset:
     def overloaded(self) -> NDArray[np.bool_]:
         """Rows whose output is no reading, shape (rows,)."""
         return ~np.isfinite(self.output_V) | (np.abs(self.output_V) >= OVERLOAD_V)
+
+
+@dataclass(frozen=True)
+class AnalysisSettings:
+    """Thresholds of the flags and choices of the estimator, each with its default.
+
+    `not_significant` is in standard uncertainties of a magnetic coefficient, `outlier` in robust
+    standard deviations, `gap` in nominal intervals, `field_differs_from_commanded` relative.
+    `window` is the number of rows of the finite-memory solution, chosen where it is None.
+    """
+
+    not_significant: float = 2.0
+    gap: float = 1.5
+    field_differs_from_commanded: float = 0.01
+    model_too_stiff: float = 0.3
+    outlier: float = 5.0
+    max_drift_order: int = 8
+    window: int | None = None
+
+    def too_stiff_beyond(self, rows: int) -> float:
+        """Return the correlation of neighbouring residuals above which the model is too stiff.
+
+        With few rows a correlation as large as the threshold is no rarity.
+        """
+        return max(self.model_too_stiff, 3.0 / math.sqrt(rows))
+
+
+@dataclass(frozen=True)
+class Nuisance:
+    """A term that is fitted beside the coefficients, so that it does not pass for one of them."""
+
+    name: str
+    value: float
+    standard_uncertainty: float
+    unit: str
+
+
+@dataclass(frozen=True)
+class LeftOut:
+    """A row that the solution does not use, 0-based, and why."""
+
+    row: int
+    reason: str
+
+
+@dataclass(frozen=True)
+class Path:
+    """The course of the finite-memory solution: one row of coefficients after each row of data.
+
+    `estimates` (rows, kept), NaN where the window did not determine them; `rows` are the data rows;
+    `window` the memory; `resolved` how often the window was solved anew by QR.
+    """
+
+    names: tuple[str, ...]
+    rows: NDArray[np.int64]
+    estimates: Array
+    window: int
+    resolved: int
+
+
+@dataclass(frozen=True)
+class AccelerometerAnalysis:
+    """The whole outcome.
+
+    An estimate is of one coefficient, or of the combination `terms` in its `extra` that its column
+    really measures; its sensitivities are derivatives by `field_gain` and `voltage_gain` (relative
+    errors), `field_offset_T`, `voltage_offset_V`.
+    `covariance` (k, k) is that of the kept coefficients, type A; `residual_V` (rows,) is NaN for
+    rows that cannot be judged; `used` marks the rows of the solution. `drift_V` (rows,) is the slow
+    part that was taken off, None where there is none. `condition` is that of the scaled design.
+    """
+
+    identifiability: Identifiability
+    estimates: tuple[Estimate, ...]
+    covariance: Array
+    published: tuple[Published, ...]
+    nuisances: tuple[Nuisance, ...]
+    not_separable: tuple[str, ...]
+    left_out: tuple[LeftOut, ...]
+    flags: tuple[Flag, ...]
+    used: Mask
+    residual_V: Array
+    noise_V: float | None
+    lag_one_correlation: float | None
+    condition: float | None
+    drift_order: int
+    path: Path | None
+
+
+@dataclass(frozen=True)
+class Rows:
+    """The usable rows, each array (rows,): encoder angle, measured field, output in V.
+
+    `root_weight` is one over the noise where it is known before anything is solved. `groups` names
+    the rows that share an angle or a field.
+    """
+
+    time_s: Array
+    plane: Names
+    theta_rad: Array
+    field_T: Array
+    commanded_T: Array
+    output_V: Array
+    temperature_degC: Array | None
+    noise_group: NDArray[np.int64] | None
+    gravity_g: float = 1.0
+    root_weight: Array | None = None
+    groups: Mapping[str, Names] = field(default_factory=dict)
+
+    @property
+    def slope(self) -> Array:
+        """Return the derivative of Ai by the angle, g/rad (rows,)."""
+        return accelerations_by_angle(self.plane, self.theta_rad, self.gravity_g)[:, 0]
+
+    def accelerations(self, offset_rad: Array | float = 0.0) -> Array:
+        """Return Ai, Ao, Ap in g (rows, 3) at an encoder offset."""
+        return accelerations(self.plane, self.theta_rad + offset_rad, self.gravity_g)

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from procedures.accelerometer_magnetic_sensitivity.measuring import (
+from .measuring import (
     FIELD_LOOK_S,
     LOOK_S,
     burst_s,
     group_by_angle,
 )
-from procedures.accelerometer_magnetic_sensitivity.parameters import AccelerometerParameters, Point
+from .parameters import AccelerometerParameters, Point
 
 HOMING_S, DEGAUSS_S, TURN_S, RAMP_S = 10.0, 14.0, 0.75, 0.4
 RAMP_MT_PER_S, TURN_DEG_PER_S = 25.0, 20.0

@@ -1,32 +1,45 @@
-"""From data to findings: the analysis, with the type B inputs that the bench file states."""
+"""From a record or an imported dataset to findings, with the type B inputs of the bench file.
+
+Of a run there is one row for each finished point.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from procedures.accelerometer_magnetic_sensitivity.analysis import analyse
-from procedures.accelerometer_magnetic_sensitivity.check import (
+import numpy as np
+
+from station.findings import Findings, Flag, InputQuantity, findings_of
+
+from .analysis import analyse
+from .check import (
     FULL_TURN_DEG,
     GAUSSMETER,
     MULTIMETER,
     STAGE,
+    THERMOMETER,
 )
-from procedures.accelerometer_magnetic_sensitivity.findings import AnalysisSettings
-from procedures.accelerometer_magnetic_sensitivity.from_import import dataset_of_import
-from procedures.accelerometer_magnetic_sensitivity.from_record import (
-    dataset_of_run,
-    overloaded_readings,
+from .dataset import (
+    AccelerometerDataset,
+    AnalysisSettings,
 )
-from procedures.accelerometer_magnetic_sensitivity.parameters import AccelerometerParameters
-from station.findings import Findings, Flag, InputQuantity, findings_of
+from .from_import import dataset_of_import
+from .measuring import (
+    AXIS_COLUMN,
+    T_PER_MT,
+    finished_points,
+)
+from .parameters import AccelerometerParameters, Point
 
 if TYPE_CHECKING:
     from station.dataset_reading import RawDataset
     from station.instruments.bench import Bench
     from station.record.folder import RunFolder
+
+ARRIVAL = "arrival_time_s"
 
 
 def findings_of_run(
@@ -58,6 +71,77 @@ def findings_of_dataset(raw: RawDataset) -> Findings:
 def settings(parameters: AccelerometerParameters) -> AnalysisSettings:
     """Return the analysis settings of a plan."""
     return AnalysisSettings(**dict(parameters.thresholds), window=parameters.window)
+
+
+def dataset_of_run(
+    folder: RunFolder, parameters: AccelerometerParameters, bench: Bench
+) -> AccelerometerDataset:
+    """Return all finished points of a run, in the order in which they were measured.
+
+    Output and field of a point are means over its burst; the calibration corrections of the bench
+    file are applied to all that was read. Readings that say overload are left out where a higher
+    range gave others; a point without a valid field has NaN there, which the analysis rejects and
+    lists.
+    """
+    units = folder.finished_units()
+    points = finished_points(units, parameters.points)
+    rows = [row_of_point(folder, point, parameters, bench) for point in points]
+    time_s, angle_deg, field_T, output_V, temperature_degC = np.array(rows).reshape(-1, 5).T
+    order = np.argsort(time_s, kind="stable")
+    ranges = np.array([range_of(folder, point.unit) for point in points])
+    _, group = np.unique(ranges, return_inverse=True)
+
+    def commanded(name: str) -> np.ndarray:
+        return np.array([getattr(point, name) for point in points])[order]
+
+    return AccelerometerDataset(
+        time_s=time_s[order],
+        plane=commanded("plane"),
+        theta_deg=angle_deg[order],
+        theta_commanded_deg=commanded("angle_deg"),
+        field_T=field_T[order],
+        field_commanded_T=commanded("field_mT") * T_PER_MT,
+        output_V=output_V[order],
+        temperature_degC=temperature_degC[order] if parameters.temperature else None,
+        noise_group=group[order],
+    )
+
+
+def row_of_point(
+    folder: RunFolder, point: Point, parameters: AccelerometerParameters, bench: Bench
+) -> tuple[float, float, float, float, float]:
+    """Return a point's time (s), angle (deg), field (T), output (V) and temperature (degC)."""
+    meter = folder.rows(MULTIMETER, point.unit)
+    good = meter["overload"] == 0
+    usable = meter[good] if good.any() else meter
+    field = folder.rows(GAUSSMETER, point.unit)
+    valid = field[AXIS_COLUMN][field["state"] == 0]
+    field_T = float(valid.mean()) if valid.size else np.nan
+    output_V = float(usable["voltage_V"].mean())
+    field_T = bench.corrected(GAUSSMETER, "field", field_T / T_PER_MT, "mT") * T_PER_MT
+    output_V = bench.corrected(MULTIMETER, "voltage", output_V, "V")
+    temperature_degC = np.nan
+    if parameters.temperature:
+        read_degC = float(folder.rows(THERMOMETER, point.unit)["temperature_degC"].mean())
+        temperature_degC = bench.corrected(THERMOMETER, "temperature", read_degC, "degC")
+    read_deg = float(folder.rows(STAGE, point.unit)["angle_deg"][-1])
+    angle_deg = bench.corrected(STAGE, "angle", read_deg, "deg")
+    return float(meter[ARRIVAL].mean()), angle_deg, field_T, output_V, temperature_degC
+
+
+def range_of(folder: RunFolder, unit: str) -> float:
+    """Return the voltmeter's range in V in which a point was measured in the end."""
+    wider = [
+        float(event.details["next_range_V"])
+        for event in folder.events_of("overload")
+        if event.details["unit"] == unit
+    ]
+    return wider[-1] if wider else float(folder.finished_units()[unit]["range_V"])
+
+
+def overloaded_readings(folder: RunFolder, units: Sequence[str]) -> int:
+    """Return how many readings of the voltmeter in these units were overloads."""
+    return sum(int((folder.rows(MULTIMETER, unit)["overload"] != 0).sum()) for unit in units)
 
 
 def type_b_inputs(parameters: AccelerometerParameters, bench: Bench) -> list[InputQuantity]:

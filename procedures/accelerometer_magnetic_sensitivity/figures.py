@@ -5,16 +5,18 @@ from __future__ import annotations
 import matplotlib as mpl
 import numpy as np
 
-from procedures.accelerometer_magnetic_sensitivity import plots
-from procedures.accelerometer_magnetic_sensitivity.dataset import AccelerometerDataset
-from procedures.accelerometer_magnetic_sensitivity.findings import AccelerometerAnalysis
-from procedures.accelerometer_magnetic_sensitivity.identifiability import describe
-from procedures.accelerometer_magnetic_sensitivity.model import COEFFICIENTS
 from station.findings import Findings, combination_text
 from station.report.drawing import STYLE
 from station.report.numbers import NOTHING, format_number, format_with_uncertainty
 from station.report.parts import Part, Plot, Table
 from station.results import ResultDocument
+
+from . import plots
+from .dataset import (
+    AccelerometerAnalysis,
+    AccelerometerDataset,
+)
+from .model import COEFFICIENTS, describe
 
 MOST_ROWS = 40
 WORDS = {"min": "≥ {:g}", "max": "≤ {:g}", "max_abs": "± {:g}"}

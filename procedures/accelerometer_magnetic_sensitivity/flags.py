@@ -10,14 +10,20 @@ from numpy.typing import NDArray
 from procedures.estimation.excitation import excitation_flags
 from station.findings import Estimate, Flag, combination_text
 
-from .dataset import AccelerometerDataset
-from .findings import AnalysisSettings, LeftOut
-from .identifiability import Identifiability, describe, listed
-from .jump import Jump
-from .model import COEFFICIENTS
+from .dataset import (
+    AccelerometerDataset,
+    AnalysisSettings,
+    LeftOut,
+)
+from .model import (
+    COEFFICIENTS,
+    Identifiability,
+    describe,
+    listed,
+)
 from .nuisances import ARCSEC_PER_RAD
 from .screening import COPIED, SATURATED, STUCK
-from .solved import Solution
+from .solved import Jump, Solution
 
 MAGNETIC = ("Km", "Kmm", "Kim", "Kom", "Kpm")
 MOST_LISTED = 12

@@ -5,7 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from procedures.accelerometer_magnetic_sensitivity.check import (
+from station.procedure import Forecast, Recording, SetPoint
+from station.units import UnitError, parse_as
+
+from .check import (
     ANGLES,
     GAUSSMETER,
     LARGEST_FIELD,
@@ -15,11 +18,9 @@ from procedures.accelerometer_magnetic_sensitivity.check import (
     SUPPLY,
     THERMOMETER,
 )
-from procedures.accelerometer_magnetic_sensitivity.durations import points_s
-from procedures.accelerometer_magnetic_sensitivity.measuring import burst_s, group_by_angle
-from procedures.accelerometer_magnetic_sensitivity.parameters import AccelerometerParameters
-from station.procedure import Forecast, Recording, SetPoint
-from station.units import UnitError, parse_as
+from .durations import points_s
+from .measuring import burst_s, group_by_angle
+from .parameters import AccelerometerParameters
 
 if TYPE_CHECKING:
     from station.instruments.bench import Bench

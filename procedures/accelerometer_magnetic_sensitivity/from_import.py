@@ -8,13 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from procedures.accelerometer_magnetic_sensitivity.commanded import commanded_angles
-from procedures.accelerometer_magnetic_sensitivity.dataset import AccelerometerDataset
-from procedures.accelerometer_magnetic_sensitivity.model import PLANES
 from station.dataset_reading import MOST_FAULTS, Table, check_ascending, read_table
 from station.fields import StrictModel, Unit
 from station.files.faults import Fault, FaultList, listed, nearest
 from station.files.validation import validate_model
+
+from .commanded import commanded_angles
+from .dataset import AccelerometerDataset
+from .model import PLANES
 
 if TYPE_CHECKING:
     from station.dataset_reading import RawDataset

@@ -7,16 +7,17 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from procedures.accelerometer_magnetic_sensitivity.check import (
+from station.errors import ConditionNotReached, InstrumentError
+
+from .check import (
     GAUSSMETER,
     MULTIMETER,
     STAGE,
     SUPPLY,
     THERMOMETER,
 )
-from procedures.accelerometer_magnetic_sensitivity.parameters import AccelerometerParameters, Point
-from procedures.accelerometer_magnetic_sensitivity.standing_still import StandingStill
-from station.errors import ConditionNotReached, InstrumentError
+from .parameters import AccelerometerParameters, Point
+from .standing_still import StandingStill
 
 if TYPE_CHECKING:
     from station.runner.run import Run

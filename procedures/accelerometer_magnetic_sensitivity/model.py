@@ -1,4 +1,4 @@
-"""The coupled model of an accelerometer in a magnetic field: thirteen columns, planes, nuisances.
+"""The coupled model of an accelerometer in a magnetic field, and what of it a plan determines.
 
     Y = K0 + Ki Ai + Kii Ai^2 + Kiii Ai^3 + Kio Ai Ao + Kip Ai Ap + Koo Ao^2 + Kpp Ap^2
       + Km Am + Kmm Am^2 + Kim Ai Am + Kom Ao Am + Kpm Ap Am
@@ -10,14 +10,17 @@ reconstructed from its list of symbols and from the model (1) of IEEE Std 836 an
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from procedures.estimation.orthogonal import split_columns
+from station.findings import combination_text
+
 Array = NDArray[np.float64]
 Names = NDArray[np.str_]
-
 UNITS = {
     "K0": "V",
     "Ki": "V/g",
@@ -35,12 +38,16 @@ UNITS = {
 }
 COEFFICIENTS = tuple(UNITS)
 """The order in which columns are judged."""
-
 FIELD_POWER = {"Km": 1, "Kmm": 2, "Kim": 1, "Kom": 1, "Kpm": 1}
 """By which power of the field each column grows; the others do not."""
-
 PLANES = ("io", "ip", "op", "level")
 """The plane of IA, OA, PA that gravity turns in; `level`: the axis of rotation is vertical."""
+SMALLEST_RMS = 1e-6
+"""A column is dependent when its part orthogonal to the kept ones has an rms below this."""
+MOVED = 1e-4
+"""The noise of a gaussmeter moves no combination by so much."""
+SMALLEST_TERM = 5e-6
+"""What a dependent column may seem to have of a kept one by the tolerance above."""
 
 
 def accelerations(plane: Names, theta_rad: Array, gravity_g: float = 1.0) -> Array:
@@ -91,3 +98,117 @@ def model_columns_by_angle(acceleration_g: Array, change_g_per_rad: Array, field
 def field_scales(largest_T: float, names: Sequence[str] = COEFFICIENTS) -> Array:
     """Return what a column for the field over its largest magnitude is divided by, (k,)."""
     return np.array([largest_T ** FIELD_POWER.get(name, 0) for name in names])
+
+
+@dataclass(frozen=True)
+class Identifiability:
+    """What a plan determines.
+
+    `terms` maps each kept coefficient to the combination that it really measures, in the units of
+    the coefficients: {"K0": {"K0": 1, "Kpp": 1}}. `folded` are the others; of them `unexcited`
+    stand in no combination, because their columns are zero.
+    """
+
+    terms: Mapping[str, Mapping[str, float]]
+    folded: tuple[str, ...]
+    unexcited: tuple[str, ...]
+
+    @property
+    def kept(self) -> tuple[str, ...]:
+        """The kept coefficients, in the order of the columns."""
+        return tuple(self.terms)
+
+    @property
+    def rank(self) -> int:
+        """How many independent combinations the plan determines."""
+        return len(self.terms)
+
+    @property
+    def alone(self) -> tuple[str, ...]:
+        """The coefficients that are determined alone."""
+        return tuple(name for name, terms in self.terms.items() if len(terms) == 1)
+
+    @property
+    def not_alone(self) -> tuple[str, ...]:
+        """The coefficients that are not: folded ones, and kept ones that stand for several."""
+        return tuple(name for name in COEFFICIENTS if name not in self.alone)
+
+    def as_measured(self, shares: Array, largest_T: float) -> Identifiability:
+        """Return the combinations that the measured fields and angles make of the same columns.
+
+        `shares` (rank, 13) are what the solution takes of each column, in the units of the
+        coefficients. A term stays as commanded where it is moved by less than `MOVED`, the field
+        taken over its largest magnitude.
+        """
+        scale = field_scales(largest_T)
+        terms: dict[str, dict[str, float]] = {}
+        for row, (name, commanded) in enumerate(self.terms.items()):
+            own = dict(commanded)
+            for folded in self.folded:
+                j = COEFFICIENTS.index(folded)
+                share = float(shares[row, j])
+                moved = abs(share - own.get(folded, 0.0)) * scale[COEFFICIENTS.index(name)]
+                if moved > MOVED * scale[j]:
+                    own[folded] = _tidy(float(f"{share:.9g}"))
+            terms[name] = own
+        return Identifiability(terms, self.folded, self.unexcited)
+
+
+def judge(
+    plane: Names, theta_deg: Array, field_T: Array, gravity_g: float = 1.0
+) -> Identifiability:
+    """Judge the commanded rows of a plan, each argument of shape (rows,).
+
+    Thirteen columns, accelerations in g, field over its largest magnitude, nuisance terms aside;
+    in the order of `COEFFICIENTS` each is kept that is independent of those kept before it; the
+    others fold into the kept ones.
+    """
+    if not len(theta_deg):
+        return Identifiability({}, COEFFICIENTS, COEFFICIENTS)
+    largest_T = float(np.max(np.abs(field_T))) or 1.0
+    acceleration_g = accelerations(plane, np.radians(theta_deg), gravity_g)
+    columns = model_columns(acceleration_g, field_T / largest_T)
+    split = split_columns(columns, SMALLEST_RMS)
+    scale = field_scales(largest_T)
+    terms: dict[str, dict[str, float]] = {}
+    for row, index in enumerate(split.kept):
+        own: dict[str, float] = {COEFFICIENTS[index]: 1.0}
+        for j, name in enumerate(COEFFICIENTS):
+            share = float(split.folds[row, j])
+            if j not in split.kept and abs(share) > SMALLEST_TERM:
+                # c_j X_j = c_j F f_i, both columns over their scales: F s_j / s_i in true units.
+                own[name] = _tidy(round(share, 9) * float(scale[j] / scale[index]))
+        terms[COEFFICIENTS[index]] = own
+    folded = tuple(name for name in COEFFICIENTS if name not in terms)
+    held = {name for own in terms.values() for name in own}
+    return Identifiability(terms, folded, tuple(name for name in folded if name not in held))
+
+
+def _tidy(value: float) -> float:
+    return float(f"{value:.12g}")
+
+
+def describe(found: Identifiability) -> tuple[str, ...]:
+    """Return in sentences what a plan determines and what it does not, and why."""
+    together = [combination_text(own) for own in found.terms.values() if len(own) > 1]
+    said = [
+        f"{found.rank} of the thirteen combinations are determined.",
+        f"Alone: {listed(found.alone)}." if found.alone else "No coefficient is determined alone.",
+    ]
+    if together:
+        said.append(f"Only together: {listed(together)}.")
+    if found.unexcited:
+        said.append(
+            f"Not at all: {listed(found.unexcited)}; their terms are zero, or the same, throughout."
+        )
+    if {"K0", "Koo", "Kpp"} & set(found.not_alone) and found.rank:
+        said.append(
+            "At rest the three accelerations always make 1 g (Ai² + Ao² + Ap² = 1): K0 and the "
+            "square terms can never all be distinguished without a centrifuge."
+        )
+    return tuple(said)
+
+
+def listed(names: Sequence[str]) -> str:
+    """Return names as a list in a sentence."""
+    return names[0] if len(names) == 1 else ", ".join(names[:-1]) + " and " + names[-1]

@@ -9,15 +9,18 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from procedures.accelerometer_magnetic_sensitivity.dataset import AccelerometerDataset
-from procedures.accelerometer_magnetic_sensitivity.findings import AccelerometerAnalysis
-from procedures.accelerometer_magnetic_sensitivity.model import (
+from station.report.drawing import BLUE, GREY, INK, VERMILION, label_above, new_figure
+
+from .dataset import (
+    AccelerometerAnalysis,
+    AccelerometerDataset,
+)
+from .model import (
     COEFFICIENTS,
     FIELD_POWER,
     accelerations,
     model_columns,
 )
-from station.report.drawing import BLUE, GREY, INK, VERMILION, label_above, new_figure
 
 Array = NDArray[np.float64]
 

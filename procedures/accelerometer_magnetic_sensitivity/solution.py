@@ -17,23 +17,32 @@ from procedures.estimation.orthogonal import (
     solve_by_qr,
 )
 
-from .causes import causes_to_try, known_causes, with_doubt
-from .findings import AnalysisSettings
-from .jump import Jump, Suspects, find_jumps
-from .lack_of_fit import uneven, with_misfit
+from .causes import (
+    causes_to_try,
+    known_causes,
+    with_doubt,
+)
+from .dataset import AnalysisSettings, Rows
+from .jump import Suspects, find_jumps, may_be_off
 from .model import model_columns
 from .nuisances import (
     ARCSEC_PER_RAD,
-    JUMP,
     OFFSET,
+    ROUNDS,
+    TurnedModel,
     chosen,
     separable,
     slow_terms,
 )
-from .rows import Rows
-from .solved import Cause, Solution, Solved
-from .suspicion import may_be_off
-from .turned_model import ROUNDS, TurnedModel
+from .solved import (
+    JUMP,
+    Cause,
+    Jump,
+    Solution,
+    Solved,
+    uneven,
+    with_misfit,
+)
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

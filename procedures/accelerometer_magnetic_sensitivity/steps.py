@@ -8,7 +8,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from procedures.accelerometer_magnetic_sensitivity.check import (
+from station.errors import InstrumentError
+from station.procedure import Prompt, Step
+
+from .check import (
     GAUSSMETER,
     LARGEST_G,
     MULTIMETER,
@@ -16,7 +19,7 @@ from procedures.accelerometer_magnetic_sensitivity.check import (
     STAGE,
     SUPPLY,
 )
-from procedures.accelerometer_magnetic_sensitivity.durations import (
+from .durations import (
     first_group_s,
     first_point_s,
     remaining_s,
@@ -24,7 +27,7 @@ from procedures.accelerometer_magnetic_sensitivity.durations import (
     second_turn_s,
     set_up_s,
 )
-from procedures.accelerometer_magnetic_sensitivity.measuring import (
+from .measuring import (
     RANGE_HEADROOM,
     Place,
     finished_points,
@@ -32,9 +35,7 @@ from procedures.accelerometer_magnetic_sensitivity.measuring import (
     measure,
     wait_for_stage,
 )
-from procedures.accelerometer_magnetic_sensitivity.parameters import AccelerometerParameters, Point
-from station.errors import InstrumentError
-from station.procedure import Prompt, Step
+from .parameters import AccelerometerParameters, Point
 
 if TYPE_CHECKING:
     from station.runner.run import Run
@@ -174,7 +175,7 @@ def further_fields(run: Run) -> None:
 
 def rotate(run: Run) -> None:
     """(5) The accelerometer is turned to the next angle."""
-    from procedures.accelerometer_magnetic_sensitivity.measuring import turn_to
+    from .measuring import turn_to
 
     following = groups_of(run)[1:2]
     if following and not all(run.is_finished(point.unit) for point in following[0]):
@@ -211,8 +212,8 @@ def remaining_angles(run: Run) -> None:
 
 def identify(run: Run) -> None:
     """(8) Finite-memory least squares over the recorded points; the best estimate follows."""
-    from procedures.accelerometer_magnetic_sensitivity.analysis import analyse
-    from procedures.accelerometer_magnetic_sensitivity.from_record import dataset_of_run
+    from .analysis import analyse
+    from .evaluate import dataset_of_run
 
     folder = run.read_back()
     points = finished_points(folder.finished_units(), run.parameters.points)

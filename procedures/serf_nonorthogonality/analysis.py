@@ -30,7 +30,6 @@ from .shot_flags import data_flags, misfit_flags
 from .shots import AXES, PAIRS
 
 Array = NDArray[np.float64]
-
 __all__ = ["AnalysisSettings", "SerfAnalysis", "analyse"]
 
 RAD_PER_DEG = np.pi / 180.0

@@ -22,8 +22,6 @@ from .frequencies import Frequencies
 from .shots import PAIRS, SPINS
 
 Array = NDArray[np.float64]
-
-
 MARGIN_U = 3.0
 FACTOR_MARGIN = 0.02
 """A coil constant that is wrong by a per cent moves the factor by as much."""

@@ -17,7 +17,6 @@ from .spin_motion import Lean
 from .tone import ToneFit
 
 Array = NDArray[np.float64]
-
 ANGLE, RESIDUAL = "nonorthogonality_angle", "residual_field"
 FACTOR, SLOWING_DOWN = "coil_factor", "slowing_down_factor"
 WEIGHTED, JOINT, LAW_OF_COSINES = "weighted", "joint-chirp", "law-of-cosines"

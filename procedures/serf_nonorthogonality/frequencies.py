@@ -36,8 +36,6 @@ from .tone import pooled, pooled_chirp, wild_samples
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
-
-
 WEAK_CHIRP = 0.02
 """Up to here the fits of single shots are near enough to begin the joint one."""
 ROUNDS = 6
@@ -47,6 +45,9 @@ BETA_U = 3.0
 LEAN_RAD = 2e-3
 EXCHANGED = 25.0
 """Chi-square of all samples that is saved where pump and probe light change places."""
+LEAST_FREEDOM = 2
+MODEL_U = 5e-5
+"""Relative, of a coil factor: what spin exchange does to a frequency and the model may miss."""
 
 
 @dataclass(frozen=True)
@@ -236,14 +237,6 @@ def _fall(spin: SlowingDown, square: float) -> tuple[float, float]:
     near = np.array([square, square + 1e-5])
     fall = spin.at_rest / spin.at(near) - 1.0
     return float(fall[0]), float((fall[1] - fall[0]) / 1e-5)
-
-
-# Whether the shots agree with one another, and the coil constants with the shots.
-
-
-LEAST_FREEDOM = 2
-MODEL_U = 5e-5
-"""Relative, of a coil factor: what spin exchange does to a frequency and the model may miss."""
 
 
 def agreed(

@@ -15,8 +15,6 @@ from .tone import NoTone, ToneFit, fit_tone
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
-
-
 AT_THE_END = 0.9995
 """Part of full scale from which a sample counts as saturated."""
 CLIPPED = 4
@@ -33,6 +31,7 @@ SAME = 0.1
 UNLIKE = 0.1
 UNLIKE_U = 5.0
 """By how much, relative and in uncertainties, a decay may be faster than that of the others."""
+SATURATED = 0.999
 
 
 @dataclass(frozen=True)
@@ -203,12 +202,6 @@ def fades_unlike(fit: ToneFit, fits: Sequence[ToneFit]) -> str | None:
         f"it fades at {fit.decay_per_s:.3g} /s where others fade at {usual:.3g} /s: pump light "
         "leaked, or the field was not steady"
     )
-
-
-# On the bench: why a shot has to be taken again.
-
-
-SATURATED = 0.999
 
 
 def fit_of(shot: Shot, mains_Hz: float | None) -> ToneFit | None:

@@ -23,8 +23,6 @@ from .shots import (
 )
 
 Array = NDArray[np.float64]
-
-
 UNEXPLAINED = 0.3
 """Of the squares of the frequencies: what coils that lean leave at most."""
 LARGE_BASELINE = 1.5
@@ -32,6 +30,14 @@ LARGE_BASELINE = 1.5
 GAMMA_MARGIN = 1e-3
 """Alkali atoms differ from the free electron, and from one another, by less than 2e-4."""
 CLOCK_MARGIN = 2e-4
+CHANCE = 1e-4
+"""How often white noise alone is flagged, at most."""
+BINS, SAMPLES = (1, 4, 16), (4, 16, 64)
+"""Widths of the windows over a spectrum and over a record."""
+ROUNDING = 1e-9
+"""Noise over signal of records that are computed and have none."""
+BESIDE = 16
+"""Bins to either side of a tone in which what all shots leave is taken together."""
 
 
 def data_flags(
@@ -209,19 +215,6 @@ def _shape(seen: Sequence[Precession], settings: AnalysisSettings) -> list[Flag]
             )
         )
     return flags
-
-
-# What the fits leave that is no white noise: lines, bursts, stretches that are not followed.
-
-
-CHANCE = 1e-4
-"""How often white noise alone is flagged, at most."""
-BINS, SAMPLES = (1, 4, 16), (4, 16, 64)
-"""Widths of the windows over a spectrum and over a record."""
-ROUNDING = 1e-9
-"""Noise over signal of records that are computed and have none."""
-BESIDE = 16
-"""Bins to either side of a tone in which what all shots leave is taken together."""
 
 
 @dataclass(frozen=True)

@@ -6,6 +6,14 @@ With P the polarisation, q(P²) the slowing-down factor at spin temperature, n a
 
 So everything but Gamma_se goes by one clock u, du/dt = q(0)/q(P²): in its time the tone has one
 frequency and the baseline one decay. Gamma_se = beta w², by spin exchange, is taken for steady.
+
+In the frame of the light the third axis is that of the pump light and the second that of the
+probe. The spins begin where the light and the field during pumping left them: a tenth of a
+nanotesla turns them by degrees. How much of a shot's signal fades without turning shows that,
+
+    baseline / tone = (s.n) (p.n) / (|s_perp| |p_perp|),
+
+n along the field, s along the spins, p along the probe; the strength of the light drops out.
 """
 
 from __future__ import annotations
@@ -20,14 +28,15 @@ from .angles import Solution
 from .shots import AXES, SlowingDown, single_axis
 
 Array = NDArray[np.float64]
-
 UNTOLD = 0.25
 """Part of a decay: with a larger u the shots do not tell the broadening from the relaxation."""
-
-
 STEPS = 40
 DECAYS = 8.0
 """After so many decays of P nothing is left of a square of it."""
+USUAL_LEAN = np.radians(3.0)
+"""Standard uncertainty of a lean that no shot tells."""
+MOST_ITERATIONS = 20
+NUDGE = 1e-6
 
 
 def clocks(
@@ -75,23 +84,6 @@ def _between(t: Array, h: float, u: Array, slope: Array) -> Array:
     rise = x * x * (3.0 - 2.0 * x)
     bend = x * (1.0 - x) * h * ((1.0 - x) * slope[k] - x * slope[k + 1])
     return np.asarray(u[k] + rise * (u[k + 1] - u[k]) + bend + later)
-
-
-# How pump and probe light lie to the fields, and where the spins point when a shot begins.
-#
-# In the frame of the light the third axis is that of the pump light and the second that of the
-# probe. The spins begin where the light and the field during pumping left them: a tenth of a
-# nanotesla turns them by degrees. How much of a shot's signal fades without turning tells that,
-#
-#     baseline / tone = (s.n) (p.n) / (|s_perp| |p_perp|),
-#
-# n along the field, s along the spins, p along the probe; the strength of the light drops out.
-
-
-USUAL_LEAN = np.radians(3.0)
-"""Standard uncertainty of a lean that no shot tells."""
-MOST_ITERATIONS = 20
-NUDGE = 1e-6
 
 
 @dataclass(frozen=True)

@@ -26,7 +26,6 @@ from .tone_search import (
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
-
 FIRST_LOOK = 5
 LEAST_SAMPLES = 16
 WILD = 6.0

@@ -8,12 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
-
 MOST_ITERATIONS = 40
 ENOUGH = 1e-9
 """Of the sum of squares: with a thousand samples a thousandth of an uncertainty."""
-
-
 SHARES_OF_SPAN = (1.5, 4.0, 10.0, 25.0, 60.0, 150.0)
 """Decays to begin with, in 1/e times that the record holds."""
 LEAST_SAMPLES = 12

@@ -7,8 +7,10 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from procedures.accelerometer_magnetic_sensitivity.dataset import AccelerometerDataset
-from procedures.accelerometer_magnetic_sensitivity.findings import AccelerometerAnalysis
+from procedures.accelerometer_magnetic_sensitivity.dataset import (
+    AccelerometerAnalysis,
+    AccelerometerDataset,
+)
 from station.findings import Estimate
 
 Array = NDArray[np.float64]

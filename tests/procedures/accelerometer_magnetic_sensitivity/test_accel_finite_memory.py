@@ -8,16 +8,16 @@ from accelerometer_records import SIX_FIELDS_T, TRUTH, points, record
 from numpy.typing import NDArray
 
 from procedures.accelerometer_magnetic_sensitivity.analysis import analyse
-from procedures.accelerometer_magnetic_sensitivity.findings import AnalysisSettings
+from procedures.accelerometer_magnetic_sensitivity.dataset import AnalysisSettings
 from procedures.accelerometer_magnetic_sensitivity.finite_memory import (
     FiniteMemory,
     column_scale,
     walk,
 )
-from procedures.accelerometer_magnetic_sensitivity.identifiability import judge
 from procedures.accelerometer_magnetic_sensitivity.model import (
     COEFFICIENTS,
     accelerations,
+    judge,
     model_columns,
 )
 

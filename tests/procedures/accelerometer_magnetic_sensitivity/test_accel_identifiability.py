@@ -10,19 +10,17 @@ from accelerometer_records import SIX_FIELDS_T, TRUTH, axes_g, output_V, points
 
 from procedures.accelerometer_magnetic_sensitivity import UNITS as UNITS_OF_RESULTS
 from procedures.accelerometer_magnetic_sensitivity.commanded import commanded_angles
-from procedures.accelerometer_magnetic_sensitivity.expected import expected_uncertainty
-from procedures.accelerometer_magnetic_sensitivity.identifiability import (
-    describe,
-    judge,
-)
 from procedures.accelerometer_magnetic_sensitivity.model import (
     COEFFICIENTS,
     UNITS,
     accelerations,
     accelerations_by_angle,
+    describe,
+    judge,
     model_columns,
     model_columns_by_angle,
 )
+from procedures.accelerometer_magnetic_sensitivity.outlook import expected_uncertainty
 from station.files.lookup import PLANS as PLANS_SHIPPED
 from station.files.lookup import find
 from station.files.plan import read_plan
