@@ -15,16 +15,16 @@ from sim_instruments.faults.catalogue import possible_faults
 from sim_instruments.faults.instrument import InstrumentFaults, Schedule
 from sim_instruments.faults.reading import read_fault
 from sim_instruments.instrument import Setting, SimulatedInstrument
-from sim_instruments.seeds import generator
 from sim_instruments.truth import SimulationError, Truth
 from sim_instruments.wire.requests import LineServer
 from sim_instruments.wire.tcp import HOST
-from sim_instruments.world.accelerometer_bench import AccelerometerBench
+from sim_instruments.world.accelerometer import AccelerometerBench
 from sim_instruments.world.base import World
-from sim_instruments.world.extremes import coil_report
+from sim_instruments.world.coils import coil_report
 from sim_instruments.world.fog_bench import FogBench
-from sim_instruments.world.laser_gyro_bench import LaserGyroBench
-from sim_instruments.world.nine_axis_bench import NineAxisBench
+from sim_instruments.world.laser_gyro import LaserGyroBench
+from sim_instruments.world.nine_axis import NineAxisBench
+from sim_instruments.world.noise import generator
 from sim_instruments.world.serf_bench import SerfBench
 from station.clock import Clock
 

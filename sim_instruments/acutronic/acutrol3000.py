@@ -33,9 +33,9 @@ from sim_instruments.acutronic.limits import Axes, add_limits
 from sim_instruments.acutronic.table import Encoder, Table
 from sim_instruments.faults.lasting import EmergencyStop, FollowingError, LastingFault, Stuck
 from sim_instruments.instrument import Setting
-from sim_instruments.seeds import generator
 from sim_instruments.truth import SimulationError
 from sim_instruments.wire.line_instrument import LineInstrument
+from sim_instruments.world.noise import generator
 
 FIRMWARE = "A8800-001-01.000-a"
 FRAMINGS = ("framed", "line")

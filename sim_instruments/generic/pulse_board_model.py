@@ -16,7 +16,7 @@ from sim_instruments.faults.lasting import Dark, Frozen, LastingFault, Overheati
 from sim_instruments.generic.pulse_sampler import FRAME, OpenInputs, PulseSampler, Rows
 from sim_instruments.instrument import Setting
 from sim_instruments.truth import SimulationError
-from sim_instruments.world.laser_gyro_bench import LaserGyroBench
+from sim_instruments.world.laser_gyro import LaserGyroBench
 
 START, STOP, IDENTIFY, REPORT_STATUS = 1, 2, 3, 4
 OK, UNKNOWN_COMMAND, BAD_INTERVAL, BAD_MASK, ALREADY_RUNNING, BAD_LENGTH = range(6)

@@ -9,8 +9,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from sim_instruments.world.laser_gyro import PulseNoise
-from sim_instruments.world.laser_gyro_bench import LaserGyroBench
+from sim_instruments.world.laser_gyro import LaserGyroBench, PulseNoise
 
 FIRST_AHEAD, MOST_AHEAD = 8, 1024
 LONGEST_AHEAD_S = 60.0

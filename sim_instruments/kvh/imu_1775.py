@@ -29,7 +29,7 @@ from sim_instruments.generic.nine_axis_model import LASTING_FAULTS, Counters, Ni
 from sim_instruments.instrument import Setting
 from sim_instruments.wire.crc32 import SEED, TABLE
 from sim_instruments.wire.frame_stream import Arrived, FrameInstrument
-from sim_instruments.world.nine_axis_sensor import Means
+from sim_instruments.world.nine_axis import Means
 
 FIRMWARE = "1775-1.04"
 HEADER = bytes((0xFE, 0x81, 0xFF, 0x57))

@@ -21,7 +21,7 @@ from sim_instruments.faults.lasting import Frozen, Overload
 from sim_instruments.instrument import Setting
 from sim_instruments.wire.line_instrument import LineInstrument
 from sim_instruments.world.coils import AXES, direction_near
-from sim_instruments.world.laser_gyro_bench import LaserGyroBench
+from sim_instruments.world.laser_gyro import LaserGyroBench
 
 FIRMWARE = "1.0"
 PERIOD_S = 0.1

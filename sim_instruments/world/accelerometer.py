@@ -1,4 +1,4 @@
-"""The linear accelerometer: its output by the full model, its attitude, its temperature.
+"""The world of the linear accelerometer: a strong coil, a rotary stage, gravity, the device.
 
 Model (IEEE Std 836 and 1293 with the magnetic terms of the published procedure): accelerations
 A_i A_o A_p in g, field A_m in T, output in V. K_o and K_p are the misalignment of the input axis.
@@ -6,11 +6,20 @@ A_i A_o A_p in g, field A_m in T, output in V. K_o and K_p are the misalignment 
 
 from __future__ import annotations
 
+from threading import RLock
+from typing import ClassVar
+
 import numpy as np
 import numpy.typing as npt
 
-from sim_instruments.truth import Truth
+from sim_instruments.truth import SimulationError, Truth
+from sim_instruments.world.base import STRONG_COIL, coil_currents, coil_named
+from sim_instruments.world.coils import AXES, CoilHeat, HelmholtzPair, mean_current_and_square
+from sim_instruments.world.currents import CurrentHistory
 from sim_instruments.world.laser_gyro import Heat
+from sim_instruments.world.noise import WhiteNoise, generator
+from sim_instruments.world.piecewise import Nodes, Pieces, lengths_of, nodes_within
+from sim_instruments.world.rotation import RotationHistory
 
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int64]
@@ -130,3 +139,209 @@ class Accelerometer:
         t = temperature_degC
         below = np.where(t < 0.0, c * (t - 100.0) * t**3, 0.0)
         return np.asarray(self._pt100_ohm * (1.0 + a * t + b * t**2 + below))
+
+
+SLOW_PANEL_S, SLOW_ORDER = 5.0, 3
+"""Temperatures and drifts take minutes."""
+FAST_PANEL_S, FAST_ORDER = 0.05, 6
+"""The coil's current takes its time constant, and the stage turns a few degrees meanwhile."""
+
+MOUNTINGS = {
+    "io": "its pendulous axis along the horizontal axis of the stage",
+    "ip": "its output axis along the horizontal axis of the stage",
+    "op": "its input axis along the horizontal axis of the stage",
+    "level": "its pendulous axis up, along the vertical axis of the stage",
+}
+ACTS = (*(f"mount-{plane}" for plane in PLANES), "connect-cables", "dut-power-on", "dut-power-off")
+
+
+class AccelerometerBench:
+    """The current in the strong coil, the field it makes, gravity, and the accelerometer.
+
+    The coil's axis is x of the gaussmeter's probe; the accelerometer, in its centre, feels the
+    field along that axis. `rotation` is where the stage truly stands, whatever its encoder says;
+    the device stands `angle_offset` further, in every plane. The stage's axis may be off level by
+    `axis_tilt`, and `soft_iron` near the device may add its share to the field that it feels.
+    """
+
+    preparations: ClassVar[tuple[str, ...]] = ("mount-io", "connect-cables", "dut-power-on")
+
+    def __init__(self, truth: Truth) -> None:
+        self.lock = RLock()
+        self.version = 0
+        self.dut_powered = False
+        self.rotation = RotationHistory(changed=self._changed)
+        # Before anybody mounts it, the device lies on the bench.
+        self._planes = [PLANES.index("level")]
+        self._mounted_s: list[float] = []
+        self._switched_s: list[float] = []
+        strong = truth.section("dc_coil")
+        self.currents = coil_currents(truth, self._changed)
+        self._current = self.coil(STRONG_COIL)
+        self._heat = CoilHeat(strong.section("heating"), self._current)
+        pair = HelmholtzPair("x", strong)
+        ambient_mT = np.array(truth.quantities("ambient_field", AXES, "mT"))
+        # Soft iron near the device, none at the probe.
+        iron_T_per_mT = (1.0 + truth.section("accelerometer").error("soft_iron", "1")) * 1e-3
+        centre_mT_per_A = float(pair.field_mT_per_A(np.zeros(3)) @ pair.normal)
+        self.device_T_per_A = centre_mT_per_A * iron_T_per_mT
+        self.device_ambient_T = float(ambient_mT @ pair.normal) * iron_T_per_mT
+        probe_m = np.array(strong.quantities("probe_position", AXES, "mm")) * 1e-3
+        self._probe_mT_per_A = pair.field_mT_per_A(probe_m)
+        self._probe_ambient_mT = ambient_mT
+        room = truth.section("room")
+        self._room_degC = room.quantity("temperature", "degC")
+        self._swing_K = room.quantity("swing", "K")
+        self._swing_s = room.quantity("period", "s")
+        device = truth.section("accelerometer")
+        self.accelerometer = Accelerometer(device)
+        self.angle_offset_deg = device.quantity("angle_offset", "deg")
+        self._tilt_rad = device.error("axis_tilt", "rad")
+        self._share_of_coil = device.quantity("share_of_coil_heating", "1")
+        self._magnet_mT = _dipole(probe_m, device.quantity("magnet_at_probe", "mT"))
+        rng = generator(truth.integer("seed", 0), "accelerometer")
+        self._noise = WhiteNoise(self.accelerometer.noise_V, rng)
+        if device.switch("powered_at_start"):
+            self._power(0.0, True)
+
+    def coil(self, axis: str) -> CurrentHistory:
+        """Return the coil of a name; SimulationError when there is none."""
+        return coil_named(self.currents, axis)
+
+    def coil_temperature_degC(self, time_s: Array) -> Array:
+        """Return the temperature of the strong coil's winding at each time."""
+        return np.asarray(self._room(time_s) + self._heat.rise_K(time_s))
+
+    def dut_temperature_degC(self, time_s: Array) -> Array:
+        """Return the accelerometer's temperature: the room, its own heat, a share of the coil's."""
+        own_K = self.accelerometer.self_heating_K * self.accelerometer.heat.warmth(time_s)
+        coil_K = self._share_of_coil * self._heat.rise_K(time_s)
+        return np.asarray(self._room(time_s) + own_K + coil_K)
+
+    def mean_output_V(self, edges_s: Array) -> Array:
+        """Return the accelerometer's mean output between neighbouring times, shape (intervals,).
+
+        Zero while it is switched off, and over an empty interval. Exact while the stage rests,
+        whatever the current does.
+        """
+        pieces = Pieces(edges_s, self._kinks(edges_s))
+        turning = self._turns(pieces)
+        slow = nodes_within(pieces.starts_s, pieces.ends_s, SLOW_PANEL_S, SLOW_ORDER)
+        temperature = slow.mean(self.dut_temperature_degC(slow.time_s))
+        angle = self._device_angle(pieces.middles_s)
+        acceleration = acceleration_g(self._plane(pieces.middles_s), angle, self._tilt_rad)
+        parts = self.accelerometer.by_field(acceleration, temperature)
+        field, squared = self._mean_field(pieces.edges_s)
+        means = parts[0] + parts[1] * field + parts[2] * squared
+        if turning.any():
+            starts_s, ends_s = pieces.starts_s[turning], pieces.ends_s[turning]
+            means[turning] = self._mean_while_turning(
+                nodes_within(starts_s, ends_s, FAST_PANEL_S, FAST_ORDER)
+            )
+        means += slow.mean(self.accelerometer.drift_V(slow.time_s))
+        on = np.diff(self.accelerometer.heat.on_time(pieces.edges_s)) > 0.0
+        powered = np.diff(self.accelerometer.heat.on_time(edges_s)) / lengths_of(edges_s)
+        return pieces.together(np.where(on, means, 0.0)) + powered * self._noise.mean(edges_s)
+
+    def mean_pt100_ohm(self, edges_s: Array) -> Array:
+        """Return the mean resistance of the Pt100 in the accelerometer, shape (intervals,)."""
+        nodes = nodes_within(edges_s[:-1], edges_s[1:], SLOW_PANEL_S, SLOW_ORDER)
+        temperature = self.dut_temperature_degC(nodes.time_s)
+        return nodes.mean(self.accelerometer.pt100_ohm(temperature))
+
+    def mean_probe_field_mT(self, edges_s: Array) -> Array:
+        """Return the mean field at the probe between neighbouring times, shape (intervals, 3)."""
+        mean_A = self._current.mean_current(edges_s)
+        kinks = [self.rotation.breakpoints(edges_s[0], edges_s[-1]), np.array(self._mounted_s)]
+        pieces = Pieces(edges_s, kinks)
+        direction = input_axis(self._plane(pieces.middles_s), self._device_angle(pieces.middles_s))
+        turning = self._turns(pieces)
+        if turning.any():
+            starts_s, ends_s = pieces.starts_s[turning], pieces.ends_s[turning]
+            nodes = nodes_within(starts_s, ends_s, FAST_PANEL_S, FAST_ORDER)
+            angle, plane = self._device_angle(nodes.time_s), self._plane(nodes.time_s)
+            direction[turning] = nodes.mean(input_axis(plane, angle))
+        magnet = pieces.together(direction) @ self._magnet_mT.T
+        coil = mean_A[:, None] * self._probe_mT_per_A
+        return np.asarray(self._probe_ambient_mT + coil + magnet)
+
+    def act(self, prompt_id: str, time_s: float) -> str:
+        """Do what a person was asked to do; returns what was done, SimulationError if unknown."""
+        with self.lock:
+            plane = prompt_id.removeprefix("mount-")
+            if prompt_id in ACTS and plane in PLANES:
+                self._mounted_s.append(time_s)
+                self._planes.append(PLANES.index(plane))
+                self._changed()
+                return f"The simulated accelerometer was mounted with {MOUNTINGS[plane]}."
+            if prompt_id == "connect-cables":
+                return "The simulated cables were in place."
+            if prompt_id == "dut-power-on":
+                self._power(time_s, True)
+                return "The simulated accelerometer was switched on and warms up."
+            if prompt_id == "dut-power-off":
+                self._power(time_s, False)
+                return "The simulated accelerometer was switched off."
+        raise SimulationError(
+            f"the simulated world does not know the act '{prompt_id}' (it knows: {', '.join(ACTS)})"
+        )
+
+    def _power(self, time_s: float, on: bool) -> None:
+        self.dut_powered = on
+        self._switched_s.append(time_s)
+        self.accelerometer.heat.switch(time_s, on)
+        self._changed()
+
+    def _mean_while_turning(self, nodes: Nodes) -> Array:
+        times = nodes.time_s
+        field = self.device_ambient_T + self.device_T_per_A * self._current.current(times)
+        angle = self._device_angle(times)
+        acceleration = acceleration_g(self._plane(times), angle, self._tilt_rad)
+        parts = self.accelerometer.by_field(acceleration, self.dut_temperature_degC(times))
+        return nodes.mean(parts[0] + parts[1] * field + parts[2] * field**2)
+
+    def _mean_field(self, edges_s: Array) -> tuple[Array, Array]:
+        """Return the means of the field at the device in T and of its square, exactly."""
+        mean_A, mean_A2 = mean_current_and_square(self._current, edges_s)
+        ambient, constant = self.device_ambient_T, self.device_T_per_A
+        field = ambient + constant * mean_A
+        return field, ambient**2 + 2 * ambient * constant * mean_A + constant**2 * mean_A2
+
+    def _kinks(self, edges_s: Array) -> list[Array]:
+        first_s, last_s = edges_s[0], edges_s[-1]
+        return [
+            self._current.breakpoints(first_s, last_s),
+            self.rotation.breakpoints(first_s, last_s),
+            np.array(self._mounted_s),
+            np.array(self._switched_s),
+        ]
+
+    def _turns(self, pieces: Pieces) -> npt.NDArray[np.bool_]:
+        """Return in which pieces, none of which holds a change of acceleration, the stage turns."""
+        begin, middle, end = (
+            self.rotation.angle_deg(times)
+            for times in (pieces.starts_s, pieces.middles_s, pieces.ends_s)
+        )
+        return np.asarray((begin != middle) | (middle != end))
+
+    def _device_angle(self, time_s: Array) -> Array:
+        return self.rotation.angle_deg(time_s) + self.angle_offset_deg
+
+    def _plane(self, time_s: Array) -> Indices:
+        return np.array(self._planes)[np.searchsorted(self._mounted_s, time_s, side="right")]
+
+    def _room(self, time_s: Array) -> Array:
+        swing = np.sin(2.0 * np.pi * time_s / self._swing_s)
+        return np.asarray(self._room_degC + self._swing_K * swing)
+
+    def _changed(self) -> None:
+        self.version += 1
+
+
+def _dipole(probe_m: Array, strongest_mT: float) -> Array:
+    """Return the matrix from the direction of a magnet in the centre to its field at the probe.
+
+    In mT, shape (3, 3); `strongest_mT` is what the probe feels when the magnet points at it.
+    """
+    towards = probe_m / np.linalg.norm(probe_m)
+    return np.asarray(strongest_mT / 2.0 * (3.0 * np.outer(towards, towards) - np.eye(3)))

@@ -1,4 +1,9 @@
-"""The world of the fibre-optic gyros: a navigator on a three-axis table in a thermal chamber."""
+"""The world of the fibre-optic gyros: a navigator on a three-axis table in a thermal chamber.
+
+The fibre of a gyro, its index and the wavelength of the source change with temperature, so that a
+rate reads delta(T) too large; a coil whose temperature changes reads a rate that is not there
+(Shupe).
+"""
 
 from __future__ import annotations
 
@@ -7,15 +12,117 @@ from typing import ClassVar
 import numpy as np
 import numpy.typing as npt
 
-from sim_instruments.seeds import generator
 from sim_instruments.truth import SimulationError, Truth
 from sim_instruments.world.base import IdleCoils
-from sim_instruments.world.chamber import Chamber
-from sim_instruments.world.fog_gyro import FogGyros
+from sim_instruments.world.chamber import Chamber, ThermalLag
+from sim_instruments.world.coils import AXES
 from sim_instruments.world.fog_navigator import Navigator
+from sim_instruments.world.noise import RandomWalk, Readings, generator
 from sim_instruments.world.table import Table
 
 Array = npt.NDArray[np.float64]
+
+
+RAD_PER_S = np.pi / 180.0 / 3600.0
+"""One degree per hour."""
+LARGEST_ORDER = 9
+SENSOR_CELL_S, NOISE_CELL_S, DRIFT_CELL_S = 0.05, 0.1, 10.0
+
+
+class FogGyros:
+    """The gyros x, y, z of one unit; whether they are switched on is the unit's affair.
+
+    Truth, for all: `temperature_range` (`low`, `high`), over which the variable u of the curves
+    goes from -1 to 1; `shupe_at_1_degC_per_min`; `bias_walk`; `angle_random_walk`;
+    `sensor_noise` and `sensor_offset` of the thermometers. Below `x`, `y`, `z`: `lag` behind the
+    chamber's air and `self_heating` by which the switched-on gyro is warmer in the end;
+    `scale_factor_error` (`u0`, `u1`, …: of the power of u, ripple and hysteresis apart), `ripple`
+    (`amplitude`, `period`), `hysteresis` (`half_width`, and the `rate` of temperature at which
+    three quarters of it show); `bias` at the middle of the range, and `bias_per_degC`.
+    """
+
+    def __init__(self, truth: Truth, chamber: Chamber, seed: int) -> None:
+        limits = truth.section("temperature_range")
+        low, high = limits.quantity("low", "degC"), limits.quantity("high", "degC")
+        if not low < high:
+            raise SimulationError(f"{limits.where}: low must be below high")
+        self.middle_degC, self.half_K = 0.5 * (low + high), 0.5 * (high - low)
+        own = [truth.section(axis) for axis in AXES]
+        self.heat = ThermalLag(
+            chamber,
+            np.array([one.quantity("lag", "s") for one in own]),
+            np.array([one.quantity("self_heating", "K") for one in own]),
+        )
+        curves = np.array([_coefficients(one.section("scale_factor_error")) for one in own])
+        # Of the highest power that any gyro has first.
+        used = np.flatnonzero(curves.any(axis=0))
+        self._curves = curves.T[: used.max(initial=0) + 1][::-1]
+        ripple = [one.section("ripple") for one in own]
+        self._ripple = np.array([one.quantity("amplitude", "1") for one in ripple])
+        self._per_K = 2 * np.pi / np.array([one.quantity("period", "K") for one in ripple])
+        loop = [one.section("hysteresis") for one in own]
+        self._loop = np.array([one.quantity("half_width", "1") for one in loop])
+        self._loop_K_per_s = np.array([one.quantity("rate", "degC/min") for one in loop]) / 60.0
+        self._bias = np.array([one.quantity("bias", "deg/h") for one in own])
+        self._bias_per_K = np.array([one.quantity("bias_per_degC", "deg/h/degC") for one in own])
+        self._shupe = truth.quantity("shupe_at_1_degC_per_min", "deg/h") * 60.0
+        offset = truth.section("sensor_offset")
+        self._sensor_K = np.array([offset.quantity(axis, "K") for axis in AXES])
+        sigma = np.full(3, truth.quantity("sensor_noise", "K"))
+        self._sensor = Readings(sigma, SENSOR_CELL_S, generator(seed, "fog-sensors"))
+        # In deg/sqrt(h), that is 1/60 deg after one second.
+        step = np.full(3, truth.quantity("angle_random_walk", "deg/sqrt(h)") / 60.0 * np.pi / 180)
+        self._angle = RandomWalk(step, NOISE_CELL_S, generator(seed, "fog-angle-walk"))
+        drift = np.full(3, truth.quantity("bias_walk", "deg/h/sqrt(h)") / 60.0)
+        self._drift = RandomWalk(drift, DRIFT_CELL_S, generator(seed, "fog-bias-walk"))
+
+    def temperature_degC(self, time_s: Array) -> Array:
+        """Return the gyros' true temperatures, shape (times, 3)."""
+        return self.heat.temperature_and_rate(time_s)[0]
+
+    def sensor_degC(self, time_s: Array) -> Array:
+        """Return what the thermometers in the gyros read, shape (times, 3)."""
+        noise = self._sensor.at(time_s)
+        return np.asarray(self.temperature_degC(time_s) + self._sensor_K + noise)
+
+    def scale_factor_error(
+        self, temperature_degC: Array, rate_K_per_s: Array | float = 0.0
+    ) -> Array:
+        """Return delta, measured rate over true rate less one, (times, 3), at temperatures (…, 3).
+
+        `rate_K_per_s` is the temperatures' own rate, which the hysteresis follows.
+        """
+        u = (temperature_degC - self.middle_degC) / self.half_K
+        delta = np.zeros_like(u)
+        for coefficients in self._curves:
+            delta = delta * u + coefficients
+        delta += self._ripple * np.sin(self._per_K * temperature_degC)
+        return np.asarray(delta + self._loop * np.tanh(rate_K_per_s / self._loop_K_per_s))
+
+    def bias_rad_per_s(self, time_s: Array, temperature_degC: Array, rate_K_per_s: Array) -> Array:
+        """Return the rates that the gyros read at rest, (times, 3), without their white noise."""
+        of_temperature = self._bias_per_K * (temperature_degC - self.middle_degC)
+        bias = self._bias + of_temperature + self._shupe * rate_K_per_s + self._drift.at(time_s)
+        return np.asarray(RAD_PER_S * bias)
+
+    def errors_rad_per_s(self, time_s: Array, rate_rad_per_s: Array) -> Array:
+        """Return measured less true rate, noise aside, for true rates along x, y, z, (times, 3)."""
+        temperature, slope = self.heat.temperature_and_rate(time_s)
+        scale = self.scale_factor_error(temperature, slope)
+        return np.asarray(scale * rate_rad_per_s + self.bias_rad_per_s(time_s, temperature, slope))
+
+    def noise_rad(self, time_s: Array) -> Array:
+        """Return the integral of the gyros' white noise from 0 s to each time, (times, 3)."""
+        return self._angle.at(time_s)
+
+
+def _coefficients(truth: Truth) -> Array:
+    """Return the coefficients of the powers of u, lowest first, as many as there can be."""
+    names = [f"u{power}" for power in range(LARGEST_ORDER + 1)]
+    if not any(name in truth for name in names):
+        raise SimulationError(f"{truth.where}: 'u0', 'u1', … are missing")
+    return np.array([truth.quantity(name, "1") if name in truth else 0.0 for name in names])
+
 
 ACTS = ("mount", "connect-cables", "dut-power-on", "dut-power-off")
 BEFORE_ALL_S = -1e5

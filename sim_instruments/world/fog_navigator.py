@@ -1,22 +1,204 @@
-"""An inertial navigation system on a table: what it takes for its heading, pitch and roll."""
+"""An inertial navigation system on a table: what it takes for its heading, pitch and roll.
+
+The attitude that it computes is E C, C being the true one. A strapdown navigator turns its attitude
+by what its gyros measure and takes the earth rate out; its accelerometers level it. So E follows
+
+    dE/dt = E [C e + w] - [w' + k d x d'] E,   [v] a = v x a,
+
+with e the gyros' errors, w the earth rate, w' what the navigator takes for it, and k the levelling:
+d' = E d is what it holds for the vertical d. Solved panel by panel: exactly in the earth's turn, to
+first order in the small angle that is gained within a panel, by Gauss's quadrature over the
+table's movement. The panels begin anew wherever an axis changes its acceleration and are a few
+degrees or seconds long, so that neither who looks nor when makes a difference.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
-from sim_instruments.seeds import generator
 from sim_instruments.truth import SimulationError, Truth
 from sim_instruments.world.coils import small_rotation
-from sim_instruments.world.fog_gyro import RAD_PER_S, FogGyros
-from sim_instruments.world.fog_trajectory import ErrorCourse, matrices, product, quaternions
+from sim_instruments.world.fog_bench import RAD_PER_S, FogGyros
 from sim_instruments.world.laser_gyro import EARTH_RATE_DEG_PER_H
-from sim_instruments.world.random_noise import Readings
-from sim_instruments.world.table import Table
+from sim_instruments.world.noise import Readings, generator
+from sim_instruments.world.piecewise import Rows, gauss
+from sim_instruments.world.table import MOMENT_S, Table
 
 Array = npt.NDArray[np.float64]
+
+
+ORDER = 3
+PANEL_DEG = 12.0
+PANEL_TURNING_S, PANEL_RESTING_S = 2.0, 15.0
+AT_ONCE = 4096
+"""So many panels are computed together, which bounds the memory."""
+
+
+class ErrorCourse:
+    """The rotation E, as a quaternion (w, x, y, z), from an alignment on.
+
+    `errors(begin_s, at_s, end_s)` returns, for panels with the times `at_s` in them, C e in rad/s,
+    shape (panels, times, 3), and what the gyros' noise makes of them in rad, (panels, 3), both
+    along n. `rates` are w and w' in rad/s, `levelling` is k in 1/s.
+    """
+
+    def __init__(
+        self,
+        begin_s: float,
+        error: Array,
+        table: Table,
+        errors: Callable[[Array, Array, Array], tuple[Array, Array]],
+        rates: tuple[Array, Array],
+        levelling: float,
+    ) -> None:
+        self._table, self._errors = table, errors
+        self._earth, self._assumed = rates
+        self._levelling = levelling
+        # Time, E, and when the stretch of constant acceleration began that the time is in.
+        self._nodes = Rows(6)
+        self._nodes.add(begin_s, *quaternions(error[None])[0], begin_s)
+
+    def forget_after(self, time_s: float) -> None:
+        """Compute again what comes after a time."""
+        kept = np.searchsorted(self._nodes.first, time_s, side="right")
+        self._nodes.cut(max(int(kept), 1))
+
+    def at(self, time_s: Array) -> Array:
+        """Return E at each time, none of which is before the beginning, shape (times, 4)."""
+        edges, stretches = self._panels(float(time_s.max()))
+        # All but the last panels in parts, which bounds the memory.
+        while edges.size > AT_ONCE:
+            some = edges[: AT_ONCE + 1]
+            self._follow(some, quaternions(self._gain(some[:-1], some[1:])), stretches[:AT_ONCE])
+            edges, stretches = edges[AT_ONCE:], stretches[AT_ONCE:]
+        known = self._nodes.all[self._nodes.at(time_s), 0]
+        k = edges.searchsorted(time_s, side="right")
+        begin_s = np.where(k > 0, edges[k - 1], known)
+        starts, ends = np.concatenate((edges[:-1], begin_s)), np.concatenate((edges[1:], time_s))
+        turns = quaternions(self._gain(starts, ends))
+        self._follow(edges, turns[: edges.size - 1], stretches)
+        error = self._nodes.all[self._nodes.at(begin_s), 1:5]
+        return self._over(error, time_s - begin_s, turns[edges.size - 1 :])
+
+    def _panels(self, to_s: float) -> tuple[Array, Array]:
+        """Return the edges of the panels from the last node on, and the stretches that they end in.
+
+        The edges are equally far from each other from the beginning of a stretch on, however far
+        it was known when somebody looked.
+        """
+        from_s, stretch_s = self._nodes.all[-1, [0, 5]].tolist()
+        to_s = max(to_s, from_s)
+        if self._table.rests_from_s < from_s:
+            numbers = ((np.array([from_s, to_s]) - stretch_s) / PANEL_RESTING_S).astype(np.int64)
+            edges = stretch_s + np.arange(numbers[0], numbers[1] + 1) * PANEL_RESTING_S
+            edges = np.concatenate(([from_s], edges[edges > from_s]))
+            return edges, np.full(edges.size - 1, stretch_s)
+        starts = self._table.breakpoints(np.nextafter(from_s, -np.inf), to_s)
+        if not starts.size or starts[0] > from_s:
+            starts = np.concatenate(([stretch_s], starts))
+        ends = np.concatenate((starts[1:], [to_s]))
+        speed, acceleration = self._table.speed_and_acceleration(starts)
+        # Where it turns: the positive root of a h²/2 + v h = PANEL_DEG.
+        turns = (speed > 0.0) | (acceleration > 0.0)
+        root = np.sqrt(speed**2 + 2.0 * PANEL_DEG * acceleration)
+        root = 2.0 * PANEL_DEG / np.where(turns, speed + root, 1.0)
+        longest_s = np.where(turns, np.clip(root, MOMENT_S, PANEL_TURNING_S), PANEL_RESTING_S)
+        count = ((ends - starts) / longest_s).astype(np.int64) + 1
+        owner = np.repeat(np.arange(starts.size), count)
+        number = np.arange(owner.size) - np.repeat(np.cumsum(count) - count, count)
+        edges = starts[owner] + number * longest_s[owner]
+        new = edges > from_s
+        return np.concatenate(([from_s], edges[new])), starts[owner[new]]
+
+    def _gain(self, begin_s: Array, end_s: Array) -> Array:
+        """Return the turns that E takes on its right over panels, in rad along n, (panels, 3)."""
+        points, weights = gauss(ORDER)
+        length = (end_s - begin_s)[:, None]
+        at_s = begin_s[:, None] + length * (0.5 + 0.5 * points)
+        share = 0.5 * weights * length
+        rates, noise = self._errors(begin_s, at_s, end_s)
+        # What was gained early in the panel has been levelled since.
+        left = np.exp(-self._levelling * (end_s[:, None] - at_s))
+        level = np.array((left, left, np.ones_like(left))).transpose(1, 2, 0)
+        gained = np.einsum("pk,pki,pki->pi", share, level, rates)
+        return np.asarray(gained + noise + length * self._earth)
+
+    def _over(self, error: Array, length_s: Array, turns: Array) -> Array:
+        """Return E at the ends of parts of panels, from what it is where they begin."""
+        w, x, y, z = error.T
+        tilt = 2.0 * np.array((y * z - w * x, -x * z - w * y, np.zeros_like(w))).T
+        length = length_s[:, None]
+        levelled = -np.expm1(-self._levelling * length) * tilt
+        back = quaternions(levelled - length * self._assumed)
+        return product(product(back, error), turns)
+
+    def _follow(self, edges_s: Array, turns: Array, stretches_s: Array) -> None:
+        """Add the nodes at the ends of panels, one after another, which takes most of the time.
+
+        The same as `_over`, in numbers of Python's own.
+        """
+        if edges_s.size < 2:
+            return
+        length = np.diff(edges_s)
+        share = (-np.expm1(-self._levelling * length)).tolist()
+        earth = (-0.5 * length[:, None] * self._assumed).tolist()
+        w, x, y, z = self._nodes.all[-1, 1:5].tolist()
+        for end_s, level, (ex, ey, ez), (rw, rx, ry, rz), stretch_s in zip(
+            edges_s[1:].tolist(), share, earth, turns.tolist(), stretches_s.tolist(), strict=True
+        ):
+            bx, by = ex + level * (y * z - w * x), ey - level * (x * z + w * y)
+            bw = 1.0 - 0.5 * (bx * bx + by * by + ez * ez)
+            w, x, y, z = (
+                bw * w - bx * x - by * y - ez * z,
+                bw * x + bx * w + by * z - ez * y,
+                bw * y - bx * z + by * w + ez * x,
+                bw * z + bx * y - by * x + ez * w,
+            )
+            w, x, y, z = (
+                w * rw - x * rx - y * ry - z * rz,
+                w * rx + x * rw + y * rz - z * ry,
+                w * ry - x * rz + y * rw + z * rx,
+                w * rz + x * ry - y * rx + z * rw,
+            )
+            scale = 1.5 - 0.5 * (w * w + x * x + y * y + z * z)
+            w, x, y, z = scale * w, scale * x, scale * y, scale * z
+            self._nodes.add(end_s, w, x, y, z, stretch_s)
+
+
+def quaternions(turn_rad: Array) -> Array:
+    """Return the quaternions (w, x, y, z) of rotation vectors, shape (vectors, 4)."""
+    angle = np.linalg.norm(turn_rad, axis=1, keepdims=True)
+    return np.concatenate((np.cos(0.5 * angle), 0.5 * np.sinc(angle / (2 * np.pi)) * turn_rad), 1)
+
+
+def product(left: Array, right: Array) -> Array:
+    """Return the products of quaternions, row by row."""
+    a, b, c, d = left.T
+    w, x, y, z = right.T
+    return np.array(
+        (
+            a * w - b * x - c * y - d * z,
+            a * x + b * w + c * z - d * y,
+            a * y - b * z + c * w + d * x,
+            a * z + b * y - c * x + d * w,
+        )
+    ).T
+
+
+def matrices(quaternion: Array) -> Array:
+    """Return the matrices of unit quaternions, shape (quaternions, 3, 3)."""
+    w, x, y, z = quaternion.T
+    rows = (
+        (1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)),
+        (2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)),
+        (2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)),
+    )
+    return np.array(rows).transpose(2, 0, 1)
+
 
 NOISE_CELL_S = 0.05
 

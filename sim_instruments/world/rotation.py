@@ -15,7 +15,7 @@ from collections.abc import Callable
 import numpy as np
 import numpy.typing as npt
 
-from sim_instruments.world.rows import Rows
+from sim_instruments.world.piecewise import Rows
 
 Array = npt.NDArray[np.float64]
 

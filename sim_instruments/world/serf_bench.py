@@ -2,23 +2,172 @@
 
 from __future__ import annotations
 
-from typing import ClassVar
+from typing import ClassVar, Protocol
 
 import numpy as np
 import numpy.typing as npt
 
-from sim_instruments.seeds import generator
 from sim_instruments.truth import SimulationError, Truth
 from sim_instruments.world.base import IdleCoils
 from sim_instruments.world.coils import AXES
-from sim_instruments.world.serf_cell import Cell
-from sim_instruments.world.serf_coils import CellCoils, Drive
-from sim_instruments.world.serf_detector import Detector
-from sim_instruments.world.serf_nuclei import Nuclei
+from sim_instruments.world.noise import generator
+from sim_instruments.world.serf_cell import Cell, Nuclei, axis_of
 from sim_instruments.world.serf_trajectory import Course, Physics, Residual, Switches
 from sim_instruments.world.trigger_line import TriggerLine
 
 Array = npt.NDArray[np.float64]
+
+
+GRADIENT = "gradient"
+NAMES = (*AXES, GRADIENT)
+
+LONG_AGO_S = -1e6
+
+
+class Drive(Protocol):
+    """The voltage at a coil over all time, constant between its breakpoints."""
+
+    def voltage_V(self, time_s: Array) -> Array:
+        """Return the voltage at each time."""
+        ...
+
+    def breakpoints(self, first_s: float, last_s: float) -> Array:
+        """Return when the voltage changes between two times."""
+        ...
+
+
+def directions(xy_rad: float, xz_rad: float, yz_rad: float) -> Array:
+    """Return the unit vectors of the coil axes x, y, z, one a column; ValueError if none fit."""
+    cos_xy, cos_xz, cos_yz = np.cos([xy_rad, xz_rad, yz_rad])
+    gram = np.array([[1.0, cos_xy, cos_xz], [cos_xy, 1.0, cos_yz], [cos_xz, cos_yz, 1.0]])
+    try:
+        return np.asarray(np.linalg.cholesky(gram).T)
+    except np.linalg.LinAlgError as error:
+        raise ValueError("no three axes have these angles between them") from error
+
+
+class CellCoils:
+    """Three field coils and a gradient coil, each driven by a voltage.
+
+    The coil x points along x of the laboratory, the coil y lies in its plane xy, and the three
+    angles between the positive axes say the rest.
+
+    Truth (`simulation.serf.coils`): for `x`, `y`, `z` the nominal `constant`, its `error` and the
+    `time_constant` of the current; for `gradient` the field gradient `at_1_V` along z, and the
+    place of the cell beside the coil's centre, `off_centre`, where the gradient is a field along
+    z as well; `angles`: `xy`, `xz`, `yz`, 90 deg for orthogonal axes.
+    """
+
+    def __init__(self, truth: Truth) -> None:
+        angles = truth.section("angles")
+        try:
+            self.axes = directions(*(angles.quantity(pair, "rad") for pair in ("xy", "xz", "yz")))
+        except ValueError as error:
+            raise SimulationError(f"{angles.where}: {error}") from error
+        coils = [truth.section(axis) for axis in AXES]
+        nominal = np.array([one.quantity("constant", "nT/V") for one in coils])
+        self.factors = 1.0 + np.array([one.quantity("error", "1") for one in coils])
+        self.nT_per_V = nominal * self.factors
+        self.tau_s = np.array([one.quantity("time_constant", "s") for one in coils])
+        if np.any(self.tau_s <= 0.0):
+            raise SimulationError(f"{truth.where}: time constants must be positive")
+        gradient = truth.section(GRADIENT)
+        self.nT_per_cm_V = gradient.quantity("at_1_V", "nT/cm")
+        self._off_centre_cm = gradient.quantity("off_centre", "mm") * 0.1
+        self._drives: dict[str, Drive] = {}
+
+    def drive(self, name: str, history: Drive) -> None:
+        """Wire an output to a coil; SimulationError when there is none, or it has one already."""
+        if name not in NAMES:
+            raise SimulationError(
+                f"there is no coil '{name}' at this cell (coils: {', '.join(NAMES)})"
+            )
+        if name in self._drives:
+            raise SimulationError(f"the coil '{name}' of the cell is driven by two outputs")
+        self._drives[name] = history
+
+    def changes(self, last_s: float) -> Array:
+        """Return when any voltage changes before a time, in order, each once."""
+        found = [one.breakpoints(LONG_AGO_S, last_s) for one in self._drives.values()]
+        return np.unique(np.concatenate(found)) if found else np.empty(0)
+
+    def voltages_V(self, time_s: Array) -> Array:
+        """Return the voltages at x, y, z and the gradient coil, shape (n, 4)."""
+        volts = np.zeros((time_s.size, len(NAMES)))
+        for k, name in enumerate(NAMES):
+            if name in self._drives:
+                volts[:, k] = self._drives[name].voltage_V(time_s)
+        return volts
+
+    def field_nT(self, voltages_V: Array) -> Array:
+        """Return the field of steady currents in x, y, z at the cell, shapes (n, 3)."""
+        return np.asarray((voltages_V * self.nT_per_V) @ self.axes.T)
+
+    def gradient_nT_per_cm(self, voltage_V: float) -> float:
+        """Return the gradient along z of a steady voltage."""
+        return voltage_V * self.nT_per_cm_V
+
+    def gradient_field_nT(self, voltage_V: float) -> Array:
+        """Return the field that the gradient coil makes where the cell is, shape (3,)."""
+        return np.array([0.0, 0.0, self.gradient_nT_per_cm(voltage_V) * self._off_centre_cm])
+
+
+CELL_S = 1e-5
+BLOCK = 1024
+
+
+class InstantNoise:
+    """White noise that belongs to time itself: the same whoever looks, how often and when.
+
+    One independent value in each 10 us, so that it is white up to 50 kHz.
+    """
+
+    def __init__(self, deviation: float, rng: np.random.Generator) -> None:
+        self._deviation = deviation
+        self._key = rng.integers(0, 2**63, size=2).astype(np.uint64)
+
+    def at(self, time_s: Array) -> Array:
+        """Return the noise at each time, same shape."""
+        if self._deviation == 0.0 or time_s.size == 0:
+            return np.zeros(time_s.shape)
+        cells = np.floor(time_s / CELL_S).astype(np.int64)
+        numbers, block = np.unique(cells // BLOCK, return_inverse=True)
+        draws = np.stack([self._block(k) for k in numbers.tolist()])
+        return np.asarray(self._deviation * draws[block.reshape(cells.shape), cells % BLOCK])
+
+    def _block(self, number: int) -> Array:
+        counter = np.array([0, 0, 0, number % 2**64], dtype=np.uint64)
+        rng = np.random.Generator(np.random.Philox(key=self._key, counter=counter))
+        return rng.standard_normal(BLOCK)
+
+
+class Detector:
+    """The probe light after the cell, and its amplifier.
+
+    Truth (`simulation.serf.detector`): `probe` (`axis`, `lean`), the voltage of a fully polarised
+    vapour along the probe, `full_polarisation`, the amplifier's `offset` and `noise` (standard
+    deviation of a sample), and `mains`: `frequency`, `amplitude`, `phase` of the pick-up.
+    """
+
+    def __init__(self, truth: Truth, rng: np.random.Generator) -> None:
+        self.probe_axis = axis_of(truth.section("probe"))
+        self.full_V = truth.quantity("full_polarisation", "V")
+        self._offset_V = truth.quantity("offset", "V")
+        mains = truth.section("mains")
+        self._mains_V = mains.quantity("amplitude", "V")
+        self._mains_rad_per_s = 2.0 * np.pi * mains.quantity("frequency", "Hz")
+        self._mains_rad = mains.quantity("phase", "rad")
+        self._noise = InstantNoise(truth.quantity("noise", "V"), rng)
+
+    def voltage_V(self, time_s: Array, polarisation: Array, powered: Array) -> Array:
+        """Return the voltage at each time; `polarisation` (n, 3), `powered` 0 or 1, (n,).
+
+        Switched off, the amplifier gives noise alone.
+        """
+        signal = self.full_V * (polarisation @ self.probe_axis)
+        mains = self._mains_V * np.sin(self._mains_rad_per_s * time_s + self._mains_rad)
+        return np.asarray(powered * (self._offset_V + signal + mains) + self._noise.at(time_s))
+
 
 ACTS = ("heat-cell", "gyro-at-rest", "connect-cables", "dut-power-on", "dut-power-off")
 

@@ -13,10 +13,9 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from sim_instruments.world.serf_cell import Cell
-from sim_instruments.world.serf_coils import GRADIENT, LONG_AGO_S, NAMES, CellCoils
+from sim_instruments.world.serf_bench import GRADIENT, LONG_AGO_S, NAMES, CellCoils
+from sim_instruments.world.serf_cell import Cell, Nuclei
 from sim_instruments.world.serf_integrator import March
-from sim_instruments.world.serf_nuclei import Nuclei
 
 Array = npt.NDArray[np.float64]
 Row = npt.NDArray[np.float64]

@@ -18,7 +18,7 @@ import numpy.typing as npt
 from sim_instruments.truth import SimulationError, Truth
 from sim_instruments.world.chamber import tell_nobody
 from sim_instruments.world.coils import AXES
-from sim_instruments.world.random_noise import Wander
+from sim_instruments.world.noise import Wander
 from sim_instruments.world.rotation import RotationHistory
 
 Array = npt.NDArray[np.float64]

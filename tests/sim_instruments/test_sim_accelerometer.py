@@ -15,8 +15,7 @@ from scipy.integrate import solve_ivp
 from sim_bench import Frames, Line, served
 
 from sim_instruments.truth import SimulationError, Truth
-from sim_instruments.world.accelerometer import COEFFICIENTS
-from sim_instruments.world.accelerometer_bench import AccelerometerBench
+from sim_instruments.world.accelerometer import COEFFICIENTS, AccelerometerBench
 from station.clock import VirtualClock
 
 PROCEDURE = "accelerometer-magnetic-sensitivity"

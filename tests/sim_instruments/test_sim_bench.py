@@ -8,8 +8,8 @@ import pytest
 from sim_bench import BENCH, SIMULATORS, bench_with, served
 
 from sim_instruments.bench import SimulatedBench
-from sim_instruments.seeds import generator
 from sim_instruments.truth import SimulationError
+from sim_instruments.world.noise import generator
 from station.clock import VirtualClock
 
 

@@ -11,7 +11,7 @@ from sim_bench import BENCH, bench_with, coil
 
 from sim_instruments.truth import SimulationError, Truth
 from sim_instruments.world.coils import HelmholtzPair, field_matrix_mT_per_A, small_rotation
-from sim_instruments.world.laser_gyro_bench import LaserGyroBench
+from sim_instruments.world.laser_gyro import LaserGyroBench
 
 STRAIGHT = {"towards_y": "0 deg", "towards_z": "0 deg"}
 

@@ -17,10 +17,9 @@ from stage_bench import stage_bench
 
 from sim_instruments.bench import WORLDS
 from sim_instruments.truth import Truth
-from sim_instruments.world.accelerometer import PLANES, acceleration_g
-from sim_instruments.world.accelerometer_bench import AccelerometerBench
-from sim_instruments.world.laser_gyro_bench import LaserGyroBench
-from sim_instruments.world.nine_axis_bench import NineAxisBench
+from sim_instruments.world.accelerometer import PLANES, AccelerometerBench, acceleration_g
+from sim_instruments.world.laser_gyro import LaserGyroBench
+from sim_instruments.world.nine_axis import NineAxisBench
 
 ACCELEROMETER, LASER_GYRO, NINE_AXIS = (
     "accelerometer-magnetic-sensitivity",

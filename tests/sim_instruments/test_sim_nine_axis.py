@@ -13,7 +13,7 @@ from procedures.nine_axis_calibration.check import POSES_DEG, UP_DEG
 from procedures.nine_axis_calibration.pose import ATTITUDES
 from sim_instruments.bench import WORLDS
 from sim_instruments.truth import SimulationError, Truth
-from sim_instruments.world.nine_axis_bench import ACTS, NineAxisBench
+from sim_instruments.world.nine_axis import ACTS, NineAxisBench
 
 PROCEDURE = "nine-axis-calibration"
 AXES = ("X", "Y", "Z")

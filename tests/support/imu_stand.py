@@ -14,7 +14,7 @@ from drivers.generic.can_imu import CanImu
 from drivers.kvh.imu_1775 import Kvh1775
 from sim_instruments.generic.can_imu import CanImu as SimulatedOnCan
 from sim_instruments.kvh.imu_1775 import Kvh1775 as SimulatedKvh
-from sim_instruments.world.nine_axis_sensor import Means
+from sim_instruments.world.nine_axis import Means
 
 NAME = "imu"
 KINDS = ("kvh", "can")
