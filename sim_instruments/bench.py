@@ -21,11 +21,11 @@ from sim_instruments.wire.tcp import HOST
 from sim_instruments.world.accelerometer import AccelerometerBench
 from sim_instruments.world.base import World
 from sim_instruments.world.coils import coil_report
-from sim_instruments.world.fog_bench import FogBench
+from sim_instruments.world.fog import FogBench
 from sim_instruments.world.laser_gyro import LaserGyroBench
 from sim_instruments.world.nine_axis import NineAxisBench
 from sim_instruments.world.noise import generator
-from sim_instruments.world.serf_bench import SerfBench
+from sim_instruments.world.serf import SerfBench
 from station.clock import Clock
 
 Maker = Callable[[Setting], SimulatedInstrument]

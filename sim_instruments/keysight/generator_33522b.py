@@ -27,8 +27,8 @@ from sim_instruments.truth import SimulationError, Truth
 from sim_instruments.wire.line_instrument import LineInstrument
 from sim_instruments.wire.scpi import TEXTS, ErrorQueue, ScpiError
 from sim_instruments.wire.scpi_device import ScpiDevice
+from sim_instruments.world.serf_coils import VoltageHistory
 from sim_instruments.world.trigger_line import TriggerLine
-from sim_instruments.world.voltages import VoltageHistory
 
 FIRMWARE = "4.00-1.19-2.00-52-00"
 COILS = ("x", "y", "z", "gradient", "none")

@@ -24,7 +24,7 @@ from sim_instruments.keysight.generator_33522b_wave import (
     Wave,
 )
 from sim_instruments.wire.scpi import ScpiError, number
-from sim_instruments.world.voltages import VoltageHistory
+from sim_instruments.world.serf_coils import VoltageHistory
 
 SOURCE_OHM = 50.0
 LARGEST_V = 10.0

@@ -240,7 +240,7 @@ class ThermalLag:
         late = self._turning * tau_s
         self._sine = chamber.cycling_K / (1.0 + late**2)
         self._cosine = -late * self._sine
-        # By piece of the air's course: see `_begin`.
+        # By piece of the air's temperature: see `_begin`.
         self._pieces = Rows(6 + 2 * tau_s.size)
         self._felt = slice(6, 6 + tau_s.size)
         self._left = slice(6 + tau_s.size, None)
@@ -254,7 +254,7 @@ class ThermalLag:
         self._switched.add(time_s, float(on), *warmth[0])
 
     def forget_after(self, time_s: float) -> None:
-        """Compute again what the air's course makes of the bodies after a time."""
+        """Compute again what the air's temperature makes of the bodies after a time."""
         kept = int(np.searchsorted(self._pieces.first, time_s, side="left"))
         self._pieces.cut(max(kept, 1))
 
@@ -270,7 +270,7 @@ class ThermalLag:
         return followed + own, rate + own_rate
 
     def _begin(self, temperature_degC: Array) -> None:
-        """Begin to follow the next piece of the air's course, from where the bodies are.
+        """Begin to follow the next piece of the air's temperature, from where the bodies are.
 
         A row holds the piece's start, level, slope and time constant, whether it cycles and since
         when, how much of its fading part each body feels, and what is left in each of all before.
@@ -287,7 +287,7 @@ class ThermalLag:
         self._pieces.add(*row, *(temperature_degC - lasting[0]))
 
     def _follow(self, time_s: Array, k: npt.NDArray[np.int64]) -> tuple[Array, Array]:
-        """Return temperatures and rates that the pieces `k` of the air's course make."""
+        """Return temperatures and rates that the pieces `k` of the air's temperature make."""
         row = self._pieces.all[k]
         since_s = time_s - row[:, 0]
         left = row[:, self._left] * np.exp(since_s[:, None] / -self._tau_s)

@@ -80,7 +80,7 @@ def small_rotation(truth: Truth, key: str) -> Array:
 
 
 class CoilHeat:
-    """The temperature of a coil's winding above the room, exact for every course of the current.
+    """The temperature of a coil's winding above the room, exact for every history of the current.
 
     Truth (`heating` of the coil): `rise_at_100_W`, the rise in the end, and `time_constant`.
     """

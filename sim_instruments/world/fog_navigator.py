@@ -22,7 +22,7 @@ import numpy.typing as npt
 
 from sim_instruments.truth import SimulationError, Truth
 from sim_instruments.world.coils import small_rotation
-from sim_instruments.world.fog_bench import RAD_PER_S, FogGyros
+from sim_instruments.world.fog import RAD_PER_S, FogGyros
 from sim_instruments.world.laser_gyro import EARTH_RATE_DEG_PER_H
 from sim_instruments.world.noise import Readings, generator
 from sim_instruments.world.piecewise import Rows, gauss
@@ -38,7 +38,7 @@ AT_ONCE = 4096
 """So many panels are computed together, which bounds the memory."""
 
 
-class ErrorCourse:
+class ErrorTrajectory:
     """The rotation E, as a quaternion (w, x, y, z), from an alignment on.
 
     `errors(begin_s, at_s, end_s)` returns, for panels with the times `at_s` in them, C e in rad/s,
@@ -212,7 +212,7 @@ class _Alignment:
     error_rad: Array
     end_s: float = np.inf
     ready_s: float | None = None
-    course: ErrorCourse | None = None
+    trajectory: ErrorTrajectory | None = None
 
 
 class Navigator:
@@ -281,9 +281,9 @@ class Navigator:
         if self._alignments:
             last = self._alignments[-1]
             if last.ready_s is not None and last.ready_s > time_s:
-                last.ready_s = last.course = None
-            if last.course is not None:
-                last.course.forget_after(time_s)
+                last.ready_s = last.trajectory = None
+            if last.trajectory is not None:
+                last.trajectory.forget_after(time_s)
 
     def _end(self, time_s: float) -> None:
         if self._alignments:
@@ -295,17 +295,17 @@ class Navigator:
             one.ready_s = self._table.still_from(one.begin_s, self._takes_s)
         return one.ready_s
 
-    def _course(self, one: _Alignment) -> ErrorCourse:
-        if one.course is None:
+    def _trajectory(self, one: _Alignment) -> ErrorTrajectory:
+        if one.trajectory is None:
             rates = self._earth, earth_rate_rad_per_s(one.latitude_deg)
-            one.course = ErrorCourse(
+            one.trajectory = ErrorTrajectory(
                 self._ready_s(one), one.error_rad, self._table, self._errors, rates, self._levelling
             )
-        return one.course
+        return one.trajectory
 
     def _of(self, one: _Alignment, time_s: Array) -> Array:
         noise = quaternions(self._noise.at(time_s))
-        error = product(noise, self._course(one).at(time_s))
+        error = product(noise, self._trajectory(one).at(time_s))
         return angles_deg(matrices(error) @ self._table.attitude(time_s) @ self._mounting)
 
     def _errors(self, begin_s: Array, at_s: Array, end_s: Array) -> tuple[Array, Array]:

@@ -16,8 +16,29 @@ from sim_instruments.world.piecewise import lengths_of
 
 Array = npt.NDArray[np.float64]
 BLOCK = 1024
+BLOCKS_KEPT = 8
 
 CELL_S = 1e-3
+INSTANT_S = 1e-5
+
+
+class Blocks:
+    """Normal numbers of variance one in blocks of a shape, each drawn from its own counter."""
+
+    def __init__(self, rng: np.random.Generator, *shape: int) -> None:
+        self._key = rng.integers(0, 2**63, size=2).astype(np.uint64)
+        self._shape = shape
+        self._kept: dict[int, Array] = {}
+
+    def block(self, number: int) -> Array:
+        """Return the numbers of one block."""
+        if number not in self._kept:
+            if len(self._kept) >= BLOCKS_KEPT:
+                self._kept.clear()
+            counter = np.array([0, 0, 0, number % 2**64], dtype=np.uint64)
+            rng = np.random.Generator(np.random.Philox(key=self._key, counter=counter))
+            self._kept[number] = rng.standard_normal(self._shape)
+        return self._kept[number]
 
 
 class WhiteNoise:
@@ -32,7 +53,7 @@ class WhiteNoise:
     ) -> None:
         self._cell_s = cell_s
         self._step = in_one_second * np.sqrt(cell_s)
-        self._key = rng.integers(0, 2**63, size=2).astype(np.uint64)
+        self._blocks = Blocks(rng, BLOCK)
 
     def mean(self, edges_s: Array) -> Array:
         """Return the mean between neighbouring times, shape (intervals,)."""
@@ -41,18 +62,27 @@ class WhiteNoise:
         cells = edges_s / self._cell_s
         first = int(np.floor(cells[0] / BLOCK))
         last = int(np.floor(cells[-1] / BLOCK))
-        steps = self._step * np.concatenate([self._block(k) for k in range(first, last + 1)])
+        steps = self._step * np.concatenate([self._blocks.block(k) for k in range(first, last + 1)])
         walk = np.concatenate(([0.0], np.cumsum(steps)))
         at = np.interp(cells - first * BLOCK, np.arange(walk.size), walk)
         return np.asarray(np.diff(at) / lengths_of(edges_s))
 
-    def _block(self, number: int) -> Array:
-        counter = np.array([0, 0, 0, number % 2**64], dtype=np.uint64)
-        rng = np.random.Generator(np.random.Philox(key=self._key, counter=counter))
-        return rng.standard_normal(BLOCK)
 
+class InstantNoise:
+    """White noise of samples: one independent value in each 10 us, so that it is white up to 50 kHz."""
 
-BLOCKS_KEPT = 8
+    def __init__(self, deviation: float, rng: np.random.Generator) -> None:
+        self._deviation = deviation
+        self._blocks = Blocks(rng, BLOCK)
+
+    def at(self, time_s: Array) -> Array:
+        """Return the noise at each time, same shape."""
+        if self._deviation == 0.0 or time_s.size == 0:
+            return np.zeros(time_s.shape)
+        cells = np.floor(time_s / INSTANT_S).astype(np.int64)
+        numbers, block = np.unique(cells // BLOCK, return_inverse=True)
+        draws = np.stack([self._blocks.block(k) for k in numbers.tolist()])
+        return np.asarray(self._deviation * draws[block.reshape(cells.shape), cells % BLOCK])
 
 
 def within(cells: npt.NDArray[np.int64]) -> Iterator[tuple[int, slice | npt.NDArray[np.bool_]]]:
@@ -68,23 +98,12 @@ def within(cells: npt.NDArray[np.int64]) -> Iterator[tuple[int, slice | npt.NDAr
         yield number, blocks == number
 
 
-class Normals:
+class Normals(Blocks):
     """Independent normal numbers of variance one, a row for each cell of time."""
 
     def __init__(self, columns: int, cell_s: float, rng: np.random.Generator) -> None:
+        super().__init__(rng, BLOCK, columns)
         self.columns, self.cell_s = columns, cell_s
-        self._key = rng.integers(0, 2**63, size=2).astype(np.uint64)
-        self._kept: dict[int, Array] = {}
-
-    def block(self, number: int) -> Array:
-        """Return the rows of the cells of one block, shape (BLOCK, columns)."""
-        if number not in self._kept:
-            if len(self._kept) >= BLOCKS_KEPT:
-                self._kept.clear()
-            counter = np.array([0, 0, 0, number % 2**64], dtype=np.uint64)
-            rng = np.random.Generator(np.random.Philox(key=self._key, counter=counter))
-            self._kept[number] = rng.standard_normal((BLOCK, self.columns))
-        return self._kept[number]
 
     def rows(self, cells: npt.NDArray[np.int64]) -> Array:
         """Return the rows of cells, shape (cells, columns)."""

@@ -48,7 +48,7 @@ class Pace(NamedTuple):
         return min(smooth, max(0.125 * self.coil_s, GROWTH * since_switched_s))
 
 
-class March:
+class Integrator:
     """One stretch of time with constant rates, from `start_s` with a polarisation to begin with.
 
     `mean_field_nT(edges)` gives the mean field between neighbouring times, shape (n, 3), with the
@@ -85,7 +85,7 @@ class March:
     def polarisation(self, time_s: Array) -> Array:
         """Return the polarisation at times since the start and not after it settled, (n, 3)."""
         while self._edges[-1] <= time_s.max():
-            self._go_on()
+            self._advance()
         if self._all is None:
             self._all = np.array(self._edges), np.concatenate(self._blocks)
         edges, steps = self._all
@@ -117,7 +117,7 @@ class March:
             longest_s = min(longest_s, SHARE_OF_TURN / float(omega[0]))
         return Pace(longest_s, fastest_s, share, coil_s)
 
-    def _go_on(self) -> None:
+    def _advance(self) -> None:
         edges = [self._edges[-1]]
         for _ in range(BLOCK):
             now_s = edges[-1]

@@ -13,9 +13,9 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from sim_instruments.world.serf_bench import GRADIENT, LONG_AGO_S, NAMES, CellCoils
 from sim_instruments.world.serf_cell import Cell, Nuclei
-from sim_instruments.world.serf_integrator import March
+from sim_instruments.world.serf_coils import GRADIENT, LONG_AGO_S, NAMES, CellCoils
+from sim_instruments.world.serf_integrator import Integrator
 
 Array = npt.NDArray[np.float64]
 Row = npt.NDArray[np.float64]
@@ -67,7 +67,7 @@ class Switches:
 
 
 class Physics(NamedTuple):
-    """What the stretches of one course have in common."""
+    """What the stretches of one trajectory have in common."""
 
     cell: Cell
     coils: CellCoils
@@ -105,12 +105,12 @@ class Stretch:
         slowest = self._rates.scale * float(cell.factor(np.zeros(1))[0])
         total = self._rates.relaxation + self._rates.pumping
         self.settled_s = self.start_s + SETTLED * slowest / total
-        self._march: March | None = None
+        self._integration: Integrator | None = None
 
     @property
     def steps(self) -> int:
         """How many steps of integration this stretch has needed."""
-        return self._march.steps if self._march else 0
+        return self._integration.steps if self._integration else 0
 
     def field_volts(self, time_s: Array) -> Array:
         """Return the voltages at x, y, z that would drive the currents of each time, (n, 3)."""
@@ -160,35 +160,35 @@ class Stretch:
 
     def forget(self) -> None:
         """Drop what has been integrated; it comes again, the same, when somebody looks."""
-        self._march = None
+        self._integration = None
 
     def _steady(self, time_s: Array) -> Array:
         return self._physics.cell.steady(self.field_nT(time_s), self._rates)
 
-    def _begun(self) -> March:
+    def _begun(self) -> Integrator:
         """Return this stretch's integration, after that of the ones on which it depends."""
-        if self._march is None:
+        if self._integration is None:
             waiting = [self]
             while (before := waiting[-1]._unsettled_before()) is not None:
                 waiting.append(before)
             for one in reversed(waiting):
-                one._march = one._march or one._begin()
-        assert self._march is not None
-        return self._march
+                one._integration = one._integration or one._begin()
+        assert self._integration is not None
+        return self._integration
 
     def _unsettled_before(self) -> Stretch | None:
         """Return the stretch before if it has to be integrated first."""
         before = self._before
-        if before is None or before._before is None or before._march is not None:
+        if before is None or before._before is None or before._integration is not None:
             return None
         return before if before._warm and self.start_s < before.settled_s else None
 
-    def _begin(self) -> March:
+    def _begin(self) -> Integrator:
         assert self._before is not None
         now = np.array([self.start_s])
         begin = self._before.polarisation(now)[0]
         strongest = np.linalg.norm(self.field_nT(now)[0] - self._constant_nT)
-        return March(
+        return Integrator(
             self._physics.cell,
             self._rates,
             self.mean_field_nT,
@@ -200,7 +200,7 @@ class Stretch:
         )
 
 
-class Course:
+class SpinTrajectory:
     """The chain of stretches, kept as long as the past stays what it was."""
 
     def __init__(self, physics: Physics) -> None:

@@ -24,7 +24,7 @@ from scipy.spatial.transform import Rotation
 
 from sim_instruments.bench import WORLDS, SimulatedBench
 from sim_instruments.truth import SimulationError
-from sim_instruments.world.fog_bench import FogBench
+from sim_instruments.world.fog import FogBench
 from sim_instruments.world.table import Table
 from station.clock import VirtualClock
 
@@ -186,14 +186,14 @@ def test_ripple_and_hysteresis_add_to_the_curve() -> None:
 
 def test_a_day_at_rest_costs_little_and_a_turn_some_thirty_panels() -> None:
     world = aligned_world(ideal=False)
-    course = world._navigator._course(world._navigator._alignments[0])
+    trajectory = world._navigator._trajectory(world._navigator._alignments[0])
     day_s = 86_400.0
     world.navigator_attitude(np.array([day_s]))
-    resting = course._nodes.count
+    resting = trajectory._nodes.count
     assert resting <= day_s / 15.0
     turn(world, day_s, 1)
     world.navigator_attitude(np.array([day_s + 37.0]))
-    assert course._nodes.count - resting < 45
+    assert trajectory._nodes.count - resting < 45
 
 
 def test_acts_mount_connect_and_switch() -> None:

@@ -122,7 +122,7 @@ def test_a_whole_shot_is_that_of_the_vector_equation_integrated_in_the_laborator
     start = 30.0
     stand.shoot(start, (40.0, -50.0, 30.0))
     times = start + np.arange(1000) * 1e-4
-    cell, field_now = world.cell, world.course.field_nT
+    cell, field_now = world.cell, world.trajectory.field_nT
     q_scale = 1 + 1e-3 * 0.1 * np.sin(2 * np.pi * start / 1200)
     exchange = 5e5 * (1 + 0.06 * 0.1 * np.sin(2 * np.pi * start / 1200))
     # The field varies smoothly while it rises and while the nuclei turn; that is tested apart.

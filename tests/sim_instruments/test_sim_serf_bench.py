@@ -11,8 +11,8 @@ from cell_stand import BENCH, SHOTS, R, Stand, across, turned
 from sim_bench import Frames, Line, served
 
 from sim_instruments.truth import SimulationError, Truth
-from sim_instruments.world.serf_bench import SerfBench
-from sim_instruments.world.voltages import VoltageHistory
+from sim_instruments.world.serf import SerfBench
+from sim_instruments.world.serf_coils import VoltageHistory
 from station.clock import VirtualClock
 
 PROCEDURE = "serf-nonorthogonality"
@@ -42,21 +42,21 @@ def test_light_that_leaks_shortens_the_decay_and_shifts_the_field() -> None:
         angles.append(turned(spins, field)[-1])
     assert sizes[1] / sizes[0] == pytest.approx(np.exp(-0.2 * 27 / 6 * 0.0199), rel=5e-3)
     assert angles[1] / angles[0] == pytest.approx(np.hypot(50, 12) / 50, rel=1e-3)
-    assert x @ stand.world.course.field_nT(np.array([4.0]))[0] == 0.0
+    assert x @ stand.world.trajectory.field_nT(np.array([4.0]))[0] == 0.0
 
 
 def test_the_nuclei_are_a_field_when_the_gyro_was_running_and_only_then() -> None:
     noble = {"field": {"x": "3 nT", "y": "-2 nT", "z": "160 nT"}}
     base = BENCH["simulation"]["serf"]["noble_gas"] | noble
-    assert not Stand().world.course.nuclear_nT(np.array([0.0, 10.0])).any()
+    assert not Stand().world.trajectory.nuclear_nT(np.array([0.0, 10.0])).any()
     stand = Stand(gyro_was_running=True, noble_gas=base)
-    field = stand.world.course.nuclear_nT(np.array([0.0, 600.0]))
+    field = stand.world.trajectory.nuclear_nT(np.array([0.0, 600.0]))
     np.testing.assert_allclose(field[0], [3.0, -2.0, 160.0], rtol=1e-9)
     np.testing.assert_allclose(field[1], field[0] * np.exp(-600 / 2400), rtol=1e-9)
-    np.testing.assert_allclose(stand.world.course.field_nT(np.array([600.0])), field[1:])
+    np.testing.assert_allclose(stand.world.trajectory.field_nT(np.array([600.0])), field[1:])
     # About an applied field they turn by their own, negative ratio.
     stand.field(700.0, (50.0, 0.0, 0.0))
-    turning = stand.world.course.nuclear_nT(700.001 + np.linspace(0.0, 2.0, 21))
+    turning = stand.world.trajectory.nuclear_nT(700.001 + np.linspace(0.0, 2.0, 21))
     angle = turned(turning, np.array([1.0, 0.0, 0.0]))
     assert angle[-1] == pytest.approx(-2 * np.pi * 0.003361 * 50.0 * 2.0, rel=1e-9)
 
@@ -66,7 +66,7 @@ def test_a_gradient_depolarises_the_nuclei_within_a_second_and_the_electrons_at_
     stand.outputs["gradient"].set(60.0, 8.0)
     stand.outputs["gradient"].set(63.0, 0.0)
     nuclear = np.linalg.norm(
-        stand.world.course.nuclear_nT(np.array([0.0, 60.0, 60.1, 61.0, 64.0])), axis=1
+        stand.world.trajectory.nuclear_nT(np.array([0.0, 60.0, 60.1, 61.0, 64.0])), axis=1
     )
     assert nuclear[1] > 0.97 * nuclear[0]
     # Near zero field diffusion across the cell is the limit; in 300 nT the gradient is.
@@ -83,7 +83,7 @@ def test_a_gradient_depolarises_the_nuclei_within_a_second_and_the_electrons_at_
 def test_a_gradient_coil_off_its_centre_makes_a_field() -> None:
     stand = Stand(coils__gradient__off_centre="0.4 mm")
     stand.outputs["gradient"].set(5.0, 8.0)
-    field = stand.world.course.field_nT(np.array([4.0, 6.0]))
+    field = stand.world.trajectory.field_nT(np.array([4.0, 6.0]))
     np.testing.assert_allclose(field, [[0, 0, 0], [0, 0, 80.0]], atol=1e-12)
 
 
@@ -91,7 +91,7 @@ def test_currents_come_with_the_time_constant_of_each_coil() -> None:
     stand = Stand(coils__x__time_constant="20 us", coils__y__time_constant="40 us")
     stand.field(5.0, (50.0, 30.0, 0.0))
     stand.field(5.00003, (0.0, 30.0, 0.0))
-    field = stand.world.course.field_nT(np.array([5.0, 5.00002, 5.00003, 5.00007, 5.01]))
+    field = stand.world.trajectory.field_nT(np.array([5.0, 5.00002, 5.00003, 5.00007, 5.01]))
     x = 50 * (1 - np.exp(-np.array([0.0, 1.0, 1.5])))
     np.testing.assert_allclose(field[:3, 0], x, atol=1e-5)
     assert field[3, 0] == pytest.approx(x[2] * np.exp(-2.0), abs=1e-5)
@@ -163,14 +163,14 @@ def test_another_seed_is_another_noise_and_it_is_white() -> None:
 def test_fourteen_shots_take_some_hundred_steps_each_and_idle_time_none() -> None:
     stand = ready()
     fourteen_shots(stand)
-    assert stand.world.course.steps <= 14 * 700
+    assert stand.world.trajectory.steps <= 14 * 700
     idle = ready()
     for k in range(200):
         idle.shoot(100.0 + 60.0 * k, (50.0, 0.0, 0.0))
     idle.seen(90000.0)
-    assert idle.world.course.steps == 0
+    assert idle.world.trajectory.steps == 0
     idle.seen(100.0 + 60.0 * 199 + np.arange(1000) * 1e-4)
-    assert 0 < idle.world.course.steps <= 700
+    assert 0 < idle.world.trajectory.steps <= 700
 
 
 def test_changes_faster_than_the_spins_follow_are_all_felt() -> None:
@@ -190,7 +190,7 @@ def test_mains_are_on_the_wire_at_their_phase_and_drift_moves_the_residual_field
     stand = Stand(detector__mains=mains, residual_field__drift_in_one_hour=drift)
     seen = stand.seen([7200.0, 7200.005, 7200.01])
     np.testing.assert_allclose(seen, [0.02, 0.0, -0.02], atol=1e-9)
-    field = stand.world.course.field_nT(np.array([0.0, 7200.0]))
+    field = stand.world.trajectory.field_nT(np.array([0.0, 7200.0]))
     np.testing.assert_allclose(field, [[0, 0, 0], [0, 0, 4.0]], atol=1e-9)
 
 

@@ -11,8 +11,8 @@ import yaml
 from places import SIM
 
 from sim_instruments.truth import Truth
-from sim_instruments.world.serf_bench import SerfBench
-from sim_instruments.world.voltages import VoltageHistory
+from sim_instruments.world.serf import SerfBench
+from sim_instruments.world.serf_coils import VoltageHistory
 
 BENCH: dict[str, Any] = yaml.safe_load(SIM.read_text(encoding="utf-8"))
 GAMMA = 2 * np.pi * 28.02495
@@ -80,7 +80,7 @@ class Stand:
         self.world.pump(time_s + 0.12, True)
 
     def spins(self, times: Any) -> np.ndarray:
-        return self.world.course.polarisation(np.atleast_1d(np.asarray(times, dtype=float)))
+        return self.world.trajectory.polarisation(np.atleast_1d(np.asarray(times, dtype=float)))
 
     def seen(self, times: Any) -> np.ndarray:
         return self.world.detector_V(np.atleast_1d(np.asarray(times, dtype=float)))

@@ -12,7 +12,7 @@ from places import SIM
 from scipy.spatial.transform import Rotation
 
 from sim_instruments.truth import Truth
-from sim_instruments.world.fog_bench import FogBench
+from sim_instruments.world.fog import FogBench
 
 Array = npt.NDArray[np.float64]
 

@@ -13,8 +13,8 @@ from stand import Stand as AnyStand
 from stand import serving
 
 from sim_instruments.keysight.generator_33522b import Keysight33522B as SimulatedGenerator
+from sim_instruments.world.serf_coils import VoltageHistory
 from sim_instruments.world.trigger_line import TriggerLine
-from sim_instruments.world.voltages import VoltageHistory
 from station.clock import Clock
 from station.instruments.opening import Place
 

@@ -1,0 +1,140 @@
+"""The world of the SERF gyro: a vapour cell in its shield, its coils, its pump and probe light."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+import numpy as np
+import numpy.typing as npt
+
+from sim_instruments.truth import SimulationError, Truth
+from sim_instruments.world.base import IdleCoils
+from sim_instruments.world.coils import AXES
+from sim_instruments.world.noise import InstantNoise, generator
+from sim_instruments.world.serf_cell import Cell, Nuclei, axis_of
+from sim_instruments.world.serf_coils import CellCoils, VoltageHistory
+from sim_instruments.world.serf_trajectory import Physics, Residual, SpinTrajectory, Switches
+from sim_instruments.world.trigger_line import TriggerLine
+
+Array = npt.NDArray[np.float64]
+
+
+class Detector:
+    """The probe light after the cell, and its amplifier.
+
+    Truth (`simulation.serf.detector`): `probe` (`axis`, `lean`), the voltage of a fully polarised
+    vapour along the probe, `full_polarisation`, the amplifier's `offset` and `noise` (standard
+    deviation of a sample), and `mains`: `frequency`, `amplitude`, `phase` of the pick-up.
+    """
+
+    def __init__(self, truth: Truth, rng: np.random.Generator) -> None:
+        self.probe_axis = axis_of(truth.section("probe"))
+        self.full_V = truth.quantity("full_polarisation", "V")
+        self._offset_V = truth.quantity("offset", "V")
+        mains = truth.section("mains")
+        self._mains_V = mains.quantity("amplitude", "V")
+        self._mains_rad_per_s = 2.0 * np.pi * mains.quantity("frequency", "Hz")
+        self._mains_rad = mains.quantity("phase", "rad")
+        self._noise = InstantNoise(truth.quantity("noise", "V"), rng)
+
+    def voltage_V(self, time_s: Array, polarisation: Array, powered: Array) -> Array:
+        """Return the voltage at each time; `polarisation` (n, 3), `powered` 0 or 1, (n,).
+
+        Switched off, the amplifier gives noise alone.
+        """
+        signal = self.full_V * (polarisation @ self.probe_axis)
+        mains = self._mains_V * np.sin(self._mains_rad_per_s * time_s + self._mains_rad)
+        return np.asarray(powered * (self._offset_V + signal + mains) + self._noise.at(time_s))
+
+
+ACTS = ("heat-cell", "gyro-at-rest", "connect-cables", "dut-power-on", "dut-power-off")
+
+
+class SerfBench(IdleCoils):
+    """Voltages at the cell's coils, light on the vapour, and the voltage of the detector.
+
+    Truth below `simulation.serf`: see the parts. The coils of the other benches stand in the same
+    room, outside the shield; the gaussmeter's probe lies there, too, and feels the ambient field.
+    `trigger` starts the generators' steps and the shutter. The gyro's own rotation is not felt:
+    one degree per second is a field of 1e-4 nT.
+    """
+
+    preparations: ClassVar[tuple[str, ...]] = (
+        "connect-cables",
+        "dut-power-on",
+        "heat-cell",
+        "gyro-at-rest",
+    )
+
+    def __init__(self, truth: Truth) -> None:
+        super().__init__(truth)
+        self.trigger = TriggerLine()
+        serf = truth.section("serf")
+        self.coils = CellCoils(serf.section("coils"))
+        self.cell = Cell(serf.section("cell"), serf.section("pump"))
+        self.gyro_was_running = serf.switch("gyro_was_running")
+        self.nuclei = Nuclei(
+            serf.section("noble_gas"), self.cell.radius_cm, was_running=self.gyro_was_running
+        )
+        shield = serf.section("residual_field")
+        residual_nT = np.array([shield.quantity(axis, "nT") for axis in AXES])
+        drift_nT = np.array(shield.quantities("drift_in_one_hour", AXES, "nT"))
+        physics = Physics(
+            self.cell, self.coils, self.nuclei, Residual(residual_nT, drift_nT / 3600)
+        )
+        self.trajectory = SpinTrajectory(physics)
+        rng = generator(truth.integer("seed", 0), "serf-detector")
+        self.detector = Detector(serf.section("detector"), rng)
+        self._power = Switches()
+        self.dut_powered = False
+        self._heated = False
+        if serf.switch("powered_at_start"):
+            # Just after the earliest time there is, so that it is not the state before any act.
+            self._heated = True
+            self._switch_power(-1e5, True)
+
+    def drive(self, coil: str, history: VoltageHistory) -> None:
+        """Wire a generator's output to the coil x, y, z or gradient of the cell."""
+        with self.lock:
+            self.coils.drive(coil, history)
+            self._changed()
+
+    def pump(self, time_s: float, on: bool) -> None:
+        """Let the pump light pass, or block it, from a time on; at first it is blocked."""
+        with self.lock:
+            self.trajectory.pump.switch(time_s, on)
+            self._changed()
+
+    def detector_V(self, times_s: Array) -> Array:
+        """Return the detector's voltage at each time, same shape; times ascend."""
+        with self.lock:
+            polarisation = self.trajectory.polarisation(times_s)
+            return self.detector.voltage_V(times_s, polarisation, self._power.at(times_s))
+
+    def act(self, prompt_id: str, time_s: float) -> str:
+        """Do what a person was asked to do; returns what was done, SimulationError if unknown."""
+        with self.lock:
+            if prompt_id == "heat-cell":
+                self._heated = True
+                self._switch_power(time_s, True)
+                return "The simulated cell was brought to its working temperature."
+            if prompt_id == "gyro-at-rest":
+                return "The simulated gyro rests in inertial space."
+            if prompt_id == "connect-cables":
+                return "The simulated cables were in place."
+            if prompt_id == "dut-power-on":
+                self._switch_power(time_s, True)
+                return "The simulated SERF gyro was switched on."
+            if prompt_id == "dut-power-off":
+                self._heated = False
+                self._switch_power(time_s, False)
+                return "The simulated SERF gyro was switched off, and its cell cools down."
+        raise SimulationError(
+            f"the simulated world does not know the act '{prompt_id}' (it knows: {', '.join(ACTS)})"
+        )
+
+    def _switch_power(self, time_s: float, on: bool) -> None:
+        self.dut_powered = on
+        self._power.switch(time_s, on)
+        self.trajectory.warm.switch(time_s, on and self._heated)
+        self._changed()
