@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Mapping
 from contextlib import nullcontext
-from importlib.metadata import entry_points
+from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -18,14 +18,9 @@ from sim_instruments.instrument import Setting, SimulatedInstrument
 from sim_instruments.truth import SimulationError, Truth
 from sim_instruments.wire.requests import LineServer
 from sim_instruments.wire.tcp import HOST
-from sim_instruments.world.accelerometer import AccelerometerBench
 from sim_instruments.world.base import World
 from sim_instruments.world.coils import coil_report
-from sim_instruments.world.fog import FogBench
-from sim_instruments.world.laser_gyro import LaserGyroBench
-from sim_instruments.world.nine_axis import NineAxisBench
 from sim_instruments.world.noise import generator
-from sim_instruments.world.serf import SerfBench
 from station.clock import Clock
 
 Maker = Callable[[Setting], SimulatedInstrument]
@@ -33,19 +28,28 @@ Maker = Callable[[Setting], SimulatedInstrument]
 LARGEST_PORT = 65535
 MOST_SAID = 200
 EXAMPLE = "{instrument: coil_supply.x, fault: overdrive}"
-WORLDS: dict[str, Callable[[Truth], World]] = {
-    "rlg-magnetic-sensitivity": LaserGyroBench,
-    "accelerometer-magnetic-sensitivity": AccelerometerBench,
-    "serf-nonorthogonality": SerfBench,
-    "fog-scale-factor-temperature": FogBench,
-    "nine-axis-calibration": NineAxisBench,
-}
 
 
 def installed_simulators() -> dict[str, Maker]:
     """Return the simulators of all installed packages by driver name, the bench itself left out."""
     found = entry_points(group="station.simulators")
     return {entry.name: entry.load() for entry in found if entry.name != "bench"}
+
+
+def installed_worlds() -> dict[str, EntryPoint]:
+    """Return the worlds of all installed packages by the procedure that runs in each."""
+    return {entry.name: entry for entry in entry_points(group="station.worlds")}
+
+
+def world_of(procedure: str) -> type[World]:
+    """Return the kind of world in which a procedure runs; SimulationError without one."""
+    worlds = installed_worlds()
+    if procedure not in worlds:
+        raise SimulationError(
+            f"no simulated world for the procedure '{procedure}' (there is: {', '.join(worlds)})"
+        )
+    world: type[World] = worlds[procedure].load()
+    return world
 
 
 class SimulatedBench:
@@ -74,13 +78,8 @@ class SimulatedBench:
         whole = Truth(bench, "bench")
         simulation = whole.section("simulation")
         self._seed = simulation.integer("seed", 0)
-        if procedure not in WORLDS:
-            raise SimulationError(
-                f"no simulated world for the procedure '{procedure}' "
-                f"(there is: {', '.join(WORLDS)})"
-            )
         self._clock = clock
-        self._world = WORLDS[procedure](simulation)
+        self._world = world_of(procedure)(simulation)
         self._schedule = Schedule(clock, self._world.lock)
         self._faults: dict[str, InstrumentFaults] = {}
         self._injected = 0

@@ -36,6 +36,7 @@ from sim_instruments.instrument import Setting
 from sim_instruments.truth import SimulationError
 from sim_instruments.wire.line_instrument import LineInstrument
 from sim_instruments.world.noise import generator
+from sim_instruments.world.table import Table as WorldTable
 
 FIRMWARE = "A8800-001-01.000-a"
 FRAMINGS = ("framed", "line")
@@ -64,7 +65,7 @@ class Acutrol3000(LineInstrument):
         if self._framing not in FRAMINGS:
             raise SimulationError(f"{truth.where}.framing: write one of {', '.join(FRAMINGS)}")
         self._identity = f"Acutronic R&D USA,Acutrol3000,{setting.serial},{FIRMWARE}"
-        table, world = Table.read(truth), getattr(setting.world, "table", None)
+        table, world = Table.read(truth), setting.world.find(WorldTable)
         self.axes = Axes()
         for n in range(1, 4):
             if f"axis_{n}" not in truth:

@@ -46,7 +46,7 @@ class NavigatorWorld(Protocol):
         ...
 
     @property
-    def navigator_powered(self) -> bool:
+    def dut_powered(self) -> bool:
         """Whether the navigator is switched on now."""
         ...
 
@@ -104,7 +104,7 @@ class NavigatorModel:
             )
         self._name, self._clock, self._faults = setting.name, setting.clock, setting.faults
         self._lock = setting.world.lock
-        self._world = setting.world if isinstance(setting.world, NavigatorWorld) else None
+        self._world = setting.world.find(NavigatorWorld)
         self._send = send
         self._closed = False
         self._run = 0
@@ -178,7 +178,7 @@ class NavigatorModel:
         self.rate = 0
 
     def _powered(self) -> bool:
-        on = self._world is not None and self._world.navigator_powered
+        on = self._world is not None and self._world.dut_powered
         if not on:
             # What it was doing is forgotten with its supply.
             self.rate, self._aligning_since_s = 0, None

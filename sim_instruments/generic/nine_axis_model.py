@@ -92,8 +92,7 @@ class NineAxisModel:
             raise SimulationError(f"{truth.where}.latency: must not be negative")
         self._name, self._clock, self._faults = setting.name, setting.clock, setting.faults
         self._lock = setting.world.lock
-        world = setting.world
-        self._world: SensorWorld = world if isinstance(world, SensorWorld) else Shelf()
+        self._world: SensorWorld = setting.world.find(SensorWorld) or Shelf()
         self._encode, self._send = encode, send
         self._closed = False
         self._run = 0

@@ -50,7 +50,7 @@ class PulseBoardModel:
         self._latency_s, self._shortest_batch_s = latency_s, shortest_batch_s
         self.serial = setting.serial_number("the pulse board's")
         self._stretch = 1.0 + setting.truth.quantity("clock_error", "1")
-        self._gyro_bench = self._world if isinstance(self._world, LaserGyroBench) else None
+        self._gyro_bench = self._world.find(LaserGyroBench)
         self.gyro_bit = 1 << (self._gyro_bench.gyro.channel - 1) if self._gyro_bench else 0
         if self.gyro_bit >= 1 << CHANNELS:
             raise SimulationError("simulation.gyro.channel: the pulse board has channels 1 to 3")

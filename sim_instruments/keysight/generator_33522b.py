@@ -27,8 +27,8 @@ from sim_instruments.truth import SimulationError, Truth
 from sim_instruments.wire.line_instrument import LineInstrument
 from sim_instruments.wire.scpi import TEXTS, ErrorQueue, ScpiError
 from sim_instruments.wire.scpi_device import ScpiDevice
+from sim_instruments.world.base import TriggerLine
 from sim_instruments.world.serf_coils import VoltageHistory
-from sim_instruments.world.trigger_line import TriggerLine
 
 FIRMWARE = "4.00-1.19-2.00-52-00"
 COILS = ("x", "y", "z", "gradient", "none")
@@ -84,6 +84,7 @@ class Keysight33522B(LineInstrument, ScpiDevice):
         truth = setting.truth
         self._latency_s = truth.quantity("trigger_latency", "s")
         coils, gains, offsets = (truth.section(key) for key in ("coils", "gain_error", "offset"))
+        driven, wire = setting.world.find(CoilWorld), setting.world.find(TriggerLine)
         self._channels: dict[int, Channel] = {}
         for number in (1, 2):
             # JSON has no numbers for keys.
@@ -93,13 +94,12 @@ class Keysight33522B(LineInstrument, ScpiDevice):
             self._channels[number] = Channel(
                 history, gains.quantity(key, "1"), offsets.quantity(key, "V"), self._complain
             )
-            if isinstance(setting.world, CoilWorld) and coil != "none":
-                setting.world.drive(coil, history)
+            if driven is not None and coil != "none":
+                driven.drive(coil, history)
             add_channel_commands(
                 self.tree, number, self._channels[number], self._clock.now, self._switch
             )
-        wire = getattr(setting.world, "trigger", None)
-        if isinstance(wire, TriggerLine):
+        if wire is not None:
             wire.listen(lambda time_s: self._edge(time_s, "POS"), self._fall)
         self.tree.add("*TRG", self._do(self._bus_trigger))
         self._faults.when_changed(OutputTripped.kind, self._trip)

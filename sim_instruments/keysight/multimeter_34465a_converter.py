@@ -104,7 +104,9 @@ class Converter:
 
     def __init__(self, setting: Setting) -> None:
         truth = setting.truth
-        self._world, self._rng, self._faults = setting.world, setting.rng, setting.faults
+        self._accelerometer = setting.world.find(AccelerometerWorld)
+        self._pt100 = setting.world.find(Pt100World)
+        self._rng, self._faults = setting.rng, setting.faults
         self.measures = truth.text("measures")
         if self.measures not in ("accelerometer", "pt100", "nothing"):
             raise SimulationError(
@@ -175,14 +177,14 @@ class Converter:
     def _input(self, function: Function, starts_s: Array, ends_s: Array) -> Array:
         edges_s = np.column_stack([starts_s, ends_s]).ravel()
         if function.name == "VOLT":
-            if self.measures == "accelerometer" and isinstance(self._world, AccelerometerWorld):
-                volts = self._world.mean_output_V(edges_s)[::2]
+            if self.measures == "accelerometer" and self._accelerometer is not None:
+                volts = self._accelerometer.mean_output_V(edges_s)[::2]
                 drift = self._drift_per_s * (starts_s - function.zeroed_at_s)
                 return self._gain * volts + self._offset + (0.0 if function.zero_on else drift)
             return self._open_input_V(starts_s)
         if function.unit == "OHM":
-            if self.measures == "pt100" and isinstance(self._world, Pt100World):
-                return self._gain * self._world.mean_pt100_ohm(edges_s)[::2] + self._offset
+            if self.measures == "pt100" and self._pt100 is not None:
+                return self._gain * self._pt100.mean_pt100_ohm(edges_s)[::2] + self._offset
             return np.full(len(starts_s), np.inf)
         return np.zeros(len(starts_s))
 

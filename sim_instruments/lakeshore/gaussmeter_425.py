@@ -49,6 +49,7 @@ class Lakeshore425(LineInstrument):
     def __init__(self, setting: Setting) -> None:
         truth = setting.truth
         self._serial = setting.serial
+        self._turned = setting.world.find(LaserGyroBench)
         self._world, self._clock, self._rng = setting.world, setting.clock, setting.rng
         self._faults = setting.faults
         self._noise_mT = truth.quantity("noise", "mT")
@@ -113,7 +114,7 @@ class Lakeshore425(LineInstrument):
         period = int(np.floor(now_s / PERIOD_S + 1e-9))
         if self._faults.now(Frozen.kind) is None and period != self._period and period > 0:
             edges_s = np.array([(period - 1) * PERIOD_S, period * PERIOD_S])
-            axis = self._world.probe_axis if isinstance(self._world, LaserGyroBench) else "x"
+            axis = self._turned.probe_axis if self._turned is not None else "x"
             field_mT = self._world.mean_probe_field_mT(edges_s)[0] @ self._directions[axis]
             noise_mT = self._noise_mT * float(self._rng.standard_normal())
             self._reading_mT = float(field_mT) * self._gain + self._zero_mT + noise_mT

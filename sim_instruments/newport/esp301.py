@@ -52,9 +52,8 @@ class NewportEsp301(LineInstrument):
 
     def __init__(self, setting: Setting) -> None:
         self._clock, self._serial = setting.clock, setting.serial
-        rotation = getattr(setting.world, "rotation", None)
-        if not isinstance(rotation, RotationHistory):  # nothing is mounted on it in this world
-            rotation = RotationHistory()
+        # In some worlds nothing is mounted on it.
+        rotation = setting.world.find(RotationHistory) or RotationHistory()
         self._axis = Axis(setting.truth, rotation, setting.faults, setting.rng, setting.clock.now)
         self._general = self._general_commands()
         self._of_axis = self._axis_commands()

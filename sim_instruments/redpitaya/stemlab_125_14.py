@@ -12,7 +12,7 @@ is at the world's detector, input 2 is open. Assumed: 20 us for each value that 
 from __future__ import annotations
 
 from functools import partial
-from typing import ClassVar
+from typing import ClassVar, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -31,7 +31,7 @@ from sim_instruments.truth import SimulationError
 from sim_instruments.wire.line_instrument import LineInstrument
 from sim_instruments.wire.scpi import ScpiError, choice, whole_number
 from sim_instruments.wire.scpi_device import ScpiDevice
-from sim_instruments.world.trigger_line import TriggerLine
+from sim_instruments.world.base import TriggerLine
 
 CLASSIC = (1, 8, 64, 1024, 8192, 65536)
 POWERS = tuple(2**power for power in range(17))
@@ -42,6 +42,15 @@ OUTPUT, LOOP = "DIO0_N", "DIO0_P"
 PINS = {f"DIO{number}_{side}": f"DIO{number}_{side}" for side in "PN" for number in range(8)}
 SOURCES = {name: name for name in ("DISABLED", "NOW", "EXT_PE", "EXT_NE")}
 TELLING_S = 20e-6
+
+
+@runtime_checkable
+class DetectorWorld(Protocol):
+    """A world with a detector at the first input."""
+
+    def detector_V(self, times_s: Array) -> Array:
+        """Return the detector's voltage at each time, same shape."""
+        ...
 
 
 class RedPitaya(LineInstrument, ScpiDevice):
@@ -70,9 +79,8 @@ class RedPitaya(LineInstrument, ScpiDevice):
         self._gain = 1.0 + truth.quantity("gain_error", "1")
         self._offset_V = truth.quantity("offset", "V")
         self._clock_Hz = CONVERTER_HZ / (1.0 + truth.quantity("clock_error", "1"))
-        self._detector = getattr(setting.world, "detector_V", None)
-        wire = getattr(setting.world, "trigger", None)
-        self._wire = wire if wire is not None else TriggerLine()
+        self._detector = setting.world.find(DetectorWorld)
+        self._wire = setting.world.find(TriggerLine) or TriggerLine()
         self._wire.listen(
             lambda time_s: self._edge(time_s, "EXT_PE"), lambda time_s: self._edge(time_s, "EXT_NE")
         )
@@ -222,7 +230,7 @@ class RedPitaya(LineInstrument, ScpiDevice):
         order = np.argsort(times_s, kind="stable")
         volts = np.zeros(times_s.size)
         if channel == "1" and self._detector is not None:
-            volts[order] = self._detector(times_s[order])
+            volts[order] = self._detector.detector_V(times_s[order])
         volts = volts * self._gain + self._offset_V + self._noise[numbers % SLOTS]
         codes = np.round(volts / FULL_SCALE_V[self._jumper] * (LARGEST_CODE + 1))
         codes[self._faults.during(Overload.kind, times_s)] = LARGEST_CODE

@@ -12,12 +12,12 @@ enabled shutter is open.
 
 from __future__ import annotations
 
-from typing import ClassVar
+from typing import ClassVar, Protocol, runtime_checkable
 
 from sim_instruments.faults.lasting import InterlockOpen, LastingFault, StuckOpen
 from sim_instruments.instrument import Setting
 from sim_instruments.wire.line_instrument import LineInstrument
-from sim_instruments.world.trigger_line import TriggerLine
+from sim_instruments.world.base import TriggerLine
 
 IDENTITY = "THORLABS SC10 VERSION 1.07"
 PROMPT = b"> "
@@ -40,6 +40,15 @@ class RefusedCommand(Exception):
     """A command that the controller does not take, with its word for why."""
 
 
+@runtime_checkable
+class PumpWorld(Protocol):
+    """A world with pump light that a shutter blocks."""
+
+    def pump(self, time_s: float, on: bool) -> None:
+        """Let the light pass, or block it, from a time on."""
+        ...
+
+
 class ThorlabsSc10(LineInstrument):
     """The controller; its gate hangs on the world's `trigger`, its blade in the world's `pump`.
 
@@ -60,9 +69,8 @@ class ThorlabsSc10(LineInstrument):
         self._opening_s = setting.truth.quantity("opening_time", "s")
         self._closing_s = setting.truth.quantity("closing_time", "s")
         self._inverter = setting.truth.switch("gate_inverter")
-        self._pump = getattr(setting.world, "pump", None)
-        wire = getattr(setting.world, "trigger", None)
-        self._wire = wire if wire is not None else TriggerLine()
+        self._light = setting.world.find(PumpWorld)
+        self._wire = setting.world.find(TriggerLine) or TriggerLine()
         self._wire.listen(self._look, self._look)
         self._values = dict(AT_POWER_ON)
         self._enabled = False
@@ -99,8 +107,8 @@ class ThorlabsSc10(LineInstrument):
         # A blade that is turned on its way passes the beam later than it would have.
         at_s = max(time_s, self._moved_until_s) + (self._opening_s if wanted else self._closing_s)
         self._open_since_s, self._moved_until_s = (at_s if wanted else None), at_s
-        if self._pump is not None:
-            self._pump(at_s, wanted)
+        if self._light is not None:
+            self._light.pump(at_s, wanted)
 
     def _changed(self, time_s: float, fault: LastingFault | None) -> None:
         self._look(time_s)

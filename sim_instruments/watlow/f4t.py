@@ -12,7 +12,6 @@ cascade loops, profiles (there is none to start), manual power, the controller's
 from __future__ import annotations
 
 import struct
-from contextlib import suppress
 from functools import partial
 from typing import Any
 
@@ -215,12 +214,7 @@ class WatlowF4T(WatlowController):
         on = one_of((OFF, ON), words) == ON
         self._outputs[name] = on
         if self._uses[name] == SWITCHES_DUT:
-            now_s, power = self._clock.now(), getattr(self._world, "power", None)
-            if power is not None:
-                power(now_s, on)
-                return
-            with suppress(SimulationError):  # a world without a device to switch
-                self._world.act(f"dut-power-{'on' if on else 'off'}", now_s)
+            self._world.power(self._clock.now(), on)
 
     def _event(self, number: int) -> Words:
         return (ON if self._events[number] else OFF,)

@@ -60,8 +60,8 @@ class Plant:
             raise SimulationError(f"{truth.where}.steers: write {CHAMBER} or {NOTHING}")
         self._error_K = truth.quantity("sensor_error", "K")
         self._noise_K = truth.quantity("noise", "K")
-        worlds = getattr(setting.world, "chamber", None) if steers == CHAMBER else None
-        self._chamber: Any = worlds if worlds is not None else Chamber(Truth(ROOM, "chamber"))
+        world = setting.world.find(Chamber) if steers == CHAMBER else None
+        self._chamber = world or Chamber(Truth(ROOM, "chamber"))
         self._controls = False
         self._kept_degC: float | None = None
         faults.when_changed(Frozen.kind, self._freeze)

@@ -6,16 +6,15 @@ A_i A_o A_p in g, field A_m in T, output in V. K_o and K_p are the misalignment 
 
 from __future__ import annotations
 
-from threading import RLock
+from functools import partial
 from typing import ClassVar
 
 import numpy as np
 import numpy.typing as npt
 
-from sim_instruments.truth import SimulationError, Truth
-from sim_instruments.world.base import STRONG_COIL, coil_currents, coil_named
+from sim_instruments.truth import Truth
+from sim_instruments.world.base import STRONG_COIL, World
 from sim_instruments.world.coils import AXES, CoilHeat, HelmholtzPair, mean_current_and_square
-from sim_instruments.world.currents import CurrentHistory
 from sim_instruments.world.laser_gyro import Heat
 from sim_instruments.world.noise import WhiteNoise, generator
 from sim_instruments.world.piecewise import Nodes, Pieces, lengths_of, nodes_within
@@ -152,10 +151,9 @@ MOUNTINGS = {
     "op": "its input axis along the horizontal axis of the stage",
     "level": "its pendulous axis up, along the vertical axis of the stage",
 }
-ACTS = (*(f"mount-{plane}" for plane in PLANES), "connect-cables", "dut-power-on", "dut-power-off")
 
 
-class AccelerometerBench:
+class AccelerometerBench(World):
     """The current in the strong coil, the field it makes, gravity, and the accelerometer.
 
     The coil's axis is x of the gaussmeter's probe; the accelerometer, in its centre, feels the
@@ -167,28 +165,24 @@ class AccelerometerBench:
     preparations: ClassVar[tuple[str, ...]] = ("mount-io", "connect-cables", "dut-power-on")
 
     def __init__(self, truth: Truth) -> None:
-        self.lock = RLock()
-        self.version = 0
-        self.dut_powered = False
+        super().__init__(truth)
+        self._powered = False
         self.rotation = RotationHistory(changed=self._changed)
         # Before anybody mounts it, the device lies on the bench.
         self._planes = [PLANES.index("level")]
         self._mounted_s: list[float] = []
         self._switched_s: list[float] = []
         strong = truth.section("dc_coil")
-        self.currents = coil_currents(truth, self._changed)
         self._current = self.coil(STRONG_COIL)
         self._heat = CoilHeat(strong.section("heating"), self._current)
         pair = HelmholtzPair("x", strong)
-        ambient_mT = np.array(truth.quantities("ambient_field", AXES, "mT"))
         # Soft iron near the device, none at the probe.
         iron_T_per_mT = (1.0 + truth.section("accelerometer").error("soft_iron", "1")) * 1e-3
         centre_mT_per_A = float(pair.field_mT_per_A(np.zeros(3)) @ pair.normal)
         self.device_T_per_A = centre_mT_per_A * iron_T_per_mT
-        self.device_ambient_T = float(ambient_mT @ pair.normal) * iron_T_per_mT
+        self.device_ambient_T = float(self.ambient_mT @ pair.normal) * iron_T_per_mT
         probe_m = np.array(strong.quantities("probe_position", AXES, "mm")) * 1e-3
         self._probe_mT_per_A = pair.field_mT_per_A(probe_m)
-        self._probe_ambient_mT = ambient_mT
         room = truth.section("room")
         self._room_degC = room.quantity("temperature", "degC")
         self._swing_K = room.quantity("swing", "K")
@@ -202,11 +196,32 @@ class AccelerometerBench:
         rng = generator(truth.integer("seed", 0), "accelerometer")
         self._noise = WhiteNoise(self.accelerometer.noise_V, rng)
         if device.switch("powered_at_start"):
-            self._power(0.0, True)
+            self.power(0.0, True)
+        self.acts = {
+            **{
+                f"mount-{plane}": (
+                    partial(self._mount, plane),
+                    f"The simulated accelerometer was mounted with {MOUNTINGS[plane]}.",
+                )
+                for plane in PLANES
+            },
+            **self.usual_acts(
+                "The simulated accelerometer was switched on and warms up.",
+                "The simulated accelerometer was switched off.",
+            ),
+        }
 
-    def coil(self, axis: str) -> CurrentHistory:
-        """Return the coil of a name; SimulationError when there is none."""
-        return coil_named(self.currents, axis)
+    @property
+    def dut_powered(self) -> bool:
+        """Whether the accelerometer is switched on."""
+        return self._powered
+
+    def power(self, time_s: float, on: bool) -> None:
+        """Switch the accelerometer on, which starts its warm-up, or off."""
+        self._powered = on
+        self._switched_s.append(time_s)
+        self.accelerometer.heat.switch(time_s, on)
+        self._changed()
 
     def coil_temperature_degC(self, time_s: Array) -> Array:
         """Return the temperature of the strong coil's winding at each time."""
@@ -263,33 +278,11 @@ class AccelerometerBench:
             direction[turning] = nodes.mean(input_axis(plane, angle))
         magnet = pieces.together(direction) @ self._magnet_mT.T
         coil = mean_A[:, None] * self._probe_mT_per_A
-        return np.asarray(self._probe_ambient_mT + coil + magnet)
+        return np.asarray(self.ambient_mT + coil + magnet)
 
-    def act(self, prompt_id: str, time_s: float) -> str:
-        """Do what a person was asked to do; returns what was done, SimulationError if unknown."""
-        with self.lock:
-            plane = prompt_id.removeprefix("mount-")
-            if prompt_id in ACTS and plane in PLANES:
-                self._mounted_s.append(time_s)
-                self._planes.append(PLANES.index(plane))
-                self._changed()
-                return f"The simulated accelerometer was mounted with {MOUNTINGS[plane]}."
-            if prompt_id == "connect-cables":
-                return "The simulated cables were in place."
-            if prompt_id == "dut-power-on":
-                self._power(time_s, True)
-                return "The simulated accelerometer was switched on and warms up."
-            if prompt_id == "dut-power-off":
-                self._power(time_s, False)
-                return "The simulated accelerometer was switched off."
-        raise SimulationError(
-            f"the simulated world does not know the act '{prompt_id}' (it knows: {', '.join(ACTS)})"
-        )
-
-    def _power(self, time_s: float, on: bool) -> None:
-        self.dut_powered = on
-        self._switched_s.append(time_s)
-        self.accelerometer.heat.switch(time_s, on)
+    def _mount(self, plane: str, time_s: float) -> None:
+        self._mounted_s.append(time_s)
+        self._planes.append(PLANES.index(plane))
         self._changed()
 
     def _mean_while_turning(self, nodes: Nodes) -> Array:
@@ -333,9 +326,6 @@ class AccelerometerBench:
     def _room(self, time_s: Array) -> Array:
         swing = np.sin(2.0 * np.pi * time_s / self._swing_s)
         return np.asarray(self._room_degC + self._swing_K * swing)
-
-    def _changed(self) -> None:
-        self.version += 1
 
 
 def _dipole(probe_m: Array, strongest_mT: float) -> Array:

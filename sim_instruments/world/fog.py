@@ -7,24 +7,20 @@ rate reads delta(T) too large; a coil whose temperature changes reads a rate tha
 
 from __future__ import annotations
 
-from typing import ClassVar
-
 import numpy as np
 import numpy.typing as npt
 
 from sim_instruments.truth import SimulationError, Truth
-from sim_instruments.world.base import IdleCoils
+from sim_instruments.world.base import World, nothing
 from sim_instruments.world.chamber import Chamber, ThermalLag
 from sim_instruments.world.coils import AXES
 from sim_instruments.world.fog_navigator import Navigator
 from sim_instruments.world.noise import RandomWalk, Readings, generator
-from sim_instruments.world.table import Table
+from sim_instruments.world.table import RAD_PER_S, Table
 
 Array = npt.NDArray[np.float64]
 
 
-RAD_PER_S = np.pi / 180.0 / 3600.0
-"""One degree per hour."""
 LARGEST_ORDER = 9
 SENSOR_CELL_S, NOISE_CELL_S, DRIFT_CELL_S = 0.05, 0.1, 10.0
 
@@ -124,19 +120,16 @@ def _coefficients(truth: Truth) -> Array:
     return np.array([truth.quantity(name, "1") if name in truth else 0.0 for name in names])
 
 
-ACTS = ("mount", "connect-cables", "dut-power-on", "dut-power-off")
 BEFORE_ALL_S = -1e5
 
 
-class FogBench(IdleCoils):
+class FogBench(World):
     """A chamber around a table, and on the table a navigator whose gyros feel both.
 
     Truth below `simulation.fog`: `latitude`, `table`, `chamber`, `gyros` and `navigator` (see the
     parts), `powered_at_start`. The coils of the other benches stand in the same room, and the
     gaussmeter's probe lies there and feels the ambient field.
     """
-
-    preparations: ClassVar[tuple[str, ...]] = ("mount", "connect-cables", "dut-power-on")
 
     def __init__(self, truth: Truth) -> None:
         super().__init__(truth)
@@ -151,14 +144,19 @@ class FogBench(IdleCoils):
         )
         if fog.switch("powered_at_start"):
             self.power(BEFORE_ALL_S, True)
+        self.acts = {
+            "mount": (
+                nothing,
+                "The simulated navigator stands on the table, its axes along the table's.",
+            ),
+            **self.usual_acts(
+                "The simulated navigator was switched on, and its gyros warm up.",
+                "The simulated navigator was switched off.",
+            ),
+        }
 
     @property
     def dut_powered(self) -> bool:
-        """Whether the navigator is switched on."""
-        return self._navigator.powered
-
-    @property
-    def navigator_powered(self) -> bool:
         """Whether the navigator is switched on."""
         return self._navigator.powered
 
@@ -194,22 +192,6 @@ class FogBench(IdleCoils):
         """Return what the thermometers in the gyros x, y, z read, shape (times, 3)."""
         with self.lock:
             return self.gyros.sensor_degC(np.asarray(times_s, dtype=np.float64))
-
-    def act(self, prompt_id: str, time_s: float) -> str:
-        """Do what a person was asked to do; returns what was done, SimulationError if unknown."""
-        if prompt_id == "mount":
-            return "The simulated navigator stands on the table, its axes along the table's."
-        if prompt_id == "connect-cables":
-            return "The simulated cables were in place."
-        if prompt_id == "dut-power-on":
-            self.power(time_s, True)
-            return "The simulated navigator was switched on, and its gyros warm up."
-        if prompt_id == "dut-power-off":
-            self.power(time_s, False)
-            return "The simulated navigator was switched off."
-        raise SimulationError(
-            f"the simulated world does not know the act '{prompt_id}' (it knows: {', '.join(ACTS)})"
-        )
 
     def _air_changed(self, time_s: float) -> None:
         self.gyros.heat.forget_after(time_s)

@@ -16,17 +16,16 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
 
 from sim_instruments.truth import SimulationError, Truth
 from sim_instruments.world.coils import small_rotation
-from sim_instruments.world.fog import RAD_PER_S, FogGyros
-from sim_instruments.world.laser_gyro import EARTH_RATE_DEG_PER_H
 from sim_instruments.world.noise import Readings, generator
 from sim_instruments.world.piecewise import Rows, gauss
-from sim_instruments.world.table import MOMENT_S, Table
+from sim_instruments.world.table import MOMENT_S, Table, earth_rate_rad_per_s
 
 Array = npt.NDArray[np.float64]
 
@@ -215,6 +214,18 @@ class _Alignment:
     trajectory: ErrorTrajectory | None = None
 
 
+class Gyros(Protocol):
+    """The three gyros in the navigator, along its axes."""
+
+    def errors_rad_per_s(self, time_s: Array, rate_rad_per_s: Array) -> Array:
+        """Return measured less true rate, noise aside, for true rates along x, y, z, (times, 3)."""
+        ...
+
+    def noise_rad(self, time_s: Array) -> Array:
+        """Return the integral of the white noise from 0 s to each time, (times, 3)."""
+        ...
+
+
 class Navigator:
     """A strapdown navigator with the gyros x forward, y right, z down; n is north, east, down.
 
@@ -227,7 +238,7 @@ class Navigator:
     """
 
     def __init__(
-        self, truth: Truth, table: Table, gyros: FogGyros, latitude_deg: float, seed: int
+        self, truth: Truth, table: Table, gyros: Gyros, latitude_deg: float, seed: int
     ) -> None:
         self._table, self._gyros, self._seed = table, gyros, seed
         self._earth = earth_rate_rad_per_s(latitude_deg)
@@ -319,13 +330,6 @@ class Navigator:
         walks = self._gyros.noise_rad(np.concatenate((begin_s, end_s)))
         noise = walks[begin_s.size :] - walks[: begin_s.size]
         return errors.reshape(*at_s.shape, 3), np.einsum("pij,pj->pi", somewhere, noise)
-
-
-def earth_rate_rad_per_s(latitude_deg: float) -> Array:
-    """Return the earth's rate along north, east and down at a latitude."""
-    latitude = np.radians(latitude_deg)
-    along = np.array([np.cos(latitude), 0.0, -np.sin(latitude)])
-    return np.asarray(EARTH_RATE_DEG_PER_H * RAD_PER_S * along)
 
 
 def angles_deg(attitude: Array) -> Array:

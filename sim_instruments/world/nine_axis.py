@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator
+from functools import partial
 from typing import ClassVar, NamedTuple
 
 import numpy as np
@@ -11,13 +12,12 @@ import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
 from sim_instruments.truth import SimulationError, Truth
-from sim_instruments.world.base import IdleCoils
+from sim_instruments.world.base import World
 from sim_instruments.world.coils import AXES
-from sim_instruments.world.fog_navigator import earth_rate_rad_per_s
 from sim_instruments.world.laser_gyro import Heat
 from sim_instruments.world.noise import Wander, WhiteNoise, generator
 from sim_instruments.world.piecewise import Nodes, nodes_within
-from sim_instruments.world.table import Table
+from sim_instruments.world.table import Table, earth_rate_rad_per_s
 
 Array = npt.NDArray[np.float64]
 
@@ -48,13 +48,7 @@ class Means(NamedTuple):
 
     def rows(self, here: slice | npt.NDArray[np.int64]) -> Means:
         """Return what is measured in some of the intervals."""
-        return Means(
-            self.gyro_deg_per_s[here],
-            self.valid[here],
-            self.accelerometer_g[here],
-            self.magnetometer_nT[here],
-            self.temperature_degC[here],
-        )
+        return Means._make(one[here] for one in self)
 
 
 class NineAxisSensor:
@@ -102,8 +96,8 @@ class NineAxisSensor:
             Wander(flicker, cell_s, generator(seed, f"nine-axis flicker {cell_s:g} s"))
             for cell_s in FLICKER_CELLS_S
         ]
-        self._accelerometers = _Plain(truth.section("accelerometers"), "bias", "g", seed)
-        self._magnetometers = _Plain(truth.section("magnetometers"), "offset", "nT", seed)
+        self._accelerometers = _Triad(truth.section("accelerometers"), "bias", "g", seed)
+        self._magnetometers = _Triad(truth.section("magnetometers"), "offset", "nT", seed)
 
     def scale_factor(self, rate_deg_per_s: Array) -> Array:
         """Return measured over true rate, bias aside, at true rates (n, 3), of each gyro."""
@@ -143,7 +137,7 @@ class NineAxisSensor:
         )
 
 
-class _Plain:
+class _Triad:
     """Three sensors with an offset, a scale factor and white noise."""
 
     def __init__(self, truth: Truth, offset: str, unit: str, seed: int) -> None:
@@ -167,8 +161,10 @@ def _means(noise: list[WhiteNoise], edges_s: Array) -> Array:
     return np.column_stack([one.mean(edges_s) for one in noise])
 
 
+Axes = tuple[Array, Array, Array]
+
 NORTH, EAST, DOWN = np.eye(3)
-POSES: dict[str, tuple[Array, Array, Array]] = {
+POSES: dict[str, Axes] = {
     "1": (EAST, NORTH, -DOWN),
     "2": (-NORTH, EAST, -DOWN),
     "3": (NORTH, -DOWN, EAST),
@@ -178,20 +174,13 @@ POSES: dict[str, tuple[Array, Array, Array]] = {
 }
 """Where X, Y and Z point on the plate. 1 to 3 are the published positions; 4 to 6 are the same
 turned by half a turn about the vertical."""
-MOUNTINGS: dict[str, tuple[Array, Array, Array]] = {
+MOUNTINGS: dict[str, Axes] = {
     "mount-table": (NORTH, -EAST, -DOWN),
     "mount-X-up": (-DOWN, -EAST, -NORTH),
     "mount-Y-up": (NORTH, -DOWN, EAST),
     "mount-Z-up": (NORTH, -EAST, -DOWN),
 }
 """Where X, Y and Z point on the table's plate while its axes are at zero."""
-ACTS = (
-    *(f"pose-{name}" for name in POSES),
-    *MOUNTINGS,
-    "connect-cables",
-    "dut-power-on",
-    "dut-power-off",
-)
 BEFORE_ALL_S = -1e5
 MOTORS_AT_DEG_PER_S = 100.0
 PANEL_S, ORDER = 0.1, 3
@@ -206,7 +195,7 @@ class _Place(NamedTuple):
     axes: Array
 
 
-class NineAxisBench(IdleCoils):
+class NineAxisBench(World):
     """A sensor that feels the earth's turn, gravity and the earth's field, and the table's turns.
 
     The base is north, east, down. Truth below `simulation.nine_axis`: `latitude`; `heading_error`
@@ -248,6 +237,26 @@ class NineAxisBench(IdleCoils):
         self._put_last = ""
         if sensor.switch("powered_at_start"):
             self.sensor.heat.switch(BEFORE_ALL_S, True)
+        self.acts = {
+            **{
+                f"pose-{name}": (
+                    partial(self._put, f"pose-{name}", axes),
+                    f"The simulated sensor stands on the plate in position {name}.",
+                )
+                for name, axes in POSES.items()
+            },
+            **{
+                name: (
+                    partial(self._mount, name, axes),
+                    "The simulated sensor is mounted on the turntable.",
+                )
+                for name, axes in MOUNTINGS.items()
+            },
+            **self.usual_acts(
+                "The simulated sensor was switched on and warms up.",
+                "The simulated sensor was switched off.",
+            ),
+        }
 
     @property
     def dut_powered(self) -> bool:
@@ -278,29 +287,11 @@ class NineAxisBench(IdleCoils):
         """Return where X, Y, Z (rows) point along north, east, down, shape (times, 3, 3)."""
         return self._moving(np.asarray(time_s, dtype=np.float64))[0]
 
-    def act(self, prompt_id: str, time_s: float) -> str:
-        """Do what a person was asked to do; returns what was done, SimulationError if unknown."""
-        pose = prompt_id.removeprefix("pose-")
-        if prompt_id != pose and pose in POSES:
-            self._put(time_s, prompt_id, POSES[pose])
-            return f"The simulated sensor stands on the plate in position {pose}."
-        if prompt_id in MOUNTINGS:
-            if self._put_last != prompt_id:  # nobody takes it off to mount it the same way
-                self._put(time_s, prompt_id, MOUNTINGS[prompt_id])
-            return "The simulated sensor is mounted on the turntable."
-        if prompt_id == "connect-cables":
-            return "The simulated cables were in place."
-        if prompt_id == "dut-power-on":
-            self.power(time_s, True)
-            return "The simulated sensor was switched on and warms up."
-        if prompt_id == "dut-power-off":
-            self.power(time_s, False)
-            return "The simulated sensor was switched off."
-        raise SimulationError(
-            f"the simulated world does not know the act '{prompt_id}' (it knows: {', '.join(ACTS)})"
-        )
+    def _mount(self, prompt_id: str, axes: Axes, time_s: float) -> None:
+        if self._put_last != prompt_id:  # nobody takes it off to mount it the same way
+            self._put(prompt_id, axes, time_s)
 
-    def _put(self, time_s: float, prompt_id: str, axes: tuple[Array, Array, Array]) -> None:
+    def _put(self, prompt_id: str, axes: Axes, time_s: float) -> None:
         with self.lock:
             # A run that goes on in a world begun anew finds the sensor as it stood.
             self._times_put[prompt_id] += 1

@@ -69,7 +69,7 @@ class WhiteNoise:
 
 
 class InstantNoise:
-    """White noise of samples: one independent value in each 10 us, so that it is white up to 50 kHz."""
+    """White noise of samples: one value in each 10 us, white up to 50 kHz."""
 
     def __init__(self, deviation: float, rng: np.random.Generator) -> None:
         self._deviation = deviation

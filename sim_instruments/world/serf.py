@@ -7,14 +7,13 @@ from typing import ClassVar
 import numpy as np
 import numpy.typing as npt
 
-from sim_instruments.truth import SimulationError, Truth
-from sim_instruments.world.base import IdleCoils
+from sim_instruments.truth import Truth
+from sim_instruments.world.base import TriggerLine, World, nothing
 from sim_instruments.world.coils import AXES
 from sim_instruments.world.noise import InstantNoise, generator
 from sim_instruments.world.serf_cell import Cell, Nuclei, axis_of
 from sim_instruments.world.serf_coils import CellCoils, VoltageHistory
 from sim_instruments.world.serf_trajectory import Physics, Residual, SpinTrajectory, Switches
-from sim_instruments.world.trigger_line import TriggerLine
 
 Array = npt.NDArray[np.float64]
 
@@ -47,10 +46,7 @@ class Detector:
         return np.asarray(powered * (self._offset_V + signal + mains) + self._noise.at(time_s))
 
 
-ACTS = ("heat-cell", "gyro-at-rest", "connect-cables", "dut-power-on", "dut-power-off")
-
-
-class SerfBench(IdleCoils):
+class SerfBench(World):
     """Voltages at the cell's coils, light on the vapour, and the voltage of the detector.
 
     Truth below `simulation.serf`: see the parts. The coils of the other benches stand in the same
@@ -86,12 +82,34 @@ class SerfBench(IdleCoils):
         rng = generator(truth.integer("seed", 0), "serf-detector")
         self.detector = Detector(serf.section("detector"), rng)
         self._power = Switches()
-        self.dut_powered = False
-        self._heated = False
+        self._powered = self._heated = False
         if serf.switch("powered_at_start"):
             # Just after the earliest time there is, so that it is not the state before any act.
-            self._heated = True
-            self._switch_power(-1e5, True)
+            self._heat(-1e5)
+        self.acts = {
+            "heat-cell": (
+                self._heat,
+                "The simulated cell was brought to its working temperature.",
+            ),
+            "gyro-at-rest": (nothing, "The simulated gyro rests in inertial space."),
+            **self.usual_acts(
+                "The simulated SERF gyro was switched on.",
+                "The simulated SERF gyro was switched off, and its cell cools down.",
+            ),
+        }
+
+    @property
+    def dut_powered(self) -> bool:
+        """Whether the gyro is switched on."""
+        return self._powered
+
+    def power(self, time_s: float, on: bool) -> None:
+        """Switch the gyro on or off; switched off, its cell cools down."""
+        self._powered = on
+        self._heated = self._heated and on
+        self._power.switch(time_s, on)
+        self.trajectory.warm.switch(time_s, self._heated)
+        self._changed()
 
     def drive(self, coil: str, history: VoltageHistory) -> None:
         """Wire a generator's output to the coil x, y, z or gradient of the cell."""
@@ -111,30 +129,6 @@ class SerfBench(IdleCoils):
             polarisation = self.trajectory.polarisation(times_s)
             return self.detector.voltage_V(times_s, polarisation, self._power.at(times_s))
 
-    def act(self, prompt_id: str, time_s: float) -> str:
-        """Do what a person was asked to do; returns what was done, SimulationError if unknown."""
-        with self.lock:
-            if prompt_id == "heat-cell":
-                self._heated = True
-                self._switch_power(time_s, True)
-                return "The simulated cell was brought to its working temperature."
-            if prompt_id == "gyro-at-rest":
-                return "The simulated gyro rests in inertial space."
-            if prompt_id == "connect-cables":
-                return "The simulated cables were in place."
-            if prompt_id == "dut-power-on":
-                self._switch_power(time_s, True)
-                return "The simulated SERF gyro was switched on."
-            if prompt_id == "dut-power-off":
-                self._heated = False
-                self._switch_power(time_s, False)
-                return "The simulated SERF gyro was switched off, and its cell cools down."
-        raise SimulationError(
-            f"the simulated world does not know the act '{prompt_id}' (it knows: {', '.join(ACTS)})"
-        )
-
-    def _switch_power(self, time_s: float, on: bool) -> None:
-        self.dut_powered = on
-        self._power.switch(time_s, on)
-        self.trajectory.warm.switch(time_s, on and self._heated)
-        self._changed()
+    def _heat(self, time_s: float) -> None:
+        self._heated = True
+        self.power(time_s, True)

@@ -18,6 +18,7 @@ import numpy.typing as npt
 from sim_instruments.truth import SimulationError, Truth
 from sim_instruments.world.chamber import tell_nobody
 from sim_instruments.world.coils import AXES
+from sim_instruments.world.laser_gyro import EARTH_RATE_DEG_PER_H
 from sim_instruments.world.noise import Wander
 from sim_instruments.world.rotation import RotationHistory
 
@@ -27,6 +28,15 @@ RINGS = ("outer", "middle", "inner")
 WANDER_CELL_S = 10.0
 MOMENT_S = 1e-3
 DEG = np.pi / 180.0
+RAD_PER_S = np.pi / 180.0 / 3600.0
+"""One degree per hour."""
+
+
+def earth_rate_rad_per_s(latitude_deg: float) -> Array:
+    """Return the earth's rate along north, east and down at a latitude."""
+    latitude = np.radians(latitude_deg)
+    along = np.array([np.cos(latitude), 0.0, -np.sin(latitude)])
+    return np.asarray(EARTH_RATE_DEG_PER_H * RAD_PER_S * along)
 
 
 class Motion(NamedTuple):

@@ -11,8 +11,8 @@ from sim_bench import Line
 from stand import EmptyRoom
 
 from sim_instruments.truth import SimulationError
+from sim_instruments.world.base import TriggerLine
 from sim_instruments.world.serf_coils import VoltageHistory
-from sim_instruments.world.trigger_line import TriggerLine
 
 CLEAN = '+0,"No error"'
 

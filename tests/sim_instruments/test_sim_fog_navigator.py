@@ -76,7 +76,7 @@ def test_alignment_takes_its_time_and_begins_again_when_the_table_turns() -> Non
     world.table.axis(OUTER).move_to(1600.0, 0.0, 10.0, 10.0)
     assert world.aligned(1601.0), "an aligned one may be turned"
     world.power(1700.0, False)
-    assert world.aligned(1699.0) and not world.aligned(1700.0) and not world.navigator_powered
+    assert world.aligned(1699.0) and not world.aligned(1700.0) and not world.dut_powered
     world.table.axis(OUTER).turn_at(1800.0, 1.0, 1.0)
     world.power(1800.0, True)
     world.align(1800.0, LATITUDE_DEG)

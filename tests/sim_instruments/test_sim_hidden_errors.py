@@ -15,7 +15,7 @@ from keysight_stand import standing
 from plan_runs import run_of, shipped_bench, shipped_plan
 from stage_bench import stage_bench
 
-from sim_instruments.bench import WORLDS
+from sim_instruments.bench import world_of
 from sim_instruments.truth import Truth
 from sim_instruments.world.accelerometer import PLANES, AccelerometerBench, acceleration_g
 from sim_instruments.world.laser_gyro import LaserGyroBench
@@ -106,7 +106,7 @@ def test_results_hold_with_the_errors_that_no_reading_shows(procedure: str, tmp_
 
 def world(procedure: str, errors: Errors) -> Any:
     data = put({"simulation": copy.deepcopy(BENCH["simulation"])}, errors)
-    return WORLDS[procedure](Truth(data["simulation"], "simulation"))
+    return world_of(procedure)(Truth(data["simulation"], "simulation"))
 
 
 def test_soft_iron_is_felt_by_the_device_and_not_by_the_probe() -> None:

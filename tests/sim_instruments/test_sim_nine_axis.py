@@ -11,9 +11,9 @@ from fog_stand import BENCH, EARTH_DEG_PER_S, IDEAL, INNER, LATITUDE_DEG, MIDDLE
 
 from procedures.nine_axis_calibration.check import POSES_DEG, UP_DEG
 from procedures.nine_axis_calibration.pose import ATTITUDES
-from sim_instruments.bench import WORLDS
+from sim_instruments.bench import world_of
 from sim_instruments.truth import SimulationError, Truth
-from sim_instruments.world.nine_axis import ACTS, NineAxisBench
+from sim_instruments.world.nine_axis import NineAxisBench
 
 PROCEDURE = "nine-axis-calibration"
 AXES = ("X", "Y", "Z")
@@ -56,7 +56,7 @@ def sensor_world(ideal: bool = True, **changes: Any) -> NineAxisBench:
             for place in places:
                 here = here[place]
             here[key] = value
-    world = WORLDS[PROCEDURE](Truth(data, "simulation"))
+    world = world_of(PROCEDURE)(Truth(data, "simulation"))
     assert isinstance(world, NineAxisBench)
     return world
 
@@ -213,4 +213,4 @@ def test_who_asks_in_which_pieces_makes_no_difference() -> None:
 def test_an_act_that_is_none_is_refused_with_those_there_are() -> None:
     with pytest.raises(SimulationError) as raised:
         sensor_world().act("pose-7", 0.0)
-    assert all(act in str(raised.value) for act in ACTS)
+    assert all(act in str(raised.value) for act in sensor_world().acts)

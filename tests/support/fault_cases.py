@@ -21,7 +21,7 @@ import yaml
 from campaign_helpers import RawContent, raw_content
 from short_forms import SHORT_FORMS
 
-from sim_instruments.bench import WORLDS, SimulatedBench
+from sim_instruments.bench import SimulatedBench, installed_worlds
 from sim_instruments.faults.catalogue import applicable_faults
 from sim_instruments.faults.wire import CAN, MEASURED, WIRE_FAULTS
 from station import registry
@@ -169,7 +169,7 @@ def plans(bench_name: str = BENCH) -> list[str]:
     for name, _ in available(PLANS):
         with suppress(FaultList):
             procedure = short(name, bench).procedure
-            if procedure in WORLDS and name in (procedure, *SHORT_FORMS):
+            if procedure in installed_worlds() and name in (procedure, *SHORT_FORMS):
                 found.append(name)
     return found
 

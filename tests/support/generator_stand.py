@@ -5,7 +5,6 @@ from __future__ import annotations
 import copy
 from collections.abc import Mapping
 from contextlib import AbstractContextManager
-from threading import RLock
 from typing import Any
 
 import numpy as np
@@ -13,8 +12,9 @@ from stand import Stand as AnyStand
 from stand import serving
 
 from sim_instruments.keysight.generator_33522b import Keysight33522B as SimulatedGenerator
+from sim_instruments.world import base as world
+from sim_instruments.world.base import TriggerLine
 from sim_instruments.world.serf_coils import VoltageHistory
-from sim_instruments.world.trigger_line import TriggerLine
 from station.clock import Clock
 from station.instruments.opening import Place
 
@@ -28,11 +28,11 @@ TRUTH: dict[str, Any] = {
 LATENCY_S = 105e-9
 
 
-class Room:
+class Room(world.Room):
     """A world with two coils of high impedance and a trigger."""
 
     def __init__(self) -> None:
-        self.lock = RLock()
+        super().__init__()
         self.trigger = TriggerLine()
         self.coils: dict[str, VoltageHistory] = {}
 

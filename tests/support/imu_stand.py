@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from contextlib import AbstractContextManager
-from threading import RLock
 from typing import Any
 
 import numpy as np
@@ -14,6 +13,7 @@ from drivers.generic.can_imu import CanImu
 from drivers.kvh.imu_1775 import Kvh1775
 from sim_instruments.generic.can_imu import CanImu as SimulatedOnCan
 from sim_instruments.kvh.imu_1775 import Kvh1775 as SimulatedKvh
+from sim_instruments.world.base import Room
 from sim_instruments.world.nine_axis import Means
 
 NAME = "imu"
@@ -25,14 +25,13 @@ FIELD_NT = np.array([21000.0, -3456.0, 46789.0])
 FORCE_G = np.array([0.25, -0.5, 0.8125])
 
 
-class Spindle:
+class Spindle(Room):
     """A spindle whose rates rise with time; the range is 400 deg/s."""
 
     range_deg_per_s = 400.0
 
     def __init__(self) -> None:
-        self.lock = RLock()
-        self.version = 0
+        super().__init__()
         self.dut_powered = True
         self.rate_deg_per_s = np.array([1.0, -2.0, 3.0])
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from contextlib import AbstractContextManager
-from threading import RLock
 from typing import Any
 
 import numpy as np
@@ -11,6 +10,7 @@ import stand
 from stand import Stand
 
 from sim_instruments.keysight.multimeter_34465a import Keysight34465A as SimulatedMeter
+from sim_instruments.world import base as world
 from station.clock import Clock
 
 VOLTS = {
@@ -30,11 +30,11 @@ OHMS = {
 }
 
 
-class Room:
+class Room(world.Room):
     """A world with nothing but a ramp of voltage and a Pt100."""
 
     def __init__(self, volts: float, slope_V_per_s: float, ohms: float) -> None:
-        self.lock = RLock()
+        super().__init__()
         self._volts, self._slope_V_per_s, self._ohms = volts, slope_V_per_s, ohms
 
     def mean_output_V(self, edges_s: np.ndarray) -> np.ndarray:

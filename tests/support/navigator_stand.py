@@ -5,7 +5,7 @@ from __future__ import annotations
 import socket
 from collections.abc import Mapping
 from contextlib import AbstractContextManager, suppress
-from threading import RLock, Thread
+from threading import Thread
 from typing import Any
 
 import numpy as np
@@ -15,6 +15,7 @@ from drivers.generic.can_navigator import CanNavigator
 from drivers.generic.serial_navigator import SerialNavigator
 from sim_instruments.generic.can_navigator import CanNavigator as SimulatedOnCan
 from sim_instruments.generic.serial_navigator import SerialNavigator as SimulatedOnSerial
+from sim_instruments.world.base import Room
 
 NAME = "navigator"
 KINDS = ("can", "serial")
@@ -24,20 +25,19 @@ LATENCY_S = 0.03
 RESOLUTION_DEG = 1e-4
 
 
-class Plate:
+class Plate(Room):
     """A plate that turns at a steady rate under a navigator that aligns within 100 s."""
 
     def __init__(self, rate_deg_per_s: float = 7.0, *, powered: bool = True) -> None:
-        self.lock = RLock()
-        self.version = 0
-        self.navigator_powered = powered
+        super().__init__()
+        self.dut_powered = powered
         self.rate_deg_per_s = rate_deg_per_s
         self.latitudes: list[float] = []
         self.asked_until_s = 0.0
         self._aligned_from_s = np.inf
 
     def power(self, on: bool) -> None:
-        self.navigator_powered = on
+        self.dut_powered = on
         self._aligned_from_s = np.inf
         self.version += 1
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from threading import RLock
 from typing import Any, TypeVar
 
 import numpy as np
@@ -15,6 +14,7 @@ from sim_instruments.faults.instrument import InstrumentFaults, Schedule
 from sim_instruments.faults.reading import read_fault
 from sim_instruments.instrument import Setting
 from sim_instruments.truth import Truth
+from sim_instruments.world.base import Room
 from station.clock import Clock, VirtualClock
 from station.errors import InstrumentError
 from station.files.lookup import BENCHES, find
@@ -22,11 +22,8 @@ from station.instruments.opening import Place
 from station.safety.readings import Readings
 
 
-class EmptyRoom:
+class EmptyRoom(Room):
     """A world of another procedure, in which there is nothing of what the instrument needs."""
-
-    def __init__(self) -> None:
-        self.lock = RLock()
 
 
 class Stand:

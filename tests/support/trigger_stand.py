@@ -3,23 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from threading import RLock
 from typing import Any
 
 import numpy as np
 import yaml
 from stand import bench_alone
 
-from sim_instruments.world.trigger_line import TriggerLine
+from sim_instruments.world import base as world
+from sim_instruments.world.base import TriggerLine
 
 Signal = Callable[[np.ndarray], np.ndarray]
 
 
-class Room:
+class Room(world.Room):
     """A detector whose signal begins with the last trigger, and a lamp."""
 
     def __init__(self, signal: Signal) -> None:
-        self.lock = RLock()
+        super().__init__()
         self.trigger = TriggerLine()
         self.edges: list[tuple[float, str]] = []
         self.light: list[tuple[float, bool]] = []

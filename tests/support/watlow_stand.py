@@ -5,7 +5,6 @@ from __future__ import annotations
 import struct
 from collections.abc import Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager
-from threading import RLock
 from typing import Any
 
 import numpy as np
@@ -19,6 +18,7 @@ from sim_instruments.truth import Truth
 from sim_instruments.watlow.f4 import WatlowF4 as F4Simulator
 from sim_instruments.watlow.f4t import WatlowF4T as F4TSimulator
 from sim_instruments.watlow.plant import ROOM
+from sim_instruments.world import base as world
 from sim_instruments.world.chamber import Chamber
 from station.clock import Clock
 from station.instruments.opening import Place
@@ -49,17 +49,16 @@ SIMULATORS: dict[str, Any] = {"f4t": F4TSimulator, "f4": F4Simulator}
 TRUTHS = {"f4t": F4T, "f4": F4}
 
 
-class Room:
+class Room(world.Room):
     """A world with a chamber, and a device that can be switched."""
 
     def __init__(self) -> None:
-        self.lock = RLock()
+        super().__init__()
         self.chamber = Chamber(Truth(ROOM, "chamber"))
         self.acts: list[str] = []
 
-    def act(self, prompt_id: str, time_s: float) -> str:
-        self.acts.append(prompt_id)
-        return prompt_id
+    def power(self, time_s: float, on: bool) -> None:
+        self.acts.append(f"dut-power-{'on' if on else 'off'}")
 
 
 class Stand(AnyStand):

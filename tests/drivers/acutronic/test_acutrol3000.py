@@ -6,7 +6,6 @@ import os
 import re
 from collections.abc import Callable
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -22,6 +21,7 @@ from sim_instruments.acutronic.trips import too_far_from_s, too_fast_from_s
 from sim_instruments.faults.catalogue import applicable_faults
 from sim_instruments.truth import SimulationError
 from sim_instruments.world.rotation import RotationHistory
+from sim_instruments.world.table import Table
 from station.clock import RealClock
 from station.errors import InputError, InstrumentError
 from station.files.lookup import BENCHES, find
@@ -199,11 +199,18 @@ def test_the_encoder_s_error_is_an_error_of_the_true_angle() -> None:
         assert errors == pytest.approx(5.0 + sines, abs=0.01)
 
 
+class WorldTable(Table):
+    """A table whose axes a test holds."""
+
+    def __init__(self, axes: dict[int, RotationHistory]) -> None:
+        self._by_number = axes
+
+
 def test_it_turns_the_table_of_the_world_where_there_is_one() -> None:
     axes = {n: RotationHistory(10.0 * n) for n in (1, 2, 3)}
 
     def in_a_world_with_a_table(setting: Any) -> Simulator:
-        setting.world.table = SimpleNamespace(axis=lambda n: axes[n])
+        setting.world.table = WorldTable(axes)
         return Simulator(setting)
 
     with table_bench(maker=in_a_world_with_a_table) as bench:
