@@ -9,7 +9,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path, PurePosixPath, PureWindowsPath
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +18,7 @@ from pydantic import Field
 from station.fields import StrictModel
 from station.files.faults import Fault, FaultList, listed, nearest
 from station.files.lookup import in_place_of_file, is_there
-from station.files.validation import check_model
+from station.files.validation import check_model, validate_model
 from station.files.yaml.reading import Document, read_text, read_yaml
 
 DATASET_FILE = "dataset.yaml"
@@ -28,6 +28,7 @@ MOST_FAULTS = 20
 BLOCK_LINES, BLOCK_CHARACTERS = 20_000, 1_000_000
 """What is taken apart at once: the words of a row take thirty times its numbers' memory."""
 
+Model = TypeVar("Model", bound=StrictModel)
 Words = Annotated[str, Field(min_length=1)]
 
 
@@ -58,6 +59,27 @@ class RawDataset:
         what = "is missing" + (f"; '{hint}' is not known here" if hint else "")
         raise FaultList([self.document.fault(("files", name), what)])
 
+    def conditions(self, model: type[Model]) -> Model:
+        """Return the dataset's conditions; raise FaultList with every fault in them."""
+        return validate_model(self.document, model, at=("conditions",))
+
+    def read_table(
+        self,
+        name: str,
+        required: Sequence[str],
+        optional: Sequence[str] = (),
+        text: Sequence[str] = (),
+        rising: str | None = None,
+    ) -> Table:
+        """Return the table of the file that the dataset calls `name`, as `read_table` does.
+
+        `rising` names the column of times, in which each row must be after the one above.
+        """
+        table = read_table(self.file(name), required, optional, text)
+        if rising is not None:
+            check_ascending(table.path, table, rising)
+        return table
+
     def require_files(self, needed: Iterable[str], optional: Iterable[str] = ()) -> None:
         """Raise FaultList unless the dataset names the needed files and no unknown one."""
         needed = list(needed)
@@ -85,6 +107,26 @@ class Table(dict[str, NDArray[Any]]):
         super().__init__(columns)
         self.path = path
         self.lines = lines
+
+    def fault(self, row: int, column: str, what: str, hint: str | None = None) -> Fault:
+        """Return a fault in a row, counted from 0, and a column."""
+        return Fault(str(self.path), self.lines[row], 1, column, what, hint)
+
+    def unknown_words(self, column: str, known: Sequence[str]) -> list[Fault]:
+        """Return a fault for each row whose word is not one of the known ones."""
+        faults = []
+        for row, word in enumerate(self[column].tolist()):
+            if word not in known:
+                hint = nearest(word, known)
+                what = f"there is no {column} '{word}'; there are {listed(known)}"
+                faults.append(self.fault(row, column, what, hint and f"'{hint}'"))
+        return faults
+
+
+def refuse(faults: Sequence[Fault]) -> None:
+    """Raise FaultList with the first faults, where there are any."""
+    if faults:
+        raise FaultList(faults[:MOST_FAULTS])
 
 
 def read_dataset(path: Path) -> RawDataset:

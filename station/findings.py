@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Protocol
+from typing import Any
 
 
 @dataclass(frozen=True)
@@ -140,23 +140,24 @@ class Detail:
     dataset: Any
 
 
-class Analysis(Protocol):
-    """The outcome of an analysis as far as every procedure's is alike."""
+@dataclass(frozen=True)
+class Analysis:
+    """The outcome of an analysis as far as every procedure's is alike.
 
-    @property
-    def estimates(self) -> Sequence[Estimate]:
-        """The best estimates, in the order of the result document."""
-        ...
+    `estimates` stand in the order of the result document, `published` holds what the source
+    document's own formula gives, `flags` what the reader must know.
+    """
 
-    @property
-    def published(self) -> Sequence[Published]:
-        """What the source document's own formula gives."""
-        ...
+    estimates: Sequence[Estimate]
+    published: Sequence[Published]
+    flags: Sequence[Flag]
 
-    @property
-    def flags(self) -> Sequence[Flag]:
-        """What the reader must know."""
-        ...
+    def estimate(self, name: str, axis: str | None = None) -> Estimate:
+        """Return one estimate; KeyError where the data do not concern it."""
+        for one in self.estimates:
+            if (one.name, one.axis) == (name, axis):
+                return one
+        raise KeyError((name, axis))
 
 
 def findings_of(analysis: Analysis, dataset: Any, inputs: Sequence[InputQuantity]) -> Findings:

@@ -172,6 +172,11 @@ class Result:
         """The contributions to the standard uncertainty, largest first."""
         return self.combined.budget if self.combined else ()
 
+    @property
+    def expanded_uncertainty(self) -> float | None:
+        """The expanded uncertainty (95 %) in the value's unit; None where nothing is determined."""
+        return self.combined.expanded_uncertainty if self.combined else None
+
     def to_data(self) -> dict[str, Any]:
         """Return the entry of `results`; every number is finite or null."""
         estimate, combined = self.estimate, self.combined
@@ -183,7 +188,7 @@ class Result:
             "standard_uncertainty": finite(combined.standard_uncertainty) if combined else None,
             "degrees_of_freedom": finite(combined.degrees_of_freedom) if combined else None,
             "coverage_factor": finite(combined.coverage_factor) if combined else None,
-            "expanded_uncertainty": finite(combined.expanded_uncertainty) if combined else None,
+            "expanded_uncertainty": finite(self.expanded_uncertainty),
             "method": estimate.method,
             "limit": self.limit.to_data() if self.limit else None,
             "verdict": self.decision.verdict,
@@ -215,6 +220,13 @@ class ResultDocument:
             "as_published": [published.to_data() for published in self.published],
             "flags": [flag.to_data() for flag in self.flags],
         }
+
+    def result(self, name: str, axis: str | None = None) -> Result:
+        """Return one result; KeyError where there is none of that name and axis."""
+        for one in self.results:
+            if (one.estimate.name, one.estimate.axis) == (name, axis):
+                return one
+        raise KeyError((name, axis))
 
     @property
     def excited(self) -> bool:

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from station.findings import Estimate, Flag, Published
+from station.findings import Analysis, Estimate, Flag, Published
 
 from .model import (
     Identifiability,
@@ -121,7 +121,7 @@ class Path:
 
 
 @dataclass(frozen=True)
-class AccelerometerAnalysis:
+class AccelerometerAnalysis(Analysis):
     """The whole outcome.
 
     An estimate is of one coefficient, or of the combination `terms` in its `extra` that its column
@@ -133,13 +133,10 @@ class AccelerometerAnalysis:
     """
 
     identifiability: Identifiability
-    estimates: tuple[Estimate, ...]
     covariance: Array
-    published: tuple[Published, ...]
     nuisances: tuple[Nuisance, ...]
     not_separable: tuple[str, ...]
     left_out: tuple[LeftOut, ...]
-    flags: tuple[Flag, ...]
     used: Mask
     residual_V: Array
     noise_V: float | None

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from procedures.estimation.excitation import excitation_flags
+from procedures.estimation.flags import excitation_flags
 from station.findings import Estimate, Flag, combination_text
 
 from .dataset import (

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from procedures.estimation.allan import AllanDeviation, NoiseCoefficients
-from station.findings import Estimate, Flag, Published, undetermined
+from station.findings import Analysis, Estimate, Flag, Published, undetermined
 
 from .attitude import PAIRS, BiasSolution
 from .dataset import AXES, Array, Mask, NineAxisDataset, Prior, StaticRecord, TurnRecord
@@ -63,7 +63,7 @@ class StaticSummary:
 
 
 @dataclass(frozen=True)
-class NineAxisAnalysis:
+class NineAxisAnalysis(Analysis):
     """The whole outcome.
 
     Sensitivities of the estimates are derivatives by the inputs of type B, the priors among them.
@@ -72,9 +72,6 @@ class NineAxisAnalysis:
     where unknown. `noise` is what the static records of each gyro show.
     """
 
-    estimates: tuple[Estimate, ...]
-    published: tuple[Published, ...]
-    flags: tuple[Flag, ...]
     static: tuple[StaticSummary, ...]
     bias: BiasSolution | None
     axes: Mapping[int, ScaleSolution | None]
@@ -82,13 +79,6 @@ class NineAxisAnalysis:
     gain: Array
     gain_u: Array
     noise: tuple[NoiseCoefficients | None, ...]
-
-    def estimate(self, name: str, axis: str) -> Estimate:
-        """Return one estimate; KeyError where the dataset does not concern it."""
-        for one in self.estimates:
-            if (one.name, one.axis) == (name, axis):
-                return one
-        raise KeyError((name, axis))
 
 
 def bias_estimates(bias: BiasSolution | None, freedom: Array, wider: float) -> list[Estimate]:

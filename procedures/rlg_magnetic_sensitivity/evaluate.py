@@ -18,7 +18,7 @@ from procedures.rlg_magnetic_sensitivity.findings import (
     AnalysisSettings,
     RlgAnalysis,
 )
-from procedures.rlg_magnetic_sensitivity.from_import import conditions_of, dataset_of_import
+from procedures.rlg_magnetic_sensitivity.from_import import Conditions, dataset_of_import
 from procedures.rlg_magnetic_sensitivity.from_record import (
     GAUSSMETER,
     GYRO,
@@ -155,7 +155,7 @@ def findings_of_dataset(raw: RawDataset) -> Findings:
     Beside type A u holds what is stated of axes that were not driven.
     """
     dataset = dataset_of_import(raw)
-    stated = conditions_of(raw).undriven_sensitivity_deg_per_h_per_mT
+    stated = raw.conditions(Conditions).undriven_sensitivity_deg_per_h_per_mT
     limits = AnalysisSettings(undriven_sensitivity=stated)
     analysis = analyse(dataset, limits)
     return to_findings(analysis, dataset, list(undriven_inputs(analysis.estimates, limits)), [])
@@ -191,10 +191,12 @@ def type_b_inputs(
     if not units:
         return inputs
     amplitude_mT = parameters.amplitude_mT
-    if stated := bench.stated(GAUSSMETER, "field", amplitude_mT, "mT"):
-        u_mT, source = stated
-        about = f"gaussmeter at {amplitude_mT:g} mT"
-        inputs.append(InputQuantity("field_gain", about, u_mT / amplitude_mT, "1", source))
+    inputs += bench.stated_input(
+        (GAUSSMETER, "field", amplitude_mT, "mT"),
+        "field_gain",
+        f"gaussmeter at {amplitude_mT:g} mT",
+        relative=True,
+    )
     worst_s = max(time_offset_u_s(folder, unit) for unit in units)
     inputs.append(
         InputQuantity(
@@ -208,9 +210,8 @@ def type_b_inputs(
     if stated := bench.stated(GAUSSMETER, one_axis.ANGLE, 0.0, "rad"):
         unseen = any(field_record(folder, unit).unseen.any() for unit in units)
         inputs.append(one_axis.misalignment(*stated, unseen=unseen))
-    if stated := bench.stated(GYRO, "scale", 1.0, "1"):
-        about = "gyro scale: pulse weight and the board's time base"
-        inputs.append(InputQuantity("gyro_scale", about, stated[0], "1", stated[1]))
+    about = "gyro scale: pulse weight and the board's time base"
+    inputs += bench.stated_input((GYRO, "scale", 1.0, "1"), "gyro_scale", about)
     return inputs
 
 

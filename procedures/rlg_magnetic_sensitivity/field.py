@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from procedures.estimation.drift import legendre_columns
-from procedures.estimation.excitation import SEEN
+from procedures.estimation.flags import SEEN
 from procedures.estimation.linear import combine, least_squares
 from procedures.estimation.recorder import resolution
 from procedures.estimation.robust import robust_sigma

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import matplotlib as mpl
 import numpy as np
 
 from procedures.rlg_magnetic_sensitivity import (
@@ -19,7 +18,6 @@ from procedures.rlg_magnetic_sensitivity.evaluate import RlgDetail
 from procedures.rlg_magnetic_sensitivity.findings import LineDetail, RlgAnalysis, SegmentDetail
 from procedures.rlg_magnetic_sensitivity.summary_plot import SummaryRow, summary
 from station.findings import Findings
-from station.report.drawing import STYLE
 from station.report.parts import Part, Plot
 from station.results import ResultDocument
 
@@ -39,23 +37,22 @@ def draw_parts(findings: Findings, document: ResultDocument) -> tuple[Part, ...]
     if not analysis.segments:
         return ()
     parts: list[Part] = []
-    with mpl.rc_context(STYLE):
-        parts.append(
-            Plot(
-                "Sensitivity of each axis",
-                "Best estimates with their expanded uncertainty, against the limits where the "
-                "plan sets any. The published formula takes a magnitude: it has no sign, and noise "
-                "alone makes it larger than zero.",
-                summary(_summary_rows(analysis, document)),
-            )
+    parts.append(
+        Plot(
+            "Sensitivity of each axis",
+            "Best estimates with their expanded uncertainty, against the limits where the "
+            "plan sets any. The published formula takes a magnitude: it has no sign, and noise "
+            "alone makes it larger than zero.",
+            summary(_summary_rows(analysis, document)),
         )
-        records = zip(analysis.segments, detail.dataset.segments, strict=True)
-        for number, (record, segment) in enumerate(records):
-            lines = [line for line in analysis.lines if line.segment == number]
-            if len(record.time_s) > 2 and lines:
-                read = any(p.value is not None for p in analysis.published if p.axis in record.axes)
-                parts += _record_plots(record, lines, segment, read)
-        parts += _overviews(analysis)
+    )
+    records = zip(analysis.segments, detail.dataset.segments, strict=True)
+    for number, (record, segment) in enumerate(records):
+        lines = [line for line in analysis.lines if line.segment == number]
+        if len(record.time_s) > 2 and lines:
+            read = any(p.value is not None for p in analysis.published if p.axis in record.axes)
+            parts += _record_plots(record, lines, segment, read)
+    parts += _overviews(analysis)
     if analysis.lines:
         parts.append(tables.lines(analysis.lines))
     if detail.coils:
@@ -146,7 +143,7 @@ def _summary_rows(analysis: RlgAnalysis, document: ResultDocument) -> list[Summa
             SummaryRow(
                 axis,
                 result.estimate.value,
-                result.combined.expanded_uncertainty if result.combined else None,
+                result.expanded_uncertainty,
                 published.get(axis),
                 result.limit.interval() if result.limit else None,
             )

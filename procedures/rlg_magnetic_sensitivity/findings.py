@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from procedures.estimation.allan import AllanDeviation, NoiseCoefficients
-from station.findings import Estimate, Flag, Published
+from station.findings import Analysis
 
 from .drive import LARGEST_UNDRIVEN
 
@@ -121,7 +121,7 @@ class SegmentDetail:
 
 
 @dataclass(frozen=True)
-class RlgAnalysis:
+class RlgAnalysis(Analysis):
     """The whole outcome; `covariance` (k, k, type A) is that of the estimates `determined`.
 
     Sensitivities of the estimates are derivatives by `field_gain` and `gyro_scale` (relative
@@ -129,10 +129,7 @@ class RlgAnalysis:
     sensitivity of an axis that was not driven.
     """
 
-    estimates: tuple[Estimate, ...]
     determined: tuple[str, ...]
     covariance: Array
-    published: tuple[Published, ...]
-    flags: tuple[Flag, ...]
     lines: tuple[LineDetail, ...]
     segments: tuple[SegmentDetail, ...]

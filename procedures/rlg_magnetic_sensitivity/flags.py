@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
-from procedures.estimation.excitation import excitation_flags
+from procedures.estimation.flags import Gaps, excitation_flags, gaps_of, not_identifiable, too_stiff
 from procedures.estimation.grouping import loss
 from procedures.estimation.noise import grid_index
 from station.findings import Estimate, Flag
@@ -43,15 +44,8 @@ def record_flags(segment: Segment, detail: SegmentDetail, settings: AnalysisSett
         )
     flags += _gap(segment, axis, named, settings)
     if detail.lag_one_correlation > settings.model_too_stiff:
-        flags.append(
-            Flag(
-                "model-too-stiff",
-                f"Neighbouring residuals of the record with {named} driven are correlated by "
-                f"{detail.lag_one_correlation:.2f}: the model does not follow the output.",
-                axis,
-                {"lag_one_correlation": detail.lag_one_correlation},
-            )
-        )
+        of = f" of the record with {named} driven"
+        flags.append(too_stiff(detail.lag_one_correlation, of, axis=axis))
     if detail.drift_evident:
         flags.append(
             Flag(
@@ -80,26 +74,17 @@ def _averaged(segment: Segment, before: Averaged, axis: str | None, named: str) 
 
 def _gap(segment: Segment, axis: str | None, named: str, settings: AnalysisSettings) -> list[Flag]:
     if segment.averaged is None:
-        steps = np.diff(segment.time_s)
-        gaps = int(np.sum(steps > settings.gap * segment.sample_interval_s))
-        largest_s = float(steps.max()) if gaps else 0.0
-        interval_s, missing = segment.sample_interval_s, missing_rows(segment) if gaps else 0
+        interval_s = segment.sample_interval_s
+        gaps = gaps_of(segment.time_s, interval_s, settings.gap)
+        gaps = replace(gaps, missing=missing_rows(segment) if gaps.count else 0)
     else:
         before = segment.averaged
-        gaps, largest_s = before.gaps, before.longest_gap_s
-        interval_s, missing = before.sample_interval_s, before.places - before.samples
-    if not gaps:
-        return []
-    message = (
-        f"The gyro record with {named} driven has {gaps} gap{'s' if gaps > 1 else ''}, the longest "
-        f"{largest_s:g} s for a nominal interval of {interval_s:g} s; the fit uses "
-        "the time stamps"
-    )
-    if missing:
-        message += ", the published formula needs an unbroken row and was not evaluated"
-    message += "."
-    details = {"count": gaps, "missing_samples": missing, "longest_s": largest_s}
-    return [Flag("gap", message, axis, details)]
+        interval_s = before.sample_interval_s
+        gaps = Gaps(before.gaps, before.places - before.samples, before.longest_gap_s)
+    consequence = "the fit uses the time stamps"
+    if gaps.missing:
+        consequence += ", the published formula needs an unbroken row and was not evaluated"
+    return gaps.flags(f"The gyro record with {named} driven has", interval_s, consequence, axis)
 
 
 def field_flags(segment: Segment, field: FieldFit) -> list[Flag]:
@@ -224,14 +209,8 @@ def result_flags(
         value, u = estimate.value, estimate.standard_uncertainty
         if value is None or u is None:
             reason = reasons.get(estimate.axis or "", "the record does not determine it")
-            flags.append(
-                Flag(
-                    "not-identifiable",
-                    f"The magnetic sensitivity of {estimate.axis} is undetermined: {reason}.",
-                    estimate.axis,
-                    {"coefficients": [estimate.axis]},
-                )
-            )
+            said = f"The magnetic sensitivity of {estimate.axis} is undetermined: {reason}."
+            flags.append(not_identifiable(said, [estimate.axis or ""], estimate.axis))
         elif abs(value) < settings.not_significant * u:
             bound = max(x.upper_bound or 0.0 for x in lines if x.axis == estimate.axis)
             flags.append(

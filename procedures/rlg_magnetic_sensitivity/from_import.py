@@ -12,9 +12,7 @@ from procedures.rlg_magnetic_sensitivity.dataset import Drive, RlgDataset, Segme
 from procedures.rlg_magnetic_sensitivity.drive import LARGEST_UNDRIVEN
 from procedures.rlg_magnetic_sensitivity.from_record import TO_MIDDLE
 from procedures.rlg_magnetic_sensitivity.parameters import Axis
-from station.dataset_reading import check_ascending, read_table
 from station.fields import StrictModel, Unit
-from station.files.validation import validate_model
 
 if TYPE_CHECKING:
     from station.dataset_reading import RawDataset
@@ -69,18 +67,11 @@ class Conditions(StrictModel):
         return value
 
 
-def conditions_of(raw: RawDataset) -> Conditions:
-    """Return the conditions of an imported folder; FaultList names what is wrong."""
-    return validate_model(raw.document, Conditions, at=("conditions",))
-
-
 def dataset_of_import(raw: RawDataset) -> RlgDataset:
     """Return the one segment of an imported folder; FaultList names file, row and reason."""
-    conditions = conditions_of(raw)
+    conditions = raw.conditions(Conditions)
     output = "counts" if conditions.gyro_output == "counts" else "rate_deg_per_h"
-    path = raw.file("samples")
-    table = read_table(path, ("t_s", output, *FIELD_COLUMNS))
-    check_ascending(path, table, "t_s")
+    table = raw.read_table("samples", ("t_s", output, *FIELD_COLUMNS), rising="t_s")
     interval_s = conditions.sample_interval_s
     quantum = 0.0
     rate = table[output]

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from station.findings import Estimate, Flag, Published
+from station.findings import Analysis
 
 from .angles import NAMES, Solution
 from .joint import JointFit
@@ -137,7 +137,7 @@ class ShotResult:
 
 
 @dataclass(frozen=True)
-class SerfAnalysis:
+class SerfAnalysis(Analysis):
     """The whole outcome.
 
     Sensitivities of the estimates are derivatives by `coil_x`, `coil_y`, `coil_z`,
@@ -151,9 +151,6 @@ class SerfAnalysis:
     solution: Solution | None
     joint: JointFit | None
     lean: Lean | None
-    estimates: tuple[Estimate, ...]
-    published: tuple[Published, ...]
-    flags: tuple[Flag, ...]
     checks: tuple[Check, ...]
     chirp: float
     chirp_u: float
@@ -161,10 +158,6 @@ class SerfAnalysis:
     beta_s: float
     residual_field_nT: float | None
     """Magnitude, None where it is not determined."""
-
-    def estimate(self, name: str, axis: str | None = None) -> Estimate:
-        """Return one estimate."""
-        return next(one for one in self.estimates if (one.name, one.axis) == (name, axis))
 
 
 def scale_axis(dataset: SerfDataset, solution: Solution) -> str | None:

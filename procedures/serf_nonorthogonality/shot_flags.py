@@ -10,7 +10,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 from scipy.special import gammaincc
 
-from procedures.estimation.excitation import excitation_flags
+from procedures.estimation.flags import excitation_flags
 from station.findings import Flag
 
 from .dataset import AnalysisSettings, SerfDataset, Shot, ShotResult

@@ -33,8 +33,7 @@ def print_document(document: ResultDocument) -> None:
     published = {(one.name, one.axis): one for one in document.published}
     for result in document.results:
         estimate, combined = result.estimate, result.combined
-        expanded = combined.expanded_uncertainty if combined else None
-        value, uncertainty = format_with_uncertainty(estimate.value, expanded)
+        value, uncertainty = format_with_uncertainty(estimate.value, result.expanded_uncertainty)
         line = f"{estimate.measures} {estimate.axis or '':<3} {value:>10}"
         if combined:
             line += f" ± {uncertainty} {estimate.unit} (k = {combined.coverage_factor:.2f})"

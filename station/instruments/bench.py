@@ -16,6 +16,7 @@ from station.files.faults import Fault, FaultList, listed, nearest
 from station.files.validation import check_model
 from station.files.yaml.document import Document, FromDocument, Where
 from station.files.yaml.reading import read_yaml
+from station.findings import InputQuantity
 from station.instruments.addresses import why_unknown
 from station.instruments.calibration import Calibration, Number
 from station.safety.bounds import bound_faults
@@ -201,6 +202,27 @@ class Bench(FromDocument):
         if record is None or not record.covers(quantity, at, unit):
             return None
         return record.standard_uncertainty(quantity, at, unit), record.source
+
+    def stated_input(
+        self,
+        stated: tuple[str, str, float, str],
+        name: str,
+        about: str,
+        *,
+        relative: bool = False,
+        factor: float = 1.0,
+        unit: str | None = None,
+    ) -> Iterator[InputQuantity]:
+        """Yield the type B input that a calibration record gives an analysis, if it states one.
+
+        `stated` is instrument, quantity, value and unit, as for `stated()`. The input is the
+        stated uncertainty, over the value where it is `relative`, times `factor`, in `unit`.
+        """
+        if found := self.stated(*stated):
+            _, _, value, own_unit = stated
+            u = found[0] / value if relative else factor * found[0]
+            given = "1" if relative else unit or own_unit
+            yield InputQuantity(name, about, u, given, found[1])
 
     def safe_order(self) -> list[tuple[str, float]]:
         """Return the steps of the safe state: an instance or a role, and the seconds it has."""

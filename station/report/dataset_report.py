@@ -9,6 +9,7 @@ from station.procedure import procedure_of
 from station.record.versions import versions
 from station.report.context import ReportContext
 from station.report.html import render_html
+from station.report.parts import parts_of
 from station.report.run_report import flat_rows, version_rows
 from station.results import ResultDocument
 
@@ -32,4 +33,4 @@ def report_of_dataset(raw: RawDataset, document: ResultDocument, findings: Findi
         versions=tuple(version_rows(versions())),
         reproduce=f"station analyse {raw.folder.name}",
     )
-    return render_html(document, context, procedure.report(findings, document))
+    return render_html(document, context, parts_of(procedure, findings, document))

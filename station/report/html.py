@@ -20,12 +20,13 @@ from station.report.numbers import (
     format_degrees_of_freedom,
     format_duration,
     format_like,
+    format_limit,
     format_number,
     format_with_uncertainty,
     is_numeric_column,
 )
 from station.report.parts import Part, Plot, Table
-from station.results import LIMIT_WITHOUT_RESULT, Decision, Limit, Result, ResultDocument
+from station.results import LIMIT_WITHOUT_RESULT, Decision, Result, ResultDocument
 
 RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 BADGES = {
@@ -112,7 +113,7 @@ def _result_rows(results: Sequence[Result]) -> list[dict[str, str]]:
         estimate, combined = result.estimate, result.combined
         uncertainty = combined.standard_uncertainty if combined else None
         value, standard = format_with_uncertainty(estimate.value, uncertainty)
-        expanded = combined.expanded_uncertainty if combined else None
+        expanded = result.expanded_uncertainty
         rows.append(
             {
                 "name": _plain(estimate.measures),
@@ -126,7 +127,7 @@ def _result_rows(results: Sequence[Result]) -> list[dict[str, str]]:
                 if combined
                 else NOTHING,
                 "unit": estimate.unit,
-                "limit": _limit(result.limit),
+                "limit": format_limit(result.limit),
                 "verdict": result.decision.verdict,
                 "words": _verdict_words(result.decision),
                 "method": estimate.method,
@@ -247,22 +248,6 @@ def _aligned(rows: list[dict[str, Any]], names: Sequence[str]) -> list[dict[str,
     return [
         {**row, **{name: columns[name][index] for name in names}} for index, row in enumerate(rows)
     ]
-
-
-def _limit(limit: Limit | None) -> str:
-    """Return the limit as a short formula."""
-    if limit is None:
-        return NOTHING
-    texts = []
-    if limit.max_abs is not None:
-        texts.append(f"|value| ≤ {limit.max_abs:g}")
-    if limit.min is not None and limit.max is not None:
-        texts.append(f"{limit.min:g} … {limit.max:g}")
-    elif limit.min is not None:
-        texts.append(f"≥ {limit.min:g}")
-    elif limit.max is not None:
-        texts.append(f"≤ {limit.max:g}")
-    return ", ".join(texts) or NOTHING
 
 
 def _verdict_words(decision: Decision) -> str:

@@ -5,6 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from decimal import ROUND_HALF_EVEN, Decimal
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from station.results import Limit
 
 UNDETERMINED = "undetermined"
 NOTHING = "–"
@@ -58,6 +62,22 @@ def format_like(value: float | None, pattern: str) -> str:
     if "e" in pattern or not _is_number(pattern):
         return format_number(value)
     return f"{value:.{len(pattern.partition('.')[2])}f}"
+
+
+def format_limit(limit: Limit | None) -> str:
+    """Return a limit as a short formula, "–" where there is none."""
+    if limit is None:
+        return NOTHING
+    texts = []
+    if limit.max_abs is not None:
+        texts.append(f"|value| ≤ {limit.max_abs:g}")
+    if limit.min is not None and limit.max is not None:
+        texts.append(f"{limit.min:g} … {limit.max:g}")
+    elif limit.min is not None:
+        texts.append(f"≥ {limit.min:g}")
+    elif limit.max is not None:
+        texts.append(f"≤ {limit.max:g}")
+    return ", ".join(texts) or NOTHING
 
 
 def format_degrees_of_freedom(value: float | None) -> str:

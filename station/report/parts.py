@@ -9,6 +9,10 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from station.findings import Findings
+    from station.procedure import Procedure
+    from station.results import ResultDocument
+
 
 @dataclass(frozen=True)
 class Plot:
@@ -30,3 +34,24 @@ class Table:
 
 
 Part = Plot | Table
+MOST_ROWS = 40
+
+
+def first_rows(
+    title: str, caption: str, columns: Sequence[str], rows: Sequence[Sequence[str]]
+) -> Table:
+    """Return a table of the first 40 rows; its caption ends with how many more there are."""
+    more = len(rows) - MOST_ROWS
+    if more > 0:
+        caption = f"{caption} {more} more are not shown."
+    return Table(title, caption, columns, rows[:MOST_ROWS])
+
+
+def parts_of(procedure: Procedure, findings: Findings, document: ResultDocument) -> Sequence[Part]:
+    """Return what a procedure adds to the report, its plots drawn in the style of the page."""
+    import matplotlib as mpl
+
+    from station.report.drawing import STYLE
+
+    with mpl.rc_context(STYLE):
+        return procedure.report(findings, document)

@@ -21,6 +21,7 @@ from station.report.context import (
     StepRow,
 )
 from station.report.html import render_html
+from station.report.parts import parts_of
 from station.results import ResultDocument
 from station.safety.interlocks.reading import CHAIN
 
@@ -65,8 +66,7 @@ def report_of_run(folder: RunFolder, document: ResultDocument, findings: Finding
         reproduce=f"station analyse {folder.path.name} --compare",
         notes=tuple(notes_of(bench)),
     )
-    parts = procedure.report(findings, document)
-    return render_html(document, context, parts)
+    return render_html(document, context, parts_of(procedure, findings, document))
 
 
 def prompt_rows(folder: RunFolder) -> Iterator[PromptRow]:

@@ -17,7 +17,7 @@ from rlg_runs import short_run
 from serf_shots import Cell
 
 from procedures.accelerometer_magnetic_sensitivity.analysis import analyse as of_accelerometer
-from procedures.estimation.excitation import LARGEST_ERROR
+from procedures.estimation.flags import LARGEST_ERROR
 from procedures.rlg_magnetic_sensitivity.dataset import Drive
 from procedures.serf_nonorthogonality.analysis import analyse as of_cell
 from station.cli.analysing import analyse_data

@@ -192,6 +192,10 @@ def run_events() -> str:
     return table(("event", "says"), [(code(name), text) for name, text in RUN_EVENTS.items()])
 
 
+WORDED = {"not_identifiable": "not-identifiable"}
+"""Functions that raise a flag, given the sentence, and its code."""
+
+
 def flags() -> str:
     """Return the flags that the code raises, each with its sentence."""
     found: dict[str, list[str]] = {}
@@ -230,9 +234,11 @@ def flags_of(path: Path) -> Iterator[tuple[str, str]]:
     for node in ast.walk(tree):
         if not (isinstance(node, ast.Call) and isinstance(node.func, ast.Name)):
             continue
-        if node.func.id != "Flag" or not node.args:
+        if node.func.id not in {"Flag", *WORDED} or not node.args:
             continue
         first, *others = node.args
+        if node.func.id in WORDED:
+            first, others = ast.Constant(WORDED[node.func.id]), node.args
         if isinstance(first, ast.Constant) and isinstance(first.value, str):
             texts = [meant(one, named, returned) for one in others]
             said = [text for text in map(sentence_of, texts) if " " in text]
