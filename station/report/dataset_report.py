@@ -8,8 +8,8 @@ from station.findings import Findings
 from station.procedure import procedure_of
 from station.record.versions import versions
 from station.report.context import ReportContext
+from station.report.drawing import parts_of
 from station.report.html import render_html
-from station.report.parts import parts_of
 from station.report.run_report import flat_rows, version_rows
 from station.results import ResultDocument
 

@@ -9,7 +9,14 @@ import matplotlib as mpl
 from matplotlib.figure import Figure
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from matplotlib.axes import Axes
+
+    from station.findings import Findings
+    from station.procedure import Procedure
+    from station.report.parts import Part
+    from station.results import ResultDocument
 
 # Okabe and Ito, Color Universal Design (2008).
 BLACK = "#000000"
@@ -57,8 +64,14 @@ STYLE = {
 }
 
 
+def parts_of(procedure: Procedure, findings: Findings, document: ResultDocument) -> Sequence[Part]:
+    """Return what a procedure adds to the report, its plots drawn in the style of the page."""
+    with mpl.rc_context(STYLE):
+        return procedure.report(findings, document)
+
+
 def new_figure(height_in: float = 3.4) -> Figure:
-    """Return an empty figure on white, as wide as the page; draw inside `mpl.rc_context(STYLE)`.
+    """Return an empty figure on white, as wide as the page; drawn in STYLE by `parts_of`.
 
     The margins hold labels and a line of title. They are fixed, so that all plots of a page stand
     in line, and because finding them by drawing twice costs a third of a report's time.

@@ -9,10 +9,6 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from station.findings import Findings
-    from station.procedure import Procedure
-    from station.results import ResultDocument
-
 
 @dataclass(frozen=True)
 class Plot:
@@ -45,13 +41,3 @@ def first_rows(
     if more > 0:
         caption = f"{caption} {more} more are not shown."
     return Table(title, caption, columns, rows[:MOST_ROWS])
-
-
-def parts_of(procedure: Procedure, findings: Findings, document: ResultDocument) -> Sequence[Part]:
-    """Return what a procedure adds to the report, its plots drawn in the style of the page."""
-    import matplotlib as mpl
-
-    from station.report.drawing import STYLE
-
-    with mpl.rc_context(STYLE):
-        return procedure.report(findings, document)

@@ -20,8 +20,8 @@ from station.report.context import (
     SafeStateRow,
     StepRow,
 )
+from station.report.drawing import parts_of
 from station.report.html import render_html
-from station.report.parts import parts_of
 from station.results import ResultDocument
 from station.safety.interlocks.reading import CHAIN
 
