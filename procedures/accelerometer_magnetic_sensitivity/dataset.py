@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from station.findings import Analysis, Estimate, Flag, Published
+from station.findings import Analysis
 
 from .model import (
     Identifiability,

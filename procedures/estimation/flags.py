@@ -20,6 +20,7 @@ SEEN = 0.1
 """Part of the commanded field below which a coil makes none."""
 
 
+NOT_IDENTIFIABLE = "not-identifiable"
 MOST_LISTED = 12
 
 
@@ -44,7 +45,7 @@ class Gaps:
         """Return the flag of the gaps, or none; the subject is such as `The rows have`."""
         if not self.count:
             return []
-        message = (
+        gap_said = (
             f"{subject} {counted(self.count, 'gap')}, the longest {self.longest_s:g} s for a "
             f"nominal interval of {nominal_s:g} s; {consequence}."
         )
@@ -53,7 +54,7 @@ class Gaps:
             "missing_samples": self.missing,
             "longest_s": self.longest_s,
         }
-        return [Flag("gap", message, axis, details)]
+        return [Flag("gap", gap_said, axis, details)]
 
 
 def gaps_of(time_s: NDArray[np.float64], nominal_s: float, wider: float) -> Gaps:
@@ -70,7 +71,7 @@ def not_identifiable(
     message: str, coefficients: Sequence[str], axis: str | None = None, **details: object
 ) -> Flag:
     """Return the flag of quantities that the data do not determine."""
-    return Flag("not-identifiable", message, axis, {"coefficients": [*coefficients], **details})
+    return Flag(NOT_IDENTIFIABLE, message, axis, {"coefficients": [*coefficients], **details})
 
 
 def too_stiff(
@@ -80,8 +81,8 @@ def too_stiff(
     axis: str | None = None,
 ) -> Flag:
     """Return the flag of a model whose residuals are correlated; `of` is such as ` of a shot`."""
-    message = f"Neighbouring residuals{of} are correlated by {lag_one:.2f}: {follows}."
-    return Flag("model-too-stiff", message, axis, {"lag_one_correlation": lag_one})
+    stiff_said = f"Neighbouring residuals{of} are correlated by {lag_one:.2f}: {follows}."
+    return Flag("model-too-stiff", stiff_said, axis, {"lag_one_correlation": lag_one})
 
 
 def counted(count: int, noun: str) -> str:

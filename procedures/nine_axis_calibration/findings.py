@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from procedures.estimation.allan import AllanDeviation, NoiseCoefficients
-from station.findings import Analysis, Estimate, Flag, Published, undetermined
+from station.findings import Analysis, Estimate, Published, undetermined
 
 from .attitude import PAIRS, BiasSolution
 from .dataset import AXES, Array, Mask, NineAxisDataset, Prior, StaticRecord, TurnRecord
