@@ -18,8 +18,8 @@ author = "the Inertial Station authors"
 version = release = __version__
 language = "en"
 
-extensions = ["myst_parser", "pages_from_code", "mathml"]
-exclude_patterns = ["_build", "_ext"]
+extensions = ["myst_parser", "mathml"]
+exclude_patterns = ["_build", "_ext", "from_code"]
 source_suffix = {".md": "markdown"}
 nitpicky = True
 

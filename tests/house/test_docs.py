@@ -11,7 +11,7 @@ import pytest
 from docs_examples import ROOT, Workshop, examples
 
 DOCS = ROOT / "docs"
-PAGES = sorted(page for page in DOCS.rglob("*.md") if examples(page))
+PAGES = [ROOT / "README.md", *sorted(page for page in DOCS.rglob("*.md") if examples(page))]
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)

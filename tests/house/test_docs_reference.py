@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import runpy
 import sys
 from pathlib import Path
 
@@ -21,7 +22,7 @@ from station.runner.execute import Request, execute
 from station.runner.outcome import Outcome
 
 DOCS = ROOT / "docs"
-sys.path.insert(0, str(DOCS / "_ext"))
+sys.path.insert(0, str(DOCS / "from_code"))
 
 import meanings  # noqa: E402
 import reference_bad_input  # noqa: E402
@@ -93,7 +94,7 @@ def test_every_yaml_key_is_explained() -> None:
     for model, said in pairs:
         keys = {path: field.description for path, _, _, field in reference_keys.keys(model)}
         missing = {key for key, text in keys.items() if not (text or said.get(key))}
-        assert not missing, f"say in docs/_ext/meanings.py what they mean: {missing}"
+        assert not missing, f"say in docs/from_code/meanings.py what they mean: {missing}"
         assert not set(said) - set(keys), f"{model} has no such keys any more"
 
 
@@ -155,6 +156,13 @@ def paths(data: object, before: str = "") -> set[str]:
         for one in data:
             found |= paths(one, before)
     return found
+
+
+def test_the_reference_pages_are_those_of_the_code() -> None:
+    made = runpy.run_path(str(DOCS / "from_code" / "__main__.py"))
+    for page in made["pages"]():
+        text = page.read_text(encoding="utf-8")
+        assert text == made["filled"](text), "run `python docs/from_code` and look at the change"
 
 
 def test_the_table_of_bad_input_comes_from_its_tests() -> None:
