@@ -20,9 +20,8 @@ from station.fields import StrictModel, key_of
 from station.files.faults import Fault, listed, nearest
 from station.files.validation import check_model
 from station.files.yaml.document import Document, Where
-from station.role_lookup import role, role_settings, roles_of
+from station.roles.role import quantities_of, role, role_of, roles_of
 from station.safety.bounds import listing, mapping
-from station.safety.interlocks.quantities import quantities_of, role_of
 from station.safety.interlocks.reading import CHAIN
 
 MISSING = "is missing"
@@ -34,6 +33,12 @@ def settings_of(driver: object) -> type[BaseModel]:
     if isinstance(declared, type) and issubclass(declared, BaseModel):
         return declared
     return StrictModel
+
+
+def settings_of_role(instance: str) -> type[BaseModel] | None:
+    """Return the settings that procedures read of an instance, None where its role has none."""
+    declared = role(role_of(instance))
+    return None if declared is None else declared.settings
 
 
 def keys_of(model: type[BaseModel]) -> list[str]:
@@ -51,8 +56,8 @@ def driver_faults(document: Document) -> Iterator[Fault]:
     instruments = mapping(mapping(document.data).get("instruments"))
     drivers: dict[str, Any] = {}
     for name, entry in instruments.items():
-        if role_of(name) in role_settings() and isinstance(entry, dict):
-            common = role_settings()[role_of(name)]
+        common = settings_of_role(name)
+        if common is not None and isinstance(entry, dict):
             needed_by = f"a {role_of(name)}"
             yield from _settings_faults(document, name, common, keys_of(common), needed_by)
         driver = mapping(entry).get("driver")
@@ -98,7 +103,7 @@ def role_faults(document: Document) -> Iterator[Fault]:
 
 def _own_faults(document: Document, name: str, driver: object) -> Iterator[Fault]:
     model = settings_of(driver)
-    common = keys_of(role_settings().get(role_of(name), StrictModel))
+    common = keys_of(settings_of_role(name) or StrictModel)
     own = [key for key in keys_of(model) if key not in common]
     known = [*own, *common]
     for key in mapping(mapping(document.data["instruments"][name]).get("settings")):

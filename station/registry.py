@@ -1,4 +1,4 @@
-"""Procedures, drivers and simulators by entry point, our own and any laboratory's alike.
+"""Procedures, roles, drivers and simulators by entry point, our own and any laboratory's alike.
 
 What is wrong with one package costs its own entries and no others.
 """
@@ -15,6 +15,7 @@ from station.errors import InputError
 PROCEDURES = "station.procedures"
 DRIVERS = "station.drivers"
 SIMULATORS = "station.simulators"
+ROLES = "station.roles"
 SIMULATED_BENCH = "bench"
 MUST_HAVE = {PROCEDURES: ("title", "steps", "parameters", "evaluate_run")}
 """What every entry of a group has; something else that a package offers there is refused."""

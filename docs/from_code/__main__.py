@@ -16,7 +16,7 @@ import reference_bad_input
 import reference_faults
 import reference_formats
 import reference_keys
-import reference_safety
+import reference_roles
 import reference_verbs
 
 DOCS = Path(__file__).parents[1]
@@ -29,9 +29,9 @@ MAKERS: dict[str, Callable[[], str]] = {
     "procedures": reference_keys.procedures,
     "bench-keys": reference_keys.bench_keys,
     "drivers": reference_keys.drivers,
-    "watched-quantities": reference_keys.watched_quantities,
     "faults": reference_faults.faults,
-    "safe-states": reference_safety.safe_states,
+    "roles": reference_roles.roles,
+    "safe-states": reference_roles.safe_states,
     "dataset-keys": reference_keys.dataset_keys,
     "verbs": reference_verbs.verbs,
     "exit-codes": reference_verbs.exit_codes,

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from station.roles.role import limits
+
 PLAN = {
     "plan": "version of the format",
     "extends": "another plan, by name or path relative to this file, that this one changes",
@@ -244,20 +246,7 @@ CALIBRATION = {
 
 LIMITS = {
     "limits": "what the instrument may never exceed on this bench",
-    "limits.current": "largest current; written into a supply before it is used",
-    "limits.voltage": "largest voltage; written into a supply before it is used",
-    "limits.slew": "fastest change of current when a coil is brought to zero",
-    "limits.zero_current": "largest measured current that counts as zero",
-    "limits.field": "largest field amplitude a plan may ask for",
-    "limits.rms_current": "largest effective current for as long as a plan likes",
-    "limits.heating": "power that a coil may turn into heat for as long as a plan likes",
-    "limits.rate": "largest rate",
-    "limits.acceleration": "largest angular acceleration",
-    "limits.angle_low": "lowest angle",
-    "limits.angle_high": "highest angle",
-    "limits.temperature_low": "lowest temperature",
-    "limits.temperature_high": "highest temperature",
-    "limits.temperature_slew": "fastest change of temperature",
+    **{f"limits.{name}": limit.meaning for name, limit in limits().items()},
 }
 
 INSTRUMENT = {

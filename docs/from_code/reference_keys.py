@@ -18,11 +18,10 @@ from station.dataset_reading import DatasetHeader
 from station.driver_checks import keys_of, settings_of
 from station.fields import Unit, key_of
 from station.files.plan import PlanHeader
-from station.instruments.bench import INSTANCES, NEEDED_LIMITS, BenchFile
+from station.instruments.bench import bench_file
 from station.instruments.calibration import UNIT_OF_QUANTITY
 from station.procedure import Procedure, procedure_of
-from station.role_lookup import role_settings
-from station.safety.interlocks.quantities import QUANTITIES
+from station.roles.role import instances
 from station.units import expectation, format_quantity
 
 HEAD = ("key", "what is written", "default", "meaning")
@@ -36,46 +35,16 @@ def plan_keys() -> str:
 
 
 def bench_keys() -> str:
-    """Return the keys of a bench file, its instances, and what each role needs."""
-    needed = [
-        (code(role), ", ".join(code(f"limits.{name}") for name in names))
-        for role, names in NEEDED_LIMITS.items()
-    ]
+    """Return the keys of a bench file, and the names of its instruments."""
     quantities = [(code(name), unit) for name, unit in UNIT_OF_QUANTITY.items()]
     return (
-        key_table(BenchFile, BENCH)
+        key_table(bench_file(), BENCH)
         + "\n## Instances\n\nThe name of an instrument is one of "
-        + ", ".join(code(name) for name in INSTANCES)
-        + ".\n\n## What a role needs\n\n"
-        + table(("role", "must be given"), needed)
-        + "\n## Settings by role\n\nWhat procedures read of an instrument, whatever its model.\n\n"
-        + table(
-            ("role", *HEAD),
-            [
-                (code(role), *row)
-                for role, model in role_settings().items()
-                for row in key_rows(model, {})
-            ],
-        )
+        + ", ".join(code(name) for name in instances())
+        + ". [Roles](roles.md) has the limits that each needs and the settings that it takes.\n"
         + "\n## Quantities of a calibration record\n\n"
         + table(("quantity", "kept in"), quantities)
     )
-
-
-def watched_quantities() -> str:
-    """Return what an interlock may watch, by role."""
-    rows = [
-        (
-            code(role),
-            code(name),
-            " or ".join(code(state) for state in kind.states) or kind.unit,
-            f"{kind.period_s:g} s" + (" while energised" if kind.while_on else ""),
-            "yes" if kind.magnitude else "",
-        )
-        for role, kinds in QUANTITIES.items()
-        for name, kind in kinds.items()
-    ]
-    return table(("role", "quantity", "state or unit", "looked at every", "magnitude"), rows)
 
 
 def dataset_keys() -> str:

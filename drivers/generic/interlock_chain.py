@@ -37,7 +37,7 @@ from drivers.transport.retry import Repeatable
 from drivers.transport.visa_line import ScpiLine, VisaSettings
 from station.errors import InstrumentError
 from station.roles import Driver, Identity, Place
-from station.roles.station import SeesContacts
+from station.roles.interlock_chain import SeesContacts
 
 STATES = {"CLOSED": "closed", "OPEN": "open"}
 

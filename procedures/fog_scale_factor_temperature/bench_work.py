@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from station.errors import ConditionNotReached, InstrumentError, StationError
-from station.roles.motion import table_axes
+from station.roles.turntable import table_axes
 
 from .check import CHAMBER, NAVIGATOR, TABLE
 from .dataset import AXES, FULL_TURN_DEG

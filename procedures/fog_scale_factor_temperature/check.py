@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from station.procedure import Problem, RecordUse
-from station.roles.motion import unnamed_axes
+from station.roles.turntable import unnamed_axes
 
 from .parameters import FogParameters
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 from station import registry
 from station.procedure import Problem, Prompt, RecordUse
-from station.roles.motion import TableAxes, table_axes, unnamed_axes
+from station.roles.turntable import TableAxes, table_axes, unnamed_axes
 
 from .parameters import AXES, FULL_TURN_DEG, NineAxisParameters
 

@@ -21,6 +21,7 @@ from station.instruments.scan import scan
 from station.instruments.scan_draft import draft
 from station.procedure import procedure_of
 from station.record.guardian_log import whole_bench
+from station.roles.role import collected
 from station.runner.session import BenchSession
 
 
@@ -28,7 +29,7 @@ def list_what_there_is(kind: str | None, *, as_json: bool) -> None:
     """Print the names of one kind, or of all kinds, with a line about each."""
     kinds = [kind] if kind else ["procedures", "plans", "benches", "drivers", "runs"]
     found = {one: entries(one) for one in kinds}
-    for said in registry.offers()[1]:
+    for said in (*registry.offers()[1], *collected()[1]):
         tell(f"WARNING: {said}")
     if as_json:
         print(json.dumps(found, indent=1, ensure_ascii=False))

@@ -24,13 +24,12 @@ from station.record.guardian_log import not_known, whole_bench
 from station.record.manifest import LOCK
 from station.record.recorded import read_plan_and_bench
 from station.results import SCHEMA
-from station.role_lookup import safe_states
+from station.roles.role import role, role_of
 from station.runner.disk_space import in_bytes
 from station.runner.dry_run import DryRun, Extreme, walk
 from station.runner.execute import Request, execute
 from station.runner.outcome import Outcome
 from station.runner.resuming import ResumeRequest, resume
-from station.safety.interlocks.quantities import role_of
 
 if TYPE_CHECKING:
     from station.files.plan import Plan
@@ -135,7 +134,8 @@ def report_end(outcome: Outcome) -> None:
                 f"({read_back}); switch it off by hand, or by the run that uses it"
             )
             continue
-        wanted = safe_states().get(role_of(one.instrument))
+        declared = role(role_of(one.instrument))
+        wanted = declared and declared.safe_state
         state = f", which is: {wanted.brought_to}" if wanted else ""
         tell(
             f"NOT VERIFIED: {one.instrument} could not be proven safe ({read_back}); bring it "

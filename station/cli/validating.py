@@ -19,6 +19,7 @@ from station.files.plan.resolved import resolved_data, resolved_text
 from station.files.yaml.reading import Fault, FaultList
 from station.instruments.bench import Bench, read_bench
 from station.procedure import Procedures, procedure_of
+from station.roles.role import collected
 from station.runner.disk_space import in_bytes
 from station.runner.memory import memory_of
 from station.runner.preflight import warned_of_limits, warned_of_memory, warned_of_records
@@ -137,7 +138,7 @@ def validate_plans(
     faults: list[Fault] = []
     plans: list[Plan] = []
     bench = None
-    for said in registry.offers()[1]:
+    for said in (*registry.offers()[1], *collected()[1]):
         print(f"WARNING: {said}", file=sys.stderr)
     try:
         bench = read_bench_named(bench_name)

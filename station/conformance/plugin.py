@@ -12,27 +12,11 @@ from station.conformance.stand import Stand, standing
 from station.errors import StationError
 from station.files.lookup import BENCHES, find
 from station.instruments.bench import Bench, read_bench
-from station.role_lookup import Role
-from station.role_lookup import role as role_named
-from station.safety.interlocks.quantities import role_of
+from station.roles.role import Role, role_of, roles
 
 PACKAGE = "station.conformance"
 CLAIMS = {"made_safe": "make_safe", "sampled_source": "drain"}
 """Fixtures for whatever has a verb; the other fixtures bear the name of a role."""
-
-ROLES = (
-    "coil_supply",
-    "digitizer",
-    "dut_power",
-    "multimeter",
-    "pump_laser",
-    "rotary_stage",
-    "signal_generator",
-    "thermal_chamber",
-    "thermometer",
-    "turntable",
-)
-"""Fixtures for the instrument of a role."""
 
 ENERGISES = "energises: current may flow; on a real bench only with --station-energise"
 
@@ -92,7 +76,7 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     kept: list[pytest.Item] = []
     left_out: list[pytest.Item] = []
     for item in items:
-        wanted = set(getattr(item, "fixturenames", ())) & {*CLAIMS, *ROLES}
+        wanted = set(getattr(item, "fixturenames", ())) & {*CLAIMS, *roles()}
         concerned = all(
             hasattr(driver, CLAIMS[one]) if one in CLAIMS else one == role_of(name)
             for one in wanted
@@ -117,7 +101,7 @@ def stand(request: pytest.FixtureRequest) -> Iterator[Stand]:
 @pytest.fixture
 def role(stand: Stand) -> Role:
     """Give the role of the instrument under test."""
-    found = role_named(stand.role)
+    found = roles().get(stand.role)
     if found is None:
         pytest.skip(f"no installed package says what a {stand.role} can do")
     return found
@@ -144,61 +128,14 @@ def sampled_source(instrument: Any) -> Any:
     return instrument
 
 
-@pytest.fixture
-def coil_supply(instrument: Any) -> Any:
-    """Give a coil supply."""
-    return instrument
+def instrument_of(role_name: str) -> Any:
+    """Return a fixture by the name of a role: a test that has it concerns that role alone."""
+
+    @pytest.fixture(name=role_name)
+    def of_role(instrument: Any) -> Any:
+        return instrument
+
+    return of_role
 
 
-@pytest.fixture
-def dut_power(instrument: Any) -> Any:
-    """Give a supply of the device under test."""
-    return instrument
-
-
-@pytest.fixture
-def rotary_stage(instrument: Any) -> Any:
-    """Give a rotary stage."""
-    return instrument
-
-
-@pytest.fixture
-def thermal_chamber(instrument: Any) -> Any:
-    """Give a thermal chamber."""
-    return instrument
-
-
-@pytest.fixture
-def multimeter(instrument: Any) -> Any:
-    """Give a voltmeter."""
-    return instrument
-
-
-@pytest.fixture
-def thermometer(instrument: Any) -> Any:
-    """Give a thermometer at the device under test."""
-    return instrument
-
-
-@pytest.fixture
-def signal_generator(instrument: Any) -> Any:
-    """Give a generator of voltages at two coils."""
-    return instrument
-
-
-@pytest.fixture
-def digitizer(instrument: Any) -> Any:
-    """Give a recorder of the trigger that it gives itself."""
-    return instrument
-
-
-@pytest.fixture
-def pump_laser(instrument: Any) -> Any:
-    """Give the shutter of the pump light."""
-    return instrument
-
-
-@pytest.fixture
-def turntable(instrument: Any) -> Any:
-    """Give a turntable."""
-    return instrument
+globals().update({name: instrument_of(name) for name in roles()})

@@ -13,8 +13,8 @@ from station.conformance.hostile import moved_to
 from station.errors import InputError, StationError
 from station.instruments.bench import Bench
 from station.instruments.opening import Place
+from station.roles.role import role_of
 from station.runner.simulation import simulators_of
-from station.safety.interlocks.quantities import role_of
 from station.safety.safe_state import DEFAULT_WITHIN_S, MadeSafe
 
 Message = tuple[float, str, bytes]

@@ -14,8 +14,7 @@ from station.conformance.stand import Stand
 from station.driver_checks import settings_of
 from station.errors import InstrumentError
 from station.fields import StrictModel
-from station.role_lookup import Role
-from station.safety.interlocks.quantities import quantities_of
+from station.roles.role import Role, quantities_of
 
 ANSWERS_WITHIN_S = 5.0
 """Run time for opening a line and one question, each exchange being at most half a second."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -11,30 +10,21 @@ from numpy.typing import NDArray
 
 from station.conformance.stand import Stand
 from station.record.raw import ARRIVAL
+from station.roles.role import role
 from station.runner.acquisition import POLL_S, to_rows
 
 RECORDED_S = 60.0
 QUIET_S = 3.0
-FIELD_MT = 1.0
-SAMPLE_INTERVAL_S = 0.1
-CHANNEL = 1
-RATE_HZ = 10.0
 LARGEST_GAP = 1.5
 """In sample intervals; what the analysis calls a gap."""
-
-START: dict[str, Callable[[Any], None]] = {
-    "gaussmeter": lambda source: source.start(FIELD_MT),
-    "gyro_acquisition": lambda source: source.start(SAMPLE_INTERVAL_S, CHANNEL),
-    "navigator": lambda source: source.start(RATE_HZ),
-    "imu": lambda source: source.start(RATE_HZ),
-}
 
 
 def start(stand: Stand, source: Any) -> None:
     """Start a source as its role does."""
-    if stand.role not in START:
-        pytest.skip(f"the tests do not know how to start a {stand.role}")
-    START[stand.role](source)
+    declared = role(stand.role)
+    if declared is None or declared.start_samples is None:
+        pytest.skip(f"the role {stand.role} does not say how its samples are started")
+    declared.start_samples(source)
 
 
 def record(stand: Stand, source: Any, seconds: float) -> NDArray[Any]:

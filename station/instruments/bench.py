@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, TypeVar
 
-from pydantic import Field, ValidationInfo, field_validator
+from pydantic import Field, ValidationInfo, create_model, field_validator
 
 from station.driver_checks import driver_faults, role_faults
-from station.fields import Celsius, Degree, Second, StrictModel, Unit, key_of, to_yaml_data
+from station.fields import Second, StrictModel, Unit, key_of, to_yaml_data
 from station.files.faults import Fault, FaultList, listed, nearest
 from station.files.validation import check_model
 from station.files.yaml.document import Document, FromDocument, Where
@@ -19,44 +19,13 @@ from station.files.yaml.reading import read_yaml
 from station.findings import InputQuantity
 from station.instruments.addresses import why_unknown
 from station.instruments.calibration import Calibration, Number
+from station.roles.role import instances, limits, role, role_of
 from station.safety.bounds import bound_faults
 from station.safety.interlocks.model import InterlockEntry
-from station.safety.interlocks.quantities import role_of
 from station.safety.interlocks.reading import Interlock, interlock_faults, interlocks_of
 
-INSTANCES = (
-    "coil_supply.x",
-    "coil_supply.y",
-    "coil_supply.z",
-    "coil_supply.dc",
-    "gaussmeter",
-    "multimeter",
-    "thermometer",
-    "rotary_stage",
-    "turntable",
-    "thermal_chamber",
-    "gyro_acquisition",
-    "navigator",
-    "imu",
-    "signal_generator.xy",
-    "signal_generator.z_gradient",
-    "digitizer",
-    "pump_laser",
-    "dut_power",
-    "interlock_chain",
-)
-"""The places of a bench: a role, and which one of it where there are several."""
-
-# What must be said of a role before it may be energised.
-NEEDED_LIMITS = {
-    "coil_supply": ("current", "voltage", "slew", "zero_current"),
-    "rotary_stage": ("rate", "acceleration"),
-    "turntable": ("rate", "acceleration"),
-    "signal_generator": ("voltage",),
-    "thermal_chamber": ("temperature_low", "temperature_high"),
-}
-
 Words = Annotated[str, Field(min_length=1)]
+ModelT = TypeVar("ModelT", bound=StrictModel)
 
 
 class InstrumentLimits(StrictModel):
@@ -67,26 +36,11 @@ class InstrumentLimits(StrictModel):
     likes.
     """
 
-    current_A: Annotated[float, Unit("A"), Field(gt=0)] | None = None
-    voltage_V: Annotated[float, Unit("V"), Field(gt=0)] | None = None
-    slew_A_per_s: Annotated[float, Unit("A/s"), Field(gt=0)] | None = None
-    zero_current_A: Annotated[float, Unit("A"), Field(gt=0)] | None = None
-    rms_current_A: Annotated[float, Unit("A"), Field(gt=0)] | None = None
-    heating_W: Annotated[float, Unit("W"), Field(gt=0)] | None = None
-    field_mT: Annotated[float, Unit("mT"), Field(gt=0)] | None = None
-    rate_deg_per_s: Annotated[float, Unit("deg/s"), Field(gt=0)] | None = None
-    acceleration_deg_per_s2: Annotated[float, Unit("deg/s^2"), Field(gt=0)] | None = None
-    angle_low_deg: Degree | None = None
-    angle_high_deg: Degree | None = None
-    temperature_low_degC: Celsius | None = None
-    temperature_high_degC: Celsius | None = None
-    temperature_slew_degC_per_min: Annotated[float, Unit("degC/min"), Field(gt=0)] | None = None
-
-    @field_validator("angle_high_deg", "temperature_high_degC")
+    @field_validator("*")
     @classmethod
     def high_above_low(cls, high: float | None, info: ValidationInfo) -> float | None:
         """Refuse a range that ends before it begins."""
-        low = info.data.get((info.field_name or "").replace("high", "low"))
+        low = info.data.get((info.field_name or "").replace("_high_", "_low_"))
         if low is not None and high is not None and high <= low:
             raise ValueError(f"must be above the low limit, {low:g}")
         return high
@@ -111,8 +65,8 @@ class Instrument(StrictModel):
     def limits(self) -> Mapping[str, float]:
         """The limits that are given, by key: A, V, A/s, W, mT, deg/s, deg/s^2, deg, degC."""
         named = {
-            key_of(InstrumentLimits, name): getattr(self.given_limits, name)
-            for name in InstrumentLimits.model_fields
+            key_of(type(self.given_limits), name): getattr(self.given_limits, name)
+            for name in type(self.given_limits).model_fields
         }
         return {name: value for name, value in named.items() if value is not None}
 
@@ -135,6 +89,27 @@ class BenchFile(StrictModel):
     instruments: Annotated[dict[str, Instrument], Field(min_length=1)]
     safe_state: tuple[SafeStep, ...]
     interlocks: tuple[InterlockEntry, ...] = ()
+
+
+@lru_cache
+def bench_file() -> type[BenchFile]:
+    """Return the model of a bench file with the limits that the installed roles declare."""
+    fields: dict[str, Any] = {
+        name + Unit(limit.unit).suffix: (
+            Annotated[float, Unit(limit.unit), Field(gt=None if limit.signed else 0)] | None,
+            None,
+        )
+        for name, limit in limits().items()
+    }
+    all_limits = _extended(InstrumentLimits, **fields)
+    given = (all_limits, Field(default=all_limits(), alias="limits"))
+    instruments: Any = dict[str, _extended(Instrument, given_limits=given)]  # type: ignore[misc]
+    return _extended(BenchFile, instruments=(Annotated[instruments, Field(min_length=1)], ...))
+
+
+def _extended(model: type[ModelT], **fields: Any) -> type[ModelT]:
+    """Return a model with further fields, or with others in their place, and the same words."""
+    return create_model(model.__name__, __base__=model, __doc__=model.__doc__, **fields)
 
 
 @dataclass(frozen=True)
@@ -248,7 +223,7 @@ def bench_of(document: Document, drivers: Collection[str], *, bounded: bool = Fa
 
     Where it is not `bounded`, as of a run that is only read again, it need not be of use.
     """
-    file, faults = check_model(document, BenchFile)
+    file, faults = check_model(document, bench_file())
     instruments = document.data.get("instruments")
     if isinstance(instruments, dict):
         for name, entry in instruments.items():
@@ -274,10 +249,11 @@ def _instrument_faults(
     document: Document, name: str, entry: Any, drivers: Collection[str]
 ) -> Iterator[Fault]:
     where: Where = ("instruments", name)
-    if name not in INSTANCES:
-        hint = nearest(name, INSTANCES)
+    known = instances()
+    if name not in known:
+        hint = nearest(name, known)
         what = "is no instrument that a procedure asks for"
-        what += "" if hint else f"; known are {listed(INSTANCES)}"
+        what += "" if hint else f"; known are {listed(known)}"
         yield document.fault(where, what, hint and f"'{hint}'", at_key=True)
     if not isinstance(entry, dict):
         return
@@ -287,9 +263,9 @@ def _instrument_faults(
         what = f"there is no driver '{driver}'" + ("" if hint else f"; there are {listed(drivers)}")
         yield document.fault((*where, "driver"), what, hint and f"'{hint}'")
     yield from _shares_faults(document, name, entry.get("shares"))
-    limits = entry.get("limits", {})
-    for limit in NEEDED_LIMITS.get(role_of(name), ()):
-        if isinstance(limits, dict) and limits.get(limit) is None:
+    given, declared = entry.get("limits", {}), role(role_of(name))
+    for limit in declared.needed_limits if declared else ():
+        if isinstance(given, dict) and given.get(limit) is None:
             yield document.fault(
                 (*where, "limits", limit), f"is missing; a {role_of(name)} needs it"
             )

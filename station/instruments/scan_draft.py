@@ -10,27 +10,13 @@ from station import registry
 from station.driver_checks import settings_of
 from station.fields import key_of
 from station.files.yaml.reading import plain_scalar
-from station.instruments.bench import INSTANCES, NEEDED_LIMITS
 from station.instruments.scan import Seen
-from station.role_lookup import role_settings, roles_of
+from station.roles.role import instances, role_of, roles, roles_of, safe_states
 from station.safety.bounds import COIL
-from station.safety.interlocks.quantities import role_of
 from station.safety.safe_state import MadeSafe
 
 FILL_IN = "FILL IN"
 DRAFT_LEVEL = "1 A"
-EXAMPLES = {
-    "current": "A",
-    "voltage": "V",
-    "slew": "A/s",
-    "zero_current": "A",
-    "rate": "deg/s",
-    "acceleration": "deg/s^2",
-    "temperature_low": "degC",
-    "temperature_high": "degC",
-}
-"""The unit of each limit that a role must have."""
-
 HEAD = f"""\
 # A draft from `station scan`. It says who answered where, and nothing more: which coil hangs on
 # which supply, what may never be exceeded and what was calibrated is for you to write, at every
@@ -51,7 +37,7 @@ CALIBRATION = f"""\
 
 def draft(seen: Iterable[Seen]) -> str:
     """Return the text of a bench file; whatever no driver recognises stands in comments."""
-    free = list(INSTANCES)
+    free = list(instances())
     entries, rest, safe = [], [], []
     for one in seen:
         if one.driver is None:
@@ -74,14 +60,15 @@ def draft(seen: Iterable[Seen]) -> str:
     text += "\ninstruments:\n" + "\n".join(entries) if entries else "\ninstruments: {}\n"
     if rest:
         text += "\n# Also there, without a driver or a place:\n" + "".join(rest)
-    coils = [one for one in INSTANCES if role_of(one) == COIL and one not in free]
+    coils = [one for one in instances() if role_of(one) == COIL and one not in free]
     if coils:
         text += f"\n# {FILL_IN}: what ends a run. Set each level just above its coil's limit of\n"
         text += f"# current; until then {DRAFT_LEVEL} ends it.\ninterlocks:\n"
         text += "".join(map(interlock_line, coils))
     if not safe:
         return text + "\nsafe_state: []\n"
-    steps = "".join(f"  - {{role: {role}, within: 30 s}}\n" for role in safe)
+    order = [name for name in safe_states() if name in safe]
+    steps = "".join(f"  - {{role: {name}, within: 30 s}}\n" for name in order)
     return (
         text
         + f"\n# {FILL_IN}: the order in which the bench comes to rest, and how fast.\n"
@@ -105,19 +92,19 @@ def drivers_alike(name: str) -> list[str]:
 
 def free_places(driver: str, free: Iterable[str]) -> list[str]:
     """Return the places on the bench that a driver can take."""
-    roles = roles_of(registry.load(registry.DRIVERS, driver))
-    return [place for place in free if role_of(place) in roles]
+    fills = roles_of(registry.load(registry.DRIVERS, driver))
+    return [place for place in free if role_of(place) in fills]
 
 
 def entry_lines(
     instance: str, seen: Seen, driver: type, others: Sequence[str] = ()
 ) -> Iterator[str]:
     """Yield the lines of one instrument; `others` are drivers that it may be meant for, too."""
-    role = role_of(instance)
+    role = roles()[role_of(instance)]
     yield f"  {instance}:\n"
-    places = [name for name in INSTANCES if role_of(name) == role]
-    if len(places) > 1:
-        yield f"    # {FILL_IN}: one of {', '.join(places)}? They were given in the order found.\n"
+    if role.members:
+        places = ", ".join(role.instances)
+        yield f"    # {FILL_IN}: one of {places}? They were given in the order found.\n"
     yield f"    # said: {seen.said}\n"
     if others:
         yield f"    # {FILL_IN}: or {', '.join(others)}? Which use is this unit's?\n"
@@ -127,7 +114,7 @@ def entry_lines(
         yield f"    serial: {scalar(seen.serial)}\n"
     else:
         yield f"    # {FILL_IN}: serial: NUMBER, so that no other unit is taken for this one\n"
-    models = [one for one in (role_settings().get(role), settings_of(driver)) if one is not None]
+    models = [one for one in (role.settings, settings_of(driver)) if one is not None]
     fields = {
         key_of(one, name): field for one in models for name, field in one.model_fields.items()
     }
@@ -135,9 +122,9 @@ def entry_lines(
         needed = ", ".join(f"{key}: …" for key, field in fields.items() if field.is_required())
         yield f"    # {FILL_IN}: settings: {{{needed or '…'}}}\n"
         yield from (f"    #   {key}: {field.description}\n" for key, field in fields.items())
-    limits = NEEDED_LIMITS.get(role, ())
-    if limits:
-        needed = ", ".join(f"{name}: … {EXAMPLES.get(name, '')}".rstrip() for name in limits)
+    if role.needed_limits:
+        units = {name: role.limits[name].unit for name in role.needed_limits}
+        needed = ", ".join(f"{name}: … {unit}" for name, unit in units.items())
         yield f"    # {FILL_IN}: limits: {{{needed}}}\n"
     yield CALIBRATION
 

@@ -19,7 +19,7 @@ from station.clock import Clock, RealClock
 from station.errors import Aborted, BenchEnergised, InstrumentError, InstrumentInUse
 from station.instruments.instrument_locks import InstrumentLocks
 from station.instruments.opening import LOOK, Found, open_one, take_lock
-from station.safety.interlocks.quantities import ENERGISED, quantities_of
+from station.roles.role import energised_states
 from station.safety.safe_state import Hurried, MadeSafe, SafeOutcome, can_harm
 
 if TYPE_CHECKING:
@@ -99,13 +99,13 @@ def state_of(name: str, instrument: MadeSafe) -> tuple[bool, str]:
     By its output and its motion, as interlocks look at them; by its whole rest where it has none.
     """
     read = getattr(instrument, "read_quantity", None)
-    states = sorted(set(ENERGISED) & set(quantities_of(name)))
+    states = dict(sorted(energised_states(name).items()))
     if read is None or not states:
         reading = instrument.read_safety()
         return reading.safe, reading.read_back
-    found = {state: str(read(state)) for state in states}
-    rests = all(found[state] != ENERGISED[state] for state in states)
-    return rests, ", ".join(f"{state} {word}" for state, word in found.items())
+    found = {quantity: str(read(quantity)) for quantity in states}
+    rests = all(found[quantity] != state for quantity, state in states.items())
+    return rests, ", ".join(f"{quantity} {word}" for quantity, word in found.items())
 
 
 def bystanders_of(bench: Bench, used: Collection[str]) -> list[str]:

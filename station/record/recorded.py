@@ -15,7 +15,7 @@ from station.procedure import Procedures
 from station.record.creation import BENCH, EVENTS, PLAN
 from station.record.folder import RunFolder
 from station.record.guardian_log import SAFE_STATE, guardian_events, latest_safe_state
-from station.safety.interlocks.quantities import role_of
+from station.roles.role import role_of
 
 NEVER_REACHED = "the run ended without making it safe"
 

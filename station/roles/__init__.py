@@ -1,4 +1,7 @@
-"""What a procedure may ask of an instrument: Protocols of a few verbs, whatever the model."""
+"""What a procedure may ask of an instrument: Protocols of a few verbs, whatever the model.
+
+Each file declares all of one role; `ROLES` has the station's own.
+"""
 
 from station.roles.base import (
     Block,
@@ -12,33 +15,43 @@ from station.roles.base import (
     SampledSource,
     Tracer,
 )
-from station.roles.climate import ThermalChamber
-from station.roles.field import CoilSettings, CoilSupply, DirectCurrentSupply, Gaussmeter
-from station.roles.inertial import Imu, SensorStatus
-from station.roles.motion import RotaryStage, TableSettings, Turntable
-from station.roles.navigation import Navigator, NavigatorStatus
-from station.roles.readings import GyroAcquisition, Multimeter, Thermometer
-from station.roles.safe_states import SAFE_STATES, SafeState
-from station.roles.spins import (
-    CellCoilSettings,
-    Digitizer,
-    LightSettings,
-    PumpLaser,
-    SignalGenerator,
-)
-from station.roles.station import DutPower, InterlockChain
+from station.roles.coil_supply import COIL_SUPPLY, CoilSettings, CoilSupply, DirectCurrentSupply
+from station.roles.digitizer import DIGITIZER, Digitizer
+from station.roles.dut_power import DUT_POWER, DutPower
+from station.roles.gaussmeter import GAUSSMETER, Gaussmeter
+from station.roles.gyro_acquisition import GYRO_ACQUISITION, GyroAcquisition
+from station.roles.imu import IMU, Imu, SensorStatus
+from station.roles.interlock_chain import INTERLOCK_CHAIN, InterlockChain
+from station.roles.multimeter import MULTIMETER, THERMOMETER, Multimeter, Thermometer
+from station.roles.navigator import NAVIGATOR, Navigator, NavigatorStatus
+from station.roles.pump_laser import PUMP_LASER, LightSettings, PumpLaser
+from station.roles.role import Limit, Quantity, Role, SafeState
+from station.roles.rotary_stage import ROTARY_STAGE, RotaryStage
+from station.roles.signal_generator import SIGNAL_GENERATOR, CellCoilSettings, SignalGenerator
+from station.roles.thermal_chamber import THERMAL_CHAMBER, ThermalChamber
+from station.roles.turntable import TURNTABLE, TableSettings, Turntable
 
-SETTINGS = {
-    "coil_supply": CoilSettings,
-    "turntable": TableSettings,
-    "signal_generator": CellCoilSettings,
-    "pump_laser": LightSettings,
-}
-"""By role: the settings that procedures read, whatever the model; its driver adds its own."""
+ROLES = (
+    COIL_SUPPLY,
+    GAUSSMETER,
+    MULTIMETER,
+    THERMOMETER,
+    ROTARY_STAGE,
+    TURNTABLE,
+    THERMAL_CHAMBER,
+    GYRO_ACQUISITION,
+    NAVIGATOR,
+    IMU,
+    SIGNAL_GENERATOR,
+    DIGITIZER,
+    PUMP_LASER,
+    DUT_POWER,
+    INTERLOCK_CHAIN,
+)
+"""In the order in which a bench file, its schema and the reference list them."""
 
 __all__ = [
-    "SAFE_STATES",
-    "SETTINGS",
+    "ROLES",
     "Block",
     "CellCoilSettings",
     "CoilSettings",
@@ -55,12 +68,15 @@ __all__ = [
     "Instrument",
     "InterlockChain",
     "LightSettings",
+    "Limit",
     "MadeSafe",
     "Multimeter",
     "Navigator",
     "NavigatorStatus",
     "Place",
     "PumpLaser",
+    "Quantity",
+    "Role",
     "RotaryStage",
     "SafeState",
     "SafetyReading",

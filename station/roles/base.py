@@ -5,15 +5,17 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any, ClassVar, Protocol, Self, runtime_checkable
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol, Self, runtime_checkable
 
-import numpy as np
-from numpy.typing import NDArray
 from pydantic import ValidationError
 
 from station.clock import Clock
 from station.errors import InstrumentError, QuantityNotRead
 from station.fields import StrictModel, key_of
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
 
 Tracer = Callable[[str, bytes], None]
 """Takes a direction (`>` sent, `<` received, `!` fault, `-` remark) and the bytes or the words."""

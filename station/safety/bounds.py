@@ -15,7 +15,7 @@ from typing import Any
 
 from station.files.faults import Fault
 from station.files.yaml.document import Document, Where
-from station.safety.interlocks.quantities import quantities_of, role_of
+from station.roles.role import quantities_of, role_of
 from station.safety.safe_state import DEFAULT_WITHIN_S
 from station.units import UnitError, parse_as
 
@@ -31,18 +31,6 @@ BEYOND_LIMIT = 1.5
 BEYOND_TEMPERATURE_K = 25.0
 MOST_COIL_DEGC = 200.0
 """Windings are insulated for 130 to 200 degC."""
-LIMIT_OF = {
-    ("coil_supply", "current"): "current",
-    ("turntable", "rate"): "rate",
-    ("rotary_stage", "rate"): "rate",
-    ("thermal_chamber", "temperature"): "temperature_high",
-}
-"""The limit of the bench file on the very quantity that an interlock watches.
-
-Not a supply's voltage, which it limits by itself: it is watched for the coil's resistance.
-"""
-
-
 BUSES = ("socketcand://",)
 """Lines that several instruments are on."""
 
@@ -200,21 +188,20 @@ def levels(when: Any, where: Where, only: tuple[str, ...]) -> Iterator[tuple[Whe
 def _threshold_faults(
     document: Document, where: Where, look: Look, instruments: Mapping[str, Any]
 ) -> Iterator[Fault]:
-    key = LIMIT_OF.get((role_of(look.instrument), look.quantity))
     kind = quantities_of(look.instrument).get(look.quantity)
-    if key is None or kind is None:
+    if kind is None or not kind.limit:
         return
+    key, unit = kind.limit, kind.unit
     limits = mapping(mapping(instruments.get(look.instrument)).get("limits"))
-    limit, high = quantity(limits, key, kind.unit), quantity({"is": look.high}, "is", kind.unit)
+    limit, high = quantity(limits, key, unit), quantity({"is": look.high}, "is", unit)
     if limit is None or high is None:
         return
-    hot = kind.unit == "degC"
-    most = limit + BEYOND_TEMPERATURE_K if hot else BEYOND_LIMIT * limit
+    most = limit + BEYOND_TEMPERATURE_K if unit == "degC" else BEYOND_LIMIT * limit
     if high > most:
         yield document.fault(
             where,
-            f"{high:g} {kind.unit} is so far beyond limits.{key} of {look.instrument}, {limit:g} "
-            f"{kind.unit}, that the interlock protects nothing; at most {most:g} {kind.unit}",
+            f"{high:g} {unit} is so far beyond limits.{key} of {look.instrument}, {limit:g} "
+            f"{unit}, that the interlock protects nothing; at most {most:g} {unit}",
         )
 
 

@@ -14,12 +14,11 @@ from typing import Any
 
 from station import registry
 from station.dataset_reading import DatasetHeader
-from station.driver_checks import keys_of, settings_of
+from station.driver_checks import keys_of, settings_of, settings_of_role
 from station.files.plan import PlanHeader
-from station.instruments.bench import INSTANCES, NEEDED_LIMITS, BenchFile
+from station.instruments.bench import bench_file
 from station.procedure import Procedure
-from station.role_lookup import role_settings, roles_of
-from station.safety.interlocks.quantities import role_of
+from station.roles.role import BUILT_IN, Role, roles, roles_of
 from station.schema.models import Schema, model_schema
 from station.schema.plan import (
     DEFINITIONS,
@@ -37,7 +36,7 @@ DISTRIBUTION = "inertial-station"
 def schema_text(kind: str, *, built_in: bool = False) -> str:
     """Return the schema of a `plan`, `bench` or `dataset` as JSON text.
 
-    `built_in` leaves out the procedures and drivers of other packages.
+    `built_in` leaves out the procedures, roles and drivers of other packages.
     """
     schema = KINDS[kind](built_in)
     made = f"station schema {kind}{' --built-in' if built_in else ''}"
@@ -72,22 +71,31 @@ def plan_schema(built_in: bool = False) -> Schema:
 
 def bench_schema(built_in: bool = False) -> Schema:
     """Return the schema of a bench file."""
-    schema = model_schema(BenchFile)
+    schema = model_schema(bench_file())
     instruments = schema["properties"]["instruments"]
-    instruments["propertyNames"] = {"enum": list(INSTANCES)}
+    known = _roles(built_in)
+    instances = [name for role in known for name in role.instances]
+    instruments["propertyNames"] = {"enum": instances}
     entry = instruments["additionalProperties"]
+    limits = entry["properties"]["limits"]["properties"]
+    declared = {name for role in known for name in role.limits}
+    entry["properties"]["limits"]["properties"] = {
+        name: one for name, one in limits.items() if name in declared
+    }
     entry["properties"]["driver"]["enum"] = list(_names(registry.DRIVERS, built_in))
     # Beside additionalProperties a pattern would take the place of the whole entry.
-    needs = {f"^{role}(\\.|$)": _needed(role) for role in dict.fromkeys(map(role_of, INSTANCES))}
+    needs = {f"^{role.name}(\\.|$)": _needed(role) for role in known}
     instruments["allOf"] = [{"patternProperties": {key: one for key, one in needs.items() if one}}]
-    known = entry["properties"]["driver"]["enum"]
-    drivers = [(name, one) for name, one in registry.loaded(registry.DRIVERS) if name in known]
+    offered = entry["properties"]["driver"]["enum"]
+    drivers = [(name, one) for name, one in registry.loaded(registry.DRIVERS) if name in offered]
     entry["allOf"] = [one for name, driver in drivers for one in _settings_rules(name, driver)]
     step = schema["properties"]["safe_state"]["items"]
-    roles = list(dict.fromkeys(role_of(name) for name in INSTANCES))
-    step["properties"]["instrument"] = {"enum": list(INSTANCES)}
-    step["properties"]["role"] = {"enum": roles}
+    step["properties"]["instrument"] = {"enum": instances}
+    step["properties"]["role"] = {"enum": [role.name for role in known]}
     step["oneOf"] = [{"required": ["instrument"]}, {"required": ["role"]}]
+    level = schema["properties"]["interlocks"]["items"]["properties"]["when"]["anyOf"][0]
+    watched = sorted({name for role in known for name in role.quantities})
+    level["properties"]["quantity"] = {"enum": watched}
     return schema
 
 
@@ -127,18 +135,22 @@ def _procedures(built_in: bool) -> dict[str, Procedure]:
     return {name: one for name, one in registry.loaded(registry.PROCEDURES) if name in names}
 
 
+def _roles(built_in: bool) -> list[Role]:
+    return [*registry.load(registry.ROLES, BUILT_IN)] if built_in else [*roles().values()]
+
+
 def _chosen(procedure: str) -> Schema:
     return {"properties": {"procedure": {"const": procedure}}, "required": ["procedure"]}
 
 
-def _needed(role: str) -> Schema:
+def _needed(role: Role) -> Schema:
     """Return what the bench file must say of a role before it may be energised."""
     needed: dict[str, Any] = {}
-    if role in NEEDED_LIMITS:
-        needed["limits"] = {"required": list(NEEDED_LIMITS[role])}
+    if role.needed_limits:
+        needed["limits"] = {"required": list(role.needed_limits)}
     required = list(needed)
-    if role in role_settings():
-        settings = model_schema(role_settings()[role])
+    if role.settings is not None:
+        settings = model_schema(role.settings)
         needed["settings"] = {
             key: settings[key] for key in ("required", "properties") if key in settings
         }
@@ -156,7 +168,8 @@ def _settings_rule(name: str, driver: type) -> Schema:
     """Return what a driver takes as settings, beside those of the roles that it may fill."""
     model = settings_of(driver)
     settings = model_schema(model)
-    common = [keys_of(one) for role, one in role_settings().items() if role in roles_of(driver)]
+    filled = [settings_of_role(name) for name in roles_of(driver)]
+    common = [keys_of(one) for one in filled if one is not None]
     keys = sorted({*keys_of(model), *(key for one in common for key in one)})
     rule: Schema = {
         "properties": {

@@ -11,20 +11,25 @@ import pytest
 from command_line import station
 from pydantic import Field, field_validator
 
-from station import driver_checks, registry
+from station import registry
 from station.cli.validating import validate_plans
-from station.driver_checks import driver_faults, keys_of, role_faults, settings_of
+from station.driver_checks import (
+    driver_faults,
+    keys_of,
+    role_faults,
+    settings_of,
+    settings_of_role,
+)
 from station.errors import QuantityNotRead
-from station.fields import Second
+from station.fields import Second, StrictModel
 from station.files.faults import FaultList
 from station.files.lookup import BENCHES, find
 from station.files.yaml.document import Document
 from station.files.yaml.reading import read_yaml_text
 from station.instruments.addresses import why_unknown
 from station.instruments.bench import Bench, bench_of, faults_of_use
-from station.role_lookup import role_settings, roles_of
 from station.roles import Driver, DriverSettings
-from station.safety.interlocks.quantities import QUANTITIES, kind_of
+from station.roles.role import kind_of, quantities_of, roles, roles_of
 
 PLAN = "fog-scale-factor-temperature"
 DRIVERS = {
@@ -173,7 +178,7 @@ def test_every_driver_refuses_a_setting_that_it_does_not_know(driver: str) -> No
         name = "signal_generator.xy" if role == "signal_generator" else name
         faults = said(document_of(name, driver, {"chanel_number": 1}))
         known = [*keys_of(settings_of(DRIVERS[driver]))]
-        known += keys_of(role_settings()[role]) if role in role_settings() else []
+        known += keys_of(settings_of_role(role) or StrictModel)
         words = ", ".join(known) or "none"
         assert any(
             f"there is no setting 'chanel_number'; this driver knows {words}" in one
@@ -189,7 +194,7 @@ def test_an_interlock_on_what_a_driver_does_not_read_is_refused_in_the_same_word
     for role in roles_of(DRIVERS[driver]):
         name = f"{role}.x" if role == "coil_supply" else role
         name = f"{role}.xy" if role == "signal_generator" else name
-        for quantity in QUANTITIES[role]:
+        for quantity in quantities_of(role):
             faults = [one for one in said(document_of(name, driver, {}, quantity)) if ":8:" in one]
             if quantity not in reads:
                 assert len(faults) == 1
@@ -238,9 +243,9 @@ class Plain:
 def laboratory(monkeypatch: pytest.MonkeyPatch) -> None:
     """Have drivers of another package."""
     ours = {"lab-meter": LabMeter, "lab-plain": Plain}
+    assert roles()  # collected from the registry as it is
     monkeypatch.setattr(registry, "names", lambda group: tuple(ours))
     monkeypatch.setattr(registry, "load", lambda group, name: ours[name])
-    monkeypatch.setattr(driver_checks, "role_settings", dict)
 
 
 @pytest.mark.usefixtures("laboratory")
@@ -271,7 +276,7 @@ def test_a_driver_that_cannot_be_loaded_is_a_fault_at_its_name(
     def load(group: str, name: str) -> Any:
         raise SyntaxError("a comma is missing")
 
-    monkeypatch.setattr(driver_checks, "role_settings", dict)
+    assert roles()  # collected from the registry as it is
     monkeypatch.setattr(registry, "load", load)
     (fault,) = said(document_of("imu", "kvh-1775", {}))
     assert fault == "bench.yaml:5:13: instruments.imu.driver: a comma is missing"
@@ -323,8 +328,8 @@ def test_settings_that_raise_are_a_fault_of_their_driver(monkeypatch: pytest.Mon
         def divide(cls, gain: int) -> int:
             return gain // 0
 
+    assert roles()  # collected from the registry as it is
     monkeypatch.setattr(LabMeter, "Settings", Odd)
-    monkeypatch.setattr(driver_checks, "role_settings", dict)
     monkeypatch.setattr(registry, "names", lambda group: ("lab-meter",))
     monkeypatch.setattr(registry, "load", lambda group, name: LabMeter)
     (fault,) = said(document_of("gaussmeter", "lab-meter", {"gain": 1}))

@@ -15,7 +15,7 @@ from station.dataset_reading import DatasetHeader
 from station.files.lookup import BENCHES, find
 from station.files.plan import read_plan
 from station.files.plan.model import PlanHeader
-from station.instruments.bench import BenchFile, read_bench
+from station.instruments.bench import bench_file, read_bench
 from station.procedure import Procedures
 from station.record.folder import RunFolder
 from station.runner.execute import Request, execute
@@ -84,7 +84,7 @@ def test_the_image_of_the_readme_is_there_and_small() -> None:
 def test_every_yaml_key_is_explained() -> None:
     pairs = [
         (PlanHeader, meanings.PLAN),
-        (BenchFile, meanings.BENCH),
+        (bench_file(), meanings.BENCH),
         (DatasetHeader, meanings.DATASET),
     ]
     for procedure in reference_keys.built_in():

@@ -11,12 +11,14 @@ from collections.abc import Callable, Mapping, Sequence
 
 from station.clock import Clock, ClockError, ClockStopped
 from station.errors import InputError, InterlockTripped
+from station.roles.role import energised_states
 from station.safety.interlocks.conditions import Judgement
-from station.safety.interlocks.quantities import ENERGISED, IDLE_PERIOD_S, quantities_of
 from station.safety.interlocks.reading import Interlock
 from station.safety.interlocks.sight import Sight
 from station.safety.readings import Readings
 
+IDLE_PERIOD_S = 10.0
+"""How often a quantity that only an energised bench can change is looked at on one at rest."""
 REACTS_WITHIN_S = 1.5
 """Run time that a run has to react to a trip; longer than any of its waits is in one piece."""
 LONGEST_SILENCE_S = 10.0
@@ -36,13 +38,13 @@ class Watch:
         self.own_state = [
             instrument
             for instrument in sorted(interlock.instruments)
-            if set(ENERGISED) & set(quantities_of(instrument))
+            if energised_states(instrument)
         ]
 
     def look_at_states(self) -> None:
         """Find out which instruments are energised; one that does not say so is left out."""
         for instrument in list(self.own_state):
-            for quantity in sorted(set(ENERGISED) & set(quantities_of(instrument))):
+            for quantity in sorted(energised_states(instrument)):
                 try:
                     self.eyes.look(instrument, quantity)
                 except InputError:
@@ -75,7 +77,7 @@ class Monitor:
         self._energised = {
             name
             for name in instruments
-            for quantity, state in ENERGISED.items()
+            for quantity, state in energised_states(name).items()
             if (newest := readings.newest(name, quantity)) and newest.value == state
         }
         self._checking = clock.lock("the interlocks")
@@ -214,9 +216,10 @@ class Monitor:
 
     def _changed(self, instrument: str, quantity: str, state: str) -> None:
         """Look at once, and then often, when something becomes energised."""
-        if quantity not in ENERGISED:
+        energised = energised_states(instrument).get(quantity)
+        if energised is None:
             return
-        if state != ENERGISED[quantity]:
+        if state != energised:
             self._energised.discard(instrument)
             return
         self._energised.add(instrument)

@@ -9,15 +9,9 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 from station.files.faults import Fault, listed, nearest
+from station.roles.role import CONTACT_STATES, Quantity, kind_of, quantities_of, role_of
 from station.safety.interlocks.conditions import AllOf, AnyOf, Condition, Level, Not, State
 from station.safety.interlocks.model import InterlockEntry
-from station.safety.interlocks.quantities import (
-    CONTACT_STATES,
-    Kind,
-    kind_of,
-    quantities_of,
-    role_of,
-)
 from station.units import UnitError, parse_as
 
 if TYPE_CHECKING:
@@ -188,7 +182,7 @@ def _level_faults(
 
 
 def _test_faults(
-    document: Document, where: Where, key: str, given: Any, kind: Kind
+    document: Document, where: Where, key: str, given: Any, kind: Quantity
 ) -> Iterator[Fault]:
     if kind.states:
         if key != "equals":

@@ -9,8 +9,8 @@ from typing import Protocol
 
 from station.clock import Clock, ClockError, ClockStopped
 from station.errors import InputError, InstrumentError
+from station.roles.role import kind_of
 from station.safety.interlocks.conditions import Seen, Watched
-from station.safety.interlocks.quantities import kind_of
 from station.safety.readings import Reading, Readings, Value
 
 YOUNGER = 0.99

@@ -20,8 +20,8 @@ from stand import EmptyRoom, recorded
 from drivers.generic.navigator import fault_words
 from sim_instruments.truth import SimulationError
 from station.errors import InputError, InstrumentError
-from station.role_lookup import role
 from station.roles import Identity, Navigator, NavigatorStatus
+from station.roles.role import role
 
 both = pytest.mark.parametrize("kind", KINDS)
 

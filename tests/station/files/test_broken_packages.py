@@ -17,8 +17,7 @@ from station.cli.looking import list_what_there_is
 from station.cli.running import dry_run_plan
 from station.cli.validating import validate_plans
 from station.instruments.scan import recognised
-from station.role_lookup import role as registry_of_roles
-from station.role_lookup import role_settings
+from station.roles.role import collected, role
 from station.schema import schema_text
 
 OFFERED = {
@@ -60,6 +59,7 @@ def installed(folder: Path, patch: pytest.MonkeyPatch) -> None:
 def as_before() -> Iterator[None]:
     """Have the registry look again after each test."""
     yield
+    collected.cache_clear()
     sys.modules.pop("labware_module", None)
     registry.offers.cache_clear()
     registry.names.cache_clear()
@@ -83,9 +83,10 @@ def test_one_broken_package_costs_only_its_own_entries(
     assert "lab-method" not in schema_text("dataset")
     assert "kepco-bop-36-12" in schema_text("bench")
     assert recognised("here", "KEPCO,BOP 36-12D,H148201,1.0").driver is not None
-    registry_of_roles.cache_clear()
-    role_settings.cache_clear()
-    assert registry_of_roles("coil_supply") is not None
+    collected.cache_clear()
+    assert role("coil_supply") is not None
+    (reason,) = collected()[1]
+    assert "the role 'lab' of the package labware cannot be loaded" in reason
     (tmp_path / "plan.yaml").write_text(PLAN, encoding="utf-8")
     assert validate_plans([str(tmp_path / "plan.yaml")], "sim") == 0
     assert (

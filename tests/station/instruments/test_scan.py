@@ -34,12 +34,12 @@ FILLED_IN = {
 }
 
 MADE_SAFE = (
+    "turntable",
     "coil_supply",
     "rotary_stage",
     "signal_generator",
-    "digitizer",
     "pump_laser",
-    "turntable",
+    "digitizer",
     "thermal_chamber",
 )
 

@@ -10,8 +10,7 @@ import pytest
 from interlock_helpers import BOARD, CHAIN, GAUSSMETER, SUPPLY, Watched, bench_with, watched
 
 from station.errors import InputError, InterlockTripped
-from station.safety.interlocks.monitor import REACTS_WITHIN_S
-from station.safety.interlocks.quantities import IDLE_PERIOD_S
+from station.safety.interlocks.monitor import IDLE_PERIOD_S, REACTS_WITHIN_S
 
 BEGINS_S = 30.0
 Entry = dict[str, Any]

@@ -7,9 +7,8 @@ from dataclasses import dataclass, field
 import pytest
 
 from station.clock import VirtualClock
-from station.instruments.bench import INSTANCES, role_of
-from station.role_lookup import role, safe_states
 from station.roles import SafetyReading
+from station.roles.role import roles, safe_states
 from station.safety.safe_state import HURRIED_WITHIN_S, Hurry, make_bench_safe
 
 
@@ -75,7 +74,6 @@ def test_a_hurry_shortens_waits_says_so_and_leaves_nothing_out() -> None:
 
 
 def test_every_role_that_can_harm_says_what_its_safe_state_is() -> None:
-    protocols = {name: role(name) for name in dict.fromkeys(role_of(one) for one in INSTANCES)}
-    harmful = {name for name, one in protocols.items() if one and "make_safe" in one.verbs}
+    harmful = {name for name, one in roles().items() if "make_safe" in one.verbs}
     assert harmful == set(safe_states())
     assert all(state.brought_to and state.proven_by for state in safe_states().values())

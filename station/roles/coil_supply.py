@@ -1,13 +1,14 @@
-"""Roles that make a field and measure it."""
+"""A coil supply: a bipolar current source with a coil at its output."""
 
 from __future__ import annotations
 
-from typing import Annotated, ClassVar, Protocol, runtime_checkable
+from typing import Annotated, Protocol, runtime_checkable
 
 from pydantic import AfterValidator, Field
 
 from station.fields import Unit
-from station.roles.base import DriverSettings, Instrument, MadeSafe, SampledSource
+from station.roles.base import DriverSettings, Instrument, MadeSafe
+from station.roles.role import OUTPUT, TEMPERATURE, Limit, Quantity, Role, SafeState
 
 
 def not_zero(value: float) -> float:
@@ -85,25 +86,38 @@ class DirectCurrentSupply(Instrument, MadeSafe, Protocol):
         ...
 
 
-@runtime_checkable
-class Gaussmeter(SampledSource, Protocol):
-    """A field meter; columns `instrument_time_s`, `x_T`, `y_T`, `z_T`, NaN what it cannot see."""
-
-    axes: ClassVar[int]
-    """How many components of the field it measures at once: 3, or 1 along which its probe is."""
-
-    keeps_readings: ClassVar[bool]
-    """Whether readings wait in it until they are drained; else each look brings the newest one."""
-
-    averaging_s: float
-    timestamp: str
-    """Which instant of the averaging its time stamp means: interval-start, -middle, -end; or
-    on-request: the stamp is when the newest average was asked for, which had ended since."""
-
-    def turn_to(self, axis: str) -> None:
-        """Measure along `axis` (x, y, z) from now on; returns once the probe stands so."""
-        ...
-
-    def start(self, largest_field_mT: float) -> None:
-        """Choose the range, begin to buffer readings, and forget older ones."""
-        ...
+COIL_SUPPLY = Role(
+    "coil_supply",
+    CoilSupply,
+    members=("x", "y", "z", "dc"),
+    settings=CoilSettings,
+    limits={
+        "current": Limit(
+            "A", "largest current; written into a supply before it is used", needed=True
+        ),
+        "voltage": Limit(
+            "V", "largest voltage; written into a supply before it is used", needed=True
+        ),
+        "slew": Limit(
+            "A/s", "fastest change of current when a coil is brought to zero", needed=True
+        ),
+        "zero_current": Limit("A", "largest measured current that counts as zero", needed=True),
+        "rms_current": Limit("A", "largest effective current for as long as a plan likes"),
+        "heating": Limit("W", "power that a coil may turn into heat for as long as a plan likes"),
+        "field": Limit("mT", "largest field amplitude a plan may ask for"),
+    },
+    quantities={
+        "current": Quantity("A", period_s=0.2, magnitude=True, while_on=True, limit="current"),
+        # It is watched for the coil's resistance, which changes slowly; the supply itself keeps
+        # its voltage below the limit.
+        "voltage": Quantity("V", period_s=2.0, magnitude=True, while_on=True),
+        "temperature": TEMPERATURE,
+        "output": OUTPUT,
+    },
+    safe_state=SafeState(
+        "current ramped to zero within the slew limit, then the output off",
+        "output off, no list running, measured current below zero_current",
+        rank=20,
+    ),
+)
+"""`coil_supply.x`, `.y`, `.z` are the coils about a device; `.dc` is a `DirectCurrentSupply`."""

@@ -1,24 +1,12 @@
-"""Roles that read a device under test."""
+"""Meters that take a burst of readings: a voltmeter, and a thermometer at the device."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from typing import ClassVar, Protocol, runtime_checkable
 
-from station.roles.base import Block, Instrument, SampledSource
-
-
-@runtime_checkable
-class GyroAcquisition(SampledSource, Protocol):
-    """A pulse counter of laser gyros; columns `sequence`, `counts`, `temperature_degC`."""
-
-    def start(self, sample_interval_s: float, channel: int) -> None:
-        """Begin to sample `channel` every `sample_interval_s`."""
-        ...
-
-    def stop(self) -> None:
-        """End the sampling."""
-        ...
+from station.roles.base import Block, Instrument
+from station.roles.role import TEMPERATURE, Quantity, Role
 
 
 @runtime_checkable
@@ -63,3 +51,7 @@ class Thermometer(Instrument, Protocol):
     def fetch(self) -> Block | None:
         """Return the burst that was started, None while it is being taken."""
         ...
+
+
+MULTIMETER = Role("multimeter", Multimeter, quantities={"voltage": Quantity("V", magnitude=True)})
+THERMOMETER = Role("thermometer", Thermometer, quantities={"temperature": TEMPERATURE})

@@ -1,4 +1,4 @@
-"""Roles that turn a device under test."""
+"""A turntable of up to three axes."""
 
 from __future__ import annotations
 
@@ -9,6 +9,8 @@ from typing import Any, Protocol, runtime_checkable
 from pydantic import Field, ValidationInfo, field_validator
 
 from station.roles.base import DriverSettings, Instrument, MadeSafe
+from station.roles.role import CONTACT_STATES, Quantity, Role, SafeState
+from station.roles.rotary_stage import ROTARY_STAGE
 
 
 class TableSettings(DriverSettings):
@@ -60,35 +62,6 @@ def unnamed_axes(instance: str, settings: Mapping[str, Any]) -> Iterator[str]:
 
 
 @runtime_checkable
-class RotaryStage(Instrument, MadeSafe, Protocol):
-    """A single-axis table that goes to angles against its own encoder."""
-
-    def programme_limits(self) -> None:
-        """Write the bench file's rate and angle limits into the instrument itself."""
-        ...
-
-    def is_homed(self) -> bool:
-        """Whether the encoder's zero has been found since the stage was switched on."""
-        ...
-
-    def home(self) -> None:
-        """Begin to look for the encoder's zero; `is_moving` tells when it is found."""
-        ...
-
-    def move_to(self, angle_deg: float) -> None:
-        """Begin to turn to an absolute angle; returns at once."""
-        ...
-
-    def is_moving(self) -> bool:
-        """Whether the stage still turns; raises InstrumentError for a fault of the axis."""
-        ...
-
-    def angle_deg(self) -> float:
-        """Return the encoder's angle in deg."""
-        ...
-
-
-@runtime_checkable
 class Turntable(Instrument, MadeSafe, Protocol):
     """A table of up to three axes, numbered from 1, each with its own encoder.
 
@@ -135,3 +108,20 @@ class Turntable(Instrument, MadeSafe, Protocol):
     def rate_deg_per_s(self, axis: int) -> float:
         """Return the measured rate."""
         ...
+
+
+TURNTABLE = Role(
+    "turntable",
+    Turntable,
+    settings=TableSettings,
+    limits=ROTARY_STAGE.limits,
+    quantities={
+        **ROTARY_STAGE.quantities,
+        "chain": Quantity(states=CONTACT_STATES, while_on=True),
+    },
+    safe_state=SafeState(
+        "every axis decelerated to rest within its acceleration limit",
+        "the measured rate of every axis",
+        rank=10,
+    ),
+)

@@ -1,4 +1,4 @@
-"""Roles of an inertial navigation system under test."""
+"""An inertial navigation system under test."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
 from station.roles.base import SampledSource
+from station.roles.role import TEMPERATURE, Role
 
 
 @dataclass(frozen=True)
@@ -49,3 +50,11 @@ class Navigator(SampledSource, Protocol):
     def status(self) -> NavigatorStatus:
         """Ask whether it is aligned, and what is wrong with it."""
         ...
+
+
+NAVIGATOR = Role(
+    "navigator",
+    Navigator,
+    quantities={"temperature": TEMPERATURE},
+    start_samples=lambda source: source.start(rate_Hz=10.0),
+)

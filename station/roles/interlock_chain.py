@@ -1,23 +1,11 @@
-"""Roles of the bench itself: power and safety."""
+"""The hard-wired interlock chain, and whatever sees its contacts."""
 
 from __future__ import annotations
 
 from typing import Protocol, runtime_checkable
 
 from station.roles.base import Instrument
-
-
-@runtime_checkable
-class DutPower(Instrument, Protocol):
-    """The supply of the device under test."""
-
-    def switch_on(self) -> None:
-        """Switch the device on."""
-        ...
-
-    def switch_off(self) -> None:
-        """Switch the device off; where a person does that, ask for it `at_the_end`."""
-        ...
+from station.roles.role import CONTACT, Role
 
 
 @runtime_checkable
@@ -36,3 +24,6 @@ class InterlockChain(Instrument, Protocol):
     def is_closed(self) -> bool:
         """Whether the chain is closed, so that the bench may be energised."""
         ...
+
+
+INTERLOCK_CHAIN = Role("interlock_chain", InterlockChain, quantities={"chain": CONTACT})

@@ -1,4 +1,4 @@
-"""Roles of a nine-axis inertial sensor under test."""
+"""A nine-axis inertial sensor under test."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
 from station.roles.base import SampledSource
+from station.roles.role import TEMPERATURE, Role
 
 
 @dataclass(frozen=True)
@@ -47,3 +48,11 @@ class Imu(SampledSource, Protocol):
     def status(self) -> SensorStatus:
         """Ask what is wrong with it."""
         ...
+
+
+IMU = Role(
+    "imu",
+    Imu,
+    quantities={"temperature": TEMPERATURE},
+    start_samples=lambda source: source.start(rate_Hz=10.0),
+)

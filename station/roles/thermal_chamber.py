@@ -1,10 +1,12 @@
-"""Roles that set the temperature of a device under test."""
+"""A thermal chamber about the device."""
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Protocol, runtime_checkable
 
 from station.roles.base import Instrument, MadeSafe
+from station.roles.role import CONTACT, OUTPUT, TEMPERATURE, Limit, Role, SafeState
 
 
 @runtime_checkable
@@ -42,3 +44,23 @@ class ThermalChamber(Instrument, MadeSafe, Protocol):
     def set_point_degC(self) -> float:
         """Return the set-point that is controlled to now."""
         ...
+
+
+THERMAL_CHAMBER = Role(
+    "thermal_chamber",
+    ThermalChamber,
+    limits={
+        "temperature_low": Limit("degC", "lowest temperature", needed=True, signed=True),
+        "temperature_high": Limit("degC", "highest temperature", needed=True, signed=True),
+        "temperature_slew": Limit("degC/min", "fastest change of temperature"),
+    },
+    quantities={
+        "temperature": replace(TEMPERATURE, limit="temperature_high"),
+        "door": CONTACT,
+        "chain": CONTACT,
+        "output": OUTPUT,
+    },
+    safe_state=SafeState(
+        "heater and compressor off", "control mode off, and no power at the output", rank=70
+    ),
+)
