@@ -145,7 +145,7 @@ def parameters_of(method: Any) -> tuple[str, ...]:
 def collected() -> tuple[Mapping[str, Role], tuple[str, ...]]:
     """Return the roles by name, the station's own first, and why each other one is left out.
 
-    An entry of the group `station.roles` is a Role, or several of them.
+    An entry of the group `station.roles` is a Role, or a module with `ROLES`.
     """
     found: dict[str, Role] = {}
     left_out: list[str] = []
@@ -154,14 +154,19 @@ def collected() -> tuple[Mapping[str, Role], tuple[str, ...]]:
         if reason is not None:
             left_out.append(reason)
             continue
-        offered = registry.load(registry.ROLES, entry)
-        for one in offered if isinstance(offered, tuple | list) else (offered,):
+        for one in offered_by(entry):
             reason = _why_refused(one, found)
             if reason is not None:
                 left_out.append(f"the role '{entry}' is left out: {reason}")
                 continue
             found[one.name] = one
     return found, tuple(left_out)
+
+
+def offered_by(entry: str) -> tuple[Any, ...]:
+    """Return what an entry point of the group `station.roles` offers as roles."""
+    offered = registry.load(registry.ROLES, entry)
+    return tuple(getattr(offered, "ROLES", (offered,)))
 
 
 def _why_refused(offered: object, known: Mapping[str, Role]) -> str | None:

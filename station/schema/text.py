@@ -18,7 +18,7 @@ from station.driver_checks import keys_of, settings_of, settings_of_role
 from station.files.plan import PlanHeader
 from station.instruments.bench import bench_file
 from station.procedure import Procedure
-from station.roles.role import BUILT_IN, Role, roles, roles_of
+from station.roles.role import BUILT_IN, Role, offered_by, roles, roles_of
 from station.schema.models import Schema, model_schema
 from station.schema.plan import (
     DEFINITIONS,
@@ -136,7 +136,7 @@ def _procedures(built_in: bool) -> dict[str, Procedure]:
 
 
 def _roles(built_in: bool) -> list[Role]:
-    return [*registry.load(registry.ROLES, BUILT_IN)] if built_in else [*roles().values()]
+    return [*offered_by(BUILT_IN)] if built_in else [*roles().values()]
 
 
 def _chosen(procedure: str) -> Schema:
