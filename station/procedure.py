@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from pkgutil import resolve_name
 from typing import TYPE_CHECKING, Any, TypedDict
@@ -11,6 +11,15 @@ from typing import TYPE_CHECKING, Any, TypedDict
 from station import registry
 from station.consent import Prompt as Prompt
 from station.errors import InputError
+from station.method.set_points import Envelope
+from station.method.work import (
+    Forecast,
+    Work,
+    recordings_of,
+    set_points_of,
+    unit_durations_s,
+    units_of,
+)
 
 if TYPE_CHECKING:
     from station.dataset_reading import RawDataset
@@ -35,13 +44,14 @@ class ResultKind:
 class Step:
     """One step with the source document's own number.
 
-    `body` does it; `duration_s(parameters)` is the bench time it is expected to take.
+    `body` does it; `duration_s(parameters)` is the bench time it is expected to take, beside the
+    time of the work that the procedure declares for it.
     """
 
     number: str
     title: str
     body: Callable[[Run], None]
-    duration_s: Callable[[Any], float]
+    duration_s: Callable[[Any], float] = lambda _: 0.0
 
 
 @dataclass(frozen=True)
@@ -50,42 +60,6 @@ class Problem:
 
     where: tuple[str, ...]
     what: str
-
-
-@dataclass(frozen=True)
-class SetPoint:
-    """What a step commands of an instrument: in words, and the largest values that it sets.
-
-    `rms_current_A` is what heats a coil, the effective current of a current that changes; None
-    where it is `current_A` itself. `duty` is the part of the time in which the current flows, None
-    where it always does. `temperature_slew_degC_per_min` is how fast a temperature is approached.
-    `decided_by` is the key of the plan that decides it, where that is not the one which the
-    forecast names for the instrument. What a set-point does not concern is None.
-    """
-
-    step: str
-    instrument: str
-    text: str
-    field_mT: float | None = None
-    current_A: float | None = None
-    rms_current_A: float | None = None
-    rate_deg_per_s: float | None = None
-    temperature_degC: float | None = None
-    duty: float | None = None
-    acceleration_deg_per_s2: float | None = None
-    angle_deg: float | None = None
-    temperature_slew_degC_per_min: float | None = None
-    voltage_V: float | None = None
-    decided_by: tuple[str, ...] | None = None
-
-
-@dataclass(frozen=True)
-class Recording:
-    """The rows that a source is expected to give, and the bench time in s over which they come."""
-
-    instrument: str
-    rows: int
-    duration_s: float
 
 
 @dataclass(frozen=True)
@@ -104,21 +78,6 @@ class RecordUse:
     in_budget: bool = True
     needed: bool = True
     corrected: bool = True
-
-
-@dataclass(frozen=True)
-class Forecast:
-    """What a run of a plan on a bench will command and record, in the order of its steps.
-
-    `decided_by` names, by instrument, the key of the plan that decides what it is set to: faults
-    point there. `held_bytes` is the most that the evaluation holds of the record at once; where it
-    is None, that is all rows.
-    """
-
-    set_points: tuple[SetPoint, ...] = ()
-    recordings: tuple[Recording, ...] = ()
-    decided_by: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
-    held_bytes: int | None = None
 
 
 @dataclass(frozen=True)
@@ -162,14 +121,14 @@ def usual_modules(package: str) -> DataHooks:
     )
 
 
-def not_told(parameters: Any) -> tuple[str, ...]:
-    """Return no unit of work, for a procedure that does not tell them beforehand."""
+def no_work(parameters: Any) -> Iterable[Work]:
+    """Return nothing, for a procedure whose steps command nothing, or that is only analysed."""
     return ()
 
 
-def alike(parameters: Any) -> Mapping[str, float]:
-    """Return nothing: no unit of work is expected to take longer than another."""
-    return {}
+def everything(parameters: Any, bench: Bench) -> int | None:
+    """Return None: the evaluation holds all rows at once."""
+    return None
 
 
 def every_axis(parameters: Any) -> Mapping[str, tuple[str, ...]]:
@@ -202,9 +161,13 @@ def no_records(parameters: Any, bench: Bench) -> tuple[RecordUse, ...]:
     return ()
 
 
-def no_forecast(parameters: Any, bench: Bench) -> Forecast:
-    """Return no set-point and no row, for a procedure that does not tell them beforehand."""
-    return Forecast()
+@dataclass(frozen=True)
+class Told:
+    """Units and forecast that a procedure works out beside its steps, instead of declaring work."""
+
+    units: Callable[[Any], tuple[str, ...]]
+    forecast: Callable[[Any, Bench], Forecast]
+    unit_durations_s: Callable[[Any], Mapping[str, float]] = lambda _: {}
 
 
 @dataclass(frozen=True)
@@ -222,9 +185,9 @@ class Procedure:
     for every procedure alike;
     evaluate_run / evaluate_dataset: recorded or imported data to findings;
     report(findings, document): plots and tables of its own;
-    units(parameters): the units of work that a run of the plan will finish, in order;
-    unit_durations_s(parameters): the bench time in s that each of them is expected to take;
-    forecast(parameters, bench): what a run will command and record; opens nothing;
+    work(parameters): what the steps command and record, by unit of work: the commands that they
+    apply, from which units, durations, forecast and limit checks follow;
+    held_bytes(parameters, bench): the most that the evaluation holds of the record at once;
     inputs(parameters): files that the plan names, by their places in the run folder, where copies
     of them are kept and read from;
     files(findings, document): name to text of files beside the results, such as a compensation;
@@ -250,9 +213,9 @@ class Procedure:
     evaluate_dataset: Callable[[RawDataset], Findings]
     report: Callable[[Findings, ResultDocument], Sequence[Part]]
     records: Callable[[Any, Bench], tuple[RecordUse, ...]] = no_records
-    units: Callable[[Any], tuple[str, ...]] = not_told
-    unit_durations_s: Callable[[Any], Mapping[str, float]] = alike
-    forecast: Callable[[Any, Bench], Forecast] = no_forecast
+    work: Callable[[Any], Iterable[Work]] = no_work
+    held_bytes: Callable[[Any, Bench], int | None] = everything
+    told: Told | None = None
     outlook: Callable[[Any], Sequence[str]] = no_outlook
     undetermined: Callable[[Any], Mapping[str, str]] = nothing_undetermined
     inputs: Callable[[Any], Mapping[str, Path]] = no_inputs
@@ -269,14 +232,45 @@ class Procedure:
                 return step
         raise InputError(f"{self.name} has no step {number}")
 
+    def units(self, parameters: Any) -> tuple[str, ...]:
+        """Return the units of work that a run of the plan will finish, in order."""
+        return self.told.units(parameters) if self.told else units_of(tuple(self.work(parameters)))
+
     def expected_units(self, parameters: Any) -> dict[str, float]:
-        """Return the units of work and how long each should take, against one another."""
-        told_s = self.unit_durations_s(parameters)
-        return {unit: told_s.get(unit, 1.0) for unit in self.units(parameters)}
+        """Return the units of work and the bench time in s that each is expected to take."""
+        if self.told:
+            told_s = self.told.unit_durations_s(parameters)
+            return {unit: told_s.get(unit, 1.0) for unit in self.told.units(parameters)}
+        return unit_durations_s(tuple(self.work(parameters)))
+
+    def forecast(self, parameters: Any, bench: Bench) -> Forecast:
+        """Return what a run will command and record; opens nothing."""
+        if self.told:
+            return self.told.forecast(parameters, bench)
+        work = tuple(self.work(parameters))
+        return Forecast(
+            set_points_of(work, bench),
+            recordings_of(work, bench),
+            held_bytes=self.held_bytes(parameters, bench),
+        )
+
+    def envelope(self, parameters: Any, bench: Bench) -> Envelope | None:
+        """Return what the steps of a run may send at the most; None where nothing is declared."""
+        if self.work is no_work:
+            return None
+        return Envelope.of(self.forecast(parameters, bench).set_points)
+
+    def timed_steps(self, parameters: Any) -> Iterator[tuple[Step, float]]:
+        """Yield each step with the bench time in s that it is expected to take."""
+        work_s: dict[str, float] = {}
+        for one in self.work(parameters):
+            work_s[one.step] = work_s.get(one.step, 0.0) + one.duration_s
+        for step in self.steps:
+            yield step, step.duration_s(parameters) + work_s.get(step.number, 0.0)
 
     def duration_s(self, parameters: Any) -> float:
         """Return the bench time in s that a run is expected to take."""
-        return sum(step.duration_s(parameters) for step in self.steps)
+        return sum(expected_s for _, expected_s in self.timed_steps(parameters))
 
 
 def procedure_of(name: str) -> Procedure:

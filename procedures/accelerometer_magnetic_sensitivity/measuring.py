@@ -203,7 +203,7 @@ def read_output(run: Run, unit: str, said: str, meters: StandingStill) -> bool:
 
 def keep(run: Run, source: Any, unit: str, block: Any) -> None:
     """Record a block of rows where there are any."""
-    from station.runner.acquisition import to_rows
+    from station.runner.verbs import to_rows
 
     if len(block):
         run.record.block(source.source, unit, source.columns, to_rows(block))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from station.procedure import Later, Procedure, ResultKind, usual_modules
+from station.procedure import Later, Procedure, ResultKind, Told, usual_modules
 
 from .check import check, instruments, records
 from .parameters import FogParameters
@@ -48,7 +48,7 @@ PROCEDURE = Procedure(
     **usual_modules(__name__),
     inputs=Later(f"{__name__}.from_import:inputs"),
     files=Later(f"{__name__}.compensation:files_of"),
-    forecast=forecast,
+    told=Told(lambda _: (), forecast),
     outlook=Later(f"{__name__}.outlook:outlook"),
     measured_axes=measured_axes,
     assumptions=(

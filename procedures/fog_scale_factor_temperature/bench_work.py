@@ -88,7 +88,7 @@ class BenchWork:
         Raises InstrumentError when none has for long.
         """
         from station.record.raw import ARRIVAL
-        from station.runner.acquisition import to_rows
+        from station.runner.verbs import to_rows
 
         clock = self.run.clock
         self._due_s = clock.now() + clock.holding_s(LOOK_S)

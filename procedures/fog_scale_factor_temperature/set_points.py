@@ -6,7 +6,8 @@ from collections.abc import Iterator
 from itertools import accumulate
 from typing import TYPE_CHECKING
 
-from station.procedure import Forecast, Recording, SetPoint
+from station.method.set_points import SetPoint
+from station.method.work import Forecast, Recording
 
 from .bench_work import CHAMBER_EVERY_S, UP
 from .check import CHAMBER, NAVIGATOR, POWER, TABLE

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from station.procedure import Later, Procedure, ResultKind, usual_modules
+from station.procedure import Later, Procedure, ResultKind, Told, usual_modules
 
 from .check import check, instruments, prompts, records
 from .forecast import forecast
@@ -37,9 +37,7 @@ PROCEDURE = Procedure(
     prompts=prompts,
     check=check,
     **usual_modules(__name__),
-    units=units,
-    unit_durations_s=unit_durations_s,
-    forecast=forecast,
+    told=Told(units, forecast, unit_durations_s),
     outlook=Later(f"{__name__}.outlook:outlook"),
     files=Later(f"{__name__}.calibration:files_of"),
     assumptions=(

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from station.procedure import Forecast, Recording, SetPoint
+from station.method.set_points import SetPoint
+from station.method.work import Forecast, Recording
 
 from .check import IMU, POSES_DEG, POWER, RATES, STANDS, TURNTABLE, UP_DEG, axes_of
 from .parameters import AXES, NineAxisParameters

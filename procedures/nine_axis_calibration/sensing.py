@@ -60,7 +60,7 @@ class Sensing:
 
     def look(self) -> None:
         """Record what has come."""
-        from station.runner.acquisition import to_rows
+        from station.runner.verbs import to_rows
 
         run, sensor = self._run, self._sensor
         rows = to_rows(sensor.drain())

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from procedures.rlg_magnetic_sensitivity.check import check
-from procedures.rlg_magnetic_sensitivity.forecast import forecast, outlook
 from procedures.rlg_magnetic_sensitivity.parameters import RlgParameters
-from procedures.rlg_magnetic_sensitivity.steps import (
-    STEPS,
+from procedures.rlg_magnetic_sensitivity.steps import STEPS, prompts
+from procedures.rlg_magnetic_sensitivity.work import (
+    check,
+    held_bytes,
     instruments,
-    prompts,
+    outlook,
     records,
-    units,
+    work,
 )
 from station.procedure import Procedure, ResultKind, usual_modules
 
@@ -36,8 +36,8 @@ PROCEDURE = Procedure(
     prompts=prompts,
     check=check,
     **usual_modules(__name__),
-    units=units,
-    forecast=forecast,
+    work=work,
+    held_bytes=held_bytes,
     outlook=outlook,
     measured_axes=lambda parameters: {"magnetic_sensitivity": tuple(parameters.axes)},
     needs_limits=limited_results,

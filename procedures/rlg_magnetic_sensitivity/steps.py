@@ -7,39 +7,33 @@ Simultaneous excitation does S3 to S7 for all coils at once; then S8 repeats the
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
 
-from procedures.rlg_magnetic_sensitivity.check import sees_one_axis
-from procedures.rlg_magnetic_sensitivity.measuring import (
-    GAUSSMETER,
-    coil_supply,
-    draw,
-    drive,
-    preparation_s,
-    read_peak,
-    record,
-    recording_s,
-    transform,
-)
 from procedures.rlg_magnetic_sensitivity.parameters import RlgParameters
 from procedures.rlg_magnetic_sensitivity.records import (
     PlannedRecord,
     all_records,
+    reading_back_s,
     sensitivity_records,
 )
-from procedures.rlg_magnetic_sensitivity.warming import (
+from procedures.rlg_magnetic_sensitivity.stopping import warm_up
+from procedures.rlg_magnetic_sensitivity.work import (
+    GAUSSMETER,
     GYRO,
     POWER,
-    WARM_UP,
-    expected_warm_up_s,
-    warm_up,
+    coil_supply,
+    field_range,
+    sines,
 )
-from station.errors import InstrumentError
-from station.procedure import Prompt, RecordUse, Step
+from station.method.commands import CoilOff, Power
+from station.procedure import Prompt, Step
 
 if TYPE_CHECKING:
-    from station.instruments.bench import Bench
+    from numpy.typing import NDArray
+
+    from procedures.rlg_magnetic_sensitivity.dataset import Segment
     from station.runner.run import Run
 
 MOUNT = Prompt(
@@ -53,26 +47,30 @@ CABLES = Prompt(
 )
 
 
-def instruments(parameters: RlgParameters) -> tuple[str, ...]:
-    """Return the bench instances the plan needs."""
-    return (*(coil_supply(axis) for axis in parameters.axes), GAUSSMETER, GYRO, POWER)
+@dataclass
+class Spectra:
+    """The records that S5 has transformed, and their curves, until S7 has read their peaks."""
+
+    of_unit: dict[str, tuple[Segment, Any]] = field(default_factory=dict)
 
 
-def records(parameters: RlgParameters, bench: Bench) -> tuple[RecordUse, ...]:
-    """Return what the analysis takes of calibration records.
+class SampleCounter:
+    """Count samples by the board's own 16-bit sequence number."""
 
-    An uncertainty of the gaussmeter's direction is needed where it sees one axis alone.
-    """
-    return (
-        RecordUse(GAUSSMETER, "field", parameters.amplitude_mT, "mT"),
-        RecordUse(GAUSSMETER, "angle", 0.0, "deg", needed=sees_one_axis(bench), corrected=False),
-        RecordUse(GYRO, "scale", 1.0, "1"),
-    )
+    def __init__(self, wanted: int) -> None:
+        self.wanted = wanted
+        self.counted = 0
+        self._last: int | None = None
 
-
-def units(parameters: RlgParameters) -> tuple[str, ...]:
-    """Return the units of work in the order they are measured: the warm-up, then each record."""
-    return (WARM_UP, *(planned.unit for planned in all_records(parameters)))
+    def enough(self, newest: Mapping[str, NDArray[Any]]) -> bool:
+        """Take the newest row of the board; True once `wanted` intervals have passed."""
+        sequence = int(newest[GYRO]["sequence"][0])
+        step = 0 if self._last is None else (sequence - self._last) % 65536
+        if step >= 32768:
+            return False  # a late frame: the counter never runs backwards by itself
+        self.counted += step
+        self._last = sequence
+        return self.counted >= self.wanted
 
 
 def prompts(parameters: RlgParameters) -> tuple[Prompt, ...]:
@@ -94,6 +92,98 @@ def connect(run: Run) -> None:
         run.role(coil_supply(axis), CoilSupply).programme_limits()
 
 
+def drive(run: Run, planned: PlannedRecord) -> None:
+    """S3: each coil of a record produces a sine of its frequency f and amplitude M."""
+    parameters: RlgParameters = run.parameters
+    if run.is_finished(planned.unit):
+        run.progress.say(f"    {planned.unit}: measured before the run was interrupted")
+        return
+    run.may_pause()
+    run.apply(field_range(parameters, planned))
+    driven = sines(planned)
+    for sine in driven.values():
+        run.prepare(sine)
+    for axis, sine in driven.items():
+        frequency_Hz, amplitude_A = run.apply(sine), sine.current_A(run.bench)
+        run.record.event(
+            "field-on", axis=axis, amplitude_A=amplitude_A, frequency_Hz=frequency_Hz, durable=True
+        )
+    if driven:
+        run.wait(parameters.settle_s, f"{planned.unit}: the field settles")
+
+
+def record(run: Run, planned: PlannedRecord) -> None:
+    """S4: N samples of the gyro at tau0, the field measured beside it; then the field goes off.
+
+    Where the plan has a stop, N is decided by what the samples so far determine.
+    """
+    from procedures.rlg_magnetic_sensitivity.stopping import Patience
+    from station.roles import Gaussmeter, GyroAcquisition
+    from station.runner.verbs import acquire
+
+    if run.is_finished(planned.unit):
+        return
+    board = run.role(GYRO, GyroAcquisition)
+    gaussmeter = run.role(GAUSSMETER, Gaussmeter)
+    board.drain()
+    gaussmeter.drain()
+    counter = SampleCounter(planned.samples)
+    patience = Patience(run, planned)
+    with run.unit(
+        planned.unit,
+        drive={axis: vars(sine) for axis, sine in planned.drive.items()},
+        field_averaging_s=gaussmeter.averaging_s,
+        field_timestamp=gaussmeter.timestamp,
+    ) as facts:
+        while True:
+            facts["samples"] = counter.wanted
+            acquire(
+                run,
+                planned.unit,
+                {GYRO: board, GAUSSMETER: gaussmeter},
+                enough=counter.enough,
+                detail=lambda: patience.said(counter.counted, counter.wanted),
+            )
+            more = patience.more(facts)
+            if more is None:
+                break
+            counter.wanted = more
+    for axis in planned.energised:
+        run.apply(CoilOff(coil_supply(axis)))
+        run.record.event("field-off", axis=axis)
+
+
+def transform(run: Run, planned: PlannedRecord) -> None:
+    """S5: the discrete Fourier transform of the N samples, read back from the record."""
+    from procedures.rlg_magnetic_sensitivity.from_record import segment_of_unit
+    from procedures.rlg_magnetic_sensitivity.published import plotted_spectrum
+
+    with run.clock.allow(reading_back_s(planned.most, run.parameters.sample_interval_s)):
+        segment = segment_of_unit(run.read_back(), planned.unit, run.parameters, run.bench)
+        run.state(Spectra).of_unit[planned.unit] = segment, plotted_spectrum(segment)
+
+
+def draw(run: Run, planned: PlannedRecord) -> None:
+    """S6: the curve y = 2|X[k]|/N against x = k/T, as a table in the run folder."""
+    _, curve = run.state(Spectra).of_unit[planned.unit]
+    rows = zip(*curve, strict=True)
+    lines = ["frequency_Hz,amplitude_deg_per_h", *(f"{x:.9g},{y:.9g}" for x, y in rows)]
+    run.record.write_text(f"spectrum-{planned.unit}.csv", "\n".join(lines) + "\n")
+
+
+def read_peak(run: Run, planned: PlannedRecord) -> None:
+    """S7: the peak near each f divided by M, as published; the best estimate follows at the end."""
+    from procedures.rlg_magnetic_sensitivity.published import published_value
+
+    segment, _ = run.state(Spectra).of_unit.pop(planned.unit)
+    for axis in planned.energised:
+        published = published_value(segment, axis)
+        run.record.event("published-value", axis=axis, value=published.value, unit=published.unit)
+        if published.value is not None:
+            value = f"{published.value:.4f} {published.unit}"
+            run.progress.say(f"    {axis}: as published |S| = {value}")
+
+
 def repeat(run: Run) -> None:
     """S8: S3 to S7 again for the other coils, then S3 and S4 for what tests the results."""
     if run.parameters.excitation == "simultaneous":
@@ -109,20 +199,12 @@ def switch_off(run: Run) -> None:
 
     Raises InstrumentError when a coil's supply does not read back as off.
     """
-    from station.roles import CoilSupply, DutPower, GyroAcquisition
+    from station.roles import GyroAcquisition
+    from station.runner.verbs import require_off
 
-    for axis in run.parameters.axes:
-        name = coil_supply(axis)
-        reading = run.role(name, CoilSupply).read_safety()
-        if not reading.safe:
-            raise InstrumentError(
-                name,
-                "switched the coil off",
-                f"it reads back {reading.read_back}",
-                "switch the supply off by hand",
-            )
+    require_off(run, *(coil_supply(axis) for axis in run.parameters.axes))
     run.role(GYRO, GyroAcquisition).stop()
-    run.role(POWER, DutPower).switch_off()
+    run.apply(Power(POWER, False))
 
 
 def first(part: Callable[[Run, PlannedRecord], None]) -> Callable[[Run], None]:
@@ -135,33 +217,15 @@ def first(part: Callable[[Run, PlannedRecord], None]) -> Callable[[Run], None]:
     return body
 
 
-def repeating_s(parameters: RlgParameters) -> float:
-    """Return the bench time in s of S8: all records but the first."""
-    return sum(
-        preparation_s(parameters, planned) + recording_s(parameters, planned)
-        for planned in all_records(parameters)[1:]
-    )
-
-
 STEPS = (
-    Step("S1", "Mount the gyro in the centre of the coil", mount, lambda _: 0.0),
+    Step("S1", "Mount the gyro in the centre of the coil", mount),
     Step("S2", "Connect the cables, identify the instruments", connect, lambda _: 1.0),
-    Step("S3.1", "Switch the gyro on and warm it up", warm_up, expected_warm_up_s),
-    Step(
-        "S3.2",
-        "Drive coil X with a sine of frequency f and amplitude M",
-        first(drive),
-        lambda p: preparation_s(p, all_records(p)[0]),
-    ),
-    Step(
-        "S4",
-        "Record N samples of the gyro, and the field",
-        first(record),
-        lambda p: recording_s(p, all_records(p)[0]),
-    ),
-    Step("S5", "Transform the record", first(transform), lambda _: 0.0),
-    Step("S6", "Draw the spectrum 2|X|/N against k/T", first(draw), lambda _: 0.0),
-    Step("S7", "Read the peak near f, divide by M", first(read_peak), lambda _: 0.0),
-    Step("S8", "Repeat S3 to S7 for coils Y and Z", repeat, repeating_s),
-    Step("S9", "Switch the coils and the gyro off", switch_off, lambda _: 1.0),
+    Step("S3.1", "Switch the gyro on and warm it up", warm_up),
+    Step("S3.2", "Drive coil X with a sine of frequency f and amplitude M", first(drive)),
+    Step("S4", "Record N samples of the gyro, and the field", first(record)),
+    Step("S5", "Transform the record", first(transform)),
+    Step("S6", "Draw the spectrum 2|X|/N against k/T", first(draw)),
+    Step("S7", "Read the peak near f, divide by M", first(read_peak)),
+    Step("S8", "Repeat S3 to S7 for coils Y and Z", repeat),
+    Step("S9", "Switch the coils and the gyro off", switch_off),
 )

@@ -1,7 +1,7 @@
-"""When a record is long enough: the uncertainty asked for is reached, or the decision is clear.
+"""When there are data enough: the gyro is warm; a record reaches its uncertainty, or decides.
 
-Looks are few and placed where the scatter so far foretells the end: each look at noisy data is one
-more chance to stop by luck, which costs coverage.
+Looks at a record are few and placed where the scatter so far foretells the end: each look at
+noisy data is one more chance to stop by luck, which costs coverage.
 """
 
 from __future__ import annotations
@@ -10,15 +10,23 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from procedures.rlg_magnetic_sensitivity.parameters import RlgParameters
 from procedures.rlg_magnetic_sensitivity.records import (
     PlannedRecord,
+    all_records,
     reading_back_s,
     sensitivity_records,
 )
+from procedures.rlg_magnetic_sensitivity.work import GYRO, POWER, WARM_UP, gyro_sampling
 from station.console import span
+from station.errors import ConditionNotReached
+from station.method.commands import Power
 
 if TYPE_CHECKING:
-    from procedures.rlg_magnetic_sensitivity.parameters import RlgParameters, Stop
+    from numpy.typing import NDArray
+
+    from procedures.rlg_magnetic_sensitivity.parameters import Stop
+    from station.roles import GyroAcquisition
     from station.runner.run import Run
 
 GUARD = 1.03
@@ -27,6 +35,7 @@ it, it is rather too small than too large."""
 CLEAR = 3.0
 """Standard uncertainties between a value and every limit that make a decision early."""
 LONGEST_GROWTH, SHORTEST_GROWTH = 1.5, 1.2
+WARM_UP_LOOKS_EVERY_S = 30.0
 
 
 @dataclass(frozen=True)
@@ -142,3 +151,82 @@ def standings_of(run: Run, planned: PlannedRecord, facts: Mapping[str, Any]) -> 
                 )
             )
     return standings
+
+
+def warm_up(run: Run) -> None:
+    """S3, first part: gyro on, and wait until its output is steady.
+
+    Raises ConditionNotReached when |slope| + 2 u stays above the plan's limit for too long.
+    """
+    from procedures.estimation.slope import slope_with_uncertainty
+    from procedures.rlg_magnetic_sensitivity.from_record import gyro_record
+    from station.roles import GyroAcquisition
+
+    parameters: RlgParameters = run.parameters
+    if all(run.is_finished(record.unit) for record in all_records(parameters)):
+        return
+    rule = parameters.warm_up
+    run.apply(Power(POWER, True))
+    run.apply(gyro_sampling(parameters))
+    board = run.role(GYRO, GyroAcquisition)
+    began_s = run.clock.now()
+    said = "filling the window"
+    while True:
+        follow_gyro(run, board, run.clock.now() + WARM_UP_LOOKS_EVERY_S, said)
+        elapsed_s = run.clock.now() - began_s
+        if elapsed_s < rule.window_s:
+            continue
+        rows = round(elapsed_s / parameters.sample_interval_s)
+        with run.clock.allow(reading_back_s(rows, parameters.sample_interval_s)):
+            record = gyro_record(run.read_back(), WARM_UP, parameters, run.bench)
+        recent = record.time_s > record.time_s[-1] - rule.window_s
+        rate_deg_per_h = record.rate_deg_per_h[recent]
+        slope, u = slope_with_uncertainty(record.time_s[recent], rate_deg_per_h)
+        slope_deg_per_h2, u_deg_per_h2 = 3600 * slope, 3600 * u
+        said = f"slope {slope_deg_per_h2:+.3f} ± {2 * u_deg_per_h2:.3f} deg/h^2"
+        if abs(slope_deg_per_h2) + 2 * u_deg_per_h2 < rule.slope_limit_deg_per_h2:
+            run.record.finish_unit(WARM_UP, slope_deg_per_h2=slope_deg_per_h2, u=u_deg_per_h2)
+            run.progress.say(f"    warm: {said}")
+            warn_of_beats(run, rate_deg_per_h, record.interval_s)
+            return
+        if elapsed_s >= rule.at_most_s:
+            raise ConditionNotReached(
+                f"the gyro did not become steady within {rule.at_most_s / 60:g} min: {said}, the "
+                f"plan allows {rule.slope_limit_deg_per_h2:g}; wait longer (warm_up.at_most), or "
+                "look for air currents, a warming table or a gyro that was just carried in"
+            )
+
+
+def follow_gyro(run: Run, board: GyroAcquisition, until_s: float, said: str) -> None:
+    """Record the gyro of the warm-up until a run time."""
+    from station.runner.verbs import acquire
+
+    acquire(
+        run,
+        WARM_UP,
+        {GYRO: board},
+        enough=lambda _: run.clock.now() >= until_s,
+        detail=lambda: said,
+    )
+
+
+def warn_of_beats(run: Run, rate_deg_per_h: NDArray[Any], interval_s: float) -> None:
+    """Say before anything is driven that pulses counted at this mean rate would harm a result."""
+    from procedures.estimation.allan import allan_deviation, noise_coefficients
+    from procedures.rlg_magnetic_sensitivity.pulse_beat import advice
+
+    parameters: RlgParameters = run.parameters
+    noise = noise_coefficients(allan_deviation(rate_deg_per_h, interval_s))
+    if noise is None:
+        return
+    planned = sensitivity_records(parameters)[0]
+    told = advice(
+        float(rate_deg_per_h.mean()),
+        parameters.pulse_weight_arcsec,
+        parameters.sample_interval_s,
+        noise.angle_random_walk_deg_per_sqrt_h,
+        [sine.frequency_Hz for sine in planned.drive.values()],
+        planned.samples * parameters.sample_interval_s,
+    )
+    if told is not None:
+        run.progress.say(f"    WARNING: {told.does}; better: {told.helps}")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from station.procedure import Later, Procedure, ResultKind, usual_modules
+from station.procedure import Later, Procedure, ResultKind, Told, usual_modules
 
 from .check import check
 from .forecast import forecast
@@ -34,8 +34,7 @@ PROCEDURE = Procedure(
     prompts=prompts,
     check=check,
     **usual_modules(__name__),
-    units=units,
-    forecast=forecast,
+    told=Told(units, forecast),
     outlook=Later(f"{__name__}.outlook:outlook"),
     assumptions=(
         "Only coil factor over slowing-down factor is seen. Nothing here measures a field in "

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from station.procedure import Forecast, Recording, SetPoint
+from station.method.set_points import SetPoint
+from station.method.work import Forecast, Recording
 
 from .cell import CHANNELS, DIGITIZER, PUMP, Coils, coils_of
 from .check import knows_its_coils

@@ -178,7 +178,7 @@ def bad_attempt(run: Run, cell: Cell, shot: Wanted, *, last: bool) -> str | None
 
 def keep(run: Run, unit: str, block: Block) -> None:
     """Record a shot's rows; each attempt begins with an earlier time than the last one ended."""
-    from station.runner.acquisition import to_rows
+    from station.runner.verbs import to_rows
 
     source = cell_of(run).digitizer
     run.record.block(source.source, unit, source.columns, to_rows(block))

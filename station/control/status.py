@@ -60,9 +60,9 @@ def what_is_planned(plan: Plan, procedure: Procedure, clock: Clock) -> dict[str,
             {
                 "step": step.number,
                 "title": step.title,
-                "expected_s": round(step.duration_s(plan.parameters), 3),
+                "expected_s": round(expected_s, 3),
             }
-            for step in procedure.steps
+            for step, expected_s in procedure.timed_steps(plan.parameters)
         ],
         "units": list(procedure.units(plan.parameters)),
         "units_expected": procedure.expected_units(plan.parameters),

@@ -14,7 +14,7 @@ from station import registry
 if TYPE_CHECKING:
     from station.clock import Clock
     from station.instruments.bench import Bench
-    from station.procedure import Forecast
+    from station.method.work import Forecast
 
 ROOM = 1.2
 """So many times what a plan needs must be free."""
@@ -59,7 +59,7 @@ def needed_bytes(forecast: Forecast, bench: Bench, clock: Clock) -> int:
     Rows count with their number and the width of their columns; blocks with what frames them, one
     block at each look at a source, which the clock says how often comes.
     """
-    from station.runner.acquisition import POLL_S
+    from station.method.work import POLL_S
 
     total = BESIDE_RAW_BYTES
     for recording in forecast.recordings:

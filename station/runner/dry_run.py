@@ -28,7 +28,7 @@ from station.safety.static_limits import RESISTANCE, coil_resistance_ohm, heatin
 if TYPE_CHECKING:
     from station.files.plan import Plan
     from station.instruments.bench import Bench
-    from station.procedure import SetPoint
+    from station.method.set_points import SetPoint
 
 QUANTITIES = {"field": ("field_mT", "mT"), "current": ("current_A", "A")}
 MOTIONS = {"rate": ("rate_deg_per_s", "deg/s")}
@@ -101,8 +101,7 @@ def walk(plan: Plan, bench: Bench, output: Path, served: Mapping[str, Any] | Non
     clock = clock_for(bench, served)
     steps: list[Walked] = []
     starts_s = 0.0
-    for step in procedure.steps:
-        expected_s = step.duration_s(plan.parameters)
+    for step, expected_s in procedure.timed_steps(plan.parameters):
         points = tuple(point for point in foreseen.set_points if point.step == step.number)
         steps.append(Walked(step.number, step.title, starts_s, expected_s, points))
         starts_s += expected_s

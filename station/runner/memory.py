@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from station.runner.disk_space import in_bytes
 
 if TYPE_CHECKING:
-    from station.procedure import Forecast
+    from station.method.work import Forecast
 
 PROGRAM_BYTES = 180_000_000
 """The program with its libraries, and a report of the usual length."""

@@ -20,8 +20,11 @@ if TYPE_CHECKING:
     from station.control.requests import Control
     from station.files.plan import Plan
     from station.instruments.bench import Bench
+    from station.method.set_points import Command, Envelope
 
 Role = TypeVar("Role")
+State = TypeVar("State")
+Result = TypeVar("Result")
 WAIT_SLICE_S = 1.0
 SENTENCES = {
     "line-resynchronised": "something came that was not asked for; its line was brought into step",
@@ -71,6 +74,10 @@ class Run:
         """What one step leaves for the next; nothing that results are computed from."""
         self.left: list[Prompt] = []
         """What a person is asked once the results are written."""
+        self.envelope: Envelope | None = None
+        """What the procedure declared of its commands, None where it declares none."""
+        self._prepared: dict[Command[Any], Any] = {}
+        self._states: dict[type[Any], Any] = {}
         self.control: Control | None = None
         """What other terminals ask of this run, None where nobody can."""
         self._operator = operator
@@ -93,6 +100,34 @@ class Run:
                 f"asks of a {kind.__name__}; choose another driver in the bench file"
             )
         return instrument
+
+    def prepare(self, command: Command[Result]) -> Result | None:
+        """Load what is to start together with others, before the first of them is applied."""
+        if self.envelope is not None:
+            self.envelope.require(command, self.bench)
+        prepared = command.prepare(self)
+        self._prepared[command] = prepared
+        return prepared
+
+    def apply(self, command: Command[Result]) -> Result:
+        """Send a command of the procedure's work to its instrument.
+
+        Raises InputError for one that goes beyond what was declared, and so was held against no
+        limit of the bench.
+        """
+        if command not in self._prepared:
+            self.prepare(command)
+        return command.apply(self, self._prepared.pop(command))
+
+    def state(self, kind: type[State], *arguments: Any) -> State:
+        """Return what the steps of this process keep from one to the next, made when first asked.
+
+        A class of the procedure's own; nothing that results are computed from.
+        """
+        if kind not in self._states:
+            self._states[kind] = kind(*arguments)
+        kept: State = self._states[kind]
+        return kept
 
     def do(self, number: str, title: str, expected_s: float, body: Callable[[Run], None]) -> None:
         """Do one step, with its beginning and end in the log.

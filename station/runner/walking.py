@@ -111,8 +111,9 @@ class Walk:
                 self._watch(signals)
                 if self._first is not None:
                     run.ask_again(self._first.id, self._first.text)
-                for step in self._procedure.steps:
-                    run.do(step.number, step.title, step.duration_s(run.parameters), step.body)
+                run.envelope = self._procedure.envelope(run.parameters, run.bench)
+                for step, expected_s in self._procedure.timed_steps(run.parameters):
+                    run.do(step.number, step.title, expected_s, step.body)
                 outcome.exit_code = 0
             except Exception as error:  # a bug in a step must still leave a safe bench
                 self._ballast.clear()

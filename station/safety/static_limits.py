@@ -15,7 +15,9 @@ from station.units import parse_as
 
 if TYPE_CHECKING:
     from station.instruments.bench import Bench
-    from station.procedure import Forecast, Procedure, SetPoint
+    from station.method.set_points import SetPoint
+    from station.method.work import Forecast
+    from station.procedure import Procedure
 
 RESISTANCE = "coil_resistance"
 PARAMETERS = ("parameters",)
@@ -50,7 +52,8 @@ def beyond_limits(forecast: Forecast, bench: Bench) -> Iterator[Problem]:
             by_instrument.setdefault(point.instrument, []).append(point)
     for name, points in by_instrument.items():
         limits = bench.instruments[name].limits
-        where = forecast.decided_by.get(name, PARAMETERS)
+        keys = (point.decided_by for point in points if point.decided_by)
+        where = forecast.decided_by.get(name) or next(keys, PARAMETERS)
         resistance_ohm = coil_resistance_ohm(bench, name)
         for check in CHECKS:
             allowed = limits.get(check.limit)

@@ -27,8 +27,8 @@ from station.conformance.stand import Stand, standing
 from station.errors import InstrumentError
 from station.files.faults import FaultList
 from station.instruments.bench import read_bench
+from station.method.work import POLL_S
 from station.record.folder import RunFolder
-from station.runner.acquisition import POLL_S
 
 PROCEDURE = "rlg-magnetic-sensitivity"
 

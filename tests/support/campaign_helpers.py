@@ -30,10 +30,10 @@ from station.instruments.bench import read_bench
 from station.instruments.opening import Place
 from station.procedure import Procedures
 from station.record.folder import RunRecord
-from station.runner.acquisition import acquire
 from station.runner.progress import Progress
 from station.runner.prompts import Operator
 from station.runner.run import Run
+from station.runner.verbs import acquire
 
 PROCEDURE = "rlg-magnetic-sensitivity"
 STREAM_PERIODS_S = {"gyro.a": 0.013, "gyro.b": 0.02, "gyro.c": 0.05, "gyro.d": 0.1}

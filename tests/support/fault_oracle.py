@@ -16,7 +16,7 @@ from fault_cases import Case, Reference, bench_data
 from fault_runs import Ended
 from fault_truths import off_the_truth
 
-from station.runner.acquisition import POLL_S
+from station.method.work import POLL_S
 from station.runner.evaluation import evaluate_run
 
 NOTHING_LEFT_A = 0.001

@@ -1,0 +1,1 @@
+"""How a procedure is declared: commands, work and what follows from them."""

@@ -1,0 +1,130 @@
+"""What a procedure declares of its work: commands, rows and time, by step and unit of work.
+
+Forecast, dry run, static limits, durations, resuming and panel all read this declaration; the steps
+apply the commands that stand in it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import groupby
+from typing import TYPE_CHECKING, Any
+
+from station import registry
+from station.method.set_points import Command, SetPoint
+from station.units import UnitError, parse_as
+
+if TYPE_CHECKING:
+    from station.instruments.bench import Bench
+
+POLL_S = 1.037
+"""Run time between two looks at a source. It is no multiple of any reading period, so that over a
+minute some reading is fetched just after it was made: the alignment of clocks lives on those."""
+USUAL_AVERAGING_S = 0.1
+
+
+@dataclass(frozen=True)
+class Rows:
+    """The rows that a source gives over `duration_s` of bench time.
+
+    `count` of None: as many as a gaussmeter's own averaging gives in that time.
+    """
+
+    instrument: str
+    duration_s: float
+    count: float | None = None
+
+
+@dataclass(frozen=True)
+class Work:
+    """What a step does for a unit of work, or, without a unit, beside them.
+
+    `duration_s` is the bench time that it is expected to take. A unit may spread over steps: each
+    gives its own part.
+    """
+
+    step: str
+    unit: str | None = None
+    commands: tuple[Command[Any], ...] = ()
+    rows: tuple[Rows, ...] = ()
+    duration_s: float = 0.0
+
+
+@dataclass(frozen=True)
+class Recording:
+    """The rows that a source is expected to give, and the bench time in s over which they come."""
+
+    instrument: str
+    rows: int
+    duration_s: float
+
+
+@dataclass(frozen=True)
+class Forecast:
+    """What a run of a plan on a bench will command and record, in the order of its steps.
+
+    `decided_by` names, by instrument, the key of the plan that decides what it is set to, where the
+    set-point does not name one. `held_bytes` is the most that the evaluation holds of the record at
+    once; where it is None, that is all rows.
+    """
+
+    set_points: tuple[SetPoint, ...] = ()
+    recordings: tuple[Recording, ...] = ()
+    decided_by: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    held_bytes: int | None = None
+
+
+def units_of(work: Sequence[Work]) -> tuple[str, ...]:
+    """Return the units of work in their order."""
+    return tuple(dict.fromkeys(one.unit for one in work if one.unit is not None))
+
+
+def unit_durations_s(work: Sequence[Work]) -> dict[str, float]:
+    """Return the expected bench time in s of each unit of work."""
+    found = dict.fromkeys(units_of(work), 0.0)
+    for one in work:
+        if one.unit is not None:
+            found[one.unit] += one.duration_s
+    return found
+
+
+def set_points_of(work: Sequence[Work], bench: Bench) -> tuple[SetPoint, ...]:
+    """Return what is commanded on a bench, in order."""
+    sent = [(part.step, command) for part in work for command in part.commands]
+    found: list[SetPoint] = []
+    alike = groupby(sent, key=lambda one: (one[0], type(one[1]), one[1].instrument))
+    for (step, kind, _), group in alike:
+        found += kind.declare(step, [command for _, command in group], bench)
+    return tuple(found)
+
+
+def recordings_of(work: Sequence[Work], bench: Bench) -> tuple[Recording, ...]:
+    """Return the rows of each source over a whole run."""
+    counts: dict[str, float] = {}
+    times_s: dict[str, float] = {}
+    for one in (rows for part in work for rows in part.rows):
+        count = one.count
+        if count is None:
+            count = one.duration_s / reading_period_s(bench, one.instrument)
+        counts[one.instrument] = counts.get(one.instrument, 0.0) + count
+        times_s[one.instrument] = times_s.get(one.instrument, 0.0) + one.duration_s
+    return tuple(
+        Recording(name, math.ceil(count - 1e-6), times_s[name]) for name, count in counts.items()
+    )
+
+
+def reading_period_s(bench: Bench, gaussmeter: str) -> float:
+    """Return the seconds between two readings of a gaussmeter: its averaging time.
+
+    Of one that keeps no readings each look brings one.
+    """
+    instrument = bench.instruments[gaussmeter]
+    if not registry.load(registry.DRIVERS, instrument.driver).keeps_readings:
+        return POLL_S
+    try:
+        averaging_s = parse_as(instrument.settings.get("averaging"), "s")
+    except UnitError:
+        return USUAL_AVERAGING_S
+    return averaging_s if averaging_s > 0 else USUAL_AVERAGING_S

@@ -1,0 +1,134 @@
+"""What is checked against the limits of the bench is what a run sends, and nothing else."""
+
+from __future__ import annotations
+
+import ast
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+from short_forms import SHORT_FORMS
+
+from station import registry
+from station.errors import InputError
+from station.files.lookup import BENCHES, PLANS, find
+from station.files.plan import read_plan
+from station.instruments.bench import Bench, read_bench
+from station.method.commands import Power, SineField, SteadyField
+from station.method.set_points import Bounded, Command, Envelope, SetPoint
+from station.procedure import Procedures, no_work, procedure_of
+from station.record.folder import RunFolder
+from station.runner.execute import Request, execute
+from station.runner.run import Run
+
+DECLARING = [name for name in Procedures() if procedure_of(name).work is not no_work]
+ENERGISING = {
+    *("load_sine", "start_sine", "ramp_to", "switch_on", "move_to", "turn", "set_temperature"),
+    *("prepare_step",),
+}
+"""Verbs of roles that set a current, a field, a temperature or a motion."""
+SUPPLY = "coil_supply.x"
+
+
+def bench() -> Bench:
+    return read_bench(find(BENCHES, "sim"), registry.names(registry.DRIVERS))
+
+
+def plans_that_declare() -> list[str]:
+    return [
+        name
+        for name in SHORT_FORMS
+        if read_plan(find(PLANS, name), Procedures()).procedure in DECLARING
+    ]
+
+
+@pytest.mark.parametrize("name", plans_that_declare())
+def test_a_run_sends_the_commands_that_its_procedure_declares_in_their_order(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    sent: list[Command[Any]] = []
+    apply = Run.apply
+
+    def noted(run: Run, command: Command[Any]) -> Any:
+        sent.append(command)
+        return apply(run, command)
+
+    monkeypatch.setattr(Run, "apply", noted)
+    plan = read_plan(find(PLANS, name), Procedures(), SHORT_FORMS[name])
+    outcome = execute(Request(plan, bench(), tmp_path, quiet=True, report=False))
+    assert outcome.exit_code == 0, outcome.error
+    procedure = procedure_of(plan.procedure)
+    work = list(procedure.work(plan.parameters))
+    declared = [
+        command for part in work for command in part.commands if not isinstance(command, Bounded)
+    ]
+    assert sent == declared
+    folder = RunFolder(outcome.folder)
+    assert set(folder.finished_units()) == set(procedure.units(plan.parameters))
+    held = procedure.forecast(plan.parameters, bench()).set_points
+    currents_A = {one.current_A for one in held if one.current_A is not None}
+    driven = [event for event in folder.events if "amplitude_A" in event.details]
+    assert {event.details["amplitude_A"] for event in driven} <= currents_A
+
+
+@pytest.mark.parametrize("name", DECLARING)
+def test_no_step_of_a_procedure_that_declares_energises_by_itself(name: str) -> None:
+    module = sys.modules[procedure_of(name).parameters.__module__]
+    for path in Path(str(module.__file__)).parent.glob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute):
+                assert node.func.attr not in ENERGISING, f"{path.name}:{node.lineno}"
+
+
+class Watched:
+    """A run of no plan: whatever is asked of its instruments is an error."""
+
+    def __init__(self, declared: list[Command[Any]]) -> None:
+        self.bench = bench()
+        self.envelope = Envelope.of([one.set_point("S1", self.bench) for one in declared])
+        self._prepared: dict[Command[Any], Any] = {}
+
+    def role(self, name: str, kind: type[Any]) -> Any:
+        raise AssertionError(f"{name} was asked as a {kind.__name__}")
+
+    prepare, apply = Run.prepare, Run.apply
+
+
+@pytest.mark.parametrize(
+    ("declared", "sent"),
+    [
+        ([SineField(SUPPLY, 0.1, 1.0)], SineField(SUPPLY, 0.1, 1.001)),
+        ([SineField(SUPPLY, 0.1, 1.0)], SteadyField(SUPPLY, -1.1)),
+        ([SineField("coil_supply.y", 0.1, 1.0)], SineField(SUPPLY, 0.1, 1.0)),
+        ([Power("dut_power", True)], SineField(SUPPLY, 0.1, 1.0)),
+        ([Bounded(SUPPLY, "nulling", within={"field_mT": 2.0})], SineField(SUPPLY, 0.1, 1.0)),
+    ],
+)
+def test_a_command_beyond_the_declaration_is_refused_before_anything_is_sent(
+    declared: list[Command[Any]], sent: Command[Any]
+) -> None:
+    with pytest.raises(InputError, match=r"coil_supply\.x: .* beyond what the procedure declares"):
+        Watched(declared).apply(sent)  # type: ignore[misc, arg-type]
+
+
+def test_what_is_within_the_bounds_of_an_act_that_depends_on_data_is_sent() -> None:
+    bounds = Bounded(SUPPLY, "nulling", within={"field_mT": 2.0, "current_A": 8.0})
+    declared = Envelope.of([bounds.set_point("S1", bench())])
+    for field_mT in (-2.0, 0.0, 2.0):
+        declared.require(SteadyField(SUPPLY, field_mT), bench())
+    with pytest.raises(InputError):
+        declared.require(SteadyField(SUPPLY, -2.01), bench())
+
+
+def test_fields_that_follow_each_other_are_one_set_point_with_the_largest_current() -> None:
+    fields = [SteadyField(SUPPLY, field_mT, rms_mT=1.0) for field_mT in (0.5, -1.5, 1.0)]
+    (point,) = SteadyField.declare("S1", fields, bench())
+    assert point == SetPoint(
+        "S1",
+        SUPPLY,
+        "0.5, -1.5, 1 mT, up to 5 A",
+        field_mT=1.5,
+        current_A=pytest.approx(5.0),
+        rms_current_A=pytest.approx(1.0 / 0.3),
+    )
