@@ -112,7 +112,7 @@ class Acutrol3000(Driver):
         if not (math.isfinite(angle_deg) and low <= angle_deg <= high):
             allowed = f"the bench allows {low:g} deg to {high:g} deg"
             do_now = "correct the plan's angles, or limits.angle_low and limits.angle_high"
-            raise InstrumentError(self.place.name, attempted, allowed, do_now)
+            raise self.error(attempted, allowed, do_now)
         self._table.need_homed(state, attempted)
         self._table.look()
         self._table.need_turns(state)
@@ -133,7 +133,7 @@ class Acutrol3000(Driver):
         if not abs(rate_deg_per_s) <= allowed:
             said = f"the bench allows {allowed:g} deg/s"
             do_now = "correct the plan's rates, or limits.rate"
-            raise InstrumentError(self.place.name, attempted, said, do_now)
+            raise self.error(attempted, said, do_now)
         self._table.need_homed(state, attempted)
         self._table.set_rate(state, rate_deg_per_s, Doing.TURNING)
 

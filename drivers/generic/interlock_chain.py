@@ -82,8 +82,7 @@ class InterlockChainLine(Driver):
         answer = self._line.patient.query("CHAIN?").strip()
         state = STATES.get(answer)
         if state is None:
-            raise InstrumentError(
-                self.place.name,
+            raise self.error(
                 "asked for the state of the chain",
                 f"{shortened(answer)!r} came back where CLOSED or OPEN belongs",
                 "check the reader of the chain and its cable; until then the chain counts as open",

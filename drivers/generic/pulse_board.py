@@ -172,8 +172,7 @@ class PulseBoard(Driver):
             raise self._dark(attempted)
 
     def _dark(self, attempted: str) -> InstrumentError:
-        return InstrumentError(
-            self.place.name,
+        return self.error(
             f"{attempted} channel {self._channel}",
             "the board sees no lit gyro there",
             "check the gyro's cable and power, and the plan's channel",

@@ -13,7 +13,6 @@ import numpy as np
 
 from drivers.kepco.supply import ERROR_QUERY, KepcoSupply
 from drivers.transport.retry import Repeatable
-from station.errors import InstrumentError
 
 LONGEST_MESSAGE = 253
 LIST_POINTS = 1000
@@ -46,8 +45,7 @@ class KepcoBop(KepcoSupply):
     def _prepare(self, frequency_Hz: float, amplitude_A: float) -> float:
         dwell_s = 1.0 / (frequency_Hz * LIST_POINTS)
         if not DWELL_RANGE_S[0] <= dwell_s <= DWELL_RANGE_S[1]:
-            raise InstrumentError(
-                self.place.name,
+            raise self.error(
                 f"prepare a sine of {frequency_Hz:g} Hz",
                 f"its list would dwell {dwell_s:g} s a point",
                 "choose a frequency between 0.0001 Hz and 2 Hz",
@@ -63,8 +61,7 @@ class KepcoBop(KepcoSupply):
         self._line.command("LIST:COUN 0")
         uploaded = self._line.number("LIST:CURR:POIN?")
         if uploaded != LIST_POINTS:
-            raise InstrumentError(
-                self.place.name,
+            raise self.error(
                 f"upload a list of {LIST_POINTS} points",
                 f"{uploaded:g} arrived",
                 "run again; if it happens again, slow the line down or change its cable",

@@ -64,8 +64,7 @@ class KepcoBop1kW(KepcoSupply):
         except ValueError:
             sides = []
         if not sides or any(abs(abs(one) - value) > TOLERANCE * value for one in sides):
-            raise InstrumentError(
-                self.place.name,
+            raise self.error(
                 f"set {header} to {value:g}",
                 f"it reads back {answer!r}",
                 "compare the bench file's limits with what the instrument can limit to",
@@ -74,8 +73,7 @@ class KepcoBop1kW(KepcoSupply):
     def _prepare(self, frequency_Hz: float, amplitude_A: float) -> float:
         lowest_Hz, highest_Hz = FREQUENCY_RANGE_HZ
         if not lowest_Hz <= frequency_Hz <= highest_Hz:
-            raise InstrumentError(
-                self.place.name,
+            raise self.error(
                 f"prepare a sine of {frequency_Hz:g} Hz",
                 f"in one segment it makes {lowest_Hz:g} Hz to {highest_Hz:g} Hz",
                 "change the plan's frequency",

@@ -92,8 +92,7 @@ class KepcoSupply(Driver, ABC):
         InstrumentError when the amplitude is above the bench's limit.
         """
         if amplitude_A > self._current_limit_A:
-            raise InstrumentError(
-                self.place.name,
+            raise self.error(
                 f"prepare a sine of {amplitude_A:g} A",
                 f"the bench allows {self._current_limit_A:g} A",
                 "lower the plan's amplitude",
@@ -108,8 +107,7 @@ class KepcoSupply(Driver, ABC):
         """Raise InstrumentError when the bench's limit is above the instrument's rating."""
         rating_A = self._line.number("CURR? MAX")
         if self._current_limit_A > rating_A:
-            raise InstrumentError(
-                self.place.name,
+            raise self.error(
                 f"limit the current to {self._current_limit_A:g} A",
                 f"the instrument ends at {rating_A:g} A",
                 "lower limits.current in the bench file",
@@ -120,8 +118,7 @@ class KepcoSupply(Driver, ABC):
         self._line.command("CURR:MODE LIST")
         self._sine = Sine(self.place.clock.now(), self._half_period_s)
         if not list_runs(self._line.number(OPERATION)):
-            raise InstrumentError(
-                self.place.name,
+            raise self.error(
                 "started the list",
                 "the status register says that no list runs",
                 "look at the supply's display for a fault, clear it and run again",

@@ -95,7 +95,7 @@ class Keysight33522B(Driver):
         """
         largest_V = LARGEST_OPEN_V * self._share
         if self._limit_V > largest_V:
-            raise self._error(
+            raise self.error(
                 f"limit the voltage to {self._limit_V:g} V",
                 f"with this load the instrument ends at {largest_V:g} V",
                 "lower limits.voltage in the bench file",
@@ -148,17 +148,17 @@ class Keysight33522B(Driver):
         self._check(attempted, channel, held_V + voltage_V)
         if not WIDTHS_S[0] <= duration_s <= WIDTHS_S[1]:
             what = f"its pulses last {WIDTHS_S[0]:g} s to {WIDTHS_S[1]:g} s"
-            raise self._error(attempted, what, "correct the length of the record")
+            raise self.error(attempted, what, "correct the length of the record")
         if not 0.0 <= delay_s <= LONGEST_DELAY_S:
             what = f"it waits 0 s to {LONGEST_DELAY_S:g} s after a trigger"
-            raise self._error(attempted, what, "correct the delay of the shutter")
+            raise self.error(attempted, what, "correct the delay of the shutter")
         if voltage_V == 0.0:
             self.hold(channel, held_V)
             return
         least_V = LEAST_OPEN_VPP * self._share
         if abs(voltage_V) < least_V:
             what = f"its least amplitude is {least_V:g} V"
-            raise self._error(attempted, what, "choose a larger field")
+            raise self.error(attempted, what, "choose a larger field")
         self._prepare()
         messages = self._messages[channel]
         with self._off_where_it_fails(attempted, channel):
@@ -204,7 +204,7 @@ class Keysight33522B(Driver):
             on = [channel for channel, is_on in outputs.items() if is_on]
             if on:
                 what = f"channel {' and '.join(map(str, on))} reads back as on"
-                raise self._error("switched both outputs off", what, "switch it off by hand")
+                raise self.error("switched both outputs off", what, "switch it off by hand")
         except InstrumentError:
             with suppress(InstrumentError):
                 self._line.last_attempt(off)
@@ -236,9 +236,9 @@ class Keysight33522B(Driver):
 
     def _check(self, attempted: str, channel: int, voltage_V: float) -> None:
         if channel not in CHANNELS:
-            raise self._error(attempted, "it has channels 1 and 2", "correct the channel")
+            raise self.error(attempted, "it has channels 1 and 2", "correct the channel")
         if not abs(voltage_V) <= self._limit_V:
-            raise self._error(
+            raise self.error(
                 attempted,
                 f"the output would be {voltage_V:g} V, the bench allows {self._limit_V:g} V",
                 "lower the plan's fields, or correct limits.voltage in the bench file",
@@ -272,7 +272,7 @@ class Keysight33522B(Driver):
             raise self._odd(question, answer)
         for (query, expected), has in zip(wanted.items(), told, strict=True):
             if differs(expected, has):
-                raise self._error(
+                raise self.error(
                     f"asked {query}",
                     f"{shortened(has)!r} came back where {expected} belongs",
                     "check its output for an overload, that nobody works at its front panel, and "
@@ -291,11 +291,8 @@ class Keysight33522B(Driver):
         return outputs
 
     def _odd(self, question: str, answer: str) -> InstrumentError:
-        return self._error(
+        return self.error(
             f"asked {shortened(question)}",
             f"{shortened(answer)!r} came back",
             "check its address in the bench file, its cable, and that nobody else talks to it",
         )
-
-    def _error(self, attempted: str, came_back: str, do_now: str) -> InstrumentError:
-        return InstrumentError(self.place.name, attempted, came_back, do_now)

@@ -72,8 +72,7 @@ class Keysight34465A(Driver):
         """
         range_V = VOLTS.range_for(largest_V)
         if range_V is None:
-            raise InstrumentError(
-                self.place.name,
+            raise self.error(
                 f"choose a range for {largest_V:g} V",
                 f"its highest one ends at {VOLTS.limits[-1]:g} V",
                 "lower the largest voltage in the plan, or put a divider before its input",
@@ -214,16 +213,13 @@ class Keysight34465APt100(Driver):
             resistance_ohm(end, self._r0_ohm) for end in (COLDEST_DEGC, HOTTEST_DEGC)
         )
         for value in ohms[(ohms < coldest) | (ohms > hottest)]:
-            raise self._error(
+            raise self.error(
                 "measured the Pt100",
                 f"{value:.6g} ohm came back, which with r0 = {self._r0_ohm:g} ohm is outside "
                 f"{COLDEST_DEGC:g} degC to {HOTTEST_DEGC:g} degC",
                 WIRES,
             )
         return temperature_degC(ohms, self._r0_ohm)
-
-    def _error(self, attempted: str, came_back: str, do_now: str) -> InstrumentError:
-        return InstrumentError(self.place.name, attempted, came_back, do_now)
 
 
 def resistance_ohm(at_degC: float, r0_ohm: float) -> float:

@@ -178,8 +178,7 @@ class Kvh1775(NineAxisSource):
         for name, value in {**SETTINGS, "dr": f"{rate_Hz:.0f}"}.items():
             answer = self._ask(f"={name},{value}", name.upper())
             if answer.upper() != value:
-                raise InstrumentError(
-                    self.place.name,
+                raise self.error(
                     f"set {name} to {value}",
                     f"it answered {answer!r}",
                     "check that the unit is a 1775 and this driver fits its firmware",
@@ -260,8 +259,7 @@ class Kvh1775(NineAxisSource):
                 if said == name:
                     return value.strip()
                 if said.startswith("INVALID"):
-                    raise InstrumentError(
-                        self.place.name,
+                    raise self.error(
                         f"sent {text}",
                         f"it answered {answer!r}",
                         "check that the unit is a 1775 and this driver fits its firmware",

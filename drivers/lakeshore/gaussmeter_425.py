@@ -28,7 +28,7 @@ from drivers.transport.line import number_of, odd, shortened
 from drivers.transport.retry import Repeatable
 from drivers.transport.serial_port import BaudRate, DataBits, Parity, SerialSettings
 from drivers.transport.text_line import SerialLine
-from station.errors import InputError, InstrumentError
+from station.errors import InputError
 from station.fields import Second
 from station.roles import Block, Driver, Identity, Place
 
@@ -169,8 +169,7 @@ class Lakeshore425(Driver):
     def _check(self, attempted: str, query: str, answer: str, wanted: str) -> None:
         """Raise InstrumentError where an answer does not begin as wanted."""
         if not f"{answer.replace(' ', '')},".startswith(f"{wanted},"):
-            raise InstrumentError(
-                self.place.name,
+            raise self.error(
                 attempted,
                 f"{query} answers {shortened(answer)!r}, not {wanted}",
                 "check its cable, that the model is a 425, and that nobody else uses it",

@@ -20,7 +20,6 @@ from pydantic import Field
 from drivers.transport.line import identification, shortened
 from drivers.transport.retry import Repeatable
 from drivers.transport.visa_line import ScpiLine, VisaSettings
-from station.errors import InstrumentError
 from station.fields import Second
 from station.roles import Block, Driver, Identity, Place
 
@@ -131,8 +130,7 @@ class LakeshoreF71(Driver):
         if not len(instrument_time_s):
             return
         if not (np.diff(instrument_time_s, prepend=self._newest_s) > 0).all():
-            raise InstrumentError(
-                self.place.name,
+            raise self.error(
                 "read its buffer",
                 "its time stamps run backwards",
                 "check that nobody else talks to the instrument, then run again",
@@ -151,8 +149,7 @@ class LakeshoreF71(Driver):
             # A stamp with a time zone after stamps without one is no stamp of this instrument.
             instrument_time_s = (stamp - self._first_stamp).total_seconds()
         except (ValueError, IndexError, TypeError) as error:
-            raise InstrumentError(
-                self.place.name,
+            raise self.error(
                 "read its buffer",
                 f"{shortened(record)!r} is no reading",
                 "check the cable and that nobody else talks to the instrument",

@@ -117,15 +117,13 @@ class NewportEsp301(Driver):
         high = self.place.limits.get("angle_high", math.inf)
         attempted = f"turn to {angle_deg:g} deg"
         if not (math.isfinite(angle_deg) and low <= angle_deg <= high):
-            raise InstrumentError(
-                self.place.name,
+            raise self.error(
                 attempted,
                 f"the bench allows {low:g} deg to {high:g} deg",
                 "correct the plan's angles, or limits.angle_low and limits.angle_high",
             )
         if not self.is_homed():
-            raise InstrumentError(
-                self.place.name,
+            raise self.error(
                 attempted,
                 "the encoder's zero has not been found since the stage was opened or has tripped",
                 "home it first",
@@ -146,8 +144,7 @@ class NewportEsp301(Driver):
         if self._number("MD?") == 0:
             self.place.publish("motion", "moving")
             if asked_s > self._until_s:
-                raise InstrumentError(
-                    self.place.name,
+                raise self.error(
                     "waited for the stage to stand still",
                     "it still turns, or has not settled, long after it should have",
                     "look whether something blocks it, then run again",
@@ -176,8 +173,7 @@ class NewportEsp301(Driver):
             desired_deg = self._number("DP?")
             if abs(angle_deg - desired_deg) > self._in_position_deg:
                 self._homed = False
-                raise InstrumentError(
-                    self.place.name,
+                raise self.error(
                     "read the angle at rest",
                     f"the encoder reads {angle_deg:.5f} deg where {desired_deg:.5f} deg was "
                     f"commanded, more than {self._in_position_deg:g} deg apart",

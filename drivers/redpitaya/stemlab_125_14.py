@@ -107,7 +107,7 @@ class RedPitaya(Driver):
             record = self._settings.record(sample_rate_Hz, duration_s, full_scale_V)
         except CannotRecord as error:
             wish = f"record {duration_s:g} s at {sample_rate_Hz:g} Hz up to {full_scale_V:g} V"
-            raise self._error(wish, error.why, error.do_now) from None
+            raise self.error(wish, error.why, error.do_now) from None
         with self._turn:
             self._record, self._fired_s = None, None
             self._expect("reset it", "0", "ACQ:RST", "ACQ:TRIG:DLY?")
@@ -149,7 +149,7 @@ class RedPitaya(Driver):
         """
         record = self._prepared("fetch a record")
         if self._fired_s is None:
-            raise self._error("fetch a record", "no trigger was given since the last one", "fire")
+            raise self.error("fetch a record", "no trigger was given since the last one", "fire")
         if not self._is_full(record):
             return None
         pointer = self._whole("ACQ:TPOS?")
@@ -216,7 +216,7 @@ class RedPitaya(Driver):
 
     def _prepared(self, attempted: str) -> Record:
         if self._record is None:
-            raise self._error(attempted, "no record was prepared", "prepare one before")
+            raise self.error(attempted, "no record was prepared", "prepare one before")
         return self._record
 
     def _is_full(self, record: Record) -> bool:
@@ -228,7 +228,7 @@ class RedPitaya(Driver):
         if self._whole("ACQ:TRIG:FILL?") == 1:
             return True
         if took_s > 1.1 * expected_s + GRACE_S:
-            raise self._error(
+            raise self.error(
                 f"wait for a record of {expected_s:.3g} s",
                 f"{took_s:.3g} s after the trigger ACQ:TRIG:FILL? still reads 0",
                 OTHERS,
@@ -251,7 +251,7 @@ class RedPitaya(Driver):
         has = self._word(END.join(lines))
         if has != wanted:
             came = f"{lines[-1]} reads {shortened(has)!r} where {wanted} belongs"
-            raise self._error(attempted, came, do_now)
+            raise self.error(attempted, came, do_now)
 
     def _surely(self, question: str, ask: Callable[[str], Answer]) -> Answer:
         """Ask what does no harm twice, where one lost answer must not decide."""
@@ -286,6 +286,3 @@ class RedPitaya(Driver):
 
     def _odd(self, question: str, answer: str) -> InstrumentError:
         return odd(self.place.name, f"asked {question}", answer, OTHERS)
-
-    def _error(self, attempted: str, came_back: str, do_now: str) -> InstrumentError:
-        return InstrumentError(self.place.name, attempted, came_back, do_now)

@@ -180,8 +180,7 @@ class ThorlabsSc10(Driver):
             if self.place.clock.now() >= until_s:
                 state = "closed" if is_open else "open"
                 enabled = "enabled" if self._flag("ens?", ask) else "disabled"
-                raise InstrumentError(
-                    self.place.name,
+                raise self.error(
                     attempted,
                     f"its sensor still reads {state} after {within_s:g} s, and the controller is "
                     f"{enabled}",
@@ -203,8 +202,7 @@ class ThorlabsSc10(Driver):
         if (self._flag("ens?", ask) == 1) != wanted:
             if wanted:
                 self._look_at_interlock(attempted)
-            raise InstrumentError(
-                self.place.name,
+            raise self.error(
                 attempted,
                 f"ens? still reads {int(not wanted)} after {TOGGLE_TRIES} attempts",
                 "press ENABLE at its front panel, and see that nobody else uses the controller",
@@ -212,8 +210,7 @@ class ThorlabsSc10(Driver):
 
     def _look_at_interlock(self, attempted: str) -> None:
         if self._flag("interlock?", self._ask) == 1:
-            raise InstrumentError(
-                self.place.name,
+            raise self.error(
                 attempted,
                 "its interlock is open (interlock? reads 1)",
                 "make sure that nobody is in the beam, close the interlock at its rear panel, then "
@@ -230,8 +227,7 @@ class ThorlabsSc10(Driver):
         ask(f"mode={mode}")
         has = self._mode(ask)
         if has != mode:
-            raise InstrumentError(
-                self.place.name,
+            raise self.error(
                 f"set its mode to {mode}",
                 f"mode? reads {has}",
                 "see that nobody works at its front panel, then run again",
@@ -256,9 +252,7 @@ class ThorlabsSc10(Driver):
         value = " ".join(lines[1:])
         for refusal, do_now in REFUSALS.items():
             if refusal in value:
-                raise InstrumentError(
-                    self.place.name, f"sent {message!r}", f"it refused with {refusal}", do_now
-                )
+                raise self.error(f"sent {message!r}", f"it refused with {refusal}", do_now)
         return value
 
     def _odd(self, message: str, answer: str) -> InstrumentError:

@@ -72,7 +72,7 @@ class WatlowChamber(WatlowSight):
         low, high = self._limit("temperature_low"), self._limit("temperature_high")
         has_low, has_high = self._limits_found()
         if low < has_low - self.resolution_K or high > has_high + self.resolution_K:
-            raise self._fault(
+            raise self.error(
                 f"limit the set-point to {low:g} degC to {high:g} degC",
                 f"the controller's own limits are {has_low:g} degC and {has_high:g} degC",
                 "narrow limits.temperature_low and limits.temperature_high in the bench file; only "
@@ -113,7 +113,7 @@ class WatlowChamber(WatlowSight):
         attempted = f"ramp to {temperature_degC:g} degC at {rate_K_per_min:g} degC/min"
         slew = self.place.limits.get("temperature_slew", math.inf)
         if not 0 < rate_K_per_min <= slew or not math.isfinite(rate_K_per_min):
-            raise self._fault(
+            raise self.error(
                 attempted,
                 f"the bench allows rates above 0 and up to {slew:g} degC/min",
                 "correct the plan's rate, or limits.temperature_slew",
@@ -260,13 +260,13 @@ class WatlowChamber(WatlowSight):
     def _ready_for(self, temperature_degC: float, attempted: str) -> None:
         low, high = self._limit("temperature_low"), self._limit("temperature_high")
         if not low <= temperature_degC <= high:
-            raise self._fault(
+            raise self.error(
                 attempted,
                 f"the bench allows {low:g} degC to {high:g} degC",
                 "correct the plan's temperatures, or the bench file's limits",
             )
         if not self._on:
-            raise self._fault(attempted, "its control is off", "switch it on before")
+            raise self.error(attempted, "its control is off", "switch it on before")
         self._prepare(attempted)
 
     def _look(self, attempted: str, *, now: bool = False) -> None:
@@ -282,7 +282,7 @@ class WatlowChamber(WatlowSight):
                 troubles.append("its control is off though it was switched on")
         if troubles:
             self._looked_s = -math.inf
-            raise self._fault(
+            raise self.error(
                 attempted,
                 ", and ".join(troubles),
                 "look at the chamber and at its controller's panel, and clear the cause there",
@@ -290,6 +290,3 @@ class WatlowChamber(WatlowSight):
 
     def _limit(self, name: str) -> float:
         return limit_of(self.place, name, "the chamber is not switched on")
-
-    def _fault(self, attempted: str, came_back: str, do_now: str) -> InstrumentError:
-        return InstrumentError(self.place.name, attempted, came_back, do_now)

@@ -20,7 +20,6 @@ from pydantic import Field
 from drivers.transport.modbus_line import ModbusLine, ModbusSettings, RegisterLine
 from drivers.transport.retry import Repeatable
 from drivers.watlow.chamber import WatlowChamber
-from station.errors import InstrumentError
 from station.roles import Identity, Place
 
 MODEL, MODEL_OF_F4 = 0, 5270
@@ -74,8 +73,7 @@ class WatlowF4(WatlowChamber):
         """Read model, serial number and software revision."""
         model, first, last = (self._line.read(address)[0] for address in (MODEL, 1, 2))
         if model != MODEL_OF_F4:
-            raise InstrumentError(
-                self.place.name,
+            raise self.error(
                 "read its model",
                 f"{model} came back where an F4 has {MODEL_OF_F4}",
                 "check that the address in the bench file is this controller's",
@@ -90,8 +88,7 @@ class WatlowF4(WatlowChamber):
     def _limits_found(self) -> tuple[float, float]:
         (unit,) = self._line.read(UNIT)
         if unit != CELSIUS:
-            raise InstrumentError(
-                self.place.name,
+            raise self.error(
                 "read the unit of its temperatures",
                 f"{unit} came back where degC is {CELSIUS}",
                 "set the controller to degC at its panel",
@@ -161,8 +158,7 @@ class WatlowF4(WatlowChamber):
         self._line.write(address, [word])
         (found,) = self._line.read(address)
         if found != word:
-            raise InstrumentError(
-                self.place.name,
+            raise self.error(
                 f"write {signed(word)} to register {address}",
                 f"{signed(found)} reads back",
                 "see that nobody works at the controller's panel, then run again",
@@ -173,8 +169,7 @@ class WatlowF4(WatlowChamber):
         if self._per_K is None:
             (decimals,) = line.read(DECIMALS)
             if decimals > MOST_DECIMALS:
-                raise InstrumentError(
-                    self.place.name,
+                raise self.error(
                     "read the decimals of its temperatures",
                     f"{decimals} came back, which is no number of decimals",
                     "check that the address in the bench file is this controller's",

@@ -202,8 +202,7 @@ class WatlowF4T(WatlowChamber):
                 raise
             unit = CELSIUS
         if unit != CELSIUS:
-            raise InstrumentError(
-                self.place.name,
+            raise self.error(
                 "read the unit of its temperatures",
                 f"{unit} came back where degC is {CELSIUS}",
                 "set the display unit of its Modbus port to degC at the controller's panel",
@@ -230,8 +229,7 @@ class WatlowF4T(WatlowChamber):
         until_s = self.place.clock.now() + FOLLOWS_WITHIN_S
         while (mode := self._word(MODE_NOW)) != AUTO:
             if self.place.clock.now() >= until_s:
-                raise InstrumentError(
-                    self.place.name,
+                raise self.error(
                     "switch the control on",
                     f"its active mode still reads {mode} where automatic is {AUTO}",
                     "look at its panel for an alarm, a limit, or an input that keeps the loop off",
@@ -285,8 +283,7 @@ class WatlowF4T(WatlowChamber):
         most_K = rate_K_per_min * (self.place.clock.now() - began_s + 1.0) / 60.0 + ARRIVED_K
         if gone_K > most_K:
             self._jump(here_degC)
-            raise InstrumentError(
-                self.place.name,
+            raise self.error(
                 f"ramp to {target_degC:g} degC",
                 f"its set-point jumped by {gone_K:.2f} K at once",
                 "write ramp: stepped in the settings of the bench file",

@@ -84,8 +84,7 @@ class WatlowOutputPower(Driver):
     def _shared_registers(self) -> F4TRegisters | None:
         for name, one in self.place.shared.items():
             if not isinstance(one, WatlowF4T):
-                raise InstrumentError(
-                    self.place.name,
+                raise self.error(
                     "read the bench file",
                     f"it shares {name}, which is no Watlow F4T",
                     "share the chamber whose controller has the output, or give an address",
@@ -101,8 +100,7 @@ class WatlowOutputPower(Driver):
         until_s = self.place.clock.now() + SWITCHES_WITHIN_S
         while (state := self._state()) != wanted:
             if self.place.clock.now() >= until_s:
-                raise InstrumentError(
-                    self.place.name,
+                raise self.error(
                     f"switch output {self._name} {'on' if wanted == ON else 'off'}",
                     f"its state still reads {state} after {SWITCHES_WITHIN_S:g} s",
                     "compare the output's function in the controller and settings.event",
@@ -120,8 +118,7 @@ class WatlowOutputPower(Driver):
     def _missing(self, refusal: ModbusRefusal) -> InstrumentError:
         if refusal.code != DEVICE_FAILURE:
             return refusal
-        return InstrumentError(
-            self.place.name,
+        return self.error(
             f"use output {self._name}",
             f"the controller has no such output (exception {refusal.code})",
             "correct settings.output in the bench file, or look which modules it is fitted with",

@@ -6,7 +6,6 @@ from abc import ABC, abstractmethod
 from typing import ClassVar
 
 from drivers.transport.modbus_line import ModbusLine, RegisterLine
-from station.errors import InstrumentError
 from station.roles import Driver, Place
 
 SENSIBLE_DEGC = (-200.0, 500.0)
@@ -60,8 +59,7 @@ class WatlowSight(Driver, ABC):
     def _air(self, line: RegisterLine) -> float:
         air_degC = self._process_degC(line)
         if not SENSIBLE_DEGC[0] <= air_degC <= SENSIBLE_DEGC[1]:
-            raise InstrumentError(
-                self.place.name,
+            raise self.error(
                 "read the temperature",
                 f"its process value reads {air_degC:g} degC",
                 "look at the controller's panel, and at the sensor and its cable",

@@ -14,6 +14,8 @@ from station.roles.base import (
     SafetyReading,
     SampledSource,
     Tracer,
+    published,
+    quantity,
 )
 from station.roles.coil_supply import COIL_SUPPLY, CoilSettings, CoilSupply, DirectCurrentSupply
 from station.roles.digitizer import DIGITIZER, Digitizer
@@ -88,4 +90,6 @@ __all__ = [
     "Thermometer",
     "Tracer",
     "Turntable",
+    "published",
+    "quantity",
 ]

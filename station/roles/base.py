@@ -5,7 +5,8 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar, Protocol, Self, runtime_checkable
+from functools import partial, wraps
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol, Self, TypeVar, cast, runtime_checkable
 
 from pydantic import ValidationError
 
@@ -149,18 +150,72 @@ class DriverSettings(StrictModel):
             ) from error
 
 
+Read = TypeVar("Read", bound=Callable[..., Any])
+States = tuple[str, str] | None
+"""The words for True and False of a reading that is one of two states."""
+
+
+def published(name: str, unit: str = "", states: States = None) -> Callable[[Read], Read]:
+    """Have a driver's method publish what it returns, in `unit`; None is not published."""
+
+    def decorate(read: Read) -> Read:
+        @wraps(read)
+        def reading(self: Driver, *args: Any) -> Any:
+            value = read(self, *args)
+            if value is not None:
+                word = value if states is None else states[not value]
+                self.place.publish(name, word, unit)
+            return value
+
+        return cast("Read", reading)
+
+    return decorate
+
+
+def quantity(name: str, unit: str = "", states: States = None) -> Callable[[Read], Read]:
+    """Declare the method that reads a quantity now for interlocks; it is `published`, too.
+
+    It returns None while there is nothing to be known.
+    """
+
+    def decorate(read: Read) -> Read:
+        reading = published(name, unit, states)(read)
+        reading.declares = name, states  # type: ignore[attr-defined]
+        return reading
+
+    return decorate
+
+
 class Driver:
     """What every driver has: the settings that it takes, and the quantities that it reads.
 
     `Settings` is the model of its settings. `quantities` has, by name, what reads a quantity for an
-    interlock, as `{"current": read_current}`: it returns the value now, None while there is nothing
-    to be known. `wired_by` names the setting without which a quantity is not wired.
+    interlock; methods declared with `quantity` are entered by themselves. `wired_by` names the
+    setting without which a quantity is not wired. A driver's line is its `_line`.
     """
 
     Settings: ClassVar[type[DriverSettings]] = DriverSettings
     quantities: ClassVar[Mapping[str, Callable[[Any], float | str | None]]] = {}
     wired_by: ClassVar[Mapping[str, str]] = {}
     place: Place
+
+    def __init_subclass__(cls, **kwargs: Any) -> None:
+        super().__init_subclass__(**kwargs)
+        declared = {
+            name: partial(_in_words, method, states)
+            for method, read in vars(cls).items()
+            for name, states in [getattr(read, "declares", ("", None))]
+            if name
+        }
+        cls.quantities = {**cls.quantities, **declared}
+
+    def error(self, attempted: str, came_back: str, do_now: str) -> InstrumentError:
+        """Return an error of this instrument: what was attempted, what came back, what to do."""
+        return InstrumentError(self.place.name, attempted, came_back, do_now)
+
+    def close(self) -> None:
+        """Give the line back."""
+        self._line.close()  # type: ignore[attr-defined]  # each driver has its own
 
     def read_quantity(self, quantity: str) -> float | str | None:
         """Return a quantity now; None while there is nothing to be known.
@@ -169,6 +224,12 @@ class Driver:
         """
         QuantityNotRead.refuse(self.place.name, self, quantity, self.place.settings)
         return self.quantities[quantity](self)
+
+
+def _in_words(method: str, states: States, driver: Driver) -> float | str | None:
+    """Return what a declared method of a driver reads, one of two states by its word."""
+    value = getattr(driver, method)()
+    return value if states is None or value is None else states[not value]
 
 
 @runtime_checkable
