@@ -261,10 +261,6 @@ class Acutrol3000(Driver):
             opened = self._interlock_broke()
         return ("interlock",) if opened else ()
 
-    def close(self) -> None:
-        """Close the line."""
-        self._line.close()
-
     def _interlock_broke(self) -> bool:
         asked = self._table.state_queries
         states = self._line.repeated(";".join(asked), lambda: self._line.numbers(*asked))

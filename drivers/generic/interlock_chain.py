@@ -32,30 +32,21 @@ from __future__ import annotations
 from contextlib import suppress
 from typing import ClassVar
 
-from drivers.transport.line import identification, shortened
+from drivers.transport.line import shortened
 from drivers.transport.retry import Repeatable
-from drivers.transport.visa_line import ScpiLine, VisaSettings
+from drivers.transport.visa_line import ScpiDriver
 from station.errors import InstrumentError
-from station.roles import Driver, Identity, Place
+from station.roles import Driver, Identity, Place, quantity
 from station.roles.interlock_chain import SeesContacts
 
 STATES = {"CLOSED": "closed", "OPEN": "open"}
 
 
-class InterlockChainLine(Driver):
+class InterlockChainLine(ScpiDriver):
     """The interlock chain as a reader with the protocol of this file sees it."""
 
-    Settings = VisaSettings
     recognises: ClassVar[str] = r"^[^,]*,interlock chain reader,(?P<serial>[^,]+)"
     repeatable: ClassVar[Repeatable] = Repeatable(r"\*IDN\?|CHAIN\?|CHAIN:LIST\?")
-
-    def __init__(self, place: Place) -> None:
-        self.place = place
-        self._line = ScpiLine(place, repeatable=self.repeatable)
-
-    def identify(self) -> Identity:
-        """Ask `*IDN?`: maker, model, serial number and firmware."""
-        return Identity(*identification(self.place.name, self._line.query("*IDN?"))[:4])
 
     def is_closed(self) -> bool:
         """Whether the chain is closed, so that the bench may be energised."""
@@ -74,10 +65,7 @@ class InterlockChainLine(Driver):
             return f"open: {', '.join(contacts)}" if contacts else ""
         return ""
 
-    def close(self) -> None:
-        """Close the line."""
-        self._line.close()
-
+    @quantity("chain")
     def _state(self) -> str:
         answer = self._line.patient.query("CHAIN?").strip()
         state = STATES.get(answer)
@@ -87,10 +75,7 @@ class InterlockChainLine(Driver):
                 f"{shortened(answer)!r} came back where CLOSED or OPEN belongs",
                 "check the reader of the chain and its cable; until then the chain counts as open",
             )
-        self.place.publish("chain", state)
         return state
-
-    quantities: ClassVar = {"chain": _state}
 
 
 class SharedInterlockChain(Driver):
@@ -116,6 +101,7 @@ class SharedInterlockChain(Driver):
         """Return whose contacts these are; there is no line to ask."""
         return Identity("", f"contacts of {' and '.join(self.place.shared)}", "", "")
 
+    @quantity("chain", states=("closed", "open"))
     def is_closed(self) -> bool:
         """Whether every contact is closed, so that the bench may be energised."""
         return not self.open_contacts()
@@ -129,8 +115,6 @@ class SharedInterlockChain(Driver):
         )
         self.place.publish("chain", "open" if self._open else "closed")
         return self._open
-
-    quantities: ClassVar = {"chain": lambda self: "closed" if self.is_closed() else "open"}
 
     def explain(self, quantity: str) -> str:
         """Say which contacts were open when they were last asked."""

@@ -221,9 +221,5 @@ class InertialNavigator(Driver):
 
     quantities: ClassVar = {"temperature": _temperature_degC}
 
-    def close(self) -> None:
-        """Close the line; the navigator goes on as it is."""
-        self._line.close()
-
     def _send(self, command: str, number: int, values: Mapping[str, float]) -> None:
         self._line.send(Request(command, number, **values))

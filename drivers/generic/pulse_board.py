@@ -153,10 +153,6 @@ class PulseBoard(Driver):
         self._watch.end()
         self._commands.command("stop")
 
-    def close(self) -> None:
-        """Close the line."""
-        self._line.close()
-
     def _heard(self, sample: Sample) -> None:
         """Take note of the newest sample."""
         if not sample.lit and self._channel is not None:

@@ -11,8 +11,9 @@ from typing import ClassVar
 
 import numpy as np
 
-from drivers.kepco.supply import ERROR_QUERY, KepcoSupply
+from drivers.kepco.supply import KepcoSupply
 from drivers.transport.retry import Repeatable
+from drivers.transport.visa_line import ERROR_QUERY
 
 LONGEST_MESSAGE = 253
 LIST_POINTS = 1000

@@ -16,8 +16,9 @@ from __future__ import annotations
 from contextlib import suppress
 from typing import ClassVar
 
-from drivers.kepco.supply import ERROR_QUERY, KepcoSupply
+from drivers.kepco.supply import KepcoSupply
 from drivers.transport.retry import Repeatable
+from drivers.transport.visa_line import ERROR_QUERY
 from station.errors import InstrumentError
 
 FREQUENCY_RANGE_HZ = (0.01, 1.8)

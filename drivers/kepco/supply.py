@@ -11,17 +11,13 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import ClassVar
 
 from drivers.kepco.steady_current import SteadyCurrent, set_point_A
-from drivers.transport.line import identification
-from drivers.transport.retry import Repeatable
-from drivers.transport.visa_line import ScpiLine, VisaSettings
+from drivers.transport.visa_line import ERROR_QUERY, ScpiDriver
 from station.clock import Clock
 from station.errors import InstrumentError, PauseRefused
-from station.roles import CoilSettings, Driver, Identity, Place, SafetyReading
+from station.roles import CoilSettings, Place, SafetyReading, published, quantity
 
-ERROR_QUERY = ":SYST:ERR?"
 OPERATION = "STAT:OPER:COND?"
 LIST_RUNNING = 1 << 14
 RAMP_STEP_S = 0.05
@@ -35,33 +31,25 @@ LOOKS = 6
 """A sine near its zero changes by several times its read-back's noise in as many looks."""
 
 
-class KepcoSupply(Driver, ABC):
+class KepcoSupply(ScpiDriver, ABC):
     """A coil supply: a sine that the instrument repeats until stopped, or a steady current.
 
     Limits: `current` A, `voltage` V, `slew` A/s, and `zero_current` A, the largest measured current
     that counts as zero.
     """
 
-    Settings = VisaSettings
-    repeatable: ClassVar[Repeatable]
-
     def __init__(self, place: Place) -> None:
-        self.place = place
+        super().__init__(place)
         coil = CoilSettings.of(place)
         self.coil_constant_mT_per_A = coil.coil_constant_mT_per_A
         self._current_limit_A = place.limits["current"]
         self._voltage_limit_V = place.limits["voltage"]
         self._ramp_step_A = place.limits["slew"] * RAMP_STEP_S
         self._zero_A = place.limits["zero_current"]
-        self._line = ScpiLine(place, repeatable=self.repeatable)
         self._steady = SteadyCurrent(place, coil, self._line, self.current_A)
         self._half_period_s = LONGEST_HALF_PERIOD_S
         self._sine: Sine | None = None
         self._stood_still = False
-
-    def identify(self) -> Identity:
-        """Ask `*IDN?`; the answer is maker, model and ratings, serial number, firmware."""
-        return Identity(*identification(self.place.name, self._line.query("*IDN?"))[:4])
 
     def programme_limits(self) -> None:
         """Set current mode, zero, and the instrument's own current and voltage limits.
@@ -136,9 +124,10 @@ class KepcoSupply(Driver, ABC):
         """Bring the current to zero within the slew limit and switch the output off."""
         self.make_safe(self.place.clock.now() + COMES_TO_REST_S)
 
+    @published("current", "A")
     def current_A(self) -> float:
         """Return the measured output current in A."""
-        return self._published_current_A(self._line.number("MEAS:CURR?"))
+        return self._line.number("MEAS:CURR?")
 
     def make_safe(self, deadline_s: float) -> None:
         """Leave the list near a zero of its sine, ramp what remains, switch the output off.
@@ -201,10 +190,6 @@ class KepcoSupply(Driver, ABC):
             return reading.read_back
         raise PauseRefused(f"it is not at rest: {reading.read_back}")
 
-    def close(self) -> None:
-        """Close the line."""
-        self._line.close()
-
     def _leave_list(self, deadline_s: float) -> None:
         """End the list where it carries no more current than one step of a ramp.
 
@@ -226,28 +211,17 @@ class KepcoSupply(Driver, ABC):
     def _list_runs(self) -> bool:
         return list_runs(self._line.patient.number(OPERATION))
 
-    def _output_is_on(self) -> bool:
-        is_on = self._line.patient.number("OUTP?") != 0
-        self.place.publish("output", "on" if is_on else "off")
-        return is_on
-
+    @quantity("current", "A")
     def _sure_current_A(self) -> float:
-        return self._published_current_A(self._line.patient.number("MEAS:CURR?"))
+        return self._line.patient.number("MEAS:CURR?")
 
-    def _published_current_A(self, current_A: float) -> float:
-        self.place.publish("current", current_A, "A")
-        return current_A
-
+    @quantity("voltage", "V")
     def _voltage_V(self) -> float:
-        voltage_V = self._line.patient.number("MEAS:VOLT?")
-        self.place.publish("voltage", voltage_V, "V")
-        return voltage_V
+        return self._line.patient.number("MEAS:VOLT?")
 
-    quantities: ClassVar = {
-        "current": _sure_current_A,
-        "voltage": _voltage_V,
-        "output": lambda self: "on" if self._output_is_on() else "off",
-    }
+    @quantity("output", states=("on", "off"))
+    def _output_is_on(self) -> bool:
+        return self._line.patient.number("OUTP?") != 0
 
 
 def list_runs(operation: float) -> bool:

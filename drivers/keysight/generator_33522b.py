@@ -38,17 +38,16 @@ from drivers.keysight.generator_33522b_messages import (
     load_of,
     load_ohm,
 )
-from drivers.transport.line import identification, shortened
+from drivers.transport.line import shortened
 from drivers.transport.retry import Repeatable
-from drivers.transport.visa_line import ScpiLine, VisaSettings
+from drivers.transport.visa_line import ERROR_QUERY, ScpiDriver, VisaSettings
 from station.errors import InstrumentError
-from station.roles import Driver, Identity, Place, SafetyReading
+from station.roles import Place, SafetyReading, quantity
 
-ERROR_QUERY = ":SYST:ERR?"
 LONGEST_DELAY_S = 1000.0
 
 
-class Keysight33522B(Driver):
+class Keysight33522B(ScpiDriver):
     """Two channels at coils: each holds a voltage, or waits for the trigger of a step.
 
     Limits: `voltage` V, of either sign.
@@ -71,7 +70,7 @@ class Keysight33522B(Driver):
     """Not what arms a burst: said again after a trigger it would end the step."""
 
     def __init__(self, place: Place) -> None:
-        self.place = place
+        super().__init__(place)
         settings = self.Settings.of(place)
         self._load_ohm, self._trigger = load_ohm(settings.load), settings.trigger
         self._limit_V = limit_of(place, "voltage", "nothing is switched on")
@@ -82,11 +81,6 @@ class Keysight33522B(Driver):
         self._steady: set[int] = set()
         self._armed: set[int] = set()
         """Channels that are proven to hold a voltage, and those proven to wait for a trigger."""
-        self._line = ScpiLine(place, repeatable=self.repeatable)
-
-    def identify(self) -> Identity:
-        """Ask `*IDN?`; the answer is maker, model, serial number, firmware."""
-        return Identity(*identification(self.place.name, self._line.query("*IDN?"))[:4])
 
     def programme_limits(self) -> None:
         """Reset the instrument, outputs off, then write and read back terminations and limits.
@@ -216,11 +210,9 @@ class Keysight33522B(Driver):
         words = [f"channel {channel} {'on' if on else 'off'}" for channel, on in outputs.items()]
         return SafetyReading(not any(outputs.values()), ", ".join(words))
 
-    quantities: ClassVar = {"output": lambda self: "on" if any(self._outputs().values()) else "off"}
-
-    def close(self) -> None:
-        """Close the line."""
-        self._line.close()
+    @quantity("output", states=("on", "off"))
+    def _is_on(self) -> bool:
+        return any(self._outputs().values())
 
     def _prepare(self) -> None:
         """Have the bench's limits and load in the instrument before anything is switched on."""

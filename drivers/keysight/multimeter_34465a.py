@@ -19,22 +19,19 @@ from pydantic import AfterValidator, Field
 from drivers.keysight.multimeter_34465a_bursts import (
     INTEGRATION_CYCLES,
     MOST_READINGS,
-    RECOGNISES,
-    REPEATABLE,
-    Bursts,
+    BurstMeter,
     Function,
     MainsSettings,
     is_overload,
 )
-from drivers.transport.retry import Repeatable
 from station.errors import InstrumentError
 from station.fields import Unit
-from station.roles import Block, Driver, Identity, Place
+from station.roles import Block, Place, quantity
 
 VOLTS = Function("VOLT:DC", "V", (0.1, 1.0, 10.0, 100.0, 1000.0), (0.12, 1.2, 12.0, 120.0, 1000.0))
 
 
-class Keysight34465A(Driver):
+class Keysight34465A(BurstMeter):
     """A voltmeter that takes bursts on one range, its input above 10 Gohm up to 10 V."""
 
     class Settings(MainsSettings):
@@ -42,9 +39,8 @@ class Keysight34465A(Driver):
 
         auto_zero: bool = Field(True, description="without it twice as fast, and the zero drifts")
 
-    recognises: ClassVar[str] = RECOGNISES
     roles: ClassVar = ("multimeter",)  # it has a thermometer's verbs, and measures volts
-    repeatable: ClassVar[Repeatable] = REPEATABLE
+    function = VOLTS
     source = "multimeter"
     integration_cycles: ClassVar = INTEGRATION_CYCLES
     highest_V: ClassVar = VOLTS.limits[-1]
@@ -56,14 +52,8 @@ class Keysight34465A(Driver):
     }
 
     def __init__(self, place: Place) -> None:
-        self.place = place
-        settings = self.Settings.of(place)
-        self._auto_zero = settings.auto_zero
-        self._bursts = Bursts(place, VOLTS, settings.line_frequency_Hz)
-
-    def identify(self) -> Identity:
-        """Ask `*IDN?`; the answer is maker, model, serial number, firmware."""
-        return self._bursts.identify()
+        super().__init__(place)
+        self._auto_zero = self.Settings.of(place).auto_zero
 
     def configure(self, largest_V: float, nplc: float) -> float:
         """Choose range and integration time in power-line cycles; return the range in V.
@@ -77,16 +67,16 @@ class Keysight34465A(Driver):
                 f"its highest one ends at {VOLTS.limits[-1]:g} V",
                 "lower the largest voltage in the plan, or put a divider before its input",
             )
-        self._bursts.choose(range_V, nplc, self._auto_zero)
+        self._choose(range_V, nplc, self._auto_zero)
         return range_V
 
     def start(self, readings: int) -> None:
         """Begin a burst of readings; returns at once."""
-        self._bursts.begin(readings)
+        self._begin(readings)
 
     def fetch(self) -> Block | None:
         """Return the burst that was started, None while it is being taken."""
-        volts = self._bursts.values()
+        volts = self._values()
         if volts is None:
             return None
         overload = is_overload(volts)
@@ -101,22 +91,15 @@ class Keysight34465A(Driver):
 
     def overload_error(self, reading_V: float) -> InstrumentError:
         """Return the error of an overloaded reading: the range, and the next higher one."""
-        return self._bursts.overload(reading_V)
+        return self._overload(reading_V)
 
+    @quantity("voltage", "V")
     def _voltage_V(self) -> float | None:
         """Return the voltage now, None before a range was chosen; an overload is an error."""
-        volts = self._bursts.value_now()
+        volts = self._value_now()
         if volts is not None and is_overload(volts):
             raise self.overload_error(volts)
-        if volts is not None:
-            self.place.publish("voltage", volts, "V")
         return volts
-
-    quantities: ClassVar = {"voltage": _voltage_V}
-
-    def close(self) -> None:
-        """Close the line."""
-        self._bursts.close()
 
 
 OHMS = Function("FRES", "ohm", (100.0, 1e3, 1e4, 1e5, 1e6), (120.0, 1.2e3, 1.2e4, 1.2e5, 1.2e6))
@@ -135,7 +118,7 @@ def integrates_over(nplc: float) -> float:
     return nplc
 
 
-class Keysight34465APt100(Driver):
+class Keysight34465APt100(BurstMeter):
     """A platinum thermometer at the device under test."""
 
     class Settings(MainsSettings):
@@ -148,8 +131,7 @@ class Keysight34465APt100(Driver):
             10.0, description="integration time in power-line cycles"
         )
 
-    recognises: ClassVar[str] = RECOGNISES
-    repeatable: ClassVar[Repeatable] = REPEATABLE
+    function = OHMS
     source = "thermometer"
     columns: ClassVar[Mapping[str, str]] = {
         "resistance_ohm": "ohm, four-wire resistance of the Pt100",
@@ -157,29 +139,24 @@ class Keysight34465APt100(Driver):
     }
 
     def __init__(self, place: Place) -> None:
-        self.place = place
+        super().__init__(place)
         settings = self.Settings.of(place)
         self._r0_ohm, self._nplc = settings.r0_ohm, settings.nplc
         # The highest temperature must fit; the test current is the same on 100 and 1000 ohm.
         hottest_ohm = resistance_ohm(HOTTEST_DEGC, self._r0_ohm)
         self._range_ohm = OHMS.range_for(hottest_ohm) or OHMS.ranges[-1]
-        self._bursts = Bursts(place, OHMS, settings.line_frequency_Hz)
-
-    def identify(self) -> Identity:
-        """Ask `*IDN?`; the answer is maker, model, serial number, firmware."""
-        return self._bursts.identify()
 
     def start(self, readings: int) -> None:
         """Begin a burst of readings; returns at once."""
         self._prepare()
-        self._bursts.begin(readings)
+        self._begin(readings)
 
     def fetch(self) -> Block | None:
         """Return the burst that was started, None while it is being taken.
 
         Raises InstrumentError for a resistance that no Pt100 has: no such reading is a temperature.
         """
-        ohms = self._bursts.values()
+        ohms = self._values()
         if ohms is None:
             return None
         temperature_degC = self._temperature_degC(ohms)
@@ -187,28 +164,19 @@ class Keysight34465APt100(Driver):
         columns = {"resistance_ohm": ohms, "temperature_degC": temperature_degC}
         return Block(columns, np.full(len(ohms), self.place.clock.now()))
 
+    @quantity("temperature", "degC")
     def _temperature_now_degC(self) -> float | None:
         self._prepare()
-        ohms = self._bursts.value_now()
-        if ohms is None:
-            return None
-        temperature_degC = float(self._temperature_degC(np.array([ohms]))[0])
-        self.place.publish("temperature", temperature_degC, "degC")
-        return temperature_degC
-
-    quantities: ClassVar = {"temperature": _temperature_now_degC}
-
-    def close(self) -> None:
-        """Close the line."""
-        self._bursts.close()
+        ohms = self._value_now()
+        return None if ohms is None else float(self._temperature_degC(np.array([ohms]))[0])
 
     def _prepare(self) -> None:
-        self._bursts.choose(self._range_ohm, self._nplc, None, once=True)
+        self._choose(self._range_ohm, self._nplc, None, once=True)
 
     def _temperature_degC(self, ohms: NDArray[np.float64]) -> NDArray[np.float64]:
         overload = is_overload(ohms)
         if overload.any():
-            raise self._bursts.overload(float(ohms[overload][0]), f"it is open: {WIRES}")
+            raise self._overload(float(ohms[overload][0]), f"it is open: {WIRES}")
         coldest, hottest = (
             resistance_ohm(end, self._r0_ohm) for end in (COLDEST_DEGC, HOTTEST_DEGC)
         )

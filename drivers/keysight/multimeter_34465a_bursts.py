@@ -11,21 +11,19 @@ READ? is not used: its answer comes only when the burst is over, which may be mi
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from drivers.transport.line import identification, odd
+from drivers.transport.line import odd
 from drivers.transport.retry import Repeatable
-from drivers.transport.visa_line import PatientLine, ScpiLine, VisaSettings
+from drivers.transport.visa_line import ERROR_QUERY, PatientLine, ScpiDriver, ScpiLine, VisaSettings
 from station.errors import InstrumentError
 from station.fields import Unit
-from station.roles import Identity, Place
+from station.roles import Place
 
-RECOGNISES = r"^Keysight Technologies,34465A,(?P<serial>[^,]+)"
-ERROR_QUERY = ":SYST:ERR?"
 INTEGRATION_CYCLES = (0.001, 0.002, 0.006, 0.02, 0.06, 0.2, 1.0, 10.0, 100.0)
 MOST_READINGS = 10_000
 """In a burst: what can be fetched in one answer of less than 0.5 s, whatever options it has."""
@@ -34,12 +32,6 @@ OVERLOAD, NO_READING = 9.9e37, 9.91e37
 BETWEEN_READINGS_S = 0.01
 GRACE_S = 5.0
 LONGEST_LOOK_S = 0.5
-
-REPEATABLE = Repeatable(
-    r"\*IDN\?|\*CLS|SYST:(ERR|LFR)\?|STAT:OPER:COND\?|DATA:(POIN|LAST)\?|FETC\?",
-    r"ABOR|SAMP:COUN \d+|INIT",
-)
-"""A burst that is begun again consists of fresh readings: nothing is counted twice."""
 
 
 class MainsSettings(VisaSettings):
@@ -65,18 +57,22 @@ class Function:
         return next((one for one, limit in pairs if abs(largest) <= limit), None)
 
 
-class Bursts:
-    """A 34465A set to one function; raises InstrumentError for whatever it answers wrongly.
+class BurstMeter(ScpiDriver):
+    """A 34465A set to one function; raises InstrumentError for whatever it answers wrongly."""
 
-    `line_frequency_Hz` is compared with what the instrument found at its mains, where it is given.
-    """
+    Settings: ClassVar[type[MainsSettings]] = MainsSettings
+    recognises: ClassVar[str] = r"^Keysight Technologies,34465A,(?P<serial>[^,]+)"
+    repeatable: ClassVar[Repeatable] = Repeatable(
+        r"\*IDN\?|\*CLS|SYST:(ERR|LFR)\?|STAT:OPER:COND\?|DATA:(POIN|LAST)\?|FETC\?",
+        r"ABOR|SAMP:COUN \d+|INIT",
+    )
+    """A burst that is begun again consists of fresh readings: nothing is counted twice."""
+    function: ClassVar[Function]
 
-    def __init__(
-        self, place: Place, function: Function, line_frequency_Hz: float | None = None
-    ) -> None:
-        self._wanted_Hz = line_frequency_Hz
-        self._place, self._clock, self._function = place, place.clock, function
-        self.range: float | None = None
+    def __init__(self, place: Place) -> None:
+        super().__init__(place)
+        self._wanted_Hz = self.Settings.of(place).line_frequency_Hz
+        self._range: float | None = None
         self._reading_s = 0.0
         self._known = False
         """Whether nothing is left of what somebody set before: a null, a scaling, a smoothing."""
@@ -84,13 +80,8 @@ class Bursts:
         self._began_s = 0.0
         # Held while a burst is begun, and for the whole of a single reading of an interlock's.
         self._turn = place.clock.lock(f"{place.name} burst")
-        self._line = ScpiLine(place, repeatable=REPEATABLE)
 
-    def identify(self) -> Identity:
-        """Ask `*IDN?`; the answer is maker, model, serial number, firmware."""
-        return Identity(*identification(self._place.name, self._line.query("*IDN?"))[:4])
-
-    def choose(
+    def _choose(
         self, range_: float, nplc: float, auto_zero: bool | None, *, once: bool = False
     ) -> None:
         """Set range, integration time in power-line cycles and auto-zero, and read them back.
@@ -98,17 +89,17 @@ class Bursts:
         `auto_zero` None: this function is always zeroed. `once`: not again where a range is chosen.
         """
         if nplc not in INTEGRATION_CYCLES:
-            raise self._error(
+            raise self.error(
                 f"integrate over {nplc:g} power-line cycles",
                 f"it can do {', '.join(f'{one:g}' for one in INTEGRATION_CYCLES)}",
                 "write one of these; 1, 10 and 100 reject the hum of the mains",
             )
-        header = self._function.header
+        header = self.function.header
         zero = "" if auto_zero is None else f"{header}:ZERO:AUTO {'ON' if auto_zero else 'OFF'}"
         with self._turn:
-            if once and self.range is not None:
+            if once and self._range is not None:
                 return
-            self.range, self._pending = None, 0
+            self._range, self._pending = None, 0
             # What was refused before must not be taken for a refusal of what follows.
             self._line.query(f"*CLS;{ERROR_QUERY}")
             cycles_per_s = self._line_frequency_Hz()
@@ -128,35 +119,35 @@ class Bursts:
             for setting, wanted in (("RANG", range_), ("NPLC", nplc)):
                 has = self._line.number(f"{header}:{setting}?")
                 if abs(has - wanted) > 1e-6 * wanted:
-                    raise self._error(
+                    raise self.error(
                         f"set {header}:{setting} to {wanted:g}",
                         f"it reads back {has:g}",
                         "check that nobody works at its front panel, then run again",
                     )
             self._known = True
             self._reading_s = (1 if auto_zero is False else 2) * nplc / cycles_per_s
-            self.range = range_
+            self._range = range_
 
-    def begin(self, readings: int) -> None:
+    def _begin(self, readings: int) -> None:
         """Begin a burst of readings, which forgets older ones; returns at once."""
         if not 1 <= readings <= MOST_READINGS:
-            raise self._error(
+            raise self.error(
                 f"take a burst of {readings} readings",
                 f"it can be asked for 1 to {MOST_READINGS}",
                 "split the measurement into several bursts",
             )
-        if self.range is None:
-            raise self._error(
+        if self._range is None:
+            raise self.error(
                 "begin a burst", "no range was chosen yet", "configure it before its first burst"
             )
         with self._turn:
             self._initiate(self._line, readings)
             self._pending = readings
 
-    def values(self) -> NDArray[np.float64] | None:
+    def _values(self) -> NDArray[np.float64] | None:
         """Return the readings of the burst, shape (readings,), None while it is being taken."""
         if not self._pending:
-            raise self._error(
+            raise self.error(
                 "fetch a burst", "none was begun since the last one", "begin one before"
             )
         values = self._taken(self._line, self._pending)
@@ -164,13 +155,13 @@ class Bursts:
             self._pending = 0
         return values
 
-    def value_now(self) -> float | None:
+    def _value_now(self) -> float | None:
         """Return what is at the input now; None before a range was chosen, or a reading made.
 
         While a burst runs this is its last reading, so that the burst is not disturbed; otherwise
         a single reading is taken.
         """
-        if self.range is None:
+        if self._range is None:
             return None
         with self._turn:
             if self._pending:
@@ -180,33 +171,29 @@ class Bursts:
             self._initiate(self._line.patient, 1)
             while True:
                 look_s = min(self._reading_s + BETWEEN_READINGS_S, LONGEST_LOOK_S)
-                self._clock.sleep(look_s)
+                self.place.clock.sleep(look_s)
                 values = self._taken(self._line.patient, 1)
                 if values is not None:
                     return float(values[0])
 
-    def overload(self, reading: float, do_now: str | None = None) -> InstrumentError:
+    def _overload(self, reading: float, do_now: str | None = None) -> InstrumentError:
         """Return the error of an overloaded reading: the range, and the next higher one."""
-        unit, present = self._function.unit, self.range or 0.0
-        limit = dict(zip(self._function.ranges, self._function.limits, strict=True)).get(present)
-        higher = next((one for one in self._function.ranges if one > present), None)
+        unit, present = self.function.unit, self._range or 0.0
+        limit = dict(zip(self.function.ranges, self.function.limits, strict=True)).get(present)
+        higher = next((one for one in self.function.ranges if one > present), None)
         advice = "it is the highest: lower what is at its input"
         if higher is not None:
             advice = f"measure again on the next higher range, {higher:g} {unit}"
-        return self._error(
+        return self.error(
             f"measured on its range of {present:g} {unit}",
             f"{reading:+.1E}, an overload: beyond {limit:g} {unit}",
             do_now or advice,
         )
 
-    def close(self) -> None:
-        """Close the line."""
-        self._line.close()
-
     def _initiate(self, line: ScpiLine | PatientLine, readings: int) -> None:
         # ABOR: where the answer to an INIT was lost, it measures already and would refuse another.
         line.command(f"ABOR;:SAMP:COUN {readings};:INIT")
-        self._began_s = self._clock.now()
+        self._began_s = self.place.clock.now()
 
     def _taken(self, line: ScpiLine | PatientLine, readings: int) -> NDArray[np.float64] | None:
         """Return the readings once the instrument has them all."""
@@ -218,9 +205,9 @@ class Bursts:
             raise self._odd(question, answer) from None
         if condition & STILL_AT_IT:
             expected_s = readings * (self._reading_s + BETWEEN_READINGS_S)
-            took_s = self._clock.now() - self._began_s
-            if took_s > self._clock.patience_s(2 * expected_s + GRACE_S):
-                raise self._error(
+            took_s = self.place.clock.now() - self._began_s
+            if took_s > self.place.clock.patience_s(2 * expected_s + GRACE_S):
+                raise self.error(
                     f"waited for {readings} readings",
                     f"after {took_s:.3g} s it has {points} and is not ready, where "
                     f"{expected_s:.3g} s were expected",
@@ -228,7 +215,7 @@ class Bursts:
                 )
             return None
         if points != readings:
-            raise self._error(
+            raise self.error(
                 f"took a burst of {readings} readings",
                 f"it ended with {points} in its memory",
                 "check that nobody else uses the instrument, then measure again",
@@ -244,7 +231,7 @@ class Bursts:
         found_Hz = self._line.number("SYST:LFR?")
         wanted_Hz = found_Hz if self._wanted_Hz is None else self._wanted_Hz
         if found_Hz not in (50.0, 60.0) or wanted_Hz != found_Hz:
-            raise self._error(
+            raise self.error(
                 "asked for the frequency of the mains",
                 f"it found {found_Hz:g} Hz, the bench file says {wanted_Hz:g} Hz",
                 "correct settings.line_frequency, or switch the meter off and on at these mains",
@@ -262,14 +249,11 @@ class Bursts:
 
     def _odd(self, question: str, answer: str) -> InstrumentError:
         return odd(
-            self._place.name,
+            self.place.name,
             f"asked {question}",
             answer,
             "check the cable and that nobody else talks to the instrument",
         )
-
-    def _error(self, attempted: str, came_back: str, do_now: str) -> InstrumentError:
-        return InstrumentError(self._place.name, attempted, came_back, do_now)
 
 
 def is_overload(values: NDArray[np.float64] | float) -> NDArray[np.bool_]:

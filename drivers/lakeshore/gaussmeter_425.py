@@ -30,7 +30,7 @@ from drivers.transport.serial_port import BaudRate, DataBits, Parity, SerialSett
 from drivers.transport.text_line import SerialLine
 from station.errors import InputError
 from station.fields import Second
-from station.roles import Block, Driver, Identity, Place
+from station.roles import Block, Driver, Identity, Place, published, quantity
 
 PAUSE_S = 0.03
 RANGES_T = (3.5e-3, 35e-3, 0.35, 3.5)
@@ -136,6 +136,7 @@ class Lakeshore425(Driver):
         columns = {name: np.array([value], dtype=float) for name, value in row.items()}
         return Block(columns, np.array([self.place.clock.now()]))
 
+    @quantity("field", "mT")
     def _field_mT(self) -> float:
         """Return the magnitude of the field along the probe now; infinite beyond the range.
 
@@ -145,12 +146,6 @@ class Lakeshore425(Driver):
             self._prepare()
         field_T, _ = self._line.repeated("RDGFIELD?", self._newest)
         return self._shown_mT(field_T)
-
-    quantities: ClassVar = {"field": _field_mT}
-
-    def close(self) -> None:
-        """Close the line."""
-        self._line.close()
 
     def _prepare(self) -> None:
         self._set(f"UNIT {TESLA}", "UNIT?", TESLA)
@@ -184,10 +179,9 @@ class Lakeshore425(Driver):
         self._check("read the field", query, witness, wanted)
         return number_of(self.place.name, "RDGFIELD?", reading), time_s
 
+    @published("field", "mT")
     def _shown_mT(self, field_T: float) -> float:
-        field_mT = abs(field_T) * 1e3 if abs(field_T) <= self._range_T else math.inf
-        self.place.publish("field", field_mT, "mT")
-        return field_mT
+        return abs(field_T) * 1e3 if abs(field_T) <= self._range_T else math.inf
 
     def _ask(self, message: str) -> str:
         return self._timed(message)[0]

@@ -19,15 +19,15 @@ from pydantic import Field
 
 from drivers.transport.line import identification, shortened
 from drivers.transport.retry import Repeatable
-from drivers.transport.visa_line import ScpiLine, VisaSettings
+from drivers.transport.visa_line import ScpiDriver, VisaSettings
 from station.fields import Second
-from station.roles import Block, Driver, Identity, Place
+from station.roles import Block, Identity, Place, published, quantity
 
 READING_PERIOD_S = 0.01
 OVERLOAD_T = 9e37
 
 
-class LakeshoreF71(Driver):
+class LakeshoreF71(ScpiDriver):
     """A gaussmeter that buffers averaged readings with its own time stamps."""
 
     class Settings(VisaSettings):
@@ -44,6 +44,9 @@ class LakeshoreF71(Driver):
         r"SENS:MODE DC|UNIT:FIELD TESLA|SENS:AVER:COUN \d+|SENS:RANG [\d.e+-]+",
     )
     """Not the buffer: reading empties it, and what was lost on its way is lost."""
+    error_query = ":SYST:ERR:ALL?"
+    no_error = "(?i).*no error"
+    answer_end = "\r\n"
     axes: ClassVar[int] = 3
     keeps_readings: ClassVar[bool] = True
     source = "gaussmeter"
@@ -56,7 +59,7 @@ class LakeshoreF71(Driver):
     }
 
     def __init__(self, place: Place) -> None:
-        self.place = place
+        super().__init__(place)
         settings = self.Settings.of(place)
         self.timestamp = settings.timestamp
         self._averaging_count = max(round(settings.averaging_s / READING_PERIOD_S), 1)
@@ -64,13 +67,6 @@ class LakeshoreF71(Driver):
         self._first_stamp: datetime | None = None
         self._newest_s = -math.inf
         self._gives_tesla = False
-        self._line = ScpiLine(
-            place,
-            error_query=":SYST:ERR:ALL?",
-            no_error="(?i).*no error",
-            answer_end="\r\n",
-            repeatable=self.repeatable,
-        )
 
     def identify(self) -> Identity:
         """Ask `*IDN?`: maker, model, serial number, options and firmware."""
@@ -99,9 +95,10 @@ class LakeshoreF71(Driver):
         rows = np.array([self._row(record) for record in records]).reshape(-1, 5)
         self._check_rising(rows[:, 0])
         if len(rows):
-            self._publish_field(float(np.linalg.norm(rows[-1, 1:4])))
+            self._shown_mT(float(np.linalg.norm(rows[-1, 1:4])))
         return Block(dict(zip(self.columns, rows.T, strict=True)), np.full(len(rows), arrival_s))
 
+    @quantity("field", "mT")
     def _field_mT(self) -> float:
         """Return the magnitude of the field now; infinite where it is beyond the range.
 
@@ -112,18 +109,11 @@ class LakeshoreF71(Driver):
             self._line.patient.command("SENS:MODE DC")
             self._line.patient.command("UNIT:FIELD TESLA")
             self._gives_tesla = True
-        return self._publish_field(self._line.patient.number("FETC:DC?"))
+        return in_mT(self._line.patient.number("FETC:DC?"))
 
-    quantities: ClassVar = {"field": _field_mT}
-
-    def close(self) -> None:
-        """Close the line."""
-        self._line.close()
-
-    def _publish_field(self, magnitude_T: float) -> float:
-        field_mT = magnitude_T * 1e3 if abs(magnitude_T) < OVERLOAD_T else math.inf
-        self.place.publish("field", field_mT, "mT")
-        return field_mT
+    @published("field", "mT")
+    def _shown_mT(self, magnitude_T: float) -> float:
+        return in_mT(magnitude_T)
 
     def _check_rising(self, instrument_time_s: NDArray[np.float64]) -> None:
         """Raise InstrumentError when stamps do not rise: an answer came twice, or out of turn."""
@@ -155,3 +145,8 @@ class LakeshoreF71(Driver):
                 "check the cable and that nobody else talks to the instrument",
             ) from error
         return instrument_time_s, x_T, y_T, z_T, overload
+
+
+def in_mT(magnitude_T: float) -> float:
+    """Return a magnitude in mT, infinite for what the instrument says of an overload."""
+    return magnitude_T * 1e3 if abs(magnitude_T) < OVERLOAD_T else math.inf

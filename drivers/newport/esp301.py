@@ -20,7 +20,7 @@ from drivers.transport.retry import Repeatable
 from drivers.transport.serial_port import BaudRate, Handshake, SerialSettings
 from station.errors import InstrumentError
 from station.fields import Degree, Second
-from station.roles import Driver, Identity, Place, SafetyReading
+from station.roles import Driver, Identity, Place, SafetyReading, quantity
 
 STAGE = re.compile(r"\s*([^,\s][^,]*?)\s*,\s*S/?N\s*(\S+)\s*")
 LOOK_S = 0.05
@@ -141,8 +141,7 @@ class NewportEsp301(Driver):
         """
         # What was asked in time is no fault, however late this computer comes to look at it.
         asked_s = self.place.clock.now()
-        if self._number("MD?") == 0:
-            self.place.publish("motion", "moving")
+        if self._is_turning():
             if asked_s > self._until_s:
                 raise self.error(
                     "waited for the stage to stand still",
@@ -150,7 +149,6 @@ class NewportEsp301(Driver):
                     "look whether something blocks it, then run again",
                 )
             return True
-        self.place.publish("motion", "at-rest")
         homing, self._turning, self._homing = self._homing, False, False
         try:
             self._line.check("asked whether it stands still")
@@ -224,10 +222,6 @@ class NewportEsp301(Driver):
             f"motor {'on' if motor_on else 'off'}",
         )
 
-    def close(self) -> None:
-        """Close the line."""
-        self._line.close()
-
     def _prepare(self) -> None:
         """Have the bench's limits in the controller before anything turns."""
         if not self._limits_written:
@@ -247,19 +241,20 @@ class NewportEsp301(Driver):
             self._homed = self._homing = self._limits_written = False
             raise
 
+    @quantity("angle", "deg")
     def _encoder_deg(self) -> float:
-        angle_deg = self._number("TP?")
-        self.place.publish("angle", angle_deg, "deg")
-        return angle_deg
+        return self._number("TP?")
+
+    @quantity("rate", "deg/s")
+    def _rate_deg_per_s(self) -> float:
+        return self._number("TV?")
+
+    @quantity("motion", states=("moving", "at-rest"))
+    def _is_turning(self) -> bool:
+        return self._number("MD?") == 0
 
     def _number(self, query: str) -> float:
         return self._line.number(self._of_axis(query))
-
-    quantities: ClassVar = {
-        "angle": _encoder_deg,
-        "rate": lambda self: self._number("TV?"),
-        "motion": lambda self: "moving" if self._number("MD?") == 0 else "at-rest",
-    }
 
     def _surely(self, query: str) -> float:
         """Return a number on the way to rest, where one lost answer must not decide."""

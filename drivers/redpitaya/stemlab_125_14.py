@@ -29,7 +29,7 @@ from drivers.transport.line import odd, shortened
 from drivers.transport.retry import Repeatable
 from drivers.transport.visa_line import VisaLine
 from station.errors import InstrumentError
-from station.roles import Block, Driver, Identity, Place, SafetyReading
+from station.roles import Block, Driver, Identity, Place, SafetyReading, quantity
 
 Answer = TypeVar("Answer")
 
@@ -194,6 +194,7 @@ class RedPitaya(Driver):
             dormant=way == "IN",
         )
 
+    @quantity("voltage", "V")
     def _voltage_V(self) -> float | None:
         """Return the voltage at the input now; None before a record was prepared."""
         with self._turn:
@@ -204,15 +205,7 @@ class RedPitaya(Driver):
                 self._word(f"ACQ:START{END}ACQ:WPOS?")
                 self.place.clock.sleep(2 / record.rate_Hz + SETTLE_S)
             newest = self._from(self._surely("ACQ:WPOS?", self._whole), 1)
-            volts = float(self._surely(newest, self._values)[0])
-        self.place.publish("voltage", volts, "V")
-        return volts
-
-    quantities: ClassVar = {"voltage": _voltage_V}
-
-    def close(self) -> None:
-        """Close the line."""
-        self._line.close()
+            return float(self._surely(newest, self._values)[0])
 
     def _prepared(self, attempted: str) -> Record:
         if self._record is None:

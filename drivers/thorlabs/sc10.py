@@ -26,7 +26,7 @@ from drivers.transport.serial_port import SerialSettings
 from drivers.transport.text_line import SerialLine
 from station.errors import InstrumentError
 from station.fields import Second
-from station.roles import Driver, Identity, LightSettings, Place, SafetyReading
+from station.roles import Driver, Identity, LightSettings, Place, SafetyReading, published, quantity
 
 MODEL = re.compile(r"THORLABS\s+(SC10)\s+VERSION\s+(\S+)", re.IGNORECASE)
 UNTOLD = "untold"
@@ -148,16 +148,13 @@ class ThorlabsSc10(Driver):
             f"{mode}",
         )
 
-    quantities: ClassVar = {"output": lambda self: "on" if self._is_open(self._surely) else "off"}
+    @quantity("output", states=("on", "off"))
+    def _lets_light_through(self) -> bool:
+        return self._flag("closed?", self._surely) == 0
 
-    def close(self) -> None:
-        """Close the line; the shutter stays as it is."""
-        self._line.close()
-
+    @published("output", states=("on", "off"))
     def _is_open(self, ask: Ask) -> bool:
-        is_open = self._flag("closed?", ask) == 0
-        self.place.publish("output", "on" if is_open else "off")
-        return is_open
+        return self._flag("closed?", ask) == 0
 
     def _close(self, deadline_s: float, ask: Ask) -> None:
         # Disabled it closes in every mode; the mode comes after, so that nothing opens it again.

@@ -11,21 +11,22 @@ import math
 import re
 import socket
 from contextlib import suppress
-from typing import Any
+from typing import Any, ClassVar
 
 import pyvisa
 from pydantic import Field
 from pyvisa import constants
 
-from drivers.transport.line import number_of, shortened
+from drivers.transport.line import identification, number_of, shortened
 from drivers.transport.retry import NEVER, Repeatable
 from drivers.transport.serial_port import CONNECT_DEADLINE_S, Port, SocketPort
 from drivers.transport.text_line import TextLine
 from station.errors import InstrumentError
-from station.roles import DriverSettings, Place
+from station.roles import Driver, DriverSettings, Identity, Place
 
 LARGEST_CHUNK_BYTES = 1 << 16
 ERROR_QUERY = ":SYST:ERR?"
+NO_ERROR = r"\+?0,"
 TIMEOUT = constants.StatusCode.error_timeout
 
 
@@ -181,7 +182,7 @@ class ScpiLine(VisaLine):
         place: Place,
         *,
         error_query: str = ERROR_QUERY,
-        no_error: str = r"\+?0,",
+        no_error: str = NO_ERROR,
         answer_end: str = "\n",
         repeatable: Repeatable = NEVER,
     ) -> None:
@@ -208,6 +209,30 @@ class ScpiLine(VisaLine):
     def number(self, message: str) -> float:
         """Return the answer to `message` as a finite number; anything else is InstrumentError."""
         return number_of(self._place.name, message, self.query(message))
+
+
+class ScpiDriver(Driver):
+    """A driver of an instrument with `*IDN?` and an error queue, on a `ScpiLine`."""
+
+    Settings: ClassVar[type[VisaSettings]] = VisaSettings
+    repeatable: ClassVar[Repeatable] = NEVER
+    error_query: ClassVar[str] = ERROR_QUERY
+    no_error: ClassVar[str] = NO_ERROR
+    answer_end: ClassVar[str] = "\n"
+
+    def __init__(self, place: Place) -> None:
+        self.place = place
+        self._line = ScpiLine(
+            place,
+            error_query=self.error_query,
+            no_error=self.no_error,
+            answer_end=self.answer_end,
+            repeatable=self.repeatable,
+        )
+
+    def identify(self) -> Identity:
+        """Ask `*IDN?`; the answer is maker, model, serial number, firmware."""
+        return Identity(*identification(self.place.name, self._line.query("*IDN?"))[:4])
 
 
 class PatientLine:

@@ -66,8 +66,8 @@ class WatlowF4(WatlowChamber):
         event, door = settings.chamber_event, settings.door
         self._event_register = FIRST_EVENT + PER_EVENT * (event - 1) if event else None
         self._per_K: float | None = None
-        self._modbus = ModbusLine(place, settings, self.repeatable, WITNESS)
-        super().__init__(place, self._modbus, INPUTS[door - 1] if door else None)
+        line = ModbusLine(place, settings, self.repeatable, WITNESS)
+        super().__init__(place, line, INPUTS[door - 1] if door else None)
 
     def identify(self) -> Identity:
         """Read model, serial number and software revision."""
@@ -80,10 +80,6 @@ class WatlowF4(WatlowChamber):
             )
         (revision,) = self._line.read(4)
         return Identity("Watlow", "F4", f"{first:03d}{last:03d}", f"{revision / 100:.2f}")
-
-    def close(self) -> None:
-        """Close the line; the chamber goes on with what it does."""
-        self._modbus.close()
 
     def _limits_found(self) -> tuple[float, float]:
         (unit,) = self._line.read(UNIT)

@@ -189,10 +189,6 @@ class WatlowF4T(WatlowChamber):
         """Read hardware, serial number and firmware."""
         return self.registers.identify()
 
-    def close(self) -> None:
-        """Close the line; the chamber goes on with what it does."""
-        self.registers.line.close()
-
     def _limits_found(self) -> tuple[float, float]:
         self.registers.identify()  # numbers in the wrong order of words would pass for numbers
         try:

@@ -25,7 +25,7 @@ from drivers.watlow.f4t import (
     io_register,
 )
 from station.errors import InstrumentError
-from station.roles import Driver, Identity, Place
+from station.roles import Driver, Identity, Place, quantity
 
 EVENTS = (16594, 16596, 16598, 16600, 16822, 16824, 16826, 16828)
 SWITCHES_WITHIN_S = 1.0
@@ -74,7 +74,9 @@ class WatlowOutputPower(Driver):
         """Switch the device off and see that the output is off."""
         self._set(OFF)
 
-    quantities: ClassVar = {"output": lambda self: "on" if self._state() == ON else "off"}
+    @quantity("output", states=("on", "off"))
+    def _is_on(self) -> bool:
+        return self._state() == ON
 
     def close(self) -> None:
         """Close the line where it is this one's own; the output stays as it is."""

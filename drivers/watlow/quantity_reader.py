@@ -6,7 +6,7 @@ from abc import ABC, abstractmethod
 from typing import ClassVar
 
 from drivers.transport.modbus_line import ModbusLine, RegisterLine
-from station.roles import Driver, Place
+from station.roles import Driver, Place, published, quantity
 
 SENSIBLE_DEGC = (-200.0, 500.0)
 
@@ -25,7 +25,7 @@ class WatlowSight(Driver, ABC):
     def open_contacts(self) -> tuple[str, ...]:
         """Return `door` where it is open, and each alarm and limit that is on."""
         contacts = (
-            *(["door"] if self._door() == "open" else ()),
+            *(["door"] if self._door_is_closed() is False else ()),
             *self._troubles(self._line.patient),
         )
         self.place.publish("chain", "open" if contacts else "closed")
@@ -47,15 +47,22 @@ class WatlowSight(Driver, ABC):
     def _troubles(self, line: RegisterLine) -> list[str]:
         """Return what the controller complains of, in words."""
 
-    def _door(self) -> str | None:
+    @quantity("door", states=("closed", "open"))
+    def _door_is_closed(self) -> bool | None:
         """Return what is known of the door, None where no input is wired to it."""
         if self._door_register is None:
             return None
-        closed = self._line.patient.read(self._door_register) == [self.input_on]
-        door = "closed" if closed else "open"
-        self.place.publish("door", door)
-        return door
+        return self._line.patient.read(self._door_register) == [self.input_on]
 
+    @quantity("chain", states=("closed", "open"))
+    def _chain_is_closed(self) -> bool:
+        return not self.open_contacts()
+
+    @quantity("output", states=("on", "off"))
+    def _is_on(self) -> bool:
+        return self._output(self._line.patient)[0]
+
+    @published("temperature", "degC")
     def _air(self, line: RegisterLine) -> float:
         air_degC = self._process_degC(line)
         if not SENSIBLE_DEGC[0] <= air_degC <= SENSIBLE_DEGC[1]:
@@ -64,17 +71,11 @@ class WatlowSight(Driver, ABC):
                 f"its process value reads {air_degC:g} degC",
                 "look at the controller's panel, and at the sensor and its cable",
             )
-        self.place.publish("temperature", air_degC, "degC")
         return air_degC
 
+    @quantity("temperature", "degC")
     def _air_now(self) -> float:
         self._step()
         return self._air(self._line.patient)
 
-    quantities: ClassVar = {
-        "temperature": _air_now,
-        "door": _door,
-        "chain": lambda self: "open" if self.open_contacts() else "closed",
-        "output": lambda self: "on" if self._output(self._line.patient)[0] else "off",
-    }
     wired_by: ClassVar = {"door": "door"}
