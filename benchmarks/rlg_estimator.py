@@ -30,7 +30,8 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from cases import print_cases
 
 from procedures.rlg_magnetic_sensitivity.analysis import analyse
-from procedures.rlg_magnetic_sensitivity.dataset import Drive, RlgDataset, Segment
+from procedures.rlg_magnetic_sensitivity.dataset import RlgDataset, Segment
+from procedures.rlg_magnetic_sensitivity.drive import Drive
 
 Array = NDArray[np.float64]
 

@@ -104,9 +104,12 @@ class Flag:
         return {**data, **told}
 
 
+CONTRADICTS = "contradicts-statement"
+
+
 def contradiction(statement: str, message: str, axis: str | None = None, **details: object) -> Flag:
     """Return the flag of data that disagree with a stated constant, specification or column."""
-    return Flag("contradicts-statement", message, axis, {"statement": statement, **details})
+    return Flag(CONTRADICTS, message, axis, {"statement": statement, **details})
 
 
 @dataclass(frozen=True)

@@ -192,7 +192,10 @@ def run_events() -> str:
     return table(("event", "says"), [(code(name), text) for name, text in RUN_EVENTS.items()])
 
 
-WORDED = {"not_identifiable": "not-identifiable"}
+WORDED = {
+    "contradiction": "contradicts-statement",
+    "not_identifiable": "not-identifiable",
+}
 """Functions that raise a flag, given the sentence, and its code."""
 
 

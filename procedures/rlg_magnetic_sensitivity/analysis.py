@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import stdtrit
 
 from procedures.estimation.allan import AllanDeviation, allan_deviation, noise_coefficients
@@ -13,15 +12,15 @@ from procedures.estimation.noise import grid_index
 from station.findings import Estimate, Flag, Published, undetermined
 
 from .checks import (
+    beat_flags,
     collisions,
     condition_flags,
     output_flags,
     overtone_flags,
     recorder_findings,
 )
-from .dataset import AXES, RlgDataset, Segment
-from .field import FieldFit, fit_field
-from .findings import (
+from .dataset import (
+    AXES,
     METHOD,
     QUANTITY,
     UNDRIVEN,
@@ -29,16 +28,15 @@ from .findings import (
     AnalysisSettings,
     LineDetail,
     RlgAnalysis,
+    RlgDataset,
+    Segment,
     SegmentDetail,
 )
+from .field import FieldFit, fit_field
 from .flags import cross_axis_flags, drive_flags, field_flags, record_flags, result_flags
-from .gyro import GyroFit, fit_gyro
-from .published import plotted_spectrum, published_value
-from .pulse_beat import beat_flags
+from .gyro import GyroFit, fit_gyro, plotted_spectrum, published_value
 from .response import Observed, Response, in_doubt, solve
 from .steadiness import steadiness_flags
-
-Array = NDArray[np.float64]
 
 MOST_IN_DOUBT = 0.5
 

@@ -6,7 +6,6 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from procedures.estimation.averaging import (
     Index,
@@ -23,11 +22,9 @@ from procedures.estimation.robust import reject_outliers
 from procedures.estimation.sine import line_columns
 from procedures.estimation.spectrum import LineSums, nearest_lines
 
-from .dataset import Averaged, Drive, Segment
+from .dataset import AnalysisSettings, Array, Averaged, Segment
+from .drive import Drive
 from .field import stretch_of_field
-from .findings import AnalysisSettings
-
-Array = NDArray[np.float64]
 
 GYRO_STRETCH, FIELD_STRETCH = 2**14, 2**13
 FEWEST_CYCLES = 10.0

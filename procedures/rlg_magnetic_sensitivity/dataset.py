@@ -1,20 +1,29 @@
-"""What the analysis of the magnetic sensitivity needs, whoever recorded it."""
+"""What the analysis of the magnetic sensitivity needs, whoever recorded it, and what it returns."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .drive import Drive
+from procedures.estimation.allan import AllanDeviation, NoiseCoefficients
+from station.findings import Analysis
+
+from .drive import LARGEST_UNDRIVEN, Drive
 
 Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+Mask = NDArray[np.bool_]
 
 AXES = ("IA", "NA", "LA")
-
-__all__ = ["AXES", "Averaged", "Drive", "RlgDataset", "Segment"]
+QUANTITY = "magnetic_sensitivity"
+UNIT = "deg/h/mT"
+UNDRIVEN = "undriven_"
+"""Begins the name of the input quantity that is the sensitivity of an axis not driven."""
+METHOD = "least-squares"
 
 
 @dataclass(frozen=True)
@@ -67,3 +76,114 @@ class RlgDataset:
     """All segments of one gyro: one per driven axis of a run, or one imported record."""
 
     segments: tuple[Segment, ...]
+
+
+@dataclass(frozen=True)
+class AnalysisSettings:
+    """Thresholds of the flags and choices of the estimator, each with its default.
+
+    Ratios are multiples of the standard uncertainty unless the name says otherwise;
+    `non_integer_cycles` is in cycles, `gap` in nominal intervals,
+    `field_differs_from_commanded` is relative; `undriven_sensitivity` (deg/h/mT) is the
+    largest magnitude of the sensitivity of an axis that was not driven.
+    """
+
+    not_significant: float = 2.0
+    quadrature_significant: float = 3.0
+    checks_differ: float = 3.0
+    non_integer_cycles: float = 0.001
+    gap: float = 1.5
+    field_differs_from_commanded: float = 0.01
+    model_too_stiff: float = 0.3
+    outlier: float = 5.0
+    max_drift_order: int = 4
+    max_autoregression_order: int = 16
+    fewest_cycles: float = 3.0
+    highest_frequency: float = 0.45
+    undriven_sensitivity: float = LARGEST_UNDRIVEN
+
+    @property
+    def undriven_u(self) -> float:
+        """The standard uncertainty of such a sensitivity: uniform between the bounds."""
+        return self.undriven_sensitivity / math.sqrt(3.0)
+
+
+@dataclass(frozen=True)
+class LineDetail:
+    """One driven axis of one segment: its line in the field and in the gyro's output.
+
+    Phasors are Re(X exp(2 pi j f (t - segment middle))), both corrected for interval averaging:
+    the gyro's in deg/h, the field's amplitude in mT and phase in deg; `field_uncertainty_mT` (3,)
+    is the standard uncertainty of a part, real or imaginary, of each. `slope` and `quadrature`
+    (deg/h/mT) are the parts of the gyro phasor, other axes taken off, along and across the field;
+    `quadratic` (deg/h/mT^2) is the axis's second-order term from all lines at 2f.
+    `upper_bound` (95 %, one-sided, on |S|) is given where the axis is not significant.
+    """
+
+    segment: int
+    axis: str
+    frequency_Hz: float
+    frequency_uncertainty_Hz: float
+    field_amplitude_mT: float
+    field_phase_deg: float
+    field_phasors_mT: Complex
+    field_uncertainty_mT: Array
+    ambient_field_mT: Array
+    gyro_phasor_deg_per_h: complex | None
+    gyro_phase_deg: float | None
+    slope: float | None
+    slope_uncertainty: float | None
+    quadrature: float | None
+    quadrature_uncertainty: float | None
+    quadratic: float | None
+    quadratic_uncertainty: float | None
+    quadratic_corrected: bool
+    significance: float | None
+    upper_bound: float | None
+    noise_floor_deg_per_h: float | None
+
+
+@dataclass(frozen=True)
+class SegmentDetail:
+    """What the report plots of one segment.
+
+    `kept` marks the samples that the fit used. `spectrum_*` is the published amplitude spectrum for
+    k = 0..N/2 (about the mean, missing samples left out, where rows are missing);
+    `noise_floor_deg_per_h` is its expected root mean square ordinate next to the first driven line
+    if there were no line. `drift_order` is the order of the fit; `drift_evident` says whether the
+    data prove any drift. The drift and lines are in `model_deg_per_h`. `allan` is the Allan
+    deviation of the output without the fitted lines, `noise` what it is made of.
+    """
+
+    axes: tuple[str, ...]
+    time_s: Array
+    rate_deg_per_h: Array
+    model_deg_per_h: Array
+    residual_deg_per_h: Array
+    kept: Mask
+    drift_order: int
+    drift_evident: bool
+    autoregression_order: int
+    lag_one_correlation: float
+    residual_sigma_deg_per_h: float
+    spectrum_frequency_Hz: Array
+    spectrum_deg_per_h: Array
+    noise_floor_deg_per_h: float | None
+    field_rows_rejected: int
+    allan: AllanDeviation
+    noise: NoiseCoefficients | None
+
+
+@dataclass(frozen=True)
+class RlgAnalysis(Analysis):
+    """The whole outcome; `covariance` (k, k, type A) is that of the estimates `determined`.
+
+    Sensitivities of the estimates are derivatives by `field_gain` and `gyro_scale` (relative
+    errors), `field_time_offset_s` (s, of the field's time stamps) and `undriven_NA` and so on, the
+    sensitivity of an axis that was not driven.
+    """
+
+    determined: tuple[str, ...]
+    covariance: Array
+    lines: tuple[LineDetail, ...]
+    segments: tuple[SegmentDetail, ...]

@@ -7,16 +7,23 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
-from procedures.rlg_magnetic_sensitivity import one_axis
 from procedures.rlg_magnetic_sensitivity.analysis import analyse
-from procedures.rlg_magnetic_sensitivity.dataset import AXES, RlgDataset
-from procedures.rlg_magnetic_sensitivity.findings import (
+from procedures.rlg_magnetic_sensitivity.coils import (
+    MISALIGNMENT,
+    PROBE_ANGLE,
+    CoilResponse,
+    coil_responses,
+    slope_by_misalignment,
+)
+from procedures.rlg_magnetic_sensitivity.dataset import (
+    AXES,
     METHOD,
     QUANTITY,
     UNDRIVEN,
     UNIT,
     AnalysisSettings,
     RlgAnalysis,
+    RlgDataset,
 )
 from procedures.rlg_magnetic_sensitivity.from_import import Conditions, dataset_of_import
 from procedures.rlg_magnetic_sensitivity.from_record import (
@@ -26,14 +33,13 @@ from procedures.rlg_magnetic_sensitivity.from_record import (
     field_record,
     segment_of_unit,
 )
-from procedures.rlg_magnetic_sensitivity.misalignment import CoilResponse, coil_responses
 from procedures.rlg_magnetic_sensitivity.parameters import RlgParameters
 from procedures.rlg_magnetic_sensitivity.records import (
     PlannedRecord,
     check_of,
     sensitivity_records,
 )
-from procedures.rlg_magnetic_sensitivity.repeats import Tested, background, flags_of, repeated
+from procedures.rlg_magnetic_sensitivity.steadiness import Tested, background, flags_of, repeated
 from station.findings import Detail, Estimate, Findings, Flag, InputQuantity, finite, undetermined
 from station.results import combine
 
@@ -207,9 +213,14 @@ def type_b_inputs(
             "earliest arrivals of this run",
         )
     )
-    if stated := bench.stated(GAUSSMETER, one_axis.ANGLE, 0.0, "rad"):
-        unseen = any(field_record(folder, unit).unseen.any() for unit in units)
-        inputs.append(one_axis.misalignment(*stated, unseen=unseen))
+    about = "direction of the gaussmeter's axes to those of the gyro"
+    if any(field_record(folder, unit).unseen.any() for unit in units):
+        about = (
+            "components of the field that a probe of one axis does not see: angle to the gyro's "
+            "axis"
+        )
+    stated = (GAUSSMETER, PROBE_ANGLE, 0.0, "rad")
+    inputs += bench.stated_input(stated, MISALIGNMENT, about, unit="1")
     about = "gyro scale: pulse weight and the board's time base"
     inputs += bench.stated_input((GYRO, "scale", 1.0, "1"), "gyro_scale", about)
     return inputs
@@ -240,7 +251,7 @@ def to_findings(
             one,
             sensitivities={
                 **one.sensitivities,
-                **one_axis.slope_by_misalignment(one, analysis.estimates),
+                **slope_by_misalignment(one, analysis.estimates),
             },
             extra=extra_of(one.axis or "", coils, tested),
         )

@@ -6,7 +6,6 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from procedures.estimation.drift import legendre_columns
 from procedures.estimation.flags import SEEN
@@ -21,10 +20,8 @@ from procedures.estimation.sine import (
     refine_frequency,
 )
 
-from .dataset import AXES, Drive, Segment
-
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
+from .dataset import AXES, Array, Complex, Mask, Segment
+from .drive import Drive
 
 _DRIFT_ORDER = 2
 _OUTLIER = 8.0
@@ -64,7 +61,7 @@ class FieldFit:
 
     lines: tuple[FieldLine, ...]
     ambient_mT: Array
-    wild: NDArray[np.bool_]
+    wild: Mask
 
     @property
     def rows_rejected(self) -> int:
@@ -102,7 +99,7 @@ def fit_field(segment: Segment, middle_s: float) -> FieldFit:
 
 def stretch_of_field(
     drive: Mapping[str, Drive], time_s: Array, field_mT: Array
-) -> tuple[NDArray[np.bool_], Callable[[Array], Array]]:
+) -> tuple[Mask, Callable[[Array], Array]]:
     """Return which readings of a stretch fit its sines, and the field (n, 3) at given times.
 
     Where most of them do not, all are kept: the fit of the whole record will tell.
@@ -152,7 +149,7 @@ def _frequencies(
     groups: list[tuple[tuple[str, ...], float]],
     time_s: Array,
     field_mT: Array,
-) -> tuple[list[float], list[float], NDArray[np.bool_]]:
+) -> tuple[list[float], list[float], Mask]:
     span_s = float(time_s[-1] - time_s[0])
     # A wild reading must not choose the starting point: clip far outside of any sine.
     middle = np.median(field_mT, axis=0)
@@ -225,7 +222,7 @@ def _linear_fit(
     uncertainties: list[float],
     time_s: Array,
     field_mT: Array,
-    wild: NDArray[np.bool_],
+    wild: Mask,
 ) -> FieldFit:
     span_s = float(time_s[-1] - time_s[0])
     step_s = float(np.median(np.diff(time_s)))

@@ -2,25 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
-from procedures.rlg_magnetic_sensitivity import (
-    allan_plot,
-    phase_plot,
-    plots,
-    spectrum_plot,
-    tables,
+from procedures.rlg_magnetic_sensitivity import plots, spectrum_plot
+from procedures.rlg_magnetic_sensitivity.coils import CoilResponse
+from procedures.rlg_magnetic_sensitivity.dataset import (
+    AXES,
+    LineDetail,
+    RlgAnalysis,
+    Segment,
+    SegmentDetail,
 )
-from procedures.rlg_magnetic_sensitivity.dataset import Segment
 from procedures.rlg_magnetic_sensitivity.evaluate import RlgDetail
-from procedures.rlg_magnetic_sensitivity.findings import LineDetail, RlgAnalysis, SegmentDetail
-from procedures.rlg_magnetic_sensitivity.summary_plot import SummaryRow, summary
+from procedures.rlg_magnetic_sensitivity.steadiness import Tested
 from station.findings import Findings
-from station.report.parts import Part, Plot
+from station.report.numbers import NOTHING, format_number, format_with_uncertainty
+from station.report.parts import Part, Plot, Table
 from station.results import ResultDocument
 
+TESTS = {
+    "linearity": "half the field",
+    "frequency": "another frequency",
+    "background": "coils off: magnitude of the line",
+}
 ALLAN = (
     "Of the output without the fitted lines, drift included: the overlapping estimator (NIST "
     "SP 1065). The curve is σ²(τ) = 3 Q²/τ² + N²/τ + (2 ln 2/π) B² + K² τ/3 with the "
@@ -43,7 +49,7 @@ def draw_parts(findings: Findings, document: ResultDocument) -> tuple[Part, ...]
             "Best estimates with their expanded uncertainty, against the limits where the "
             "plan sets any. The published formula takes a magnitude: it has no sign, and noise "
             "alone makes it larger than zero.",
-            summary(_summary_rows(analysis, document)),
+            plots.summary(document),
         )
     )
     records = zip(analysis.segments, detail.dataset.segments, strict=True)
@@ -54,12 +60,12 @@ def draw_parts(findings: Findings, document: ResultDocument) -> tuple[Part, ...]
             parts += _record_plots(record, lines, segment, read)
     parts += _overviews(analysis)
     if analysis.lines:
-        parts.append(tables.lines(analysis.lines))
+        parts.append(line_table(analysis.lines))
     if detail.coils:
-        parts.append(tables.coils(detail.coils))
+        parts.append(coil_table(detail.coils))
     if detail.tested:
-        parts.append(tables.tests(detail.tested))
-    return (*parts, tables.records(analysis.segments))
+        parts.append(check_table(detail.tested))
+    return (*parts, record_table(analysis.segments))
 
 
 def _overviews(analysis: RlgAnalysis) -> list[Part]:
@@ -73,18 +79,18 @@ def _overviews(analysis: RlgAnalysis) -> list[Part]:
                 "in phase with the field, upwards what comes before it. A sensitivity lies on the "
                 "horizontal line; the circles are where 95 % of such measurements would lie. What "
                 "other driven axes contribute is taken off.",
-                phase_plot.phase_diagram(analysis.lines),
+                spectrum_plot.phase_diagram(analysis.lines),
             )
         )
     if any(len(detail.allan.tau_s) for detail in analysis.segments):
-        parts.append(Plot("Allan deviation", ALLAN, allan_plot.allan(analysis.segments)))
+        parts.append(Plot("Allan deviation", ALLAN, spectrum_plot.allan(analysis.segments)))
     return parts
 
 
 def _record_plots(
     detail: SegmentDetail, lines: Sequence[LineDetail], segment: Segment, published: bool
 ) -> list[Part]:
-    driven = tables.joined(detail.axes)
+    driven = spectrum_plot.joined(detail.axes)
     several = len(lines) > 1
     peaks = "Circles: the peaks" if several else "Circle: the peak"
     peaks += " that the published formula reads (S7)."
@@ -126,7 +132,7 @@ def _record_plots(
             Plot(
                 f"{driven} driven: what the fit leaves",
                 "Residuals should be noise without a shape. Their lag-1 correlation is "
-                f"{tables.signed(detail.lag_one_correlation)}{counted}; "
+                f"{signed(detail.lag_one_correlation)}{counted}; "
                 f"the curve is a normal distribution of the same spread.{outside}",
                 plots.residuals(detail, quantum),
             )
@@ -134,18 +140,185 @@ def _record_plots(
     return parts
 
 
-def _summary_rows(analysis: RlgAnalysis, document: ResultDocument) -> list[SummaryRow]:
-    published = {one.axis: one.value for one in analysis.published}
+def line_table(driven: Sequence[LineDetail]) -> Table:
+    """Return the lines as columns: what was driven, what answered, along and across the field."""
+    rows: list[tuple[str, Callable[[LineDetail], str]]] = [
+        (
+            "Frequency, fitted to the field, Hz",
+            lambda x: with_u(x.frequency_Hz, x.frequency_uncertainty_Hz),
+        ),
+        ("Field amplitude, mT", lambda x: format_number(x.field_amplitude_mT, 5)),
+        ("Field phase at the record’s middle, deg", lambda x: f"{x.field_phase_deg:.1f}"),
+        (
+            "Ambient field along the axis, mT",
+            lambda x: format_number(float(x.ambient_field_mT[AXES.index(x.axis)]), 3),
+        ),
+        ("Response amplitude, deg/h", response),
+        ("Phase of the response before the field, deg", phase_before_field),
+        ("In phase with the field, deg/h/mT", lambda x: with_u(x.slope, x.slope_uncertainty)),
+        ("In quadrature, deg/h/mT", lambda x: with_u(x.quadrature, x.quadrature_uncertainty)),
+        ("Second-order term, deg/h/mT²", lambda x: with_u(x.quadratic, x.quadratic_uncertainty)),
+        ("Value over its uncertainty (type A)", lambda x: plain(x.significance, "{:.1f}")),
+        ("Magnitude below, with 95 %, deg/h/mT", lambda x: format_number(x.upper_bound, 2)),
+    ]
+    texts = [[title, *(text(line) for line in driven)] for title, text in rows]
+    return Table(
+        "The driven lines",
+        "A real sensitivity answers in phase with the field, or against it where it is negative; "
+        "a part in quadrature would point to a delay, eddy currents or pickup. Uncertainties are "
+        "standard, type A. The bound is given where the value is not told from zero.",
+        ["", *(line_name(line, driven) for line in driven)],
+        [row for row in texts if any(cell != NOTHING for cell in row[1:])],
+    )
+
+
+def coil_table(responses: Mapping[str, CoilResponse]) -> Table:
+    """Return the 3 x 3 response of the coils: field on each axis over the commanded field."""
     rows = []
-    for result in document.results:
-        axis = result.estimate.axis or ""
-        rows.append(
-            SummaryRow(
-                axis,
-                result.estimate.value,
-                result.expanded_uncertainty,
-                published.get(axis),
-                result.limit.interval() if result.limit else None,
-            )
+    for one in responses.values():
+        own = AXES.index(one.axis)
+        cells = [f"coil of {one.axis}"]
+        for a in range(3):
+            text = with_u(float(one.components[a]), float(one.uncertainty[a]))
+            lean = with_u(float(one.lean_deg[a]), float(one.lean_uncertainty_deg[a]))
+            cells.append(text if a == own or text == NOTHING else f"{text} ({lean} deg)")
+        cells.append(with_u(float(one.lean_deg[own]), float(one.lean_uncertainty_deg[own])))
+        rows.append(cells)
+    return Table(
+        "The field of each coil",
+        "The measured field along each axis of the probe over the commanded field, in phase with "
+        "the coil, and by which angle it leans towards the others. One on the diagonal and zero "
+        "elsewhere are a coil that makes what was asked for. The sensitivities are solved with the "
+        "measured components, so that neither spoils them. Uncertainties are standard, type A; "
+        "how the probe itself stands against the gyro is not in them.",
+        ["driven", *(f"on {axis}" for axis in AXES), "angle to its axis, deg"],
+        rows,
+    )
+
+
+def check_table(tested: Sequence[Tested]) -> Table:
+    """Return the repeats under other conditions, each against the result."""
+    rows = [
+        [
+            TESTS[one.check],
+            one.axis or "all",
+            f"{one.frequency_Hz:.4g}",
+            f"{one.amplitude_mT:g}",
+            with_u(one.value, one.uncertainty),
+            NOTHING
+            if one.check == "background"
+            else with_u(one.difference, one.difference_uncertainty),
+            format_number(one.bound, 2),
+            "differs" if one.differs else "agrees",
+        ]
+        for one in tested
+    ]
+    return Table(
+        "The result under other conditions",
+        "In deg/h/mT, with standard uncertainties. A difference within the bound is what noise "
+        "makes. With the coils off the line at the field’s frequency is divided by M: what it "
+        "would add to a result.",
+        ["repeated with", "axis", "f, Hz", "M, mT", "found", "less the result", "bound", ""],
+        rows,
+    )
+
+
+def record_table(segments: Sequence[SegmentDetail]) -> Table:
+    """Return each record with its noise: what was kept, drift, and the noise coefficients."""
+    rows = []
+    for detail in segments:
+        noise = detail.noise
+        kept = int(detail.kept.sum())
+        coefficients = (
+            [NOTHING] * 4
+            if noise is None
+            else [
+                format_number(noise.quantisation_arcsec, 2),
+                format_number(noise.angle_random_walk_deg_per_sqrt_h, 3),
+                format_number(noise.bias_instability_deg_per_h, 2),
+                format_number(noise.rate_random_walk_deg_per_h_sqrt_h, 2),
+            ]
         )
-    return rows
+        rows.append(
+            [
+                spectrum_plot.joined(detail.axes),
+                str(len(detail.time_s)),
+                str(len(detail.kept) - kept),
+                str(detail.drift_order),
+                str(detail.autoregression_order),
+                f"{detail.lag_one_correlation:.3f}",
+                format_number(detail.residual_sigma_deg_per_h, 3),
+                format_number(random_walk(detail, detail.noise_floor_deg_per_h), 3),
+                *coefficients,
+            ]
+        )
+    return Table(
+        "The records and their noise",
+        "Drift is a polynomial of the order given, fitted together with the lines. The noise at f "
+        "is the density next to the driven frequency, written as an angle random walk: "
+        "uncertainties come from it, not from the total scatter. Q, N, B, K are fitted to the "
+        "Allan deviation; zero where the record shows nothing of one.",
+        [
+            "Driven",
+            "Samples",
+            "Rejected",
+            "Drift order",
+            "Noise model order",
+            "Lag-1 correlation",
+            "Residual σ, deg/h",
+            "Noise at f, deg/√h",
+            "Q, arcsec",
+            "N, deg/√h",
+            "B, deg/h",
+            "K, deg/h/√h",
+        ],
+        rows,
+    )
+
+
+def random_walk(detail: SegmentDetail, floor_deg_per_h: float | None) -> float | None:
+    """Return the angle random walk in deg/sqrt(h) of white noise with this floor.
+
+    The floor is 2 sigma / sqrt(N) with sigma = 60 Q / sqrt(tau0): Q = floor sqrt(N tau0) / 120.
+    """
+    if floor_deg_per_h is None or len(detail.time_s) < 2:
+        return None
+    interval_s = float(np.median(np.diff(detail.time_s)))
+    return floor_deg_per_h * float(np.sqrt(detail.kept.sum() * interval_s)) / 120.0
+
+
+def line_name(line: LineDetail, driven: Sequence[LineDetail]) -> str:
+    """Return the axis of a line, with the number of its record where several records drive it."""
+    again = sum(other.axis == line.axis for other in driven) > 1
+    return f"{line.axis}, record {line.segment + 1}" if again else line.axis
+
+
+def response(line: LineDetail) -> str:
+    """Return the amplitude of the response in deg/h."""
+    phasor = line.gyro_phasor_deg_per_h
+    return NOTHING if phasor is None else format_number(abs(phasor), 3)
+
+
+def phase_before_field(line: LineDetail) -> str:
+    """Return by how many deg the response comes before the field, within half a turn."""
+    if line.gyro_phase_deg is None:
+        return NOTHING
+    return f"{(line.gyro_phase_deg - line.field_phase_deg + 180.0) % 360.0 - 180.0:.0f}"
+
+
+def with_u(value: float | None, uncertainty: float | None) -> str:
+    """Return a value with its uncertainty, rounded together."""
+    if value is None or not np.isfinite(value):
+        return NOTHING
+    value_text, u_text = format_with_uncertainty(value, uncertainty)
+    return value_text if u_text == NOTHING else f"{value_text} ± {u_text}"
+
+
+def plain(value: float | None, form: str) -> str:
+    """Return a value in a form of its own."""
+    return NOTHING if value is None else form.format(value)
+
+
+def signed(value: float) -> str:
+    """Return a number with a minus sign as it is printed."""
+    return f"{value:.3f}".replace("-", "−")

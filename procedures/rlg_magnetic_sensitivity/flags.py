@@ -13,10 +13,9 @@ from procedures.estimation.grouping import loss
 from procedures.estimation.noise import grid_index
 from station.findings import Estimate, Flag
 
-from .dataset import AXES, Averaged, Segment
+from .dataset import AXES, UNDRIVEN, AnalysisSettings, Averaged, LineDetail, Segment, SegmentDetail
 from .field import FieldFit
-from .findings import UNDRIVEN, AnalysisSettings, LineDetail, SegmentDetail
-from .published import missing_rows
+from .gyro import missing_rows
 
 MATTERS = 0.5
 """Of u: what an axis that was not driven may add before it is flagged."""

@@ -12,21 +12,21 @@ from numpy.typing import NDArray
 from procedures.estimation.alignment import Alignment, align_pieces, unwrapped
 from procedures.estimation.averaging import averaged_duration_s
 from procedures.estimation.grouping import group_size
-from procedures.rlg_magnetic_sensitivity import one_axis
+from procedures.rlg_magnetic_sensitivity import coils
 from procedures.rlg_magnetic_sensitivity.averaged import (
     GyroMeans,
     averaged,
     averaged_field,
     averaged_gyro,
 )
-from procedures.rlg_magnetic_sensitivity.dataset import Drive, RlgDataset, Segment
+from procedures.rlg_magnetic_sensitivity.dataset import Array, Mask, RlgDataset, Segment
+from procedures.rlg_magnetic_sensitivity.drive import Drive
 from procedures.rlg_magnetic_sensitivity.parameters import RlgParameters
 
 if TYPE_CHECKING:
     from station.instruments.bench import Bench
     from station.record.folder import RunFolder
 
-Array = NDArray[np.float64]
 
 GYRO = "gyro_acquisition"
 GAUSSMETER = "gaussmeter"
@@ -134,7 +134,7 @@ class FieldRecord:
     readings: int
     step_s: float
     overloaded: int
-    unseen: NDArray[np.bool_]
+    unseen: Mask
 
 
 def field_record(folder: RunFolder, unit: str) -> FieldRecord:
@@ -156,7 +156,7 @@ def look_through_field(folder: RunFolder, unit: str) -> FieldRecord:
                 step_s = float(np.median(np.diff(time_s)))
             readings += len(rows)
             overloaded += int((rows["state"] != 0).sum())
-            unseen &= one_axis.unseen(one_axis.components_T(rows))
+            unseen &= coils.unseen(coils.components_T(rows))
             yield time_s, rows["arrival_time_s"]
 
     aligned = align_pieces(arrivals(), 1.0)
@@ -188,7 +188,7 @@ def segment_of_unit(
 
     def readings() -> Iterator[tuple[Array, Array]]:
         for rows in folder.pieces(GAUSSMETER, name):
-            field_mT = one_axis.components_T(rows) * MT_PER_T
+            field_mT = coils.components_T(rows) * MT_PER_T
             field_mT = bench.corrected(GAUSSMETER, "field", field_mT, "mT")
             field_mT[:, known.unseen] = 0.0
             usable = rows["state"] == 0

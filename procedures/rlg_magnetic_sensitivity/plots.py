@@ -1,4 +1,4 @@
-"""Plots of one record: output and field against time, and what the fit left."""
+"""Plots of records and results: time series, residuals, and all axes together."""
 
 from __future__ import annotations
 
@@ -7,10 +7,16 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
+from matplotlib.patches import Rectangle
 
-from procedures.rlg_magnetic_sensitivity.dataset import AXES, Segment
-from procedures.rlg_magnetic_sensitivity.findings import LineDetail, SegmentDetail
+from procedures.rlg_magnetic_sensitivity.dataset import (
+    AXES,
+    Array,
+    LineDetail,
+    Mask,
+    Segment,
+    SegmentDetail,
+)
 from station.report.drawing import (
     BLACK,
     BLUE,
@@ -22,14 +28,19 @@ from station.report.drawing import (
     label_above,
     new_figure,
 )
-
-Array = NDArray[np.float64]
+from station.results import ResultDocument
 
 COLOUR = {"IA": BLUE, "NA": VERMILION, "LA": GREEN}
 DASHES = {"IA": "-", "NA": "--", "LA": "-."}
 ZOOM_PERIODS = 4.0
 MEAN_PERIODS = 0.25
 EDGE_SIGMA = 6.5
+
+BEST = "best estimate with U (95 %)"
+PUBLISHED = "published formula (has no sign)"
+WITHIN = "within the limit"
+LIMIT = "limit"
+ORDER = (BEST, PUBLISHED, WITHIN, LIMIT)
 
 
 def time_series(detail: SegmentDetail, lines: Sequence[LineDetail], segment: Segment) -> Figure:
@@ -165,9 +176,7 @@ def _bin_edges(values: Array, sigma: float, quantum: float) -> Array:
     return np.asarray((level + np.arange(-reach, reach + 2) - 0.5) * quantum, dtype=np.float64)
 
 
-def running_mean(
-    time_s: Array, values: Array, kept: NDArray[np.bool_], at_s: Array, window_s: float
-) -> Array:
+def running_mean(time_s: Array, values: Array, kept: Mask, at_s: Array, window_s: float) -> Array:
     """Return the mean of the kept samples within a window about each time; NaN in gaps.
 
     A window that is not nearly full gives NaN: no line is drawn across a gap or beyond the ends.
@@ -222,3 +231,106 @@ def legend_inside(axes: Axes, ncols: int) -> None:
     axes.legend(
         loc="upper right", ncols=ncols, borderaxespad=0.2, handlelength=1.6, columnspacing=1.0
     )
+
+
+def summary(document: ResultDocument) -> Figure:
+    """Draw all axes' values with U, the published values beside them, and the limits behind."""
+    results = document.results
+    published = {one.axis: one.value for one in document.published}
+    limits = [one.limit.interval() if one.limit else None for one in results]
+    figure = new_figure(1.15 + 0.5 * len(results))
+    axes = figure.add_subplot()
+    spans = [abs(bound) for limit in limits if limit for bound in limit if np.isfinite(bound)]
+    spans += [
+        abs(one.estimate.value) + (one.expanded_uncertainty or 0.0)
+        for one in results
+        if one.estimate.value is not None
+    ]
+    spans += [value for value in published.values() if value is not None]
+    reach = 1.12 * max(spans, default=1.0) or 1.0
+    told: set[str] = set()
+
+    def once(text: str) -> str | None:
+        new = text not in told
+        told.add(text)
+        return text if new else None
+
+    for place, (one, limit) in enumerate(zip(results, limits, strict=True)):
+        value, as_published = one.estimate.value, published.get(one.estimate.axis)
+        if limit is not None:
+            low, high = np.clip(limit, -reach, reach)
+            axes.add_patch(
+                Rectangle(
+                    (low, place - 0.38),
+                    high - low,
+                    0.76,
+                    facecolor="#E6F1F7",
+                    edgecolor="none",
+                    zorder=1,
+                    label=once(WITHIN),
+                )
+            )
+            for bound in limit:
+                if np.isfinite(bound):
+                    axes.plot(
+                        [bound, bound],
+                        [place - 0.38, place + 0.38],
+                        color=INK,
+                        linewidth=1.6,
+                        zorder=2,
+                        label=once(LIMIT),
+                    )
+        if value is None:
+            axes.text(
+                0.0,
+                place,
+                "undetermined",
+                ha="center",
+                va="center",
+                style="italic",
+                bbox={"facecolor": "white", "edgecolor": "none", "pad": 2.0},
+            )
+        else:
+            axes.errorbar(
+                value,
+                place - 0.1,
+                xerr=one.expanded_uncertainty or None,
+                fmt="o",
+                color=BLUE,
+                markersize=6,
+                capsize=4,
+                elinewidth=1.8,
+                zorder=4,
+                label=once(BEST),
+            )
+        if as_published is not None:
+            axes.plot(
+                as_published,
+                place + 0.22,
+                "D",
+                markersize=6,
+                markerfacecolor="white",
+                markeredgecolor=VERMILION,
+                markeredgewidth=1.5,
+                zorder=3,
+                linestyle="none",
+                label=once(PUBLISHED),
+            )
+    axes.axvline(0.0, color=INK, linewidth=0.8)
+    axes.set_xlim(-reach, reach)
+    axes.set_ylim(len(results) - 0.5, -0.5)
+    axes.set_yticks(range(len(results)), [one.estimate.axis or "" for one in results])
+    axes.tick_params(axis="y", length=0)
+    axes.grid(False, axis="y")
+    axes.set_xlabel("magnetic sensitivity, deg/h/mT")
+    handles, names = axes.get_legend_handles_labels()
+    order = sorted(range(len(names)), key=lambda i: ORDER.index(names[i]))
+    axes.legend(
+        [handles[i] for i in order],
+        [names[i] for i in order],
+        loc="lower center",
+        bbox_to_anchor=(0.5, 1.0),
+        ncols=4,
+        handlelength=1.6,
+    )
+    return figure

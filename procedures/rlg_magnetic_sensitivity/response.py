@@ -6,15 +6,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from .dataset import AXES
+from .dataset import AXES, Array, Mask
 from .field import FieldFit
 from .gyro import GyroFit
-
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
-Mask = NDArray[np.bool_]
 
 # Least part of an axis's field, orthogonal to that of the other axes, that still tells them apart.
 _LEAST_INDEPENDENT = 0.05

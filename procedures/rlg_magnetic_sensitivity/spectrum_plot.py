@@ -1,4 +1,4 @@
-"""Plot of a record at the field's frequency: amplitude spectrum and average over the phase."""
+"""Plots at the field's frequency and of the noise: spectrum, phase, Allan deviation."""
 
 from __future__ import annotations
 
@@ -7,19 +7,19 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
+from matplotlib.patches import Ellipse
 
-from procedures.rlg_magnetic_sensitivity.dataset import Segment
-from procedures.rlg_magnetic_sensitivity.findings import LineDetail, SegmentDetail
+from procedures.rlg_magnetic_sensitivity.dataset import Array, LineDetail, Segment, SegmentDetail
 from procedures.rlg_magnetic_sensitivity.plots import COLOUR, DASHES, legend_inside, middle_of
 from station.report.drawing import BLACK, GREY, INK, label_above, new_figure
-
-Array = NDArray[np.float64]
 
 # The noise at a line is judged over so many cycles per record on each side of it.
 FLOOR_REACH_CYCLES = 8.0
 SPECTRUM_REACH = 5.0
 PHASE_BINS = 12
+WITHIN_95 = 2.448
+"""Root of chi-square with two degrees of freedom at 95 %."""
+MARKERS = "os^Dv<>"
 
 
 def spectrum(detail: SegmentDetail, lines: Sequence[LineDetail], segment: Segment) -> Figure:
@@ -189,3 +189,103 @@ def phase_average(turns: Array, values: Array) -> tuple[Array, Array]:
     freedom = np.maximum(turns_seen - 1, 1)
     error = np.sqrt(squares / freedom / np.maximum(turns_seen, 1))
     return mean, np.where(enough, error, 0.0)
+
+
+def phase_diagram(lines: Sequence[LineDetail]) -> Figure:
+    """Draw each line's response over field with the region where 95 % of such results would lie.
+
+    Right is in phase with the field, up is a quarter period before it; both axes to one scale.
+    """
+    figure = new_figure(3.9)
+    axes = figure.add_subplot()
+    reach = 0.0
+    told: set[str] = set()
+    for line in lines:
+        if line.slope is None or line.slope_uncertainty is None:
+            continue
+        quadrature = line.quadrature or 0.0
+        tall = line.quadrature_uncertainty or line.slope_uncertainty
+        wide = line.slope_uncertainty
+        colour = COLOUR[line.axis]
+        axes.add_patch(
+            Ellipse(
+                (line.slope, quadrature),
+                2.0 * WITHIN_95 * wide,
+                2.0 * WITHIN_95 * tall,
+                facecolor=colour,
+                alpha=0.15,
+                edgecolor="none",
+            )
+        )
+        axes.annotate(
+            "",
+            (line.slope, quadrature),
+            (0.0, 0.0),
+            arrowprops={"arrowstyle": "-|>", "color": colour, "linewidth": 1.6},
+        )
+        name = f"{line.axis} at {line.frequency_Hz:.3g} Hz"
+        axes.plot(
+            line.slope,
+            quadrature,
+            "o",
+            color=colour,
+            markersize=4,
+            label=None if name in told else name,
+        )
+        told.add(name)
+        reach = max(
+            reach,
+            abs(line.slope) + WITHIN_95 * wide,
+            abs(quadrature) + WITHIN_95 * tall,
+        )
+    reach = 1.1 * reach or 1.0
+    for share in (0.5, 1.0):
+        turn = np.linspace(0.0, 2.0 * np.pi, 181)
+        radius = share * reach / 1.1
+        axes.plot(
+            radius * np.cos(turn), radius * np.sin(turn), color=INK, linewidth=0.4, linestyle=":"
+        )
+    axes.axhline(0.0, color=INK, linewidth=0.8)
+    axes.axvline(0.0, color=INK, linewidth=0.8)
+    axes.set_aspect("equal")
+    axes.set_xlim(-reach, reach)
+    axes.set_ylim(-reach, reach)
+    axes.set_xlabel("in phase with the field, deg/h/mT")
+    axes.set_ylabel("a quarter period before, deg/h/mT")
+    axes.legend(loc="center left", bbox_to_anchor=(1.02, 0.5))
+    return figure
+
+
+def allan(segments: Sequence[SegmentDetail]) -> Figure:
+    """Draw deviation against averaging time, both logarithmic, with standard uncertainties."""
+    figure = new_figure(3.6)
+    axes = figure.add_subplot()
+    for number, detail in enumerate(segments):
+        found = detail.allan
+        if not len(found.tau_s):
+            continue
+        colour = COLOUR[detail.axes[0]] if len(detail.axes) == 1 else BLACK
+        axes.errorbar(
+            found.tau_s,
+            found.deviation,
+            np.minimum(found.standard_uncertainty, 0.9 * found.deviation),
+            fmt=MARKERS[number % len(MARKERS)],
+            color=colour,
+            markersize=3.5,
+            elinewidth=0.8,
+            label=f"{joined(detail.axes)} driven",
+        )
+        if detail.noise is not None:
+            tau_s = np.geomspace(found.tau_s[0], found.tau_s[-1], 120)
+            axes.plot(tau_s, detail.noise.deviation_deg_per_h(tau_s), color=colour, linewidth=1.0)
+    axes.set_xscale("log")
+    axes.set_yscale("log")
+    axes.set_xlabel("averaging time τ, s")
+    axes.set_ylabel("Allan deviation σ(τ), deg/h")
+    axes.legend(loc="upper right")
+    return figure
+
+
+def joined(axes: Sequence[str]) -> str:
+    """Return names as a list in words."""
+    return axes[0] if len(axes) == 1 else ", ".join(axes[:-1]) + " and " + axes[-1]

@@ -156,7 +156,7 @@ def record(run: Run, planned: PlannedRecord) -> None:
 def transform(run: Run, planned: PlannedRecord) -> None:
     """S5: the discrete Fourier transform of the N samples, read back from the record."""
     from procedures.rlg_magnetic_sensitivity.from_record import segment_of_unit
-    from procedures.rlg_magnetic_sensitivity.published import plotted_spectrum
+    from procedures.rlg_magnetic_sensitivity.gyro import plotted_spectrum
 
     with run.clock.allow(reading_back_s(planned.most, run.parameters.sample_interval_s)):
         segment = segment_of_unit(run.read_back(), planned.unit, run.parameters, run.bench)
@@ -173,7 +173,7 @@ def draw(run: Run, planned: PlannedRecord) -> None:
 
 def read_peak(run: Run, planned: PlannedRecord) -> None:
     """S7: the peak near each f divided by M, as published; the best estimate follows at the end."""
-    from procedures.rlg_magnetic_sensitivity.published import published_value
+    from procedures.rlg_magnetic_sensitivity.gyro import published_value
 
     segment, _ = run.state(Spectra).of_unit.pop(planned.unit)
     for axis in planned.energised:

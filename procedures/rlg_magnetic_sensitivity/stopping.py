@@ -213,14 +213,14 @@ def follow_gyro(run: Run, board: GyroAcquisition, until_s: float, said: str) -> 
 def warn_of_beats(run: Run, rate_deg_per_h: NDArray[Any], interval_s: float) -> None:
     """Say before anything is driven that pulses counted at this mean rate would harm a result."""
     from procedures.estimation.allan import allan_deviation, noise_coefficients
-    from procedures.rlg_magnetic_sensitivity.pulse_beat import advice
+    from procedures.rlg_magnetic_sensitivity.checks import beat_advice
 
     parameters: RlgParameters = run.parameters
     noise = noise_coefficients(allan_deviation(rate_deg_per_h, interval_s))
     if noise is None:
         return
     planned = sensitivity_records(parameters)[0]
-    told = advice(
+    told = beat_advice(
         float(rate_deg_per_h.mean()),
         parameters.pulse_weight_arcsec,
         parameters.sample_interval_s,

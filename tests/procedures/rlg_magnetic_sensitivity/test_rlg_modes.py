@@ -15,17 +15,17 @@ from rlg_runs import short_run
 from shipped import shipped_bench
 
 from procedures.estimation.quantisation import find_beat, folded_Hz
-from procedures.rlg_magnetic_sensitivity.dataset import AXES, Drive
-from procedures.rlg_magnetic_sensitivity.findings import AnalysisSettings
+from procedures.rlg_magnetic_sensitivity.coils import coil_responses
+from procedures.rlg_magnetic_sensitivity.dataset import AXES, AnalysisSettings
+from procedures.rlg_magnetic_sensitivity.drive import Drive
 from procedures.rlg_magnetic_sensitivity.frequencies import (
     choose,
     second_order,
     third_order,
 )
-from procedures.rlg_magnetic_sensitivity.misalignment import coil_responses
 from procedures.rlg_magnetic_sensitivity.parameters import RlgParameters, Stop
 from procedures.rlg_magnetic_sensitivity.records import all_records, sensitivity_records
-from procedures.rlg_magnetic_sensitivity.repeats import background, flags_of, repeated
+from procedures.rlg_magnetic_sensitivity.steadiness import background, flags_of, repeated
 from procedures.rlg_magnetic_sensitivity.stopping import (
     Standing,
     is_enough,

@@ -21,7 +21,7 @@ from procedures.estimation.noise import Autoregression, fit_autoregression, whit
 from procedures.estimation.sine import coarse_frequency
 from procedures.estimation.spectrum import LineSums, amplitude_spectrum, nearest_lines, peak_near
 from procedures.rlg_magnetic_sensitivity.averaged import in_groups
-from procedures.rlg_magnetic_sensitivity.dataset import Drive
+from procedures.rlg_magnetic_sensitivity.drive import Drive
 from station import registry
 from station.clock import VirtualClock
 from station.files.lookup import BENCHES, PLANS, find

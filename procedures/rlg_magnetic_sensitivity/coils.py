@@ -1,17 +1,49 @@
-"""What field each coil makes on the three axes: the 3 x 3 response of the coils, with angles."""
+"""The coils' fields on the three axes: their 3 x 3 response, and what one probe cannot see.
+
+A gaussmeter of one axis is turned along each coil's normal in turn. The two other components are
+taken as zero; that gyro and field do not lie exactly so is an uncertainty of type B.
+"""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .dataset import AXES, Segment
-from .findings import LineDetail
+from procedures.rlg_magnetic_sensitivity.parameters import COIL_OF_AXIS
+from station.findings import Estimate
 
-Array = NDArray[np.float64]
+from .dataset import AXES, Array, LineDetail, Mask, Segment
+
+MISALIGNMENT = "field_misalignment_rad"
+PROBE_ANGLE = "angle"
+"""The quantity of a calibration record that says how well the probe's direction is known."""
+
+
+def components_T(rows: NDArray[Any]) -> Array:
+    """Return the field by component, shape (rows, 3); NaN what the gaussmeter did not see."""
+    return np.column_stack([rows[f"{coil}_T"] for coil in COIL_OF_AXIS.values()])
+
+
+def unseen(field: Array) -> Mask:
+    """Return which components of a record the gaussmeter never saw, shape (3,)."""
+    return np.asarray(np.isnan(field).all(axis=0)) & bool(len(field))
+
+
+def slope_by_misalignment(estimate: Estimate, others: Sequence[Estimate]) -> Mapping[str, float]:
+    """Return by how much an estimate changes with the angle, two directions taken together.
+
+    A field that leans by an angle towards another axis brings that axis's sensitivity in. An axis
+    whose sensitivity is not known counts as much as the largest that is.
+    """
+    known = {one.axis: abs(one.value) for one in others if one.value is not None}
+    largest = max(known.values(), default=0.0)
+    across = [known.get(axis, largest) for axis in COIL_OF_AXIS if axis != estimate.axis]
+    return {MISALIGNMENT: math.hypot(*across)}
 
 
 @dataclass(frozen=True)
