@@ -16,6 +16,7 @@ from typing import Any
 from pydantic import BaseModel
 
 from station import registry
+from station.units import dimension_of
 
 BUILT_IN = "built-in"
 """The entry point of the station's own roles."""
@@ -33,6 +34,9 @@ class Limit:
     meaning: str
     needed: bool = False
     signed: bool = False
+
+    def __post_init__(self) -> None:
+        dimension_of(self.unit)
 
 
 @dataclass(frozen=True)
@@ -52,6 +56,10 @@ class Quantity:
     while_on: bool = False
     energised: str = ""
     limit: str = ""
+
+    def __post_init__(self) -> None:
+        if not self.states:
+            dimension_of(self.unit)
 
 
 CONTACT_STATES = ("closed", "open")
@@ -91,6 +99,16 @@ class Role:
     quantities: Mapping[str, Quantity] = field(default_factory=dict)
     safe_state: SafeState | None = None
     start_samples: Callable[[Any], None] | None = None
+
+    def __post_init__(self) -> None:
+        for name in (self.name, *self.members, *self.limits, *self.quantities):
+            if not name.isidentifier():
+                raise ValueError(f"role {self.name!r}: {name!r} is no name such as zero_current")
+        for name, quantity in self.quantities.items():
+            if quantity.limit and quantity.limit not in self.limits:
+                raise ValueError(f"role {self.name!r}: {name} names no limit of it")
+        if not isinstance(self.protocol, type):
+            raise ValueError(f"role {self.name!r}: {self.protocol!r} is no Protocol")
 
     @property
     def instances(self) -> tuple[str, ...]:
@@ -166,7 +184,8 @@ def collected() -> tuple[Mapping[str, Role], tuple[str, ...]]:
 def offered_by(entry: str) -> tuple[Any, ...]:
     """Return what an entry point of the group `station.roles` offers as roles."""
     offered = registry.load(registry.ROLES, entry)
-    return tuple(getattr(offered, "ROLES", (offered,)))
+    several = getattr(offered, "ROLES", None)
+    return tuple(several) if isinstance(several, tuple | list) else (offered,)
 
 
 def _why_refused(offered: object, known: Mapping[str, Role]) -> str | None:

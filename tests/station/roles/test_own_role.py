@@ -1,0 +1,211 @@
+"""A laboratory's own role is one file of its package, and everything else follows from it."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from command_line import PLAN
+
+from station import registry
+from station.cli.validating import validate_plans
+from station.files.faults import FaultList
+from station.files.lookup import BENCHES, find
+from station.files.yaml.reading import read_yaml_text
+from station.instruments.bench import Bench, bench_file, bench_of
+from station.roles.role import Limit, Quantity, Role, collected, kind_of, safe_states
+from station.schema import schema_text
+
+ROLE = '''\
+"""The heater of a vapour cell."""
+
+from typing import Protocol, runtime_checkable
+
+from station.roles import Instrument, Limit, MadeSafe, Quantity, Role, SafeState
+
+
+@runtime_checkable
+class CellHeater(Instrument, MadeSafe, Protocol):
+    """An oven with its own controller."""
+
+    def heat_to(self, temperature_degC: float) -> None:
+        """Go to a temperature; returns at once."""
+        ...
+
+
+CELL_HEATER = Role(
+    "cell_heater",
+    CellHeater,
+    limits={"power": Limit("W", "largest power of the oven", needed=True)},
+    quantities={"power": Quantity("W", period_s=2.0, limit="power")},
+    safe_state=SafeState("no power at the oven", "the measured power", rank=35),
+)
+'''
+DRIVER = '''\
+"""A driver of the heater."""
+
+from typing import ClassVar
+
+from station.roles import Driver, SafetyReading
+
+
+class Oven(Driver):
+    quantities: ClassVar = {"power": lambda self: 0.0}
+
+    def __init__(self, place): self.place = place
+    def identify(self): return None
+    def close(self): pass
+    def make_safe(self, deadline_s): pass
+    def read_safety(self): return SafetyReading(True, "0 W")
+    def heat_to(self, temperature_degC): pass
+'''
+INSTRUMENT = """\
+  cell_heater:
+    driver: lab-oven
+    limits: {power: 10 W}
+"""
+INTERLOCK = """\
+  - {name: oven, when: {instrument: cell_heater, quantity: power, above: 12 W}}
+"""
+SAFE = "  - {role: cell_heater, within: 5 s}\n"
+
+
+def forget() -> None:
+    """Have the registry, and what was made of it, look again."""
+    for cached in (registry.offers, registry.names, collected, bench_file):
+        cached.cache_clear()
+
+
+@pytest.fixture
+def laboratory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    """Have a package installed, in this process, that brings a role and a driver for it."""
+    site = tmp_path / "site"
+    info = site / "heaters-1.0.dist-info"
+    info.mkdir(parents=True)
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: heaters\n", encoding="utf-8")
+    (info / "entry_points.txt").write_text(
+        "[station.roles]\na-heater = heater_role:CELL_HEATER\n"
+        "[station.drivers]\nlab-oven = heater_driver:Oven\n",
+        encoding="utf-8",
+    )
+    (site / "heater_role.py").write_text(ROLE, encoding="utf-8")
+    (site / "heater_driver.py").write_text(DRIVER, encoding="utf-8")
+    monkeypatch.syspath_prepend(str(site))
+    forget()
+    yield tmp_path
+    forget()
+    registry.load.cache_clear()
+    for name in ("heater_role", "heater_driver"):
+        sys.modules.pop(name, None)
+
+
+def bench_text(instrument: str = INSTRUMENT, interlock: str = INTERLOCK, safe: str = SAFE) -> str:
+    """Return the shipped bench with a heater."""
+    text = find(BENCHES, "sim").read_text(encoding="utf-8")
+    for key, more in (("instruments", instrument), ("interlocks", interlock), ("safe_state", safe)):
+        text = text.replace(f"\n{key}:\n", f"\n{key}:\n{more}")
+    return text
+
+
+def read(text: str) -> Bench:
+    document = read_yaml_text(text, Path("bench.yaml"))
+    return bench_of(document, registry.names(registry.DRIVERS), bounded=True)
+
+
+def faults_of(text: str) -> list[str]:
+    with pytest.raises(FaultList) as caught:
+        read(text)
+    return [fault.what for fault in caught.value.faults]
+
+
+def test_a_bench_may_have_it_with_its_limit_and_an_interlock_on_its_quantity(
+    laboratory: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    bench = read(bench_text())
+    assert bench.instruments["cell_heater"].limits == {"power": 10.0}
+    (interlock,) = [one for one in bench.interlocks if one.name == "oven"]
+    assert interlock.instruments == {"cell_heater"}
+    assert interlock.period_s == kind_of("cell_heater", "power").period_s == 2.0
+    assert ("cell_heater", 5.0) in bench.safe_order()
+    assert bench_of(bench.document, registry.names(registry.DRIVERS)).file == bench.file
+    (laboratory / "plan.yaml").write_text(PLAN, encoding="utf-8")
+    (laboratory / "bench.yaml").write_text(bench_text(), encoding="utf-8")
+    assert validate_plans([str(laboratory / "plan.yaml")], str(laboratory / "bench.yaml")) == 0
+    assert "1 plan without a fault" in capsys.readouterr().out
+
+
+@pytest.mark.usefixtures("laboratory")
+@pytest.mark.parametrize(
+    ("old", "new", "fault"),
+    [
+        ("limits: {power: 10 W}", "settings: {}", "is missing; a cell_heater needs it"),
+        ("10 W", "10 V", "'10 V' is a voltage, expected a power such as '50 W'"),
+        ("10 W", "-10 W", "must be above 0, not '-10 W'"),
+        ("above: 12 W", "above: 16 W", "so far beyond limits.power of cell_heater, 10 W"),
+        ("quantity: power", "quantity: watts", "is no quantity of a cell_heater; it has power"),
+        ("driver: lab-oven", "driver: operator-power", "cannot be a cell_heater; it can be dut"),
+    ],
+)
+def test_what_is_wrong_with_it_is_refused_as_for_any_role(old: str, new: str, fault: str) -> None:
+    text = bench_text()
+    assert text.count(old) == 1
+    assert any(fault in one for one in faults_of(text.replace(old, new)))
+
+
+@pytest.mark.usefixtures("laboratory")
+def test_it_is_in_the_schema_and_not_in_the_built_in_one() -> None:
+    shown = json.loads(schema_text("bench"))
+    assert "cell_heater" not in schema_text("bench", built_in=True)
+    instruments = shown["properties"]["instruments"]
+    assert "cell_heater" in instruments["propertyNames"]["enum"]
+    power = instruments["additionalProperties"]["properties"]["limits"]["properties"]["power"]
+    assert power["anyOf"][0]["description"] == "a power such as '50 W'; above 0 W"
+    needs = instruments["allOf"][0]["patternProperties"][r"^cell_heater(\.|$)"]
+    assert needs["properties"]["limits"]["required"] == ["power"]
+    when = shown["properties"]["interlocks"]["items"]["properties"]["when"]["anyOf"][0]
+    assert "power" in when["properties"]["quantity"]["enum"]
+    assert "cell_heater" in shown["properties"]["safe_state"]["items"]["properties"]["role"]["enum"]
+
+
+@pytest.mark.usefixtures("laboratory")
+def test_its_rank_is_its_place_among_the_safe_states() -> None:
+    order = list(safe_states())
+    assert order.index("rotary_stage") < order.index("cell_heater") < order.index("pump_laser")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "why"),
+    [
+        ('"cell_heater",', '"dut_power",', "there is a role 'dut_power' already"),
+        (
+            '"power": Limit("W"',
+            '"voltage": Limit("mV", "", True), "power": Limit("W"',
+            "its limit 'voltage' is in mV, that of a coil_supply in V",
+        ),
+        ('Limit("W"', 'Limit("horses"', "unit 'horses' is not known"),
+        ('limit="power"', 'limit="pover"', "power names no limit of it"),
+        ("CELL_HEATER = Role(", "CELL_HEATER = dict(role=", "cannot be loaded"),
+    ],
+)
+def test_one_that_cannot_be_a_role_costs_itself_only_and_is_named(
+    old: str, new: str, why: str, laboratory: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = laboratory / "site" / "heater_role.py"
+    assert ROLE.count(old) == 1
+    path.write_text(ROLE.replace(old, new), encoding="utf-8")
+    (laboratory / "plan.yaml").write_text(PLAN, encoding="utf-8")
+    assert validate_plans([str(laboratory / "plan.yaml")], "sim") == 0
+    warning = capsys.readouterr().err
+    assert warning.startswith("WARNING: the role ")
+    assert why in warning
+
+
+def test_a_declaration_says_what_is_wrong_with_it() -> None:
+    with pytest.raises(ValueError, match="'zero current' is no name such as zero_current"):
+        Role("lamp", Role, limits={"zero current": Limit("A", "")})
+    with pytest.raises(ValueError, match="is no Protocol"):
+        Role("lamp", "Lamp")  # type: ignore[arg-type]
+    assert Quantity(states=("on", "off")).unit == ""
