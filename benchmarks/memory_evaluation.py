@@ -28,7 +28,7 @@ from station.files.lookup import BENCHES, PLANS, find
 from station.files.plan import read_plan
 from station.instruments.bench import read_bench
 from station.procedure import Procedures, procedure_of
-from station.runner.memory import memory_of
+from station.runner.resources import memory_of
 
 
 def main() -> None:

@@ -25,7 +25,7 @@ from campaign_helpers import undirected_run
 
 from station.clock import VirtualClock
 from station.record.folder import RunRecord
-from station.runner.progress import Progress
+from station.runner.operator import Progress
 
 
 def main() -> None:

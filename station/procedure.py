@@ -9,7 +9,7 @@ from pkgutil import resolve_name
 from typing import TYPE_CHECKING, Any, TypedDict
 
 from station import registry
-from station.consent import Prompt as Prompt
+from station.console import Prompt as Prompt
 from station.errors import InputError
 from station.method.set_points import Envelope
 from station.method.work import (

@@ -10,10 +10,10 @@ from station.console import tell
 from station.dataset_reading import read_dataset
 from station.errors import DamagedRecord, InputError
 from station.files.lookup import is_there
-from station.record.creation import EVENTS
 from station.record.files import write_whole_file
 from station.record.folder import EXPORTS, REPORT, RESULTS, RunFolder
 from station.record.integrity import MOST_FLAGS, first, sentence_of
+from station.record.layout import EVENTS
 from station.record.recorded import read_run
 from station.report.numbers import format_like, format_with_uncertainty
 from station.results import ResultDocument
@@ -113,7 +113,7 @@ def made(output: Path) -> Path:
 
 def analyse_dataset(path: Path, output: Path | None) -> ResultDocument:
     """Analyse an imported dataset; with `output` its results and report are written there."""
-    from station.report.dataset_report import report_of_dataset
+    from station.report.run_report import report_of_dataset
 
     raw = read_dataset(path)
     document, findings = evaluate_dataset(raw)
@@ -145,11 +145,11 @@ def report_text(folder: RunFolder, format: str) -> str:
     """Return the report of a run in a format: html, csv or junit."""
     document, findings = evaluate_run(folder)
     if format == "csv":
-        from station.report.result_table import csv_of
+        from station.report.tables import csv_of
 
         return csv_of(document)
     if format == "junit":
-        from station.report.junit import junit_of
+        from station.report.tables import junit_of
 
         return junit_of(folder, document)
     from station.report.run_report import report_of_run

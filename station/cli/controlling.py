@@ -24,16 +24,16 @@ from station.errors import (
 )
 from station.files.locks import is_held
 from station.files.lookup import BENCHES, find
-from station.guardian.at_work import AtWork, guardian_at_work
-from station.record.creation import EVENTS
-from station.record.events import Event, read_events
-from station.record.guardian_log import (
+from station.guardian.notes import AtWork, guardian_at_work
+from station.record.events import (
+    Event,
     guardian_events,
     latest_left_out,
     latest_safe_state,
+    read_events,
     whole_bench,
 )
-from station.record.manifest import LOCK
+from station.record.layout import EVENTS, LOCK
 from station.safety.acknowledgement import acknowledge, addresses_in
 
 REPEATS_EVERY_S = 10.0

@@ -20,7 +20,7 @@ from station.instruments.opening import probe
 from station.instruments.scan import scan
 from station.instruments.scan_draft import draft
 from station.procedure import procedure_of
-from station.record.guardian_log import whole_bench
+from station.record.events import whole_bench
 from station.roles.role import collected
 from station.runner.session import BenchSession
 

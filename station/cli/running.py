@@ -18,17 +18,16 @@ from station.files.locks import is_held
 from station.files.yaml.reading import read_yaml
 from station.instruments.whole_bench import IN_USE
 from station.procedure import procedure_of
-from station.record.creation import EVENTS
+from station.record.events import not_known, whole_bench
 from station.record.folder import REPORT, RunFolder
-from station.record.guardian_log import not_known, whole_bench
-from station.record.manifest import LOCK
+from station.record.layout import EVENTS, LOCK
 from station.record.recorded import read_plan_and_bench
 from station.results import SCHEMA
 from station.roles.role import role, role_of
-from station.runner.disk_space import in_bytes
 from station.runner.dry_run import DryRun, Extreme, walk
 from station.runner.execute import Request, execute
 from station.runner.outcome import Outcome
+from station.runner.resources import in_bytes
 from station.runner.resuming import ResumeRequest, resume
 
 if TYPE_CHECKING:

@@ -18,7 +18,7 @@ from station.clock import RealClock
 from station.control.signals import wishes
 from station.errors import InputError
 from station.procedure import procedure_of
-from station.runner.simulation import serve_bench
+from station.runner.session import serve_bench
 
 MOST_AT_ONCE = 1 << 16
 LOOKS_EVERY_S = 0.2

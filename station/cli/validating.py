@@ -20,9 +20,8 @@ from station.files.yaml.reading import Fault, FaultList
 from station.instruments.bench import Bench, read_bench
 from station.procedure import Procedures, procedure_of
 from station.roles.role import collected
-from station.runner.disk_space import in_bytes
-from station.runner.memory import memory_of
 from station.runner.preflight import warned_of_limits, warned_of_memory, warned_of_records
+from station.runner.resources import in_bytes, memory_of
 from station.safety.static_limits import problems_of_plan
 
 

@@ -1,9 +1,14 @@
 """Time for everything that waits or stamps; the only package that asks the operating system."""
 
 from station.clock.base import Attendant, Clock, ClockError, ClockStopped, ParticipantThread, Wire
-from station.clock.host import boot_seconds, system_clock_synchronised, utc_now, utc_today
 from station.clock.pulse import Pulse, Quiet
-from station.clock.real import RealClock
+from station.clock.real import (
+    RealClock,
+    boot_seconds,
+    system_clock_synchronised,
+    utc_now,
+    utc_today,
+)
 from station.clock.virtual import VirtualClock
 
 __all__ = [

@@ -1,15 +1,56 @@
-"""Real time, or real time multiplied for simulators in another process."""
+"""Real time, or real time multiplied for simulators in another process; the computer's own clocks.
+
+The computer's clocks are for folder names, locks and heartbeats; never for raw data.
+"""
 
 from __future__ import annotations
 
+import ctypes
 import math
+import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext
+from datetime import UTC, date, datetime
 from threading import Event, Lock, current_thread, get_ident, main_thread
 
 from station.clock.base import Attendant, Clock, ClockStopped, ParticipantThread, Wire
 from station.clock.pulse import Pulse, Pulses, Quiet
+
+TIME_ERROR = 5
+"""What adjtimex(2) answers while nothing keeps the system clock right."""
+TIMEX_BYTES = 1024
+"""More than the kernel's struct timex; all zeros, it asks and sets nothing."""
+
+
+def utc_now() -> datetime:
+    """Return the time of day in UTC, as the computer believes it."""
+    return datetime.now(UTC)
+
+
+def utc_today() -> date:
+    """Return today's date in UTC."""
+    return utc_now().date()
+
+
+def boot_seconds() -> float:
+    """Return seconds that never run backwards, for intervals of real time."""
+    return time.monotonic()
+
+
+def system_clock_synchronised() -> bool | None:
+    """Return whether something, such as NTP, keeps the computer's time of day right.
+
+    None where the system does not say: asked of the kernel on Linux only.
+    """
+    if sys.platform != "linux":
+        return None
+    try:
+        state = ctypes.CDLL(None).adjtimex(ctypes.create_string_buffer(TIMEX_BYTES))
+    except (OSError, AttributeError):
+        return None
+    return None if state < 0 else state != TIME_ERROR
+
 
 INTERRUPT_SLICE_S = 0.05
 PULSE_SLICE_S = 1.0

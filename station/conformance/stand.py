@@ -14,7 +14,7 @@ from station.errors import InputError, StationError
 from station.instruments.bench import Bench
 from station.instruments.opening import Place
 from station.roles.role import role_of
-from station.runner.simulation import simulators_of
+from station.runner.session import simulators_of
 from station.safety.safe_state import DEFAULT_WITHIN_S, MadeSafe
 
 Message = tuple[float, str, bytes]

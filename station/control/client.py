@@ -10,12 +10,11 @@ from pathlib import Path
 from typing import Any
 
 from station.clock import RealClock, boot_seconds
-from station.control.place import places
+from station.control.channel import places
 from station.control.status import SENTENCES, read_status
 from station.errors import InputError, StationError
 from station.files.locks import is_held
-from station.record.creation import EVENTS
-from station.record.manifest import LOCK
+from station.record.layout import EVENTS, LOCK
 
 LISTENS_WITHIN_S = 2.0
 """A run that has just got its folder needs a moment until it listens."""

@@ -1,25 +1,83 @@
 """The run's side of the channel: what others wish, and what the run does about it.
 
 The channel's threads only note a wish. An abort ends the run at its next wait, as Ctrl-C does; a
-pause waits until the run comes to the place between two units of work.
+pause waits until the run comes to the place between two units of work, and until every instrument
+has said what it does meanwhile.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from threading import Event, Lock
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
 from station.clock import Clock
 from station.console import tell
 from station.control.channel import Channel, Incoming
-from station.control.pausing import ask_devices
-from station.errors import Aborted
+from station.errors import Aborted, InstrumentError, PauseRefused
+from station.safety.safe_state import MadeSafe
 
 if TYPE_CHECKING:
     from station.record.folder import RunRecord
     from station.safety.safe_state import SafeOutcome
+
+
+@runtime_checkable
+class Pausable(Protocol):
+    """An instrument that can wait for any time and then go on with the next unit of work."""
+
+    def pause(self) -> str:
+        """Come to a state that may last for days and return its name: `holds 20 degC`.
+
+        What the next unit of work does not set again itself must stay as it is. Raises
+        PauseRefused, or InstrumentError, with the reason.
+        """
+        ...
+
+
+@dataclass
+class Words:
+    """What each instrument said to a pause: what it does meanwhile, or why it refuses."""
+
+    acknowledged: dict[str, str] = field(default_factory=dict)
+    refused: dict[str, str] = field(default_factory=dict)
+
+
+def ask_devices(instruments: Mapping[str, object]) -> Words:
+    """Ask every opened instrument that can harm whether it can be left alone now.
+
+    One without a verb for that must read back as safe; these are asked first, and no other after
+    one that refuses, so that none is changed for a pause that does not come.
+    """
+    words = Words()
+    for name, instrument in instruments.items():
+        if isinstance(instrument, MadeSafe) and not isinstance(instrument, Pausable):
+            ask_for_rest(name, instrument, words)
+    if not words.refused:
+        for name, instrument in instruments.items():
+            if isinstance(instrument, Pausable):
+                try:
+                    words.acknowledged[name] = instrument.pause()
+                except (PauseRefused, InstrumentError) as error:
+                    words.refused[name] = str(error)
+                    break
+    return words
+
+
+def ask_for_rest(name: str, instrument: MadeSafe, words: Words) -> None:
+    """Let the read-back of an instrument's safe state be its word."""
+    try:
+        reading = instrument.read_safety()
+    except InstrumentError as error:
+        words.refused[name] = str(error)
+        return
+    if reading.safe:
+        words.acknowledged[name] = reading.read_back
+    else:
+        words.refused[name] = f"it is not at rest: {reading.read_back}"
+
 
 LOOKS_EVERY_S = 0.1
 """Real time between two looks of a paused run."""

@@ -1,7 +1,6 @@
 """How a run stands, from its log alone: while another process runs it, and after that one died.
 
-The log's first event, `run-started`, says what the run is going to do; it is put together here, so
-that what is written and what is read stand side by side.
+The log's first event, `run-started`, says what the run is going to do.
 """
 
 from __future__ import annotations
@@ -9,31 +8,69 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 from station.clock import utc_now
-from station.control.time_left import FinishedUnit, time_left_s
 from station.errors import InputError
 from station.files.locks import is_held
-from station.guardian.at_work import AtWork, guardian_at_work
-from station.record.creation import EVENTS
-from station.record.events import RESUMED, Event, read_events
-from station.record.guardian_log import (
+from station.guardian.notes import AtWork, guardian_at_work
+from station.record.events import (
     BENCH_READ,
     LEFT,
+    RESUMED,
     SAFE_STATE,
+    Event,
     guardian_events,
+    is_paused,
     last_word_of_guardian,
     latest_left_out,
     latest_safe_state,
+    paused_s,
+    read_events,
 )
-from station.record.manifest import LOCK
-from station.record.spans import is_paused, paused_s
+from station.record.layout import EVENTS, LOCK
 
 if TYPE_CHECKING:
-    from station.clock import Clock
-    from station.files.plan import Plan
-    from station.procedure import Procedure
+    pass
+
+
+FEWEST_UNITS = 3
+LATEST_PART = 4
+"""The pace is that of the latest quarter of the units: later ones may take longer than early."""
+
+
+class FinishedUnit(NamedTuple):
+    """A unit of work that is done: when, in s of work, and how long it was expected to take.
+
+    Only the ratios of the expected times count; where none is foreseen, 1 for every unit.
+    """
+
+    at_s: float
+    expected_s: float
+
+
+def time_left_s(
+    forecast_s: float, finished: Sequence[FinishedUnit], units_left_s: float, now_s: float
+) -> float:
+    """Return the expected bench time left in s.
+
+    `forecast_s` is what the steps that are not done yet should take; `finished` are the units of
+    work of this process in order, `units_left_s` what the others were expected to take in sum, and
+    `now_s` the time now, in s of work from any instant. A bench that is slower than the forecast
+    (instruments that answer late, time that goes faster than real time) shows in the pace; the
+    further the run is, the more the pace counts.
+    """
+    done = len(finished)
+    if done < FEWEST_UNITS or not units_left_s:
+        return forecast_s
+    first, *latest = finished[-max(FEWEST_UNITS, done // LATEST_PART) :]
+    last = latest[-1]
+    pace = (last.at_s - first.at_s) / sum(one.expected_s for one in latest)
+    paced_s = max(units_left_s * pace - (now_s - last.at_s), 0.0)
+    done_s = sum(one.expected_s for one in finished)
+    share = done_s / (done_s + units_left_s)
+    return share * paced_s + (1.0 - share) * forecast_s
+
 
 RUN_STARTED = "run-started"
 STAMP_LENGTH = len("20260301T081500Z")
@@ -46,28 +83,6 @@ SENTENCES: dict[State, str] = {
     "failed": "ended before its end",
     "interrupted": "interrupted: its process is gone and did not end it",
 }
-
-
-def what_is_planned(plan: Plan, procedure: Procedure, clock: Clock) -> dict[str, Any]:
-    """Return the details of the event `run-started`; durations are expected bench time in s.
-
-    `speed` is how many times as fast as real time the run goes, None where waiting is skipped.
-    """
-    return {
-        "procedure": plan.procedure,
-        "dut": {"model": plan.dut.model, "serial": plan.dut.serial},
-        "steps": [
-            {
-                "step": step.number,
-                "title": step.title,
-                "expected_s": round(expected_s, 3),
-            }
-            for step, expected_s in procedure.timed_steps(plan.parameters)
-        ],
-        "units": list(procedure.units(plan.parameters)),
-        "units_expected": procedure.expected_units(plan.parameters),
-        "speed": getattr(clock, "speed", None),
-    }
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ import signal
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from station.guardian.channel import Channel
+    from station.guardian.messages import Channel
     from station.guardian.notes import Words
 
 # A person's wish ends the run, and the guardian after it; the last is for one that is at work.
@@ -20,7 +20,7 @@ def main() -> int:
     for name in POLITE:
         if hasattr(signal, name):
             signal.signal(getattr(signal, name), signal.SIG_IGN)
-    from station.guardian.channel import Channel, given_by_parent
+    from station.guardian.messages import Channel, given_by_parent
     from station.guardian.notes import Words
 
     run = Channel(given_by_parent())
@@ -40,24 +40,23 @@ LAST_WORDS_S = 2.0
 
 def watch(run: Channel, words: Words) -> int:
     """Get ready, watch, and do what is to be done."""
+    from station.guardian.make_safe import MakeSafe
     from station.guardian.messages import Instructions
-    from station.guardian.other_process import OtherProcess
-    from station.guardian.peer import Peer
-    from station.guardian.takeover import Takeover
-    from station.guardian.watching import Watching, first_message
+    from station.guardian.processes import OtherProcess
+    from station.guardian.watching import Peer, Watching, first_message
 
     first = first_message(run)
     if first is None:
         return 0
     instructions = Instructions(**first)
     runner, peer = OtherProcess(instructions.runner_pid), Peer()
-    takeover = Takeover(instructions, words, peer)
+    bench_guard = MakeSafe(instructions, words, peer)
     run.send({"ready": True})
-    watching = Watching(run, peer, instructions.rank, takeover)
+    watching = Watching(run, peer, instructions.rank, bench_guard)
     duty = watching.until_end()
     if duty is None:
         return 0
-    exit_code = takeover.take_over(duty, runner)
+    exit_code = bench_guard.make_safe(duty, runner)
     words.finish(LAST_WORDS_S)
     return exit_code
 

@@ -9,7 +9,7 @@ from dataclasses import replace
 from station import registry
 from station.driver_checks import settings_of
 from station.fields import key_of
-from station.files.yaml.reading import plain_scalar
+from station.files.yaml.document import plain_scalar
 from station.instruments.scan import Seen
 from station.roles.role import instances, role_of, roles, roles_of, safe_states
 from station.safety.bounds import COIL

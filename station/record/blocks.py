@@ -26,8 +26,7 @@ from mcap.records import Channel, DataEnd, Footer, Header, Message, Schema
 from mcap.stream_reader import StreamReader
 from mcap.writer import MCAP0_MAGIC
 
-from station.record.block_order import BlockOrder
-from station.record.scanned import (
+from station.record.scan import (
     CUT,
     DAMAGED_BLOCK,
     DAMAGED_END,
@@ -36,6 +35,7 @@ from station.record.scanned import (
     MISSING,
     NAMELESS,
     NEVER,
+    BlockOrder,
     Part,
     Scan,
 )
@@ -163,7 +163,7 @@ def _scan(path: Path, order: BlockOrder, misplaced: Collection[int]) -> Scan:
                 around = (last, units[block.channel])
                 if _lacks(block.number - number - 1, loose):
                     loose.append(_Loose(at, 0, MISSING))
-                found.take_over([_bounded(one, found, time_s, units, around) for one in loose])
+                found.add_parts([_bounded(one, found, time_s, units, around) for one in loose])
                 loose.clear()
                 found.add(units[block.channel], at, block.length)
                 last, found.last_s, number = units[block.channel], time_s, block.number
@@ -171,7 +171,7 @@ def _scan(path: Path, order: BlockOrder, misplaced: Collection[int]) -> Scan:
                 name = guessed.get(block.channel)
                 loose.append(_Loose(at, block.length, NAMELESS, block.time_ns, None, name))
             at += block.length
-    found.take_over([_bounded(one, found, math.inf, units, (last,)) for one in loose])
+    found.add_parts([_bounded(one, found, math.inf, units, (last,)) for one in loose])
     if found.parts and found.parts[-1].what == CUT and _is_end(tail, found):
         found.parts[-1] = Part(end - len(END), len(END), DAMAGED_END, *NEVER)
     return found

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Mapping
-from contextlib import suppress
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
 from station.errors import RecordError
+
+ANOTHER_DISK = "choose another one with --output"
 
 
 class AppendOnlyFile:
@@ -68,17 +70,31 @@ def write_whole_file(path: Path, data: bytes) -> None:
 
     Raises RecordError; an older file of the name then stays as it was.
     """
+    with replaced(path) as part:
+        part.write_bytes(data)
+
+
+@contextmanager
+def replaced(path: Path, otherwise: str = ANOTHER_DISK, *, parents: bool = False) -> Iterator[Path]:
+    """Give the name of a new file in the same folder; at the end it takes the place of `path`.
+
+    Raises RecordError where it cannot be written; an older file of the name then stays.
+    """
     part = path.with_name(f".{path.name}.part")
     try:
-        with part.open("wb") as file:
-            file.write(data)
-            file.flush()
+        if parents:
+            path.parent.mkdir(parents=True, exist_ok=True)
+        yield part
+        with part.open("r+b") as file:
             sync_data(file.fileno())
         part.replace(path)
         sync_folder(path.parent)
     except OSError as error:
         part.unlink(missing_ok=True)
-        raise not_written(path, error) from error
+        raise not_written(path, error, otherwise) from error
+    except BaseException:
+        part.unlink(missing_ok=True)
+        raise
 
 
 def sync_data(descriptor: int) -> None:
@@ -98,12 +114,10 @@ def sync_folder(folder: Path) -> None:
         os.close(descriptor)
 
 
-def not_written(path: Path, error: OSError) -> RecordError:
+def not_written(path: Path, error: OSError, otherwise: str = ANOTHER_DISK) -> RecordError:
     """Return the error of a file that could not be written, for the operator."""
-    return RecordError(
-        f"cannot write {path}: {error.strerror or error}; make room on the disk, or choose "
-        "another one with --output"
-    )
+    why = f"cannot write {path}: {error.strerror or error}"
+    return RecordError(f"{why}; make room on the disk, or {otherwise}")
 
 
 def json_text(data: Mapping[str, Any]) -> str:

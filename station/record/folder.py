@@ -15,19 +15,20 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from station.clock import Clock, utc_now
 from station.console import tell
 from station.errors import DamagedRecord, MissingRows, RecordError
-from station.record.creation import (
+from station.record.events import RESUMED, Event, EventLog, read_events
+from station.record.files import json_text, write_whole_file
+from station.record.layout import (
     EVENTS,
     RAW,
     REVISIONS,
     RUN,
+    Presence,
     folder_with_head,
     next_segment,
     raw_file,
+    run_lock,
+    write_manifest,
 )
-from station.record.events import RESUMED, Event, EventLog, read_events
-from station.record.files import json_text, write_whole_file
-from station.record.manifest import write_manifest
-from station.record.presence import Presence, run_lock
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

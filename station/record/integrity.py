@@ -18,9 +18,20 @@ from typing import TYPE_CHECKING, Any, Protocol
 from station.errors import DamagedRecord
 from station.files.locks import is_held
 from station.findings import Flag
-from station.record.creation import BENCH, EVENTS, GUARDIAN_LOG, PLAN, RAW, REVISIONS, RUN
 from station.record.events import RESUMED, Event, read_events
-from station.record.manifest import LOCK, MANIFEST, covered_files, file_hash
+from station.record.layout import (
+    BENCH,
+    EVENTS,
+    GUARDIAN_LOG,
+    LOCK,
+    MANIFEST,
+    PLAN,
+    RAW,
+    REVISIONS,
+    RUN,
+    covered_files,
+    file_hash,
+)
 from station.record.raw_damage import (
     DamagedPart,
     damaged_parts,

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from station.errors import DamagedRecord
 from station.record.blocks import CHUNK, END, HEAD, NANOSECONDS, SCHEMA, block_at, scan
 from station.record.files import AppendOnlyFile, sync_folder
-from station.record.scanned import Scan
+from station.record.scan import Scan
 
 ARRIVAL = "arrival_time_s"
 

@@ -14,17 +14,9 @@ from pathlib import Path
 
 from station.files.lookup import is_there
 from station.record.blocks import END
-from station.record.creation import RAW
 from station.record.events import RESUMED, Event
-from station.record.scanned import (
-    CUT,
-    DAMAGED_BLOCK,
-    DAMAGED_END,
-    MISPLACED,
-    MISSING,
-    Part,
-    Scan,
-)
+from station.record.layout import RAW
+from station.record.scan import CUT, DAMAGED_BLOCK, DAMAGED_END, MISPLACED, MISSING, Part, Scan
 
 SAME_TIME_S = 1e-8
 CUT_SHORT = "where it ends: what was written behind is missing"

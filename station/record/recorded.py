@@ -12,9 +12,9 @@ from station.files.plan import Plan, read_plan
 from station.files.yaml.reading import read_yaml
 from station.instruments.bench import Bench, bench_of
 from station.procedure import Procedures
-from station.record.creation import BENCH, EVENTS, PLAN
+from station.record.events import SAFE_STATE, guardian_events, latest_safe_state
 from station.record.folder import RunFolder
-from station.record.guardian_log import SAFE_STATE, guardian_events, latest_safe_state
+from station.record.layout import BENCH, EVENTS, PLAN
 from station.roles.role import role_of
 
 NEVER_REACHED = "the run ended without making it safe"

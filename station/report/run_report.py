@@ -1,9 +1,9 @@
-"""The report of a run, from its folder alone."""
+"""The report of a run, from its folder alone, and that of an imported dataset."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from station.fields import to_yaml_data
 from station.findings import Findings
@@ -11,6 +11,7 @@ from station.instruments.bench import Bench
 from station.procedure import procedure_of
 from station.record.events import LEFT_FOR_THE_END, Event
 from station.record.folder import RunFolder
+from station.record.layout import versions
 from station.record.recorded import left_unverified, read_plan_and_bench
 from station.report.context import (
     InstrumentRow,
@@ -24,6 +25,10 @@ from station.report.drawing import parts_of
 from station.report.html import render_html
 from station.results import ResultDocument
 from station.safety.interlocks.reading import CHAIN
+
+if TYPE_CHECKING:
+    from station.dataset_reading import RawDataset
+
 
 ASKED_LAST = "asked once bench and results were done"
 
@@ -179,3 +184,22 @@ def version_rows(facts: Mapping[str, Any]) -> Iterator[Row]:
     yield "Python", str(facts["python"])
     yield from ((name, str(number)) for name, number in facts["packages"].items() if number)
     yield "computer", f"{facts['host']}, {facts['system']}"
+
+
+def report_of_dataset(raw: RawDataset, document: ResultDocument, findings: Findings) -> str:
+    """Return the report of an imported dataset as one HTML page."""
+    procedure = procedure_of(raw.procedure)
+    context = ReportContext(
+        title=procedure.title,
+        source=procedure.source,
+        subject=f"imported dataset {raw.folder.name}",
+        parameters=tuple(flat_rows(raw.document.data["conditions"])),
+        assumptions=(
+            "The data were imported: no calibration records came with them, so the uncertainties "
+            "hold type A and what the conditions state, no more.",
+            *procedure.assumptions,
+        ),
+        versions=tuple(version_rows(versions())),
+        reproduce=f"station analyse {raw.folder.name}",
+    )
+    return render_html(document, context, parts_of(procedure, findings, document))

@@ -14,15 +14,14 @@ from typing import TYPE_CHECKING, Any
 
 from station.clock import system_clock_synchronised, utc_now
 from station.procedure import procedure_of
-from station.runner.disk_space import Disk, disk_of
-from station.runner.memory import Memory, memory_of
 from station.runner.preflight import (
     fault_of_output,
     warned_of_clock,
     warned_of_limits,
     warned_of_memory,
 )
-from station.runner.simulation import clock_for
+from station.runner.resources import Disk, Memory, disk_of, memory_of
+from station.runner.session import clock_for
 from station.safety.static_limits import RESISTANCE, coil_resistance_ohm, heating_W
 
 if TYPE_CHECKING:

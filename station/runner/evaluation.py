@@ -29,7 +29,7 @@ from station.procedure import Procedures, procedure_of
 from station.record.events import RESUMED
 from station.record.files import write_whole_file
 from station.record.folder import REPORT, RESULTS, RunFolder
-from station.record.manifest import MANIFEST, write_manifest
+from station.record.layout import MANIFEST, write_manifest
 from station.record.recorded import left_out, left_unverified, read_plan_and_bench, used_instruments
 from station.results import ResultDocument, conclude
 

@@ -12,30 +12,27 @@ from typing import Any
 
 from station import registry
 from station.clock import Clock, system_clock_synchronised, utc_now
-from station.consent import Prompt
 from station.console import tell
 from station.control.signals import wishes_held
-from station.control.status import RUN_STARTED, what_is_planned
+from station.control.status import RUN_STARTED
 from station.errors import EXIT_ABORTED, EXIT_FAULT, EXIT_INTERLOCK, InputError, RecordError
 from station.files.plan import Plan
 from station.files.plan.resolved import resolved_text
-from station.files.yaml.writing import yaml_text
+from station.files.yaml.document import yaml_text
 from station.instruments.bench import Bench
-from station.procedure import Procedure, procedure_of
-from station.record.creation import BENCH, PLAN, RUN
+from station.procedure import Procedure, Prompt, procedure_of
 from station.record.files import json_text
 from station.record.folder import EXPORTS, RunFolder, RunRecord
 from station.record.integrity import hash_of_data
-from station.record.versions import versions
+from station.record.layout import BENCH, PLAN, RUN, versions
 from station.runner.evaluation import conclude_run, exit_code_of
+from station.runner.operator import Operator, Progress, how_long
 from station.runner.outcome import NO_MEMORY, Outcome, in_one_sentence, is_lack_of_memory
 from station.runner.preflight import look_before_a_run, watch_system_clock
-from station.runner.progress import Progress, how_long
-from station.runner.prompts import Operator
 from station.runner.run import Run
 from station.runner.session import BenchSession
+from station.runner.step_runner import StepRunner
 from station.runner.trace import Trace
-from station.runner.walking import Walk
 from station.safety.acknowledgement import addresses_of, refuse_until_acknowledged
 
 SERVED_SINCE = "served_since_unix"
@@ -97,10 +94,32 @@ def execute(request: Request) -> Outcome:
             watch_system_clock(record, clock)
             run = Run(plan, bench, clock, record, progress, operator)
             trace = Trace(record.path, clock) if request.trace else None
-            Walk(run, procedure, session, bench.path, trace).go(outcome)
+            StepRunner(run, procedure, session, bench.path, trace).go(outcome)
     conclude(record, outcome, report=request.report)
     outcome.ask_at_the_end = lambda: operator.ask_at_the_end(run.left)
     return outcome
+
+
+def what_is_planned(plan: Plan, procedure: Procedure, clock: Clock) -> dict[str, Any]:
+    """Return the details of the event `run-started`; durations are expected bench time in s.
+
+    `speed` is how many times as fast as real time the run goes, None where waiting is skipped.
+    """
+    return {
+        "procedure": plan.procedure,
+        "dut": {"model": plan.dut.model, "serial": plan.dut.serial},
+        "steps": [
+            {
+                "step": step.number,
+                "title": step.title,
+                "expected_s": round(expected_s, 3),
+            }
+            for step, expected_s in procedure.timed_steps(plan.parameters)
+        ],
+        "units": list(procedure.units(plan.parameters)),
+        "units_expected": procedure.expected_units(plan.parameters),
+        "speed": getattr(clock, "speed", None),
+    }
 
 
 def conclude(record: RunRecord, outcome: Outcome, *, report: bool, ended: bool = False) -> None:

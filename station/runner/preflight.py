@@ -10,9 +10,8 @@ from typing import TYPE_CHECKING
 
 from station.clock import RealClock, boot_seconds, system_clock_synchronised, utc_now
 from station.errors import RecordError
-from station.runner.disk_space import disk_of, nearest_there
 from station.runner.evaluation import record_flags
-from station.runner.memory import memory_of
+from station.runner.resources import disk_of, memory_of, nearest_there
 from station.safety.static_limits import problems_of_plan
 
 if TYPE_CHECKING:
@@ -21,7 +20,7 @@ if TYPE_CHECKING:
     from station.instruments.bench import Bench
     from station.procedure import Procedure
     from station.record.folder import RunRecord
-    from station.runner.memory import Memory
+    from station.runner.resources import Memory
 
 LONG_RUN_S = 3600.0
 SMALLEST_JUMP_S = 0.5

@@ -9,32 +9,28 @@ from pathlib import Path
 from typing import Any
 
 from station.clock import RealClock, utc_now
-from station.consent import Prompt
 from station.console import span
 from station.control.status import RUN_STARTED
 from station.errors import InputError
 from station.files.faults import FaultList
 from station.files.plan import Plan
-from station.guardian.at_work import guardian_at_work
+from station.guardian.notes import guardian_at_work
 from station.instruments.bench import Bench, faults_of_use
-from station.procedure import Procedure, procedure_of
-from station.record.creation import EVENTS, RUN
+from station.procedure import Procedure, Prompt, procedure_of
 from station.record.events import LEFT_FOR_THE_END, RESUMED
 from station.record.folder import RESULTS, RunFolder, RunRecord
 from station.record.integrity import sentence_of
-from station.record.manifest import covered_files
+from station.record.layout import EVENTS, RUN, covered_files, versions
 from station.record.recorded import read_plan_and_bench, used_instruments
-from station.record.versions import versions
 from station.runner.evaluation import evaluate_run, exit_code_of
 from station.runner.execute import SERVED_SINCE, all_prompts, conclude
+from station.runner.operator import Operator, Progress, how_long
 from station.runner.outcome import Outcome
 from station.runner.preflight import watch_system_clock
-from station.runner.progress import Progress, how_long
-from station.runner.prompts import Operator
 from station.runner.run import Past, Run
 from station.runner.session import RESUME, BenchSession
+from station.runner.step_runner import StepRunner
 from station.runner.trace import Trace
-from station.runner.walking import Walk
 from station.safety.acknowledgement import addresses_of, refuse_until_acknowledged
 
 AS_BEFORE = Prompt(
@@ -124,7 +120,7 @@ def resume(request: ResumeRequest) -> Outcome:
             watch_system_clock(record, clock)
             run = Run(plan, bench, clock, record, progress, operator, past)
             trace = Trace(record.path, clock) if request.trace else None
-            Walk(run, procedure, session, bench_file, trace, first=AS_BEFORE).go(outcome)
+            StepRunner(run, procedure, session, bench_file, trace, first=AS_BEFORE).go(outcome)
     conclude(record, outcome, report=request.report)
     outcome.ask_at_the_end = lambda: operator.ask_at_the_end(run.left)
     return outcome

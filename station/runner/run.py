@@ -8,12 +8,11 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from station.clock import Clock
-from station.consent import Prompt
+from station.console import Prompt
 from station.errors import InputError
 from station.record.events import LEFT_FOR_THE_END
 from station.record.folder import RunFolder, RunRecord
-from station.runner.progress import Progress
-from station.runner.prompts import Operator
+from station.runner.operator import Operator, Progress
 from station.safety.readings import Readings
 
 if TYPE_CHECKING:

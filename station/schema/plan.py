@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from typing import Any
 
 from station.fields import Unit
-from station.files.plan.limits import BOUNDS, LimitedResult
-from station.files.plan.vars import NAME
+from station.files.plan.composition import NAME
+from station.files.plan.model import BOUNDS, LimitedResult
 from station.schema.models import Schema
 
 VAR = {"$ref": "#/definitions/var"}

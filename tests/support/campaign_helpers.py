@@ -30,8 +30,7 @@ from station.instruments.bench import read_bench
 from station.instruments.opening import Place
 from station.procedure import Procedures
 from station.record.folder import RunRecord
-from station.runner.progress import Progress
-from station.runner.prompts import Operator
+from station.runner.operator import Operator, Progress
 from station.runner.run import Run
 from station.runner.verbs import acquire
 

@@ -27,21 +27,20 @@ from sim_instruments.faults.wire import CAN, MEASURED, WIRE_FAULTS
 from station import registry
 from station.cli.validating import read_plan_for
 from station.clock import VirtualClock
-from station.control.status import RUN_STARTED, what_is_planned
+from station.control.status import RUN_STARTED
 from station.files.faults import FaultList
 from station.files.lookup import BENCHES, PLANS, available, find
 from station.files.plan import Plan
 from station.instruments.bench import Bench, read_bench
 from station.procedure import Step, procedure_of
 from station.record.folder import RunFolder, RunRecord
-from station.runner.execute import conclude, head_of, inputs_of
+from station.runner.execute import conclude, head_of, inputs_of, what_is_planned
+from station.runner.operator import Operator, Progress
 from station.runner.outcome import Outcome
-from station.runner.progress import Progress
-from station.runner.prompts import Operator
 from station.runner.run import Run
 from station.runner.session import BenchSession
+from station.runner.step_runner import StepRunner
 from station.runner.trace import Trace
-from station.runner.walking import Walk
 
 BENCH = "sim"
 FIRST, MIDDLE, LASTING = "first message", "middle", "from the middle on"
@@ -257,7 +256,7 @@ def reference_run(plan_name: str, folder: Path, bench_name: str = BENCH) -> Refe
             record.event(RUN_STARTED, **planned, sha256={})
             run = Run(plan, bench, clock, record, progress, operator)
             walked = replace(procedure, steps=steps)
-            Walk(run, walked, session, bench.path, trace).go(outcome)
+            StepRunner(run, walked, session, bench.path, trace).go(outcome)
     conclude(record, outcome, report=False)
     assert outcome.exit_code in (0, 1, 6), (outcome.exit_code, outcome.error)
     opened = {one.details["instrument"] for one in RunFolder(record.path).events_of("identified")}

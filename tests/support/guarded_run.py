@@ -16,7 +16,7 @@ from typing import Any
 from station import registry
 from station.clock import RealClock
 from station.files.plan import read_plan
-from station.guardian.watched import Guardian
+from station.guardian.supervisor import Guardian
 from station.instruments.bench import read_bench
 from station.instruments.instrument_locks import InstrumentLocks
 from station.instruments.opening import open_instruments

@@ -17,7 +17,7 @@ from station.files.lookup import BENCHES, find
 from station.files.yaml.reading import read_yaml_text
 from station.instruments.bench import Bench, bench_of
 from station.instruments.opening import open_instruments
-from station.runner.simulation import serve_bench
+from station.runner.session import serve_bench
 from station.safety.interlocks.monitor import Monitor
 from station.safety.interlocks.reading import watched_in_a_run
 from station.safety.readings import Readings

@@ -26,7 +26,7 @@ from standstill_cases import FAULT, GOOD, SPEEDS, TRIPPED, Case
 from standstill_runs import LOOKS_EVERY_S, Attacked, attacked_run, wait_for_step
 
 from station.files.lookup import BENCHES, find
-from station.record.manifest import MANIFEST
+from station.record.layout import MANIFEST
 
 RAMPS_BENCH_S = 15.0
 """Bench time that the ramps, a zero of the sines and the read-backs of a bench take."""

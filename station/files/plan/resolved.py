@@ -7,10 +7,9 @@ from typing import TYPE_CHECKING, Any
 from unicodedata import east_asian_width
 
 from station.files.faults import dotted
-from station.files.plan.overrides import OPTION
-from station.files.yaml.document import Where, leaves
+from station.files.plan.composition import OPTION
+from station.files.yaml.document import Where, leaves, yaml_text
 from station.files.yaml.reading import read_yaml_text
-from station.files.yaml.writing import yaml_text
 
 if TYPE_CHECKING:
     from station.files.plan.model import Plan

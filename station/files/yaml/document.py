@@ -1,12 +1,15 @@
-"""The data of a YAML file, and where each piece of it stands."""
+"""The data of a YAML file, where each piece of it stands, and how data is written as YAML."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterable, Iterator
 from copy import deepcopy
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
+
+import yaml
 
 from station.files.faults import Fault, dotted
 
@@ -173,3 +176,60 @@ def paths_below(value: Any, where: Where) -> Iterator[Where]:
         pairs = enumerate(value)
     for key, one in pairs:
         yield from paths_below(one, (*where, key))
+
+
+_NULL = re.compile(r"(?:~|null|Null|NULL|)")
+_BOOLEANS = dict.fromkeys(("true", "True", "TRUE"), True) | dict.fromkeys(
+    ("false", "False", "FALSE"), False
+)
+_INTEGER = re.compile(r"[-+]?[0-9]+")
+_OCTAL = re.compile(r"0o[0-7]+")
+_HEXADECIMAL = re.compile(r"0x[0-9a-fA-F]+")
+_FLOAT = re.compile(r"[-+]?(?:\.[0-9]+|[0-9]+(?:\.[0-9]*)?)(?:[eE][-+]?[0-9]+)?")
+_INFINITY = re.compile(r"([-+]?)\.(?:inf|Inf|INF)")
+_NOT_A_NUMBER = re.compile(r"\.(?:nan|NaN|NAN)")
+
+
+def plain_scalar(text: str) -> str | int | float | bool | None:
+    """Return what an unquoted word means in YAML 1.2."""
+    if _NULL.fullmatch(text):
+        return None
+    if text in _BOOLEANS:
+        return _BOOLEANS[text]
+    for pattern, base in ((_INTEGER, 10), (_OCTAL, 8), (_HEXADECIMAL, 16)):
+        if pattern.fullmatch(text) and len(text) < 100:
+            return int(text.replace("0o", "").replace("0x", ""), base)
+    if _FLOAT.fullmatch(text):
+        return float(text)
+    infinite = _INFINITY.fullmatch(text)
+    if infinite:
+        return float(f"{infinite.group(1)}inf")
+    return float("nan") if _NOT_A_NUMBER.fullmatch(text) else text
+
+
+_NEVER_WRAPPED = 1_000_000
+
+
+class _Dumper(yaml.SafeDumper):
+    """Quotes every text that YAML 1.2 or 1.1 would take for something else."""
+
+    def ignore_aliases(self, data: object) -> bool:
+        """Write equal values out each time; anchors are refused on reading."""
+        return True
+
+
+def _text(dumper: yaml.SafeDumper, text: str) -> yaml.ScalarNode:
+    plain = plain_scalar(text) == text and text.isascii() and text.isprintable()
+    style = None if plain else '"'
+    return dumper.represent_scalar("tag:yaml.org,2002:str", text, style=style)
+
+
+_Dumper.add_representer(str, _text)
+
+
+def yaml_text(data: dict[str, Any]) -> str:
+    """Return plain data as YAML text, keys in the order given, each scalar on a line of its own."""
+    text: str = yaml.dump(
+        data, Dumper=_Dumper, sort_keys=False, allow_unicode=True, width=_NEVER_WRAPPED
+    )
+    return text

@@ -3,12 +3,17 @@
 PyYAML splits the text; what a plain word means is decided here by YAML 1.2: `1e-3` is a number,
 `NO`, `yes` and `on` are words, `010` is ten, `12:30` and dates are words. A key that stands twice,
 an anchor, an alias, a merge key and a tag are faults: a plan says what it means in one place.
+
+Tabs and the full-width punctuation of an East Asian keyboard look like the right thing and make
+YAML complain about something else, so they are looked for before YAML sees the text. Quoted text,
+comments and block text (`|`, `>`) may hold anything.
 """
 
 from __future__ import annotations
 
 import errno
 import re
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -16,8 +21,76 @@ import yaml
 from yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 
 from station.files.faults import Fault, FaultList, dotted
-from station.files.yaml.document import TOP, Document, Mark, Where
-from station.files.yaml.text import lookalikes
+from station.files.yaml.document import TOP, Document, Mark, Where, plain_scalar
+
+_LOOKALIKES = {
+    "：": "a full-width colon; write ':' and a blank",
+    "，": "a full-width comma; write ','",
+    "、": "an ideographic comma; write ','",
+    "【": "a full-width bracket; write '['",
+    "】": "a full-width bracket; write ']'",
+    "［": "a full-width bracket; write '['",
+    "］": "a full-width bracket; write ']'",
+    "｛": "a full-width brace; write '{'",
+    "｝": "a full-width brace; write '}'",
+    "“": "a typographic quotation mark; write '\"'",
+    "”": "a typographic quotation mark; write '\"'",
+    "‘": 'a typographic quotation mark; write "\'"',
+    "’": 'a typographic quotation mark; write "\'"',
+    "＂": "a full-width quotation mark; write '\"'",
+    "＇": 'a full-width quotation mark; write "\'"',
+    "＃": "a full-width number sign; write '#'",
+    "－": "a full-width minus; write '-'",
+    "．": "a full-width point; write '.'",
+    "\u3000": "an ideographic blank; write an ordinary blank",
+    "\u00a0": "a no-break blank; write an ordinary blank",
+}
+_LOOKALIKES |= {chr(0xFF10 + n): f"a full-width digit; write '{n}'" for n in range(10)}
+
+_BLOCK_START = re.compile(r"(?:^|[:\-]\s+)[|>][+-]?\d?[+-]?\s*(?:#.*)?$")
+_OPENS_SCALAR = frozenset(":-[{,?：，【")
+
+
+def lookalikes(text: str) -> Iterator[tuple[int, int, str]]:
+    """Yield line, column (from 1) and a sentence for each tab or lookalike outside quotes."""
+    quote = ""
+    block_indent = -1
+    for line_number, line in enumerate(text.splitlines(), start=1):
+        indent = len(line) - len(line.lstrip(" "))
+        if block_indent >= 0 and (not line.strip() or indent > block_indent):
+            continue
+        block_indent = -1
+        if not quote and not line.strip(" \t"):
+            continue
+        seen_tab = False
+        before = ""
+        column = 0
+        while column < len(line):
+            char = line[column]
+            column += 1
+            if quote:
+                if char == "\\" and quote == '"':
+                    column += 1
+                elif char == quote:
+                    quote = ""
+                    before = char
+                continue
+            if char == "#" and (column == 1 or line[column - 2] in " \t"):
+                break
+            if char in "\"'" and (not before or before in _OPENS_SCALAR):
+                quote = char
+            elif char == "\t" and not seen_tab:
+                seen_tab = True
+                where = "the indentation holds a tab" if not before else "the line holds a tab"
+                yield line_number, column, f"{where}; write blanks"
+            elif char in _LOOKALIKES:
+                said = f"{_LOOKALIKES[char]}, or put the text in quotes"
+                yield line_number, column, f"'{char}' is {said}"
+            if char not in " \t\u3000\u00a0":
+                before = char
+        if not quote and _BLOCK_START.search(line):
+            block_indent = indent
+
 
 __all__ = [
     "Document",
@@ -29,38 +102,9 @@ __all__ = [
 ]
 
 # The core schema of YAML 1.2, section 10.3.2, in the order in which it is tried.
-_NULL = re.compile(r"(?:~|null|Null|NULL|)")
-_BOOLEANS = dict.fromkeys(("true", "True", "TRUE"), True) | dict.fromkeys(
-    ("false", "False", "FALSE"), False
-)
-_INTEGER = re.compile(r"[-+]?[0-9]+")
-_OCTAL = re.compile(r"0o[0-7]+")
-_HEXADECIMAL = re.compile(r"0x[0-9a-fA-F]+")
-_FLOAT = re.compile(r"[-+]?(?:\.[0-9]+|[0-9]+(?:\.[0-9]*)?)(?:[eE][-+]?[0-9]+)?")
-_INFINITY = re.compile(r"([-+]?)\.(?:inf|Inf|INF)")
-_NOT_A_NUMBER = re.compile(r"\.(?:nan|NaN|NAN)")
-
-
 MOST_BYTES = 500_000
 """What people write has some kB; beyond this the file is not what it is taken for."""
 DEEPEST = 40
-
-
-def plain_scalar(text: str) -> str | int | float | bool | None:
-    """Return what an unquoted word means in YAML 1.2."""
-    if _NULL.fullmatch(text):
-        return None
-    if text in _BOOLEANS:
-        return _BOOLEANS[text]
-    for pattern, base in ((_INTEGER, 10), (_OCTAL, 8), (_HEXADECIMAL, 16)):
-        if pattern.fullmatch(text) and len(text) < 100:
-            return int(text.replace("0o", "").replace("0x", ""), base)
-    if _FLOAT.fullmatch(text):
-        return float(text)
-    infinite = _INFINITY.fullmatch(text)
-    if infinite:
-        return float(f"{infinite.group(1)}inf")
-    return float("nan") if _NOT_A_NUMBER.fullmatch(text) else text
 
 
 class _Loader(yaml.SafeLoader):

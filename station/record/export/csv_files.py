@@ -8,8 +8,7 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from station.record.export.files import replaced
-from station.record.export.reading import Recording, blocks_of, sources
+from station.record.export.reading import Recording, blocks_of, exported_file, sources
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -34,7 +33,7 @@ def export_csv(folder: RunFolder, place: Path) -> None:
                 if recording.unit not in writers:
                     path = place / file_name(recording)
                     written.append(path)
-                    part = open_files.enter_context(replaced(path))
+                    part = open_files.enter_context(exported_file(path))
                     file = part.open("w", encoding="utf-8", newline="")
                     writers[recording.unit] = csv.writer(
                         open_files.enter_context(file), lineterminator="\n"

@@ -7,6 +7,7 @@ library reads. Source: NeXus manual, NXdata and "associating plottable data".
 
 from __future__ import annotations
 
+import io
 import json
 import re
 from collections.abc import Mapping
@@ -18,8 +19,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from station import __version__
-from station.record.export.files import Sink, replaced
-from station.record.export.reading import Column, Recording, blocks_of, sources, texts_of
+from station.record.export.reading import (
+    Column,
+    Recording,
+    blocks_of,
+    exported_file,
+    sources,
+    texts_of,
+)
 
 if TYPE_CHECKING:
     from station.record.folder import RunFolder
@@ -42,7 +49,7 @@ def export_hdf5(folder: RunFolder, path: Path) -> None:
     Units of work that were not measured to their end are written too, with `state` `unfinished`.
     Raises RecordError when it cannot be written.
     """
-    with replaced(path) as part, Sink(part) as sink, h5py.File(sink, "w") as file:
+    with exported_file(path) as part, Sink(part) as sink, h5py.File(sink, "w") as file:
         file.attrs.update({"NX_class": "NXroot", "creator": f"station {__version__}"})
         file.attrs["run"] = folder.path.name
         raw = file.create_group("raw")
@@ -174,3 +181,76 @@ def set_default(group: h5py.Group, name: str | None = None) -> None:
 def group_name(unit: str) -> str:
     """Return a unit of work's name as that of a group: HDF5 knows `/` and `.` as paths."""
     return re.sub(r"^\.+$", "_", unit.replace("/", "_"))
+
+
+class Sink(io.RawIOBase):
+    """A file for a library that crashes when a write fails, as HDF5 does on a full disk.
+
+    It takes everything; what it could not write is raised at its end, instead of whatever the
+    library made of it.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._file = path.open("w+b", buffering=0)
+        self._error: OSError | None = None
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+        if self._error is not None:
+            raise self._error
+
+    def readable(self) -> bool:
+        """Return True."""
+        return True
+
+    def writable(self) -> bool:
+        """Return True."""
+        return True
+
+    def seekable(self) -> bool:
+        """Return True."""
+        return True
+
+    def seek(self, offset: int, whence: int = io.SEEK_SET) -> int:
+        """Move to a byte of the file."""
+        return self._file.seek(offset, whence)
+
+    def tell(self) -> int:
+        """Return the present byte of the file."""
+        return self._file.tell()
+
+    def readinto(self, buffer: Any) -> int:
+        """Read into `buffer`; what a full disk did not take reads as zeros."""
+        view = memoryview(buffer).cast("B")
+        count = self._file.readinto(view) or 0
+        if count < len(view) and self._error is not None:
+            view[count:] = bytes(len(view) - count)
+            return len(view)
+        return count
+
+    def write(self, data: Any) -> int:
+        """Write all of `data`, or remember why it could not be."""
+        left = memoryview(data).cast("B")
+        length = len(left)
+        try:
+            while self._error is None and left:
+                left = left[self._file.write(left) :]
+        except OSError as error:
+            self._error = error
+        return length
+
+    def truncate(self, size: int | None = None) -> int:
+        """Give the file a length, or remember why it could not be."""
+        try:
+            return self._file.truncate(size)
+        except OSError as error:
+            self._error = self._error or error
+            return size or 0
+
+    def flush(self) -> None:
+        """Do nothing: what was written is with the system already."""
+
+    def close(self) -> None:
+        """Close the file."""
+        self._file.close()
+        super().close()

@@ -18,8 +18,7 @@ from scipy.io import savemat
 from scipy.io.matlab import MatWriteError
 
 from station.errors import RecordError
-from station.record.export.files import replaced
-from station.record.export.reading import Recording, blocks_of, sources, texts_of
+from station.record.export.reading import Recording, blocks_of, exported_file, sources, texts_of
 
 if TYPE_CHECKING:
     from station.record.folder import RunFolder
@@ -72,7 +71,7 @@ def export_mat(folder: RunFolder, path: Path) -> None:
         for valid, source in zip(valid_names(names), names, strict=True)
     }
     variables = {"raw": raw, "events": events_struct(folder), **texts_of(folder)}
-    with replaced(path) as part:
+    with exported_file(path) as part:
         try:
             savemat(
                 part,

@@ -8,12 +8,15 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from station.record.files import replaced
 from station.record.raw import ARRIVAL, read_blocks
 from station.record.raw_damage import raw_files, segment_of, source_of
 
@@ -176,3 +179,8 @@ def texts_of(folder: RunFolder) -> dict[str, str]:
         for name, file in TEXTS.items()
         if (folder.path / file).is_file()
     }
+
+
+def exported_file(path: Path) -> AbstractContextManager[Path]:
+    """Return the context of a file that appears whole; raises RecordError (`replaced`)."""
+    return replaced(path, "export a copy of the run folder elsewhere", parents=True)

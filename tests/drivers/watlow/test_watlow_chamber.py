@@ -14,7 +14,7 @@ from sim_instruments.bench import SimulatedBench
 from sim_instruments.truth import SimulationError
 from sim_instruments.wire.modbus import Parameter
 from station.clock import VirtualClock
-from station.control.pausing import ask_devices
+from station.control.requests import ask_devices
 from station.errors import InputError, InstrumentError
 from station.files.lookup import BENCHES, find
 from station.instruments.bench import read_bench

@@ -10,7 +10,7 @@ from places import DATA
 
 from station.cli.analysing import print_document
 from station.dataset_reading import read_dataset
-from station.report.dataset_report import report_of_dataset
+from station.report.run_report import report_of_dataset
 from station.runner.evaluation import evaluate_dataset
 
 DATA = DATA / "accelerometer-three-planes"

@@ -23,7 +23,7 @@ from procedures.serf_nonorthogonality.analysis import analyse as of_cell
 from station.cli.analysing import analyse_data
 from station.findings import Flag
 from station.record.folder import RunFolder
-from station.report.junit import junit_of
+from station.report.tables import junit_of
 
 CODE = "wrong-excitation"
 COIL = "instruments/coil_supply.{}/simulator/coil"

@@ -16,7 +16,7 @@ from procedures.fog_scale_factor_temperature.from_import import PLACE
 from station.cli.analysing import analyse_run
 from station.files.lookup import find
 from station.record.folder import RunFolder
-from station.record.manifest import covered_files, file_hash
+from station.record.layout import covered_files, file_hash
 from station.runner.outcome import Outcome
 from station.runner.resuming import ResumeRequest, resume
 from station.safety.acknowledgement import acknowledge

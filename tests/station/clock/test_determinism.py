@@ -17,7 +17,7 @@ from campaign_helpers import (
 )
 
 from station.clock import ClockError, ClockStopped, VirtualClock
-from station.clock import watchdog as watchdog_module
+from station.clock import virtual as watchdog_module
 
 
 @pytest.fixture(scope="module")

@@ -27,20 +27,18 @@ from sim_instruments.bench import SimulatedBench
 from station import registry
 from station.cli import controlling
 from station.clock import Clock, RealClock, VirtualClock
-from station.consent import Prompt
-from station.control.channel import Channel
+from station.control.channel import LONGEST_ADDRESS, Channel, places
 from station.control.client import NotRunning, ask, go_on
-from station.control.place import LONGEST_ADDRESS, places
 from station.control.requests import ENDS_ALREADY, RECEIVED, Control
 from station.control.signals import AbortSignals
 from station.control.status import read_status
 from station.errors import Aborted, InterlockTripped, PauseRefused, RecordError
 from station.instruments.opening import Place
+from station.procedure import Prompt
 from station.record.events import Event as LogEvent
+from station.record.events import is_paused, paused_s
 from station.record.folder import RunRecord
-from station.record.spans import is_paused, paused_s
-from station.runner.progress import Progress
-from station.runner.prompts import Operator
+from station.runner.operator import Operator, Progress
 from station.runner.run import Run
 
 LIMITS = {"current": 8.0, "voltage": 30.0, "slew": 2.0, "zero_current": 0.02}

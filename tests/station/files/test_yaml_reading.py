@@ -11,8 +11,8 @@ from pydantic import Field, ValidationInfo, field_validator
 
 from station.fields import Hertz, Second, StrictModel, Unit, to_yaml_data
 from station.files.validation import validate_model
+from station.files.yaml.document import yaml_text
 from station.files.yaml.reading import FaultList, Mark, read_yaml, read_yaml_text
-from station.files.yaml.writing import yaml_text
 
 FILE = Path("plan.yaml")
 

@@ -23,14 +23,12 @@ from station import registry
 from station.clock import RealClock, VirtualClock
 from station.control.status import read_status
 from station.files.lookup import find
-from station.files.yaml.writing import yaml_text
-from station.guardian.watched import Guardian, GuardianFailed
+from station.files.yaml.document import yaml_text
+from station.guardian.supervisor import Guardian, GuardianFailed
 from station.instruments.bench import read_bench
-from station.record.creation import GUARDIAN_LOG
-from station.record.events import Event
+from station.record.events import Event, guardian_events, latest_safe_state
 from station.record.folder import RunFolder
-from station.record.guardian_log import guardian_events, latest_safe_state
-from station.record.manifest import MANIFEST, write_manifest
+from station.record.layout import GUARDIAN_LOG, MANIFEST, write_manifest
 from station.record.recorded import left_unverified, read_plan_and_bench
 
 if sys.platform != "linux":

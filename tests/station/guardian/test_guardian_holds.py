@@ -25,10 +25,10 @@ from standstill_runs import memory_of
 from station.clock import RealClock
 from station.control.status import read_status
 from station.files.lookup import find
-from station.files.yaml.writing import yaml_text
-from station.guardian.at_work import guardian_at_work
-from station.guardian.channel import Channel
-from station.guardian.watched import Guardian
+from station.files.yaml.document import yaml_text
+from station.guardian.messages import Channel
+from station.guardian.notes import guardian_at_work
+from station.guardian.supervisor import Guardian
 from station.record.folder import RunFolder
 from station.record.recorded import left_unverified, read_plan_and_bench
 from station.runner.evaluation import flags_of_guardians
@@ -254,14 +254,14 @@ import json, sys
 from pathlib import Path
 from station.guardian.messages import Instructions
 from station.guardian.notes import Words
-from station.guardian.peer import Peer
-from station.guardian.takeover import Takeover
+from station.guardian.watching import Peer
+from station.guardian.make_safe import MakeSafe
 from station.guardian.watching import Duty
 
 class Gone:
     def has_ended(self): return True
 
-takeover = Takeover(Instructions(**json.loads(sys.argv[1])), Words(2), Peer())
+bench_guard = MakeSafe(Instructions(**json.loads(sys.argv[1])), Words(2), Peer())
 opened, ready = [], set(sys.modules)
 
 def look(event, arguments):
@@ -269,12 +269,12 @@ def look(event, arguments):
         opened.append(str(arguments[0]))
 
 sys.addaudithook(look)
-code = takeover.take_over(Duty("It died.", ["coil_supply.x"]), Gone())
+code = bench_guard.make_safe(Duty("It died.", ["coil_supply.x"]), Gone())
 print(json.dumps({"code": code, "opened": opened, "loaded": sorted(set(sys.modules) - ready)}))
 """
 
 
-def test_a_take_over_loads_nothing_and_reads_no_file_but_locks_and_its_log(
+def test_a_guardian_that_acts_loads_nothing_and_reads_no_file_but_locks_and_its_log(
     bench: World, tmp_path: Path
 ) -> None:
     head = json.loads(bench.head.read_text(encoding="utf-8").splitlines()[0])

@@ -33,7 +33,7 @@ from still_helpers import (
 )
 
 from station.guardian.watching import SILENT_FOR_S
-from station.runner.stillness import LONGEST_SILENCE_S, OBEYS_WITHIN_S
+from station.runner.watchers import LONGEST_SILENCE_S, OBEYS_WITHIN_S
 
 if sys.platform != "linux":
     pytest.skip("fsfreeze, prlimit and /proc; not verified elsewhere", allow_module_level=True)

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from station.files.validation import validate_model
+from station.files.yaml.document import yaml_text
 from station.files.yaml.reading import FaultList, read_yaml_text
-from station.files.yaml.writing import yaml_text
 from station.instruments.bench import Bench, bench_of
 from station.instruments.calibration import Calibration, NotCalibrated
 

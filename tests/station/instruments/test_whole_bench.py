@@ -21,7 +21,7 @@ from station.cli.controlling import left_safe, say_how_it_ended
 from station.clock import RealClock, VirtualClock
 from station.control.status import read_status
 from station.files.lookup import BENCHES, find
-from station.guardian.takeover import summary
+from station.guardian.make_safe import summary
 from station.instruments.bench import read_bench
 from station.instruments.instrument_locks import InstrumentLocks
 from station.instruments.whole_bench import BenchReading, Bystanders, LeftOut, bystanders_of

@@ -17,7 +17,7 @@ from bad_input_files import here
 from station.errors import DamagedRecord
 from station.record.blocks import CHUNK, END, HEAD, scan
 from station.record.folder import RunFolder
-from station.record.manifest import write_manifest
+from station.record.layout import write_manifest
 from station.record.raw import chunk_of
 from station.runner.evaluation import conclude_run, evaluate_run
 

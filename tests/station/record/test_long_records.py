@@ -31,7 +31,7 @@ from station.procedure import Procedures, procedure_of
 from station.record.folder import PIECE_ROWS, RunFolder, RunRecord
 from station.record.raw import ARRIVAL
 from station.runner.evaluation import evaluate_run
-from station.runner.memory import Memory, memory_of
+from station.runner.resources import Memory, memory_of
 
 NAME = "rlg-magnetic-sensitivity"
 

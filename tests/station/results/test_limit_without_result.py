@@ -11,7 +11,7 @@ from campaign_helpers import finished_run
 from station.errors import EXIT_DONE, EXIT_OUTSIDE_LIMIT, EXIT_UNDETERMINED
 from station.findings import Estimate, Findings
 from station.record.folder import RunFolder
-from station.report.junit import junit_of
+from station.report.tables import junit_of
 from station.results import Limit, ResultDocument, conclude
 from station.runner.evaluation import evaluate_run, exit_code_of
 

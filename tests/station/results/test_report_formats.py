@@ -15,8 +15,7 @@ from campaign_helpers import finished_run, station
 
 from station.findings import Estimate, Findings, Flag, Published
 from station.record.folder import RunFolder
-from station.report.junit import junit_of
-from station.report.result_table import csv_of
+from station.report.tables import csv_of, junit_of
 from station.results import Limit, ResultDocument, Rule, conclude
 
 

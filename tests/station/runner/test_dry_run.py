@@ -21,9 +21,9 @@ from station.files.plan import Plan, read_plan
 from station.instruments.bench import Bench, read_bench
 from station.method.set_points import SetPoint
 from station.procedure import Procedures, procedure_of
-from station.runner.disk_space import BESIDE_RAW_BYTES, in_bytes, needed_bytes
 from station.runner.dry_run import Extreme, extremes, walk
-from station.runner.simulation import clock_for
+from station.runner.resources import BESIDE_RAW_BYTES, in_bytes, needed_bytes
+from station.runner.session import clock_for
 
 NAME = "rlg-magnetic-sensitivity"
 

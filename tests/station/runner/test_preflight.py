@@ -14,17 +14,16 @@ from command_line import PLAN, station, with_addresses
 from small_disk import small_disk
 
 from station.clock import RealClock, VirtualClock, system_clock_synchronised
-from station.consent import Prompt
 from station.files.lookup import BENCHES, find
+from station.procedure import Prompt
 from station.record.folder import RunFolder, RunRecord
+from station.runner.operator import Operator, how_long
 from station.runner.preflight import (
     SystemClockWatch,
     fault_of_output,
     warned_of_clock,
     watch_system_clock,
 )
-from station.runner.progress import how_long
-from station.runner.prompts import Operator
 
 NAME = "rlg-magnetic-sensitivity"
 ANSWERS = "mount: done\nconnect-cables: done\ndut-power-on: done\ndut-power-off: done\n"

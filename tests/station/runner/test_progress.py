@@ -8,7 +8,7 @@ from io import StringIO
 import pytest
 from rich.console import Console
 
-from station.runner.progress import LEFT_WIDTH, Progress, doing
+from station.runner.operator import LEFT_WIDTH, Progress, doing
 
 TITLE = "S4  Record N samples of the gyro, and the field beside it"
 

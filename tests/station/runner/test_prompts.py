@@ -19,13 +19,13 @@ from rlg_runs import short_run
 from drivers.generic.operator_power import OperatorPower
 from station.cli.running import report_outcome
 from station.clock import RealClock
-from station.consent import Prompt
 from station.errors import Aborted, InputError
 from station.instruments.opening import Place
+from station.procedure import Prompt
 from station.record.folder import RunFolder
 from station.runner import execute as executing
+from station.runner.operator import Operator
 from station.runner.outcome import Outcome
-from station.runner.prompts import Operator
 from station.runner.resuming import ResumeRequest, resume
 
 MOUNT = Prompt("mount", "Mount the gyro.")

@@ -29,8 +29,8 @@ from station.errors import InputError, NotAcknowledged, StationError
 from station.files.plan import read_plan
 from station.instruments.bench import Bench, read_bench
 from station.procedure import Procedures
-from station.record.creation import RUN
 from station.record.folder import RunFolder, RunRecord
+from station.record.layout import RUN
 from station.runner.execute import SERVED_SINCE, Request, conclude, execute
 from station.runner.outcome import Outcome
 from station.runner.resuming import ResumeRequest, resume

@@ -13,9 +13,8 @@ import yaml
 from campaign_helpers import only_run, shipped
 from command_line import station_command
 
-from station.record.creation import EVENTS
 from station.record.folder import RunFolder
-from station.record.manifest import file_hash
+from station.record.layout import EVENTS, file_hash
 from station.runner.resuming import ResumeRequest, resume
 
 SHORT: dict[str, dict[str, Any]] = {

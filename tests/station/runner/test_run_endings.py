@@ -14,7 +14,7 @@ from rlg_runs import short_run
 from station.cli import main
 from station.cli.analysing import analyse_run
 from station.record.folder import RunFolder
-from station.record.presence import Presence
+from station.record.layout import Presence
 from station.runner import evaluation
 from station.runner.outcome import NO_MEMORY, in_one_sentence
 

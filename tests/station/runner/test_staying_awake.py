@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from station.runner.staying_awake import StayingAwake
+from station.runner.watchers import StayingAwake
 
 if sys.platform != "linux":
     pytest.skip("systemd-inhibit; not verified elsewhere", allow_module_level=True)

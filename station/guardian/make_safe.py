@@ -17,18 +17,15 @@ from typing import Any
 from station import registry
 from station.clock import RealClock
 from station.errors import EXIT_DONE, EXIT_FAULT, StationError
-from station.guardian.at_work import LEAVE, AtWork, WordOfWork
 from station.guardian.messages import DONE, WAITS, Instructions
-from station.guardian.notes import Background, Notes, Words
-from station.guardian.other_process import OtherProcess, end_all, let_end
-from station.guardian.peer import Peer
-from station.guardian.rehearsal import rehearse
-from station.guardian.reopening import OPENS_WITHIN_S, Reopening
-from station.guardian.watching import Duty
+from station.guardian.notes import LEAVE, AtWork, Background, Notes, WordOfWork, Words
+from station.guardian.opening import OPENS_WITHIN_S, Reopening, rehearse
+from station.guardian.processes import OtherProcess, end_all, let_end
+from station.guardian.watching import Duty, Peer
 from station.instruments.bench import read_bench
 from station.instruments.instrument_locks import InstrumentLocks
 from station.instruments.whole_bench import BenchReading, Bystanders, LeftOut
-from station.record.guardian_log import BENCH_READ, LEFT, SAFE_STATE, whole_bench
+from station.record.events import BENCH_READ, LEFT, SAFE_STATE, whole_bench
 from station.safety.safe_state import ATTEMPTS, MadeSafe, SafeOutcome, make_bench_safe
 
 ENDS_WITHIN_S, LEAVES_WITHIN_S = 10.0, 5.0
@@ -46,7 +43,7 @@ SAYS_WITHIN_S = 1.0
 NUMBER = re.compile(r"[-+]?\d+(\.\d+)?")
 
 
-class Takeover:
+class MakeSafe:
     """Everything that is needed to make a bench safe, made ready while its run still lives.
 
     Raises FaultList or InputError where the bench file or a driver of it cannot be loaded.
@@ -109,7 +106,7 @@ class Takeover:
                 address = self._addresses.get(name, entry.address or "")
                 rehearse(name, self._bench, address)
 
-    def take_over(self, duty: Duty, runner: OtherProcess) -> int:
+    def make_safe(self, duty: Duty, runner: OtherProcess) -> int:
         """End who is in the way, make safe until all is, and return the exit code."""
         self._ballast.clear()
         self._until_s = self._real.now() + 2 * ENDS_WITHIN_S

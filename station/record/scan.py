@@ -1,9 +1,15 @@
-"""What was seen in a raw file: where its whole blocks stand, and which parts are damaged."""
+"""What is seen in a raw file: where its whole blocks stand, their order, and what is damaged.
+
+A process numbers the blocks of a file from 0, and their times never fall. A block that was copied
+over another holds by itself, but not among those around it.
+"""
 
 from __future__ import annotations
 
 import math
 from array import array
+from bisect import bisect_left, bisect_right
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 NEVER = (math.inf, -math.inf)
@@ -60,7 +66,7 @@ class Scan:
         lengths.append(length)
         self.whole_bytes = began + length
 
-    def take_over(self, parts: list[Part]) -> None:
+    def add_parts(self, parts: list[Part]) -> None:
         """Add damaged parts; those that follow each other nameless become one."""
         for part in parts:
             last = self.parts[-1] if self.parts else None
@@ -74,3 +80,51 @@ class Scan:
                 self.parts[-1] = Part(last.began, length, NAMELESS, last.from_s, part.to_s, units)
             else:
                 self.parts.append(part)
+
+
+@dataclass
+class BlockOrder:
+    """Number and time of each whole block of a file, as they follow each other."""
+
+    places: array[int] = field(default_factory=lambda: array("q"))
+    numbers: array[int] = field(default_factory=lambda: array("q"))
+    times_ns: array[int] = field(default_factory=lambda: array("q"))
+    falls: bool = False
+
+    def add(self, at: int, number: int, time_ns: int) -> None:
+        """Add the next whole block."""
+        if self.places:
+            risen = number > self.numbers[-1] and time_ns >= self.times_ns[-1]
+            self.falls = self.falls or not risen
+        self.places.append(at)
+        self.numbers.append(number)
+        self.times_ns.append(time_ns)
+
+    def misplaced(self) -> set[int]:
+        """Return where the fewest blocks begin without which numbers rise and no time falls."""
+        if not self.falls:
+            return set()
+        kept = rising(self.numbers, strictly=True)
+        kept = [kept[k] for k in rising([self.times_ns[k] for k in kept], strictly=False)]
+        return set(self.places).difference(self.places[k] for k in kept)
+
+
+def rising(values: Sequence[int], *, strictly: bool) -> list[int]:
+    """Return the places of a longest part of some values that rises, or does not fall."""
+    ends: list[int] = []
+    """Of a rising part by its length: the place of its last value, the smallest that there is."""
+    lasts: list[int] = []
+    before: list[int] = []
+    for place, value in enumerate(values):
+        length = (bisect_left if strictly else bisect_right)(lasts, value)
+        before.append(ends[length - 1] if length else -1)
+        if length == len(lasts):
+            lasts.append(value)
+            ends.append(place)
+        elif value < lasts[length]:  # of two of the same number, the first
+            lasts[length], ends[length] = value, place
+    found, place = [], ends[-1] if ends else -1
+    while place >= 0:
+        found.append(place)
+        place = before[place]
+    return found[::-1]

@@ -15,17 +15,15 @@ from station.console import tell
 from station.control.requests import Control
 from station.control.signals import AbortSignals
 from station.errors import EXIT_FAULT, InterlockTripped, StationError
-from station.guardian.watched import Guardian
+from station.guardian.supervisor import Guardian
 from station.instruments.instrument_locks import InstrumentLocks
 from station.instruments.opening import Found, open_instruments
 from station.instruments.whole_bench import BenchReading, Bystanders, read_used
-from station.runner.folder_watch import FolderWatch
 from station.runner.outcome import Outcome, in_one_sentence
 from station.runner.run import Run
 from station.runner.session import BenchSession
-from station.runner.staying_awake import StayingAwake
-from station.runner.stillness import Stillness
 from station.runner.trace import Trace
+from station.runner.watchers import FolderWatch, StayingAwake, Stillness
 from station.safety.acknowledgement import refuse_identified, remember_trip
 from station.safety.interlocks.monitor import Monitor
 from station.safety.interlocks.reading import watched_in_a_run
@@ -41,7 +39,7 @@ READS_THE_REST_WITHIN_S = 20.0
 """Real time to read what the plan did not use, which bounds itself at half of that."""
 
 
-class Walk:
+class StepRunner:
     """The steps of a procedure on a bench, from the first byte to the last line closed.
 
     `bench_file` is the bench file as the operator named it: a trip is remembered for that. `first`

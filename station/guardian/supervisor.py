@@ -19,7 +19,6 @@ from typing import Any
 from station.clock import Clock, RealClock
 from station.console import tell
 from station.errors import StationError
-from station.guardian.channel import line_of
 from station.guardian.messages import (
     BEAT,
     BEATS_EVERY_S,
@@ -31,14 +30,15 @@ from station.guardian.messages import (
     WATCH,
     Instructions,
     Looks,
-    said,
+    line_of,
+    message_of,
 )
-from station.guardian.partner import RANKS, READY_WITHIN_S, Partner
+from station.guardian.processes import RANKS, READY_WITHIN_S, Partner
 from station.instruments.instrument_locks import InstrumentLocks
-from station.record.creation import BENCH
+from station.record.layout import BENCH
 
 ENDS_WITHIN_S, KILLED_WITHIN_S = 5.0, 2.0
-A_BEAT = line_of(said(BEAT))
+A_BEAT = line_of(message_of(BEAT))
 """Made once: where there is no memory left the run may still live."""
 TAKES_WITHIN_S = 5.0
 """How long the thread that talks to the guardians may take for anything that is asked of it."""
@@ -158,7 +158,7 @@ class Guardian:
     def dismiss(self) -> None:
         """Let the guardians go: the run has made the bench safe itself. Takes 7 s at most."""
         if not self._ended:
-            self._ask(lambda: self._end(said(DISMISS)))
+            self._ask(lambda: self._end(message_of(DISMISS)))
             self._thread.join(ENDS_WITHIN_S + KILLED_WITHIN_S)
 
     def hand_over(self, why: str) -> str:
@@ -175,7 +175,7 @@ class Guardian:
         def begin() -> None:
             there = [one for one in self._there() if one.ready]
             pids.extend(one.pid for one in there)
-            self._end(said(HAND_OVER, why=why))
+            self._end(message_of(HAND_OVER, why=why))
 
         if self._ended or not self._in_thread(begin) or not pids:
             return "no guardian is left to go on trying: switch off by hand, now"
@@ -287,7 +287,7 @@ class Guardian:
             return
         ends = socket.socketpair()
         for one, other, end in zip(both, reversed(both), ends, strict=True):
-            one.channel.send(said(PEER, pid=other.pid), [end.fileno()])
+            one.channel.send(message_of(PEER, pid=other.pid), [end.fileno()])
         for end in ends:
             end.close()
 
@@ -297,8 +297,8 @@ class Guardian:
             return False
         if hasattr(socket, "send_fds"):
             for names, files in self._locks:
-                one.channel.send(said(LOCKS, names=names), files)
-        return one.channel.send(said(WATCH, instruments=self._watched))
+                one.channel.send(message_of(LOCKS, names=names), files)
+        return one.channel.send(message_of(WATCH, instruments=self._watched))
 
     def _there(self) -> list[Partner]:
         return [one for one in self._partners.values() if one is not None]

@@ -1,24 +1,79 @@
-"""The results as JUnit XML, for a test system that collects verdicts.
+"""The results for other programs: a CSV table, and JUnit XML.
 
-One test case for each result that has a limit. Outside its limit is a failure; what the data
-cannot determine, or the decision rule cannot decide, is an error, and so are a run that did not go
-through all its steps and a bench that could not be proven safe: a test system that reads the file
-is green only where `station run` ended with exit code 0.
+JUnit is for a test system that collects verdicts: one test case for each result that has a limit.
+Outside its limit is a failure; what the data cannot determine, or the decision rule cannot decide,
+is an error, and so are a run that did not go through all its steps and a bench that could not be
+proven safe: a test system that reads the file is green only where `station run` ended with exit
+code 0.
 """
 
 from __future__ import annotations
 
+import csv
+import io
 import re
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
-from station.report.result_table import published_by_key
 from station.results import LIMIT_WITHOUT_RESULT, WRONG_EXCITATION
 
 if TYPE_CHECKING:
     from station.record.folder import RunFolder
     from station.results import ResultDocument
+
+
+COLUMNS = (
+    "procedure",
+    "name",
+    "axis",
+    "value",
+    "unit",
+    "standard_uncertainty",
+    "coverage_factor",
+    "expanded_uncertainty",
+    "degrees_of_freedom",
+    "method",
+    "limit_min",
+    "limit_max",
+    "limit_max_abs",
+    "verdict",
+    "decision",
+    "as_published",
+    "as_published_unit",
+    "as_published_method",
+)
+
+
+def published_by_key(document: ResultDocument) -> dict[tuple[str, str | None], dict[str, Any]]:
+    """Return what the source document's own formula gave, by name and axis of the result."""
+    return {(one.name, one.axis): one.to_data() for one in document.published}
+
+
+def csv_of(document: ResultDocument) -> str:
+    """Return the results as CSV with a header; what is null stays empty.
+
+    Numbers have the digits that bring back the same number, uncertainties are in the value's unit.
+    """
+    text = io.StringIO()
+    writer = csv.DictWriter(text, COLUMNS, extrasaction="ignore", lineterminator="\n")
+    writer.writeheader()
+    published = published_by_key(document)
+    for result in document.results:
+        data = result.to_data()
+        other = published.get((data["name"], data["axis"]), {})
+        writer.writerow(
+            {
+                **data,
+                "procedure": document.procedure,
+                **{f"limit_{name}": value for name, value in (data["limit"] or {}).items()},
+                "as_published": other.get("value"),
+                "as_published_unit": other.get("unit"),
+                "as_published_method": other.get("method"),
+            }
+        )
+    return text.getvalue()
+
 
 UNSAFE = "safe-state-unverified"
 INCOMPLETE = "run-not-complete"

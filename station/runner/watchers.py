@@ -1,28 +1,37 @@
-"""A run that stands still: notice it, bring the bench to rest without it, and let it be ended.
+"""Watch a run: its signs of life, its folder, and that the computer does not go to sleep.
 
 The thread of the steps may be stuck where no code of its own helps: a disk that answers no more, a
 library that never returns. A thread here looks whether all threads of the run give their signs of
 life. Where one does not the run is to end; where it does not do so at once, the bench is made safe
 from here, over the lines that the run has open. Meanwhile and after that no word goes to the
 guardian that the run lives, unless it does: the guardian then ends the process and sees for itself.
+
+A laptop that sleeps stops the run and its guardian, and leaves the instruments as they are.
 """
 
 from __future__ import annotations
 
+import os
+import shutil
 import signal
 import socket
+import subprocess
+import sys
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from threading import Event, Thread
 from typing import TYPE_CHECKING
 
-from station.clock import Pulse, Quiet, RealClock
+from station.clock import Clock, Pulse, Quiet, RealClock
 from station.console import tell
 from station.control.signals import wishes
-from station.errors import StationError
+from station.errors import RecordError, StationError
+from station.record.folder import RunRecord
 
 if TYPE_CHECKING:
     from station.control.signals import AbortSignals
     from station.safety.safe_state import SafeOutcome
+
 
 LONGEST_SILENCE_S = 10.0
 """Real time. An exchange takes 0.5 s, a sleep gives signs of life, a disk may have to spin up."""
@@ -177,3 +186,98 @@ class Stillness:
                 "what the run uses was read back as safe, beside its steps: "
                 f"{said or 'nothing can harm'}"
             )
+
+
+FOLDER_EVERY_S = 1.0
+DISK_SILENCE_S = 10.0
+"""Real time in which its disk has to answer."""
+
+
+class FolderWatch:
+    """Look once a second in a thread of its own, which a disk may hold up; a context."""
+
+    def __init__(self, record: RunRecord, clock: Clock) -> None:
+        self._record = record
+        self._clock = clock
+        self._ended = Event()
+
+    def __enter__(self) -> FolderWatch:
+        Thread(target=self._watch, name="run folder", daemon=True).start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.end()
+
+    def end(self) -> None:
+        """Look no more."""
+        self._ended.set()
+
+    def _watch(self) -> None:
+        with self._clock.pulse("the disk of the run folder", DISK_SILENCE_S) as pulse:
+            while not self._ended.wait(FOLDER_EVERY_S):
+                pulse.beat()
+                try:
+                    self._record.presence.check()
+                except RecordError as error:
+                    if not self._ended.is_set():
+                        self._clock.interrupt(error)
+                    return
+
+
+WHAT = "sleep:idle"
+
+
+class StayingAwake:
+    """A request that the computer stay awake until this process ends; it never fails a run."""
+
+    def __init__(self) -> None:
+        self._process: subprocess.Popen[bytes] | None = None
+        self.problem = ""
+        """Why the system was not asked, as far as is known at once."""
+        if sys.platform == "win32":
+            import ctypes
+
+            continuous, system_required = 0x80000000, 0x1
+            asked = ctypes.windll.kernel32.SetThreadExecutionState(continuous | system_required)
+            self.problem = "" if asked else "the system refuses"
+            return
+        command = command_for(sys.platform)
+        if not shutil.which(command[0]):
+            self.problem = f"there is no {command[0]}"
+            return
+        try:
+            # The request lasts until the pipe closes: with this process, however it ends.
+            self._process = subprocess.Popen(
+                command,
+                stdin=subprocess.PIPE,
+                stdout=subprocess.DEVNULL,
+                stderr=subprocess.DEVNULL,
+                start_new_session=True,
+            )
+        except OSError as error:
+            self.problem = f"{command[0]}: {error.strerror or error}"
+
+    def refused(self) -> str:
+        """Return why the computer may sleep all the same, empty where nothing is known of that."""
+        if self._process is not None and not self.problem and self._process.poll() is not None:
+            self.problem = f"{command_for(sys.platform)[0]} ended with {self._process.returncode}"
+        return self.problem
+
+    def end(self) -> None:
+        """Let the computer sleep again."""
+        if self._process is not None:
+            with suppress(OSError):
+                assert self._process.stdin is not None
+                self._process.stdin.close()
+            self._process.kill()
+            with suppress(subprocess.TimeoutExpired):
+                self._process.wait(1.0)
+
+
+def command_for(platform: str) -> list[str]:
+    """Return the program that keeps a system awake until this process ends, or it is killed."""
+    if platform == "darwin":
+        return ["caffeinate", "-i", "-s", "-w", str(os.getpid())]
+    why = "instruments are energised"
+    who = "--who=Inertial Station"
+    return ["systemd-inhibit", f"--what={WHAT}", who, f"--why={why}", "--mode=block", "cat"]
