@@ -12,6 +12,7 @@ import numpy as np
 from fog_records import Curve, record
 from numpy.typing import NDArray
 from sabotage import Array, Made
+from simulated_drive import drive_csv, simulated_drive
 
 from procedures.fog_scale_factor_temperature.dataset import (
     Drive,
@@ -20,7 +21,6 @@ from procedures.fog_scale_factor_temperature.dataset import (
     turn_errors_deg,
     wrapped_deg,
 )
-from procedures.fog_scale_factor_temperature.simulated_drive import drive_csv, simulated_drive
 
 Values = NDArray[Any]
 Shape = Callable[[Values], Any]

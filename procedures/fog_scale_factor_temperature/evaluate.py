@@ -25,7 +25,7 @@ from .axis_problem import AnalysisSettings
 from .check import TABLE
 from .curve import Band, Curve
 from .dataset import FogDataset
-from .from_import import conditions_of, dataset_of_import
+from .from_import import Conditions, dataset_of_import
 from .parameters import PUBLISHED_SOAK_H, FogParameters
 from .verification import Driven, Verified
 
@@ -54,7 +54,7 @@ def findings_of_run(folder: RunFolder, parameters: FogParameters, bench: Bench) 
 
 def findings_of_dataset(raw: RawDataset) -> Findings:
     """Return what an imported dataset says; FaultList where it lacks the bias that it needs."""
-    conditions = conditions_of(raw)
+    conditions = raw.conditions(Conditions)
     dataset = dataset_of_import(raw, conditions)
     analysis = analyse(dataset)
     single = [axis for axis, fit in analysis.fits.items() if fit.curve and not fit.paired]
@@ -77,9 +77,8 @@ def table_inputs(bench: Bench) -> Iterator[InputQuantity]:
 
     A whole turn ends at the angle, and so with the error, that it began with.
     """
-    if stated := bench.stated(TABLE, "angle", 360.0, "deg"):
-        about = "angle of the table (the same at both ends of a whole turn)"
-        yield InputQuantity(TABLE_ANGLE, about, stated[0], "deg", stated[1])
+    about = "angle of the table (the same at both ends of a whole turn)"
+    yield from bench.stated_input((TABLE, "angle", 360.0, "deg"), TABLE_ANGLE, about)
 
 
 def settings(parameters: FogParameters) -> AnalysisSettings:

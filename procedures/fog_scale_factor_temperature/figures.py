@@ -2,76 +2,84 @@
 
 from __future__ import annotations
 
-import matplotlib as mpl
+from collections.abc import Mapping
+
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from station.findings import Findings
-from station.report.drawing import STYLE
-from station.report.numbers import NOTHING, format_number, format_with_uncertainty
-from station.report.parts import Part, Plot, Table
+from station.report.drawing import (
+    BLUE,
+    GREEN,
+    GREY,
+    INK,
+    ORANGE,
+    PURPLE,
+    SKY,
+    VERMILION,
+    label_above,
+    new_figure,
+)
+from station.report.numbers import NOTHING, format_limit, format_number, format_with_uncertainty
+from station.report.parts import Part, Plot, Table, first_rows
 from station.results import ResultDocument
 
-from . import plots
 from .analysis import FogAnalysis
+from .axis_fit import AxisFit
 from .curve import Band
-from .dataset import FogDataset
+from .dataset import SECONDS_PER_HOUR, Array, FogDataset
+from .verification import Driven, Verified
 
 TABLE_STEP_DEGC = 5.0
-MOST_ROWS = 40
+COLOURS = {"x": BLUE, "y": VERMILION, "z": GREEN}
+GRID = 201
+MOST_POINTS = 3000
+EDGE_SIGMA = 5.0
+ROOM = 1.15
 
 
 def draw_parts(findings: Findings, document: ResultDocument) -> tuple[Part, ...]:
     """Return the parts of the report: curves first, then proof and compensation."""
     analysis: FogAnalysis = findings.detail.analysis
     dataset: FogDataset = findings.detail.dataset
-    parts: list[Part] = [_curves(analysis)]
+    bias_deg_per_h = dataset.gyro_bias_deg_per_h or 0.0
     fitted = [fit for fit in analysis.fits.values() if fit.curve is not None]
-    with mpl.rc_context(STYLE):
-        if dataset.history:
-            parts.append(
-                Plot(
-                    "Temperatures",
-                    "Against time. The model's argument is the gyro's own temperature, the mean "
-                    "of before and after a turn, not the chamber's.",
-                    plots.temperatures(dataset),
-                )
-            )
-        if fitted:
-            parts.append(
-                Plot(
-                    "Scale-factor error over temperature",
-                    "Above: each turn, the curve, and the published rule's. Turns scatter more "
-                    "than their noise where the gyro's bias has not been taken off yet. Below: "
-                    "what the solution leaves of each turn, and the curve's bands: the dark one "
-                    "is ±U, which holds the truth at any one temperature in 95 % of records; the "
-                    "wider one holds the true curve over the whole range at once in 95 %. "
-                    "Triangles: turns that were left out, at the edge where they lie beyond it.",
-                    plots.curves(analysis, dataset.gyro_bias_deg_per_h or 0.0),
-                )
-            )
-        parts.append(_before_and_after(analysis, document))
-        if analysis.verified:
-            parts.append(
-                Plot(
-                    "Verification ramp",
-                    "Turn errors of another ramp before and after compensation, below enlarged. "
-                    "None of these turns was used for the curve.",
-                    plots.verification(dict(analysis.verified)),
-                )
-            )
-        if analysis.driven is not None:
-            reference = dataset.drive.heading_deg if dataset.drive is not None else None
-            parts.append(
-                Plot(
-                    "Vehicle test",
-                    "A drive's rates integrated to heading, the earth's rate taken off, without "
-                    "and with compensation. Turns in one sense add up the error of the scale "
-                    "factor, turns in both senses hide it.",
-                    plots.drive(analysis.driven, reference),
-                )
-            )
+    parts: list[Part] = [_curves(analysis)]
+    if dataset.history:
+        history_text = (
+            "Against time. The model's argument is the gyro's own temperature, the mean of before "
+            "and after a turn, not the chamber's."
+        )
+        parts.append(Plot("Temperatures", history_text, temperatures(dataset)))
     if fitted:
-        parts.append(_compensation(analysis, dataset.gyro_bias_deg_per_h or 0.0))
+        curves_text = (
+            "Above: each turn, the curve, and the published rule's. Turns scatter more than their "
+            "noise where the gyro's bias has not been taken off yet. Below: what the solution "
+            "leaves of each turn, and the curve's bands: the dark one is ±U, which holds the truth "
+            "at any one temperature in 95 % of records; the wider one holds the true curve over "
+            "the whole range at once in 95 %. Triangles: turns that were left out, at the edge "
+            "where they lie beyond it."
+        )
+        figure = curves(analysis, bias_deg_per_h)
+        parts.append(Plot("Scale-factor error over temperature", curves_text, figure))
+    parts.append(_before_and_after(analysis, document))
+    if analysis.verified:
+        verified_text = (
+            "Turn errors of another ramp before and after compensation, below enlarged. None of "
+            "these turns was used for the curve."
+        )
+        parts.append(Plot("Verification ramp", verified_text, verification(analysis.verified)))
+    if analysis.driven is not None:
+        reference = dataset.drive.heading_deg if dataset.drive is not None else None
+        drive_text = (
+            "A drive's rates integrated to heading, the earth's rate taken off, without and with "
+            "compensation. Turns in one sense add up the error of the scale factor, turns in both "
+            "senses hide it."
+        )
+        parts.append(Plot("Vehicle test", drive_text, drive(analysis.driven, reference)))
+    if fitted:
+        parts.append(_compensation(analysis, bias_deg_per_h))
     if any(len(fit.rejected) for fit in analysis.fits.values()):
         parts.append(_left_out(analysis))
     return tuple(parts)
@@ -120,36 +128,18 @@ def _curves(analysis: FogAnalysis) -> Table:
 
 
 def _before_and_after(analysis: FogAnalysis, document: ResultDocument) -> Table:
-    verdicts = {
-        result.estimate.axis: (
-            str(result.decision.verdict),
-            "" if result.limit is None else ", ".join(f"{v:g}" for v in _limits(result.limit)),
-        )
-        for result in document.results
-        if result.estimate.name == "residual_scale_factor_error"
-    }
     rows = []
     for axis, fit in analysis.fits.items():
         if fit.curve is None:
             continue
         heat = fit.temperature_degC[fit.kept]
         size = fit.curve.error_ppm(heat)
-        rows.append(
-            _row(axis, "the curve's own turns", size, fit.residual_ppm[fit.kept], NOTHING, NOTHING)
-        )
+        rows.append(_row(axis, "the curve's own turns", size, fit.residual_ppm[fit.kept]))
         verified = analysis.verified.get(axis)
         if verified is not None:
-            verdict, limit = verdicts.get(axis, ("none", ""))
-            rows.append(
-                _row(
-                    axis,
-                    "verification ramp",
-                    verified.before_ppm,
-                    verified.after_ppm,
-                    limit or NOTHING,
-                    verdict,
-                )
-            )
+            result = document.result("residual_scale_factor_error", axis)
+            row = _row(axis, "verification ramp", verified.before_ppm, verified.after_ppm)
+            rows.append([*row[:-2], format_limit(result.limit), str(result.decision.verdict)])
     return Table(
         "Before and after compensation",
         "Errors of turns. A ratio above 1 would mean that the compensation was applied with the "
@@ -159,19 +149,13 @@ def _before_and_after(analysis: FogAnalysis, document: ResultDocument) -> Table:
     )
 
 
-def _row(
-    axis: str, name: str, before: np.ndarray, after: np.ndarray, limit: str, verdict: str
-) -> list[str]:
+def _row(axis: str, name: str, before: Array, after: Array) -> list[str]:
+    """Return errors before and after compensation, without a limit and a verdict."""
     before, after = before[np.isfinite(before)], after[np.isfinite(after)]
     rms = [float(np.sqrt(np.mean(one**2))) if len(one) else np.nan for one in (before, after)]
     ratio = rms[1] / rms[0] if rms[0] else np.nan
     largest = float(np.max(np.abs(after))) if len(after) else np.nan
-    cells = [format_number(one, 3) for one in (*rms, ratio, largest)]
-    return [axis, name, *cells, limit, verdict]
-
-
-def _limits(limit: object) -> list[float]:
-    return list(limit.to_data().values())  # type: ignore[attr-defined]
+    return [axis, name, *(format_number(one, 3) for one in (*rms, ratio, largest)), *[NOTHING] * 2]
 
 
 def _compensation(analysis: FogAnalysis, gyro_bias_deg_per_h: float) -> Table:
@@ -212,24 +196,139 @@ def _compensation(analysis: FogAnalysis, gyro_bias_deg_per_h: float) -> Table:
 
 
 def _left_out(analysis: FogAnalysis) -> Table:
-    rows: list[list[str]] = []
-    more = 0
-    for axis, fit in analysis.fits.items():
-        for n in fit.rejected:
-            more += len(rows) >= MOST_ROWS
-            if len(rows) < MOST_ROWS:
-                rows.append(
-                    [
-                        str(fit.rows[n]),
-                        axis,
-                        f"{fit.temperature_degC[n]:.2f}",
-                        format_number(float(fit.residual_ppm[n]), 3),
-                    ]
-                )
-    return Table(
-        "Turns left out",
-        "Rows of the turn table, counted from 0."
-        + (f" {more} more are not shown." if more > 0 else ""),
-        ["row", "axis", "gyro temperature, degC", "turn − curve, ppm"],
-        rows,
+    rows = [
+        [
+            str(fit.rows[n]),
+            axis,
+            f"{fit.temperature_degC[n]:.2f}",
+            format_number(float(fit.residual_ppm[n]), 3),
+        ]
+        for axis, fit in analysis.fits.items()
+        for n in fit.rejected
+    ]
+    caption = "Rows of the turn table, counted from 0."
+    columns = ["row", "axis", "gyro temperature, degC", "turn − curve, ppm"]
+    return first_rows("Turns left out", caption, columns, rows)
+
+
+def temperatures(dataset: FogDataset) -> Figure:
+    """Draw all temperatures that were recorded against time."""
+    figure = new_figure(2.7)
+    axes = figure.add_subplot()
+    for name, course in dataset.history.items():
+        step = max(1, len(course) // MOST_POINTS)
+        time_h = course[::step, 0] / SECONDS_PER_HOUR
+        colour = COLOURS.get(name.removeprefix("gyro "), INK)
+        axes.plot(time_h, course[::step, 1], color=colour, linewidth=1.1, label=name)
+    axes.set_xlabel("time, h")
+    axes.set_ylabel("temperature, degC")
+    axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=4)
+    return figure
+
+
+def curves(analysis: FogAnalysis, gyro_bias_deg_per_h: float) -> Figure:
+    """Draw, axis by axis, turns, curve, published curve, and the curve's bands, far enlarged."""
+    fits = [fit for fit in analysis.fits.values() if fit.curve is not None]
+    figure = new_figure(4.6)
+    grid = figure.subplots(
+        2, len(fits), sharex="col", squeeze=False, gridspec_kw={"height_ratios": (1.7, 1.0)}
     )
+    figure.subplots_adjust(wspace=0.22, hspace=0.12)
+    for column, fit in enumerate(fits):
+        upper, lower = grid[0, column], grid[1, column]
+        _curve(upper, fit, analysis)
+        _bands(lower, fit, gyro_bias_deg_per_h)
+        lower.set_xlabel("gyro temperature, degC")
+        label_above(upper, f"axis {fit.axis}")
+    grid[0, 0].set_ylabel("scale-factor error, ppm")
+    grid[1, 0].set_ylabel("residual, ppm")
+    grid[0, 0].legend(loc="best")
+    return figure
+
+
+def _curve(axes: Axes, fit: AxisFit, analysis: FogAnalysis) -> None:
+    assert fit.curve is not None
+    heat = fit.curve.temperatures_degC(GRID)
+    axes.plot(
+        fit.temperature_degC[fit.kept],
+        fit.error_ppm[fit.kept],
+        ".",
+        color=COLOURS[fit.axis],
+        alpha=0.6,
+        markersize=4.0,
+        label="turns",
+    )
+    axes.plot(heat, fit.curve.error_ppm(heat), color=INK, linewidth=1.2, label="curve")
+    published = analysis.published[fit.axis]
+    if published is not None:
+        values = published.error_ppm(heat)
+        axes.plot(heat, values, "--", color=PURPLE, linewidth=1.2, label="published rule", zorder=4)
+
+
+def _bands(axes: Axes, fit: AxisFit, gyro_bias_deg_per_h: float) -> None:
+    """Draw the residuals, both bands around nothing, and rejected turns at the edge."""
+    assert fit.curve is not None
+    heat = fit.curve.temperatures_degC(GRID)
+    band = Band(fit.curve, gyro_bias_deg_per_h)
+    for wide in (band.whole_ppm(heat), band.expanded_ppm(heat)):
+        axes.fill_between(heat, -wide, wide, color=SKY, alpha=0.4, linewidth=0.0, zorder=1)
+    axes.plot(
+        fit.temperature_degC[fit.kept],
+        fit.residual_ppm[fit.kept],
+        ".",
+        color=COLOURS[fit.axis],
+        markersize=3.5,
+    )
+    out = ~fit.kept & np.isfinite(fit.residual_ppm)
+    reach = EDGE_SIGMA * (fit.noise_ppm or 1.0)
+    shown = np.clip(fit.residual_ppm[out], -reach, reach)
+    axes.plot(fit.temperature_degC[out], shown, "^", color=ORANGE, markersize=5.0)
+    axes.set_ylim(-ROOM * reach, ROOM * reach)
+
+
+def verification(verified: Mapping[str, Verified]) -> Figure:
+    """Draw the turn errors of the verification ramp before compensation, and enlarged after it."""
+    figure = new_figure(4.2)
+    grid = figure.subplots(
+        2, len(verified), sharex="col", squeeze=False, gridspec_kw={"height_ratios": (1.5, 1.0)}
+    )
+    figure.subplots_adjust(wspace=0.22, hspace=0.12)
+    for column, one in enumerate(verified.values()):
+        upper, lower = grid[0, column], grid[1, column]
+        colour = COLOURS[one.axis]
+        upper.plot(one.temperature_degC, one.before_ppm, ".", color=GREY, label="before")
+        for axes in (upper, lower):
+            axes.plot(one.temperature_degC, one.after_ppm, ".", color=colour, label="compensated")
+            axes.axhline(0.0, color=INK, linewidth=0.8)
+        reach = ROOM * float(np.max(np.abs(one.after_ppm)))
+        lower.set_ylim(-reach, reach)
+        lower.set_xlabel("gyro temperature, degC")
+        label_above(upper, f"axis {one.axis}")
+    grid[0, 0].set_ylabel("turn error, ppm")
+    grid[1, 0].set_ylabel("compensated, ppm")
+    grid[0, 0].legend(loc="best")
+    return figure
+
+
+def drive(driven: Driven, reference_deg: Array | None) -> Figure:
+    """Draw how far the integrated headings lie apart, and from the reference where there is one."""
+    figure = new_figure(2.7)
+    axes = figure.add_subplot()
+    step = max(1, len(driven.time_s) // MOST_POINTS)
+    minutes = (driven.time_s[::step] - driven.time_s[0]) / 60.0
+    if reference_deg is None:
+        apart = (driven.raw_deg - driven.compensated_deg)[::step]
+        axes.plot(minutes, apart, color=VERMILION, label="without less with compensation")
+        axes.set_ylabel("difference of heading, deg")
+    else:
+        true = np.unwrap(reference_deg, period=360.0)
+        for course, colour, name in (
+            (driven.raw_deg, VERMILION, "without compensation"),
+            (driven.compensated_deg, BLUE, "with compensation"),
+        ):
+            error = (course - course[0]) - (true - true[0])
+            axes.plot(minutes, error[::step], color=colour, label=name)
+        axes.set_ylabel("heading error, deg")
+    axes.set_xlabel("time, min")
+    axes.legend(loc="best")
+    return figure

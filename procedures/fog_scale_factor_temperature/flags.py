@@ -6,6 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from procedures.estimation.flags import not_identifiable, rows_listed, too_stiff
 from station.findings import Flag, contradiction
 
 from .axis_fit import WIDE, AxisFit, within
@@ -14,7 +15,6 @@ from .curve import Curve
 from .dataset import FULL_TURN_DEG, PPM, SECONDS_PER_HOUR, AxisTurns, FogDataset, Mask
 from .verification import Driven
 
-MOST_LISTED = 12
 DRIVE_BEYOND, LARGE_DEG = 5.0, 1.0
 """Standard uncertainties of a drive's error; a heading error that no reference heading has."""
 PAIRED_HEAP, SINGLE_HEAP = 3, 4
@@ -35,19 +35,13 @@ def data_flags(turns: AxisTurns, fit: AxisFit, settings: AnalysisSettings) -> li
     flags = []
     rows = fit.rejected_rows
     if rows:
-        shown = ", ".join(str(row) for row in rows[:MOST_LISTED])
-        more = " and more" if len(rows) > MOST_LISTED else ""
-        flags.append(
-            Flag(
-                "outliers-rejected",
-                f"{len(rows)} of {len(turns.rows)} turns about {turns.axis} lie more than "
-                f"{settings.outlier:g} standard deviations from what the others say, or have a "
-                f"temperature that cannot be, and are left out: rows {shown}{more}, counted from "
-                "0.",
-                turns.axis,
-                {"count": len(rows), "rows": rows},
-            )
+        rejected_said = (
+            f"{len(rows)} of {len(turns.rows)} turns about {turns.axis} lie more than "
+            f"{settings.outlier:g} standard deviations from what the others say, or have a "
+            f"temperature that cannot be, and are left out: {rows_listed(rows)}."
         )
+        details = {"count": len(rows), "rows": rows}
+        flags.append(Flag("outliers-rejected", rejected_said, turns.axis, details))
     return flags + _heaps(turns, fit) + _gaps(turns, settings)
 
 
@@ -67,17 +61,13 @@ def _heaps(turns: AxisTurns, fit: AxisFit) -> list[Flag]:
         if rows is not None and place is not None and not bool(fit.kept[rows].any()):
             run.append(heat[place])
         elif len(run) >= most:
-            return [
-                Flag(
-                    "model-too-stiff",
-                    f"All turns about {turns.axis} in {len(run)} neighbouring sets, {run[0]:.1f} "
-                    f"to {run[-1]:.1f} degC, disagree with the curve and were left out: rather a "
-                    "feature of the gyro, narrower than the polynomial can follow, than wild "
-                    "turns.",
-                    turns.axis,
-                    {"sets": len(run), "between_degC": [run[0], run[-1]]},
-                )
-            ]
+            heap_said = (
+                f"All turns about {turns.axis} in {len(run)} neighbouring sets, {run[0]:.1f} to "
+                f"{run[-1]:.1f} degC, disagree with the curve and were left out: rather a feature "
+                "of the gyro, narrower than the polynomial can follow, than wild turns."
+            )
+            details = {"sets": len(run), "between_degC": [run[0], run[-1]]}
+            return [Flag("model-too-stiff", heap_said, turns.axis, details)]
         else:
             run = []
     return []
@@ -104,68 +94,50 @@ def _gaps(turns: AxisTurns, settings: AnalysisSettings) -> list[Flag]:
         if gaps
         else f"The turns about {turns.axis} lie far apart in temperature: the"
     )
-    return [
-        Flag(
-            "gap",
-            f"{lost} widest stretch of temperature "
-            f"without a turn is {widest_degC:.1f} degC. In a stretch of more than "
-            f"{settings.temperature_gap_degC:g} degC the curve's uncertainty holds what higher "
-            f"orders may make; in one of more than {WIDE * settings.temperature_gap_degC:g} degC "
-            "no value is given.",
-            turns.axis,
-            {
-                "count": max(gaps, 1),
-                "missing_sets": missing,
-                "longest_s": float(steps.max()),
-                "widest_degC": widest_degC,
-            },
-        )
-    ]
+    gap_said = (
+        f"{lost} widest stretch of temperature without a turn is {widest_degC:.1f} degC. In a "
+        f"stretch of more than {settings.temperature_gap_degC:g} degC the curve's uncertainty "
+        "holds what higher orders may make; in one of more than "
+        f"{WIDE * settings.temperature_gap_degC:g} degC no value is given."
+    )
+    details = {
+        "count": max(gaps, 1),
+        "missing_sets": missing,
+        "longest_s": float(steps.max()),
+        "widest_degC": widest_degC,
+    }
+    return [Flag("gap", gap_said, turns.axis, details)]
 
 
 def fit_flags(fit: AxisFit, dataset: FogDataset, settings: AnalysisSettings) -> list[Flag]:
     """Return the flags on the model of an axis."""
     if fit.curve is None:
-        return [
-            Flag(
-                "not-identifiable",
-                f"The turns about {fit.axis} do not determine a curve: too few of them, or at too "
-                "few temperatures.",
-                fit.axis,
-                {"coefficients": ["scale_factor_error", "largest_scale_factor_error"]},
-            )
-        ]
+        few_said = (
+            f"The turns about {fit.axis} do not determine a curve: too few of them, or at too few "
+            "temperatures."
+        )
+        names = ["scale_factor_error", "largest_scale_factor_error"]
+        return [not_identifiable(few_said, names, fit.axis)]
     flags = []
     asked = dataset.reference_temperature_degC
     low, high = fit.curve.domain_degC
     if not fit.curve.holds(asked):
-        flags.append(
-            Flag(
-                "extrapolation",
-                f"The reference temperature of {asked:g} degC lies outside {low:.1f} to "
-                f"{high:.1f} degC, where there are turns about {fit.axis}; no value is given.",
-                fit.axis,
-                {"temperature_degC": asked},
-            )
+        outside_said = (
+            f"The reference temperature of {asked:g} degC lies outside {low:.1f} to {high:.1f} "
+            f"degC, where there are turns about {fit.axis}; no value is given."
         )
+        flags.append(Flag("extrapolation", outside_said, fit.axis, {"temperature_degC": asked}))
     if within(fit.gaps_degC, asked, WIDE * settings.temperature_gap_degC):
         gap_said = (
             f"No turn about {fit.axis} was made within {settings.temperature_gap_degC:g} degC and "
             f"more around the reference temperature of {asked:g} degC: no value is given."
         )
-        details = {"coefficients": ["scale_factor_error"], "temperature_degC": asked}
-        flags.append(Flag("not-identifiable", gap_said, fit.axis, details))
+        names = ["scale_factor_error"]
+        flags.append(not_identifiable(gap_said, names, fit.axis, temperature_degC=asked))
     lag = fit.lag_one_correlation
     if lag is not None and lag > stiffness(settings, fit.sets):
-        flags.append(
-            Flag(
-                "model-too-stiff",
-                f"Residuals of axis {fit.axis} at neighbouring temperatures are correlated by "
-                f"{lag:.2f}: a polynomial of order {fit.curve.order} does not follow the curve.",
-                fit.axis,
-                {"lag_one_correlation": lag},
-            )
-        )
+        follows = f"a polynomial of order {fit.curve.order} does not follow the curve"
+        flags.append(too_stiff(lag, f" of axis {fit.axis} by temperature", follows, fit.axis))
     return flags
 
 
@@ -177,15 +149,12 @@ def drive_flags(
         return []
     flags = []
     if driven.compensated_error_deg is None:
-        flags.append(
-            Flag(
-                "not-identifiable",
-                "The drive does not end in the heading in which it began, and it has no reference "
-                "heading: its heading error cannot be told.",
-                None,
-                {"coefficients": ["heading_error_uncompensated", "heading_error_compensated"]},
-            )
+        open_said = (
+            "The drive does not end in the heading in which it began, and it has no reference "
+            "heading: its heading error cannot be determined."
         )
+        names = ["heading_error_uncompensated", "heading_error_compensated"]
+        flags.append(not_identifiable(open_said, names))
     raw, better = driven.raw_error_deg, driven.compensated_error_deg
     if raw is not None and better is not None and gyro_bias_deg_per_h is not None:
         by_bias = (driven.duration_h - driven.by_bias_deg) * gyro_bias_deg_per_h
@@ -200,25 +169,17 @@ def drive_flags(
             )
             flags.append(contradiction("drive", denied_said, explained_deg=u))
     if driven.outside > 0.0:
-        flags.append(
-            Flag(
-                "extrapolation",
-                f"In {100.0 * driven.outside:.0f} % of the drive the gyro was outside the "
-                "calibrated range; there the compensation holds the value at the end of the range.",
-                None,
-                {"share": driven.outside},
-            )
+        outside_said = (
+            f"In {100.0 * driven.outside:.0f} % of the drive the gyro was outside the calibrated "
+            "range; there the compensation holds the value at the end of the range."
         )
+        flags.append(Flag("extrapolation", outside_said, None, {"share": driven.outside}))
     if "z" not in curves:
-        flags.append(
-            Flag(
-                "not-identifiable",
-                "There is no curve of the z axis, which senses a vehicle's heading: the drive was "
-                "compensated without it.",
-                None,
-                {"coefficients": ["heading_error_compensated"]},
-            )
+        without_said = (
+            "There is no curve of the z axis, which senses a vehicle's heading: the drive was "
+            "compensated without it."
         )
+        flags.append(not_identifiable(without_said, ["heading_error_compensated"]))
     return flags
 
 

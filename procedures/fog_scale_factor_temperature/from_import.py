@@ -8,11 +8,10 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import numpy as np
 from pydantic import Field, ValidationInfo, field_validator
 
-from station.dataset_reading import MOST_FAULTS, Table, check_ascending, read_table
+from station.dataset_reading import Table, check_ascending, read_table, refuse
 from station.fields import Celsius, Degree, Second, StrictModel, Unit
-from station.files.faults import Fault, FaultList, listed, nearest
+from station.files.faults import FaultList
 from station.files.lookup import find
-from station.files.validation import validate_model
 
 from .dataset import AXES, Array, Drive, FogDataset, TurnTable
 from .parameters import FogParameters
@@ -63,17 +62,12 @@ class Conditions(StrictModel):
         return between
 
 
-def conditions_of(raw: RawDataset) -> Conditions:
-    """Return the conditions of an imported dataset; FaultList names every fault."""
-    return validate_model(raw.document, Conditions, at=("conditions",))
-
-
 def dataset_of_import(raw: RawDataset, conditions: Conditions) -> FogDataset:
     """Return the turns of an imported folder; FaultList names file, row and reason."""
     raw.require_files((TURNS,), (VERIFICATION, DRIVE))
     full = conditions.attitude_output == "heading-pitch-roll"
-    turns = read_turns(raw.file(TURNS), full)
-    verification = read_turns(raw.file(VERIFICATION), full) if VERIFICATION in raw.files else None
+    turns = read_turns(raw, TURNS, full)
+    verification = read_turns(raw, VERIFICATION, full) if VERIFICATION in raw.files else None
     drive = None
     if DRIVE in raw.files:
         if conditions.latitude_deg is None:
@@ -116,14 +110,13 @@ def drive_in(path: Path, parameters: FogParameters) -> Drive | None:
     return read_drive(path, latitude_deg, test.initial_heading_deg)
 
 
-def read_turns(path: Path, full_attitude: bool) -> TurnTable:
-    """Return the table of turns in a CSV file; FaultList names each row that cannot be."""
+def read_turns(raw: RawDataset, name: str, full_attitude: bool) -> TurnTable:
+    """Return the table of turns in one of the files; FaultList names each row that cannot be."""
     angles = ("heading", "pitch", "roll") if full_attitude else ("heading",)
     wanted = ["set", "t_before_s", "t_after_s", "axis", "commanded_deg"]
     wanted += [f"{angle}_{side}_deg" for side in SIDES for angle in angles]
     wanted += [f"gyro_temperature_{side}_degC" for side in SIDES]
-    table = read_table(path, wanted, (CHAMBER,), text=("axis",))
-    check_ascending(path, table, "t_before_s")
+    table = raw.read_table(name, wanted, (CHAMBER,), text=("axis",), rising="t_before_s")
     _check_rows(table)
     nothing = np.full(len(table.lines), np.nan)
 
@@ -151,7 +144,7 @@ def read_drive(path: Path, latitude_deg: float, first_heading_deg: float | None)
     check_ascending(path, table, "t_s")
     if len(table.lines) < 2:
         what = "a drive needs at least two rows"
-        raise FaultList([Fault(str(path), table.lines[0], 1, "file", what)])
+        raise FaultList([table.fault(0, "file", what)])
     return Drive(
         time_s=table["t_s"],
         rate_deg_per_s=np.column_stack([table[f"rate_{axis}_deg_per_s"] for axis in AXES]),
@@ -177,20 +170,12 @@ def history_of(turns: TurnTable) -> dict[str, Array]:
 
 
 def _check_rows(table: Table) -> None:
-    faults = []
-    path = str(table.path)
-    for n, line in enumerate(table.lines):
-        axis = str(table["axis"][n])
-        if axis not in AXES:
-            hint = nearest(axis, AXES)
-            what = f"there is no axis '{axis}'; there are {listed(AXES)}"
-            faults.append(Fault(path, line, 1, "axis", what, hint and f"'{hint}'"))
+    faults = table.unknown_words("axis", AXES)
+    for n, number in enumerate(table["set"]):
         before, after = table["t_before_s"][n], table["t_after_s"][n]
         if after <= before:
             what = f"{after:.10g} is not after t_before_s, {before:.10g}"
-            faults.append(Fault(path, line, 1, "t_after_s", what))
-        if abs(table["set"][n] - round(table["set"][n])) > 1e-9:
-            what = f"{table['set'][n]:g} is not a whole number"
-            faults.append(Fault(path, line, 1, "set", what))
-    if faults:
-        raise FaultList(faults[:MOST_FAULTS])
+            faults.append(table.fault(n, "t_after_s", what))
+        if abs(number - round(number)) > 1e-9:
+            faults.append(table.fault(n, "set", f"{number:g} is not a whole number"))
+    refuse(sorted(faults, key=lambda fault: fault.line))

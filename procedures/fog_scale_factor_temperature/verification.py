@@ -290,13 +290,9 @@ def verification_flags(verified: Verified | None) -> list[Flag]:
         flags.append(contradiction("verification", denied_said, verified.axis, rms_ppm=rms))
     if not verified.outside:
         return flags
-    return [
-        *flags,
-        Flag(
-            "extrapolation",
-            f"{verified.outside} verification turns about {verified.axis} were made outside the "
-            "calibrated range; there the compensation holds the value at the end of the range.",
-            verified.axis,
-            {"count": verified.outside},
-        ),
-    ]
+    outside_said = (
+        f"{verified.outside} verification turns about {verified.axis} were made outside the "
+        "calibrated range; there the compensation holds the value at the end of the range."
+    )
+    details = {"count": verified.outside}
+    return [*flags, Flag("extrapolation", outside_said, verified.axis, details)]

@@ -15,6 +15,11 @@ import pytest
 import yaml
 from fog_records import CURVES, TURN_S, quartic, record
 from numpy.polynomial.chebyshev import poly2cheb
+from simulated_drive import (
+    drive_csv,
+    drive_of_truth,
+    simulated_drive,
+)
 
 from procedures.fog_scale_factor_temperature.analysis import analyse
 from procedures.fog_scale_factor_temperature.compensation import (
@@ -26,11 +31,6 @@ from procedures.fog_scale_factor_temperature.compensation import (
 from procedures.fog_scale_factor_temperature.curve import Curve
 from procedures.fog_scale_factor_temperature.dataset import FogDataset, TurnTable
 from procedures.fog_scale_factor_temperature.from_import import read_drive
-from procedures.fog_scale_factor_temperature.simulated_drive import (
-    drive_csv,
-    drive_of_truth,
-    simulated_drive,
-)
 from procedures.fog_scale_factor_temperature.verification import evaluate_drive, heading_deg
 from station.files.lookup import BENCHES, find
 

@@ -12,10 +12,10 @@ import numpy as np
 import pytest
 from fog_records import CURVES, record
 from places import DATA
+from simulated_drive import drive_csv, simulated_drive
 
 from procedures.fog_scale_factor_temperature.dataset import TurnTable
 from procedures.fog_scale_factor_temperature.figures import draw_parts
-from procedures.fog_scale_factor_temperature.simulated_drive import drive_csv, simulated_drive
 from station.cli.analysing import analyse_dataset
 from station.dataset_reading import read_dataset
 from station.files.faults import FaultList

@@ -3,7 +3,7 @@
 For whoever wants to try the vehicle test: laps of a yard, all in one sense, on ground that is not
 quite level, in a gyro that cools down meanwhile. The vehicle ends in the heading in which it began.
 `config/drives/NAME.truth.json` holds what a drive that comes with the station was made of;
-`python -m procedures.fog_scale_factor_temperature.simulated_drive NAME.truth.json` prints it.
+`PYTHONPATH=. python tests/support/simulated_drive.py NAME.truth.json` prints it.
 """
 
 from __future__ import annotations
@@ -16,8 +16,14 @@ from typing import Any
 
 import numpy as np
 
-from .dataset import AXES, PPM, SECONDS_PER_HOUR, Array, Drive
-from .verification import EARTH_RATE_DEG_PER_H
+from procedures.fog_scale_factor_temperature.dataset import (
+    AXES,
+    PPM,
+    SECONDS_PER_HOUR,
+    Array,
+    Drive,
+)
+from procedures.fog_scale_factor_temperature.verification import EARTH_RATE_DEG_PER_H
 
 STOP_S = 20.0
 STRAIGHT_S = 40.0
