@@ -7,7 +7,13 @@ import numpy as np
 
 from station.findings import Findings, combination_text
 from station.report.drawing import STYLE
-from station.report.numbers import NOTHING, format_number, format_with_uncertainty
+from station.report.numbers import (
+    NOTHING,
+    format_limit,
+    format_number,
+    format_result,
+    format_with_uncertainty,
+)
 from station.report.parts import Part, Plot, Table
 from station.results import ResultDocument
 
@@ -19,7 +25,6 @@ from .dataset import (
 from .model import COEFFICIENTS, describe
 
 MOST_ROWS = 40
-WORDS = {"min": "≥ {:g}", "max": "≤ {:g}", "max_abs": "± {:g}"}
 
 
 def draw_parts(findings: Findings, document: ResultDocument) -> tuple[Part, ...]:
@@ -81,21 +86,16 @@ def draw_parts(findings: Findings, document: ResultDocument) -> tuple[Part, ...]
 
 def _coefficients(analysis: AccelerometerAnalysis, document: ResultDocument) -> Table:
     found = analysis.identifiability
-    results = {result.estimate.name: result for result in document.results}
     published = {one.name: one.value for one in analysis.published}
     rows = []
     for name in COEFFICIENTS:
-        result = results[name]
-        expanded = result.combined.expanded_uncertainty if result.combined else None
-        value, spread = format_with_uncertainty(result.estimate.value, expanded)
+        result = document.result(name)
+        value, spread = format_result(result)
         terms = found.terms.get(name)
         stands = combination_text(terms) if terms else ""
         if not terms:
             inside = [kept for kept, own in found.terms.items() if name in own]
             stands = f"in {', '.join(inside)}" if inside else "not excited"
-        limit = NOTHING
-        if result.limit:
-            limit = ", ".join(WORDS[k].format(v) for k, v in result.limit.to_data().items())
         rows.append(
             [
                 name,
@@ -103,7 +103,7 @@ def _coefficients(analysis: AccelerometerAnalysis, document: ResultDocument) -> 
                 value,
                 spread,
                 result.estimate.unit,
-                limit,
+                format_limit(result.limit),
                 format_number(published[name], 5),
             ]
         )

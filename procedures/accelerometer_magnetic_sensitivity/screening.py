@@ -13,6 +13,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from procedures.estimation.recorder import equal_runs
 from station.findings import Flag
 
 from .dataset import (
@@ -233,15 +234,9 @@ def frozen(reading: Array, fewest: int) -> Mask:
 
     None where half of the others repeat themselves, too: such readings are coarse.
     """
-    frozen = np.zeros(len(reading), dtype=bool)
-    if len(frozen) < fewest:
-        return frozen
-    new = np.append(True, reading[1:] != reading[:-1])
-    starts = np.flatnonzero(new)
-    for start, length in zip(starts, np.diff(np.append(starts, len(new))), strict=True):
-        if length >= fewest:
-            frozen[start : start + length] = True
-    others = new[~frozen]
+    starts, lengths = equal_runs(reading)
+    frozen = np.repeat(lengths >= fewest, lengths)
+    others = np.isin(np.flatnonzero(~frozen), starts)
     return frozen if not len(others) or float(others.mean()) > USUALLY_NEW else frozen & False
 
 

@@ -19,6 +19,12 @@ JUMP_SIGMAS = 8.0
 _FACTOR = 6364136223846793005  # odd and large: windows of values get keys that all but never meet
 
 
+def equal_runs(values: Array) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return where each run of equal values (n,) begins, and how long it is; NaN equals nothing."""
+    starts = np.flatnonzero(np.append(True, values[1:] != values[:-1]))
+    return starts, np.diff(np.append(starts, len(values)))
+
+
 def resolution(values: Array) -> float:
     """Return the least difference of two values (n,) of a channel, 0 where all are equal.
 

@@ -7,9 +7,15 @@ import numpy as np
 
 from station.findings import Findings
 from station.report.drawing import STYLE
-from station.report.numbers import NOTHING, format_number, format_with_uncertainty
+from station.report.numbers import (
+    NOTHING,
+    format_limit,
+    format_number,
+    format_result,
+    format_with_uncertainty,
+)
 from station.report.parts import Part, Plot, Table
-from station.results import Result, ResultDocument
+from station.results import ResultDocument
 
 from . import plots
 from .dataset import (
@@ -73,30 +79,18 @@ def draw_parts(findings: Findings, document: ResultDocument) -> tuple[Part, ...]
     return (*parts, _shots(analysis))
 
 
-def _result(document: ResultDocument, name: str, axis: str | None) -> Result:
-    return next(
-        one for one in document.results if (one.estimate.name, one.estimate.axis) == (name, axis)
-    )
-
-
-def _expanded(one: Result) -> float | None:
-    return one.combined.expanded_uncertainty if one.combined else None
-
-
 def _angles(analysis: SerfAnalysis, document: ResultDocument) -> Table:
     paper = {one.axis: one.value for one in analysis.published}
     rows = []
     for pair in PAIRS:
-        one = _result(document, ANGLE, pair)
-        value, spread = format_with_uncertainty(one.estimate.value, _expanded(one))
+        one = document.result(ANGLE, pair)
+        value, spread = format_result(one)
         off = None if one.estimate.value is None else (one.estimate.value - 90.0) * ARCSEC_PER_DEG
-        u = _expanded(one)
+        u = one.expanded_uncertainty
         off_text, off_spread = format_with_uncertainty(
             off, None if u is None else u * ARCSEC_PER_DEG
         )
-        limit = NOTHING
-        if one.limit:
-            limit = ", ".join(f"{key} {bound:g}" for key, bound in one.limit.to_data().items())
+        limit = format_limit(one.limit)
         published = NOTHING if paper[pair] is None else f"{paper[pair]:.4f}"
         rows.append([f"θ{pair}", value, spread, off_text, off_spread, limit, published])
     return Table(
@@ -119,13 +113,9 @@ def _angles(analysis: SerfAnalysis, document: ResultDocument) -> Table:
 def _coils(analysis: SerfAnalysis, dataset: SerfDataset, document: ResultDocument) -> Table:
     rows = []
     for axis in AXES:
-        row: list[str] = [axis]
-        for name in (FACTOR, RESIDUAL):
-            one = _result(document, name, axis)
-            row += format_with_uncertainty(one.estimate.value, _expanded(one))
-        rows.append(row)
-    one = _result(document, SLOWING_DOWN, None)
-    value, spread = format_with_uncertainty(one.estimate.value, _expanded(one))
+        factor, residual = (document.result(name, axis) for name in (FACTOR, RESIDUAL))
+        rows.append([axis, *format_result(factor), *format_result(residual)])
+    value, spread = format_result(document.result(SLOWING_DOWN))
     said = f"Slowing-down factor Q = {value} ± {spread} (95 %) without polarisation. "
     if analysis.residual_field_nT is not None:
         said += f"Residual field {format_number(analysis.residual_field_nT, 3)} nT in all. "

@@ -8,6 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from procedures.estimation.recorder import equal_runs
+
 from .dataset import AnalysisSettings, SerfDataset, Shot
 from .shots import LEAST_CYCLES, LEAST_SIGNAL_TO_NOISE
 from .spin_motion import DecayLine, decay_line
@@ -68,13 +70,14 @@ def saturated_samples(shot: Shot) -> Mask:
     found = np.zeros(len(volts), dtype=bool)
     levels = np.unique(volts)
     step_V = float(np.median(np.diff(levels))) if len(levels) > 1 else 0.0
+    starts, lengths = equal_runs(volts)
     for end in (float(np.max(volts)), float(np.min(volts))):
-        here = np.concatenate([[False], volts == end, [False]])
-        edges = np.flatnonzero(np.diff(here.astype(np.int8)))
         near = np.abs(volts - end) <= STEPS * step_V
-        for first, last in zip(edges[::2], edges[1::2], strict=True):
-            crest = last - first + _run(near[:first][::-1]) + _run(near[last:])
-            if last - first >= max(CLIPPED, TOP * crest):
+        here = (volts[starts] == end) & (lengths >= CLIPPED)
+        for first, length in zip(starts[here], lengths[here], strict=True):
+            last = first + length
+            crest = length + _run(near[:first][::-1]) + _run(near[last:])
+            if length >= TOP * crest:
                 found[first:last] = True
     return found
 

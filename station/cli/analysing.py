@@ -15,7 +15,7 @@ from station.record.folder import EXPORTS, REPORT, RESULTS, RunFolder
 from station.record.integrity import MOST_FLAGS, first, sentence_of
 from station.record.layout import EVENTS
 from station.record.recorded import read_run
-from station.report.numbers import format_like, format_with_uncertainty
+from station.report.numbers import format_like, format_result
 from station.results import ResultDocument
 from station.runner.evaluation import (
     evaluate_dataset,
@@ -33,7 +33,7 @@ def print_document(document: ResultDocument) -> None:
     published = {(one.name, one.axis): one for one in document.published}
     for result in document.results:
         estimate, combined = result.estimate, result.combined
-        value, uncertainty = format_with_uncertainty(estimate.value, result.expanded_uncertainty)
+        value, uncertainty = format_result(result)
         line = f"{estimate.measures} {estimate.axis or '':<3} {value:>10}"
         if combined:
             line += f" ± {uncertainty} {estimate.unit} (k = {combined.coverage_factor:.2f})"

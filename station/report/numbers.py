@@ -8,7 +8,7 @@ from decimal import ROUND_HALF_EVEN, Decimal
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from station.results import Limit
+    from station.results import Limit, Result
 
 UNDETERMINED = "undetermined"
 NOTHING = "–"
@@ -85,6 +85,11 @@ def format_degrees_of_freedom(value: float | None) -> str:
     if value is None or math.isinf(value) or value > 1e6:
         return "∞"
     return f"{value:.0f}" if value >= 10 else f"{value:.1f}"
+
+
+def format_result(result: Result) -> tuple[str, str]:
+    """Return the texts of a result's value and of its expanded uncertainty."""
+    return format_with_uncertainty(result.estimate.value, result.expanded_uncertainty)
 
 
 def format_duration(seconds: float | None) -> str:
