@@ -20,10 +20,7 @@ from .dataset import (
     Path,
     Rows,
 )
-from .finite_memory import (
-    finite_memory_path,
-    published_values,
-)
+from .finite_memory import finite_memory_path, published_values
 from .flags import (
     data_flags,
     frozen_flags,
@@ -43,12 +40,7 @@ from .model import (
     model_columns,
 )
 from .nuisances import FEWEST_LEFT, KI_DRIFT, unit_of
-from .screening import (
-    coarse_step_V,
-    frozen_temperature,
-    misread_flags,
-    screen,
-)
+from .screening import coarse_step_V, frozen_temperature, misread_flags, screen
 from .solution import solve_rows
 from .solved import Solution, groups_of
 

@@ -11,12 +11,7 @@ from numpy.typing import NDArray
 
 from station.findings import Analysis
 
-from .model import (
-    Identifiability,
-    Names,
-    accelerations,
-    accelerations_by_angle,
-)
+from .model import Identifiability, Names, accelerations, accelerations_by_angle
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

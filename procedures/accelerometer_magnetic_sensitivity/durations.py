@@ -4,12 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from .measuring import (
-    FIELD_LOOK_S,
-    LOOK_S,
-    burst_s,
-    group_by_angle,
-)
+from .measuring import FIELD_LOOK_S, LOOK_S, burst_s, group_by_angle
 from .parameters import AccelerometerParameters, Point
 
 HOMING_S, DEGAUSS_S, TURN_S, RAMP_S = 10.0, 14.0, 0.75, 0.4

@@ -15,23 +15,10 @@ import numpy as np
 from station.findings import Findings, Flag, InputQuantity, findings_of
 
 from .analysis import analyse
-from .check import (
-    FULL_TURN_DEG,
-    GAUSSMETER,
-    MULTIMETER,
-    STAGE,
-    THERMOMETER,
-)
-from .dataset import (
-    AccelerometerDataset,
-    AnalysisSettings,
-)
+from .check import FULL_TURN_DEG, GAUSSMETER, MULTIMETER, STAGE, THERMOMETER
+from .dataset import AccelerometerDataset, AnalysisSettings
 from .from_import import dataset_of_import
-from .measuring import (
-    AXIS_COLUMN,
-    T_PER_MT,
-    finished_points,
-)
+from .measuring import AXIS_COLUMN, T_PER_MT, finished_points
 from .parameters import AccelerometerParameters, Point
 
 if TYPE_CHECKING:

@@ -18,10 +18,7 @@ from station.report.parts import Part, Plot, Table
 from station.results import ResultDocument
 
 from . import plots
-from .dataset import (
-    AccelerometerAnalysis,
-    AccelerometerDataset,
-)
+from .dataset import AccelerometerAnalysis, AccelerometerDataset
 from .model import COEFFICIENTS, describe
 
 MOST_ROWS = 40

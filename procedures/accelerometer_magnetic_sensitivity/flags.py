@@ -10,17 +10,8 @@ from numpy.typing import NDArray
 from procedures.estimation.flags import excitation_flags
 from station.findings import Estimate, Flag, combination_text
 
-from .dataset import (
-    AccelerometerDataset,
-    AnalysisSettings,
-    LeftOut,
-)
-from .model import (
-    COEFFICIENTS,
-    Identifiability,
-    describe,
-    listed,
-)
+from .dataset import AccelerometerDataset, AnalysisSettings, LeftOut
+from .model import COEFFICIENTS, Identifiability, describe, listed
 from .nuisances import ARCSEC_PER_RAD
 from .screening import COPIED, SATURATED, STUCK
 from .solved import Jump, Solution

@@ -9,16 +9,7 @@ from station.method.set_points import SetPoint
 from station.method.work import Forecast, Recording
 from station.units import UnitError, parse_as
 
-from .check import (
-    ANGLES,
-    GAUSSMETER,
-    LARGEST_FIELD,
-    MULTIMETER,
-    POWER,
-    STAGE,
-    SUPPLY,
-    THERMOMETER,
-)
+from .check import ANGLES, GAUSSMETER, LARGEST_FIELD, MULTIMETER, POWER, STAGE, SUPPLY, THERMOMETER
 from .durations import points_s
 from .measuring import burst_s, group_by_angle
 from .parameters import AccelerometerParameters

@@ -9,13 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from station.errors import ConditionNotReached, InstrumentError
 
-from .check import (
-    GAUSSMETER,
-    MULTIMETER,
-    STAGE,
-    SUPPLY,
-    THERMOMETER,
-)
+from .check import GAUSSMETER, MULTIMETER, STAGE, SUPPLY, THERMOMETER
 from .parameters import AccelerometerParameters, Point
 from .standing_still import StandingStill
 

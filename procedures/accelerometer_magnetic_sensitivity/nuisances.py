@@ -23,12 +23,7 @@ from procedures.estimation.orthogonal import (
 )
 
 from .dataset import Rows
-from .model import (
-    COEFFICIENTS,
-    accelerations_by_angle,
-    model_columns,
-    model_columns_by_angle,
-)
+from .model import COEFFICIENTS, accelerations_by_angle, model_columns, model_columns_by_angle
 from .solved import JUMP, Cause
 
 Array = NDArray[np.float64]

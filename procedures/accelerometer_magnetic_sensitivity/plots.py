@@ -9,18 +9,19 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from station.report.drawing import BLUE, GREY, INK, VERMILION, label_above, new_figure
+from station.report.drawing import (
+    BLUE,
+    GREY,
+    INK,
+    VERMILION,
+    label_above,
+    label_outer,
+    new_figure,
+    panels,
+)
 
-from .dataset import (
-    AccelerometerAnalysis,
-    AccelerometerDataset,
-)
-from .model import (
-    COEFFICIENTS,
-    FIELD_POWER,
-    accelerations,
-    model_columns,
-)
+from .dataset import AccelerometerAnalysis, AccelerometerDataset
+from .model import COEFFICIENTS, FIELD_POWER, accelerations, model_columns
 
 Array = NDArray[np.float64]
 
@@ -177,18 +178,15 @@ def convergence(analysis: AccelerometerAnalysis) -> Figure:
     path = analysis.path
     assert path is not None
     own = {one.name: one for one in analysis.estimates}
-    rows = -(-len(path.names) // COLUMNS)
-    figure = new_figure(0.7 + 1.25 * rows)
-    grid = figure.subplots(rows, COLUMNS, sharex=True, squeeze=False)
+    count = len(path.names)
+    figure = new_figure(0.7 + 1.25 * -(-count // COLUMNS))
+    grid = panels(figure, count, COLUMNS, share_x=True, share_y=False)
+    label_outer(grid, COLUMNS, "rows", "in u")
     figure.subplots_adjust(hspace=0.5, wspace=0.24)
     place = np.arange(1, len(path.estimates) + 1)
     there = np.flatnonzero(np.isfinite(path.estimates).any(axis=1))
     first = max(float(there[0]) - 0.02 * len(place), 0.0) if len(there) else 0.0
-    for number, axes in enumerate(grid.flat):
-        if number >= len(path.names):
-            axes.set_visible(False)
-            continue
-        name = path.names[number]
+    for number, (name, axes) in enumerate(zip(path.names, grid, strict=True)):
         value, u = own[name].value, own[name].standard_uncertainty
         if value is None or u is None or u <= 0.0:
             continue
@@ -201,11 +199,6 @@ def convergence(analysis: AccelerometerAnalysis) -> Figure:
         axes.set_ylim(-reach, reach)
         axes.set_xlim(first, len(place))
         label_above(axes, name)
-        if number + COLUMNS >= len(path.names):
-            axes.tick_params(labelbottom=True)
-            axes.set_xlabel("rows")
-        if number % COLUMNS == 0:
-            axes.set_ylabel("in u")
     return figure
 
 

@@ -16,11 +16,7 @@ from numpy.typing import NDArray
 from procedures.estimation.recorder import equal_runs
 from station.findings import Flag
 
-from .dataset import (
-    AccelerometerDataset,
-    LeftOut,
-    Rows,
-)
+from .dataset import AccelerometerDataset, LeftOut, Rows
 from .model import PLANES, model_columns
 from .nuisances import KO, KP, OFFSET
 from .solved import Solution

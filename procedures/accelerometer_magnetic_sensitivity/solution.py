@@ -17,32 +17,12 @@ from procedures.estimation.orthogonal import (
     solve_by_qr,
 )
 
-from .causes import (
-    causes_to_try,
-    known_causes,
-    with_doubt,
-)
+from .causes import causes_to_try, known_causes, with_doubt
 from .dataset import AnalysisSettings, Rows
 from .jump import Suspects, find_jumps, may_be_off
 from .model import model_columns
-from .nuisances import (
-    ARCSEC_PER_RAD,
-    OFFSET,
-    ROUNDS,
-    TurnedModel,
-    chosen,
-    separable,
-    slow_terms,
-)
-from .solved import (
-    JUMP,
-    Cause,
-    Jump,
-    Solution,
-    Solved,
-    uneven,
-    with_misfit,
-)
+from .nuisances import ARCSEC_PER_RAD, OFFSET, ROUNDS, TurnedModel, chosen, separable, slow_terms
+from .solved import JUMP, Cause, Jump, Solution, Solved, uneven, with_misfit
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

@@ -9,9 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import fdtrc
 
-from procedures.estimation.orthogonal import (
-    MAD_TO_SIGMA,
-)
+from procedures.estimation.orthogonal import MAD_TO_SIGMA
 
 from .dataset import AccelerometerDataset, Rows
 

@@ -11,14 +11,7 @@ from typing import TYPE_CHECKING
 from station.errors import InstrumentError
 from station.procedure import Prompt, Step
 
-from .check import (
-    GAUSSMETER,
-    LARGEST_G,
-    MULTIMETER,
-    POWER,
-    STAGE,
-    SUPPLY,
-)
+from .check import GAUSSMETER, LARGEST_G, MULTIMETER, POWER, STAGE, SUPPLY
 from .durations import (
     first_group_s,
     first_point_s,

@@ -8,13 +8,7 @@ from .check import check
 from .forecast import forecast
 from .parameters import SerfParameters
 from .shots import AXES, PAIRS
-from .steps import (
-    STEPS,
-    instruments,
-    prompts,
-    records,
-    units,
-)
+from .steps import STEPS, instruments, prompts, records, units
 
 PROCEDURE = Procedure(
     name="serf-nonorthogonality",

@@ -11,13 +11,7 @@ from numpy.typing import NDArray
 from station.findings import Estimate
 
 from .angles import PLACES
-from .dataset import (
-    ANGLE,
-    SLOWING_DOWN,
-    Check,
-    SerfDataset,
-    ShotResult,
-)
+from .dataset import ANGLE, SLOWING_DOWN, Check, SerfDataset, ShotResult
 from .frequencies import Frequencies
 from .shots import PAIRS, SPINS
 

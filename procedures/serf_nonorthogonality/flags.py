@@ -8,11 +8,7 @@ import numpy as np
 
 from station.findings import Estimate, Flag
 
-from .checks import (
-    PublishedAngles,
-    outside_the_isotope,
-    slowing_down_bounds,
-)
+from .checks import PublishedAngles, outside_the_isotope, slowing_down_bounds
 from .dataset import (
     ANGLE,
     FACTOR,

@@ -16,22 +16,10 @@ from station.findings import Flag
 
 from .angles import DOUBTFUL, IMPROBABLE, Solution, solve
 from .dataset import AnalysisSettings, SerfDataset
-from .joint import (
-    JointFit,
-    NoJointFit,
-    Record,
-    fit_jointly,
-    joint_start,
-)
+from .joint import JointFit, NoJointFit, Record, fit_jointly, joint_start
 from .precession import Precession, common_decay, decays
 from .shots import AXES, SPINS, SlowingDown
-from .spin_motion import (
-    NO_LEAN,
-    Lean,
-    decay_line,
-    fields_in_light,
-    lean_of,
-)
+from .spin_motion import NO_LEAN, Lean, decay_line, fields_in_light, lean_of
 from .tone import pooled, pooled_chirp, wild_samples
 
 Array = NDArray[np.float64]

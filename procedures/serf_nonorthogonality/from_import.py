@@ -13,14 +13,7 @@ from station.files.faults import Fault, FaultList
 from station.files.validation import validate_model
 
 from .dataset import SerfDataset, Shot
-from .shots import (
-    GAMMA_HZ_PER_NT,
-    Axis,
-    Wanted,
-    known_spin,
-    not_along_pump,
-    why_without_signal,
-)
+from .shots import GAMMA_HZ_PER_NT, Axis, Wanted, known_spin, not_along_pump, why_without_signal
 
 if TYPE_CHECKING:
     from station.dataset_reading import RawDataset

@@ -15,12 +15,7 @@ from station.findings import Flag
 
 from .dataset import AnalysisSettings, SerfDataset, Shot, ShotResult
 from .precession import Precession
-from .shots import (
-    AXES,
-    GAMMA_HZ_PER_NT,
-    LEAST_SIGNAL_TO_NOISE,
-    SPINS,
-)
+from .shots import AXES, GAMMA_HZ_PER_NT, LEAST_SIGNAL_TO_NOISE, SPINS
 
 Array = NDArray[np.float64]
 UNEXPLAINED = 0.3

@@ -12,13 +12,7 @@ from typing import TYPE_CHECKING
 from station.errors import ConditionNotReached
 from station.procedure import Prompt, RecordUse, Step
 
-from .cell import (
-    CHANNELS,
-    DIGITIZER,
-    PUMP,
-    Cell,
-    LightPassed,
-)
+from .cell import CHANNELS, DIGITIZER, PUMP, Cell, LightPassed
 from .nulling import fields_lost, null_residual_field
 from .parameters import SerfParameters
 from .shots import AXES, REPEATED, Wanted

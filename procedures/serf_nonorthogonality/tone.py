@@ -16,13 +16,7 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
-from .tone_search import (
-    Minimum,
-    descend,
-    minimum_from,
-    rows_of,
-    starting_points,
-)
+from .tone_search import Minimum, descend, minimum_from, rows_of, starting_points
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

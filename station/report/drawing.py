@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import io
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import matplotlib as mpl
+import numpy as np
 from matplotlib.figure import Figure
 
 if TYPE_CHECKING:
@@ -97,3 +99,24 @@ def png_bytes(figure: Figure) -> bytes:
 def label_above(axes: Axes, text: str) -> None:
     """Write a short plain title above the panel, flush left."""
     axes.set_title(text, loc="left", fontsize=9.0, color=INK, pad=6)
+
+
+def panels(figure: Figure, count: int, columns: int, *, share_x: bool, share_y: bool) -> list[Axes]:
+    """Return `count` panels row by row; the rest of the last row stays empty."""
+    columns = min(count, columns)
+    grid = figure.subplots(-(-count // columns), columns, sharex=share_x, sharey=share_y)
+    every: list[Axes] = list(np.atleast_1d(grid).flat)
+    for axes in every[count:]:
+        axes.set_visible(False)
+    return every[:count]
+
+
+def label_outer(grid: Sequence[Axes], columns: int, below: str, beside: str) -> None:
+    """Name the axes at the left edge and below the last panel of each column."""
+    for number, axes in enumerate(grid):
+        last = number + columns >= len(grid)
+        axes.tick_params(labelbottom=last)
+        if last:
+            axes.set_xlabel(below)
+        if number % columns == 0:
+            axes.set_ylabel(beside)
