@@ -274,7 +274,7 @@ def identify(
     json: Json = False,
 ) -> None:
     """Ask every instrument of a bench who it is."""
-    from station.cli.looking import identify_bench
+    from station.cli.instruments import identify_bench
 
     raise typer.Exit(identify_bench(bench, MOUNTED, as_json=json))
 
@@ -290,7 +290,7 @@ def scan(
     json: Json = False,
 ) -> None:
     """Look for what is attached; print a draft of a bench file."""
-    from station.cli.looking import print_scan
+    from station.cli.instruments import print_scan
 
     raise typer.Exit(print_scan(host or (), visa_library, served, as_json=json))
 
@@ -304,7 +304,7 @@ def sim(
     speed: Annotated[float, typer.Option(help="How many times as fast as real time.")] = 1.0,
 ) -> None:
     """Serve simulated instruments until interrupted."""
-    from station.cli.serving import serve
+    from station.cli.instruments import serve
 
     serve(bench, procedure, speed)
 

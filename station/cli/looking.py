@@ -1,28 +1,19 @@
-"""`station list`, `status`, `identify`, `scan`: what there is, and how it stands."""
+"""`station list` and `station status`: what there is, and how it stands."""
 
 from __future__ import annotations
 
 import json
-import sys
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from station import registry
-from station.cli.running import read_served
-from station.cli.validating import read_bench_named
 from station.console import span, tell
 from station.control.status import SENTENCES, Status, newest_run, read_status
-from station.errors import EXIT_DONE, EXIT_FAULT, InputError
+from station.errors import InputError
 from station.files.lookup import BENCHES, PLANS, available
-from station.instruments.instrument_locks import InstrumentLocks
-from station.instruments.opening import probe
-from station.instruments.scan import scan
-from station.instruments.scan_draft import draft
 from station.procedure import procedure_of
 from station.record.events import whole_bench
 from station.roles.role import collected
-from station.runner.session import BenchSession
 
 
 def list_what_there_is(kind: str | None, *, as_json: bool) -> None:
@@ -126,45 +117,3 @@ def rows(status: Status) -> list[tuple[str, str]]:
         found.append(("bench", "NOT made safe by the run itself; look at it now"))
     found.append(("last message", status.message))
     return found
-
-
-def identify_bench(bench_name: str, mounted: str, *, as_json: bool) -> int:
-    """Ask every instrument of a bench who it is; exit code 3 when one is missing or wrong."""
-    bench = read_bench_named(bench_name)
-    locks = InstrumentLocks("`station identify`")
-    with BenchSession(bench, mounted) as session, session.clock.participant("run"):
-        rows = [
-            probe(
-                instance, bench, session.addresses, session.clock, None if session.here else locks
-            )
-            for instance in bench.instruments
-        ]
-    if as_json:
-        print(json.dumps([row.to_data() for row in rows], indent=1, ensure_ascii=False))
-    else:
-        for row in rows:
-            print(f"{'ok   ' if row.ok else 'WRONG'} {row.name:<27} {row.said}")
-    return EXIT_DONE if all(row.ok for row in rows) else EXIT_FAULT
-
-
-def print_scan(hosts: Sequence[str], library: str, served: Path | None, *, as_json: bool) -> int:
-    """Print what is attached on standard error and a bench-file draft on standard output.
-
-    Returns exit code 3 when nothing answers.
-    """
-    seen = scan(hosts, library, read_served(served) if served else None)
-    answered = any(one.answered for one in seen)
-    if as_json:
-        found = [vars(one) for one in seen]
-        print(json.dumps({"seen": found, "draft": draft(seen)}, indent=1, ensure_ascii=False))
-    else:
-        for one in seen:
-            mark = "     " if not one.answered else "ok   " if one.driver else "?    "
-            told = f"{one.driver}: {one.said}" if one.driver else one.said
-            print(f"{mark} {one.address:<36} {told}", file=sys.stderr)
-        print(draft(seen), end="")
-    if not answered:
-        print(
-            "nothing answers; switch the instruments on, or name hosts with --host", file=sys.stderr
-        )
-    return EXIT_DONE if answered else EXIT_FAULT

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from station.cli.analysing import print_document
-from station.cli.validating import read_bench_named, read_plan_for
+from station.cli.validating import read_bench_named, read_plan_for, read_served
 from station.console import OutputLost, span, tell
 from station.control.client import go_on
 from station.errors import EXIT_ABORTED, EXIT_DONE, EXIT_FAULT, EXIT_INTERLOCK, InputError
@@ -36,11 +36,6 @@ if TYPE_CHECKING:
 
 
 # `station run`.
-
-
-SERVED_WRONG = (
-    OSError, ValueError, KeyError, IndexError, TypeError, AttributeError, RecursionError,
-)  # fmt: skip
 
 
 def run_plan(
@@ -104,21 +99,6 @@ def read_answers(path: Path) -> dict[str, str]:
     if not isinstance(data, dict):
         raise InputError(f"{path}: write prompt ids and answers, one `id: answer` a line")
     return {str(key): str(value) for key, value in data.items()}
-
-
-def read_served(path: Path) -> dict[str, Any]:
-    """Return where a `station sim` in another process serves, from a file with its first line."""
-    try:
-        head = json.loads(path.read_text(encoding="utf-8").splitlines()[0])
-        clock = {name: float(head["clock"][name]) for name in ("speed", "epoch_unix")}
-        instruments = {name: {**one} for name, one in head["instruments"].items()}
-        all(one["address"] for one in instruments.values())
-        return {**head, "instruments": instruments, "clock": {**head["clock"], **clock}}
-    except SERVED_WRONG as error:
-        raise InputError(
-            f"{path} does not hold the first line of `station sim` ({error}); "
-            "start it as `station sim BENCH > FILE`"
-        ) from error
 
 
 def report_end(outcome: Outcome) -> None:

@@ -1,4 +1,4 @@
-"""`station validate`, and the reading of a plan with its bench that `run` shares."""
+"""`station validate`, and the reading of what `run` is given: plan, bench, served bench."""
 
 from __future__ import annotations
 
@@ -6,11 +6,12 @@ import json
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 from station import registry
 from station.console import span
-from station.errors import EXIT_DONE, EXIT_WRONG_INPUT
+from station.errors import EXIT_DONE, EXIT_WRONG_INPUT, InputError
 from station.files.faults import MOST_FAULTS, listed, shortened, shown
 from station.files.lookup import BENCHES, PLANS, find
 from station.files.plan import Plan, read_plan
@@ -23,6 +24,10 @@ from station.roles.role import collected
 from station.runner.preflight import warned_of_limits, warned_of_memory, warned_of_records
 from station.runner.resources import in_bytes, memory_of
 from station.safety.static_limits import problems_of_plan
+
+SERVED_WRONG = (
+    OSError, ValueError, KeyError, IndexError, TypeError, AttributeError, RecursionError,
+)  # fmt: skip
 
 
 def read_bench_named(name: str) -> Bench:
@@ -62,6 +67,21 @@ def read_plan_for(name: str, bench: Bench, overrides: Sequence[str] = ()) -> Pla
     if faults:
         raise FaultList(faults)
     return plan
+
+
+def read_served(path: Path) -> dict[str, Any]:
+    """Return where a `station sim` in another process serves, from a file with its first line."""
+    try:
+        head = json.loads(path.read_text(encoding="utf-8").splitlines()[0])
+        clock = {name: float(head["clock"][name]) for name in ("speed", "epoch_unix")}
+        instruments = {name: {**one} for name, one in head["instruments"].items()}
+        all(one["address"] for one in instruments.values())
+        return {**head, "instruments": instruments, "clock": {**head["clock"], **clock}}
+    except SERVED_WRONG as error:
+        raise InputError(
+            f"{path} does not hold the first line of `station sim` ({error}); "
+            "start it as `station sim BENCH > FILE`"
+        ) from error
 
 
 def outlook_of(plan: Plan, bench: Bench) -> dict[str, Any]:

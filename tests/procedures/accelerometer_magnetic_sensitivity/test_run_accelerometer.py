@@ -13,7 +13,7 @@ from plan_runs import run_of, shipped_bench, shipped_plan
 from resume_helpers import warmth_K
 
 from station.cli.analysing import analyse_run
-from station.cli.running import read_served
+from station.cli.validating import read_served
 from station.record.folder import RunFolder
 from station.runner.outcome import Outcome
 

@@ -1,4 +1,4 @@
-"""`station sim`."""
+"""`station identify`, `scan`, `sim`: instruments that answer, real or simulated."""
 
 from __future__ import annotations
 
@@ -7,21 +7,68 @@ import math
 import os
 import signal
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
+from pathlib import Path
 from threading import Event, Thread
 from typing import Any
 
 from station import registry
-from station.cli.validating import read_bench_named
+from station.cli.validating import read_bench_named, read_served
 from station.clock import RealClock
 from station.control.signals import wishes
-from station.errors import InputError
+from station.errors import EXIT_DONE, EXIT_FAULT, InputError
+from station.instruments.instrument_locks import InstrumentLocks
+from station.instruments.opening import probe
+from station.instruments.scan import scan
+from station.instruments.scan_draft import draft
 from station.procedure import procedure_of
-from station.runner.session import serve_bench
+from station.runner.session import BenchSession, serve_bench
 
 MOST_AT_ONCE = 1 << 16
 LOOKS_EVERY_S = 0.2
+
+
+def identify_bench(bench_name: str, mounted: str, *, as_json: bool) -> int:
+    """Ask every instrument of a bench who it is; exit code 3 when one is missing or wrong."""
+    bench = read_bench_named(bench_name)
+    locks = InstrumentLocks("`station identify`")
+    with BenchSession(bench, mounted) as session, session.clock.participant("run"):
+        rows = [
+            probe(
+                instance, bench, session.addresses, session.clock, None if session.here else locks
+            )
+            for instance in bench.instruments
+        ]
+    if as_json:
+        print(json.dumps([row.to_data() for row in rows], indent=1, ensure_ascii=False))
+    else:
+        for row in rows:
+            print(f"{'ok   ' if row.ok else 'WRONG'} {row.name:<27} {row.said}")
+    return EXIT_DONE if all(row.ok for row in rows) else EXIT_FAULT
+
+
+def print_scan(hosts: Sequence[str], library: str, served: Path | None, *, as_json: bool) -> int:
+    """Print what is attached on standard error and a bench-file draft on standard output.
+
+    Returns exit code 3 when nothing answers.
+    """
+    seen = scan(hosts, library, read_served(served) if served else None)
+    answered = any(one.answered for one in seen)
+    if as_json:
+        found = [vars(one) for one in seen]
+        print(json.dumps({"seen": found, "draft": draft(seen)}, indent=1, ensure_ascii=False))
+    else:
+        for one in seen:
+            mark = "     " if not one.answered else "ok   " if one.driver else "?    "
+            told = f"{one.driver}: {one.said}" if one.driver else one.said
+            print(f"{mark} {one.address:<36} {told}", file=sys.stderr)
+        print(draft(seen), end="")
+    if not answered:
+        print(
+            "nothing answers; switch the instruments on, or name hosts with --host", file=sys.stderr
+        )
+    return EXIT_DONE if answered else EXIT_FAULT
 
 
 def serve(bench_name: str, procedure: str, speed: float) -> None:
