@@ -13,11 +13,12 @@ from station.errors import InputError
 from station.files.lookup import BENCHES, PLANS, available
 from station.procedure import procedure_of
 from station.record.events import whole_bench
-from station.roles.role import collected
 
 
 def list_what_there_is(kind: str | None, *, as_json: bool) -> None:
     """Print the names of one kind, or of all kinds, with a line about each."""
+    from station.roles.role import collected
+
     kinds = [kind] if kind else ["procedures", "plans", "benches", "drivers", "runs"]
     found = {one: entries(one) for one in kinds}
     for said in (*registry.offers()[1], *collected()[1]):
