@@ -11,9 +11,8 @@ from typing import Any, ClassVar
 
 import yaml
 
-from sim_instruments.faults.catalogue import possible_faults
+from sim_instruments.faults.catalogue import possible_faults, read_fault
 from sim_instruments.faults.instrument import InstrumentFaults, Schedule
-from sim_instruments.faults.reading import read_fault
 from sim_instruments.instrument import Setting, SimulatedInstrument
 from sim_instruments.truth import SimulationError, Truth
 from sim_instruments.wire.requests import LineServer
@@ -231,7 +230,7 @@ class SimulatedBench:
         truth = instrument.section("simulator")
         # A serial number of the simulator's own stands for the wrong unit on the bench.
         serial = truth.text("serial") if "serial" in truth else instrument.text("serial")
-        port = truth.integer("port", 1) if "port" in truth else 0
+        port = truth.integer("port", 1, 0)
         if port > LARGEST_PORT:
             raise SimulationError(
                 f"{truth.where}.port: a port number goes up to {LARGEST_PORT}, got {port}"

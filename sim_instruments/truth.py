@@ -38,13 +38,25 @@ class Truth:
         """Return the mapping below `key`."""
         return Truth(self.raw(key), f"{self.where}.{key}")
 
-    def quantity(self, key: str, unit: str) -> float:
-        """Return the value of `key`, written with its unit, in `unit`."""
+    def quantity(self, key: str, unit: str, default: float | None = None) -> float:
+        """Return the value of `key`, written with its unit, in `unit`.
+
+        Only an option, of a fault or of an instrument, has a `default`.
+        """
+        if default is not None and key not in self:
+            return default
         return self._convert(self.raw(key), key, unit)
+
+    def positive(self, key: str, unit: str, default: float | None = None) -> float:
+        """Return a quantity that must be above zero."""
+        value = self.quantity(key, unit, default)
+        if value <= 0:
+            raise SimulationError(f"{self.where}.{key}: must be positive")
+        return value
 
     def error(self, key: str, unit: str) -> float:
         """Return an error that need not be given, in `unit`; none without the key."""
-        return self.quantity(key, unit) if key in self else 0.0
+        return self.quantity(key, unit, 0.0)
 
     def errors(self, key: str, names: Sequence[str], unit: str) -> list[float]:
         """Return the errors that may stand below `key` under `names`, in that order, in `unit`."""
@@ -55,8 +67,10 @@ class Truth:
         section = self.section(key)
         return [section.quantity(name, unit) for name in names]
 
-    def integer(self, key: str, minimum: int) -> int:
+    def integer(self, key: str, minimum: int, default: int | None = None) -> int:
         """Return a whole number of at least `minimum`."""
+        if default is not None and key not in self:
+            return default
         value = self.raw(key)
         if isinstance(value, bool) or not isinstance(value, int) or value < minimum:
             raise SimulationError(
@@ -65,8 +79,10 @@ class Truth:
             )
         return value
 
-    def text(self, key: str) -> str:
+    def text(self, key: str, default: str | None = None) -> str:
         """Return a text; a bare number is taken as it is written."""
+        if default is not None and key not in self:
+            return default
         value = self.raw(key)
         if isinstance(value, Mapping | list) or value is None:
             raise SimulationError(f"{self.where}.{key}: a text was expected, got {value!r}")

@@ -34,7 +34,7 @@ from sim_instruments.acutronic.table import Encoder, Table
 from sim_instruments.faults.lasting import EmergencyStop, FollowingError, LastingFault, Stuck
 from sim_instruments.instrument import Setting
 from sim_instruments.truth import SimulationError
-from sim_instruments.wire.line_instrument import LineInstrument
+from sim_instruments.wire.requests import LineInstrument
 from sim_instruments.world.noise import generator
 from sim_instruments.world.table import Table as WorldTable
 

@@ -21,8 +21,14 @@ from sim_instruments.acutronic.language import (
     STATUS_FROZEN,
     AclError,
 )
-from sim_instruments.acutronic.table import Demands, Encoder, ModeLimits, Table
-from sim_instruments.acutronic.trips import too_far_from_s, too_fast_from_s
+from sim_instruments.acutronic.table import (
+    Demands,
+    Encoder,
+    ModeLimits,
+    Table,
+    too_far_from_s,
+    too_fast_from_s,
+)
 from sim_instruments.world.rotation import RotationHistory
 
 MODES = ("OFF", "POSITION", "RATE", "ARATE", "SYNTHESIS", "TRACK", "ABORT")

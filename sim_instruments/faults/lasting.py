@@ -25,6 +25,10 @@ class LastingFault:
         self.trigger = trigger
         self.begin_s = math.inf
         self.end_s = math.inf
+        self.read(truth)
+
+    def read(self, truth: Truth) -> None:
+        """Take the options of the fault from its entry; SimulationError where one is wrong."""
 
     def begin(self, time_s: float) -> None:
         """Begin at `time_s`."""
@@ -48,11 +52,9 @@ class Chatter(LastingFault):
     kind = "chatter"
     options = ("interval",)
 
-    def __init__(self, trigger: Trigger, truth: Truth) -> None:
-        super().__init__(trigger, truth)
-        self.interval_s = truth.quantity("interval", "s") if "interval" in truth else 0.02
-        if self.interval_s <= 0:
-            raise SimulationError(f"{truth.where}.interval: must be positive")
+    def read(self, truth: Truth) -> None:
+        """Take the options."""
+        self.interval_s = truth.positive("interval", "s", 0.02)
 
 
 class Frozen(LastingFault):
@@ -73,9 +75,9 @@ class Compliance(LastingFault):
     kind = "compliance"
     options = ("voltage",)
 
-    def __init__(self, trigger: Trigger, truth: Truth) -> None:
-        super().__init__(trigger, truth)
-        self.voltage_V = truth.quantity("voltage", "V") if "voltage" in truth else 1.0
+    def read(self, truth: Truth) -> None:
+        """Take the options."""
+        self.voltage_V = truth.quantity("voltage", "V", 1.0)
         if self.voltage_V < 0:
             raise SimulationError(f"{truth.where}.voltage: must not be negative")
 
@@ -92,11 +94,9 @@ class Overdrive(LastingFault):
     kind = "overdrive"
     options = ("factor",)
 
-    def __init__(self, trigger: Trigger, truth: Truth) -> None:
-        super().__init__(trigger, truth)
-        self.factor = truth.quantity("factor", "1") if "factor" in truth else 3.5
-        if self.factor <= 0:
-            raise SimulationError(f"{truth.where}.factor: must be positive")
+    def read(self, truth: Truth) -> None:
+        """Take the options."""
+        self.factor = truth.positive("factor", "1", 3.5)
 
 
 class Overheating(LastingFault):
@@ -105,9 +105,9 @@ class Overheating(LastingFault):
     kind = "overheating"
     options = ("rise",)
 
-    def __init__(self, trigger: Trigger, truth: Truth) -> None:
-        super().__init__(trigger, truth)
-        self.rise_K = truth.quantity("rise", "K") if "rise" in truth else 60.0
+    def read(self, truth: Truth) -> None:
+        """Take the options."""
+        self.rise_K = truth.quantity("rise", "K", 60.0)
 
 
 class ChainOpen(LastingFault):
@@ -116,9 +116,9 @@ class ChainOpen(LastingFault):
     kind = "chain-open"
     options = ("contact",)
 
-    def __init__(self, trigger: Trigger, truth: Truth) -> None:
-        super().__init__(trigger, truth)
-        self.contact = truth.text("contact") if "contact" in truth else CONTACTS[0]
+    def read(self, truth: Truth) -> None:
+        """Take the options."""
+        self.contact = truth.text("contact", CONTACTS[0])
         if self.contact not in CONTACTS:
             raise SimulationError(
                 f"{truth.where}.contact: the chain has no '{self.contact}' "
@@ -150,9 +150,9 @@ class EncoderJump(LastingFault):
     kind = "encoder-jump"
     options = ("angle",)
 
-    def __init__(self, trigger: Trigger, truth: Truth) -> None:
-        super().__init__(trigger, truth)
-        self.angle_deg = truth.quantity("angle", "deg") if "angle" in truth else 0.05
+    def read(self, truth: Truth) -> None:
+        """Take the options."""
+        self.angle_deg = truth.quantity("angle", "deg", 0.05)
 
 
 class Stuck(LastingFault):
@@ -197,18 +197,6 @@ class LoadReset(LastingFault):
     kind = "load-reset"
 
 
-class AlignmentFails(LastingFault):
-    """The navigator does not find its attitude, or loses it, and its status says so."""
-
-    kind = "alignment-fails"
-
-
-class GyroFails(LastingFault):
-    """A gyro of the navigator, or of the nine-axis sensor, fails its own test; the status tells."""
-
-    kind = "gyro-fails"
-
-
 class HeaterBroken(LastingFault):
     """A thermal chamber's heater gives nothing: a set-point above the room is never reached."""
 
@@ -233,42 +221,24 @@ class ChamberAlarm(LastingFault):
     kind = "chamber-alarm"
     options = ("number",)
 
-    def __init__(self, trigger: Trigger, truth: Truth) -> None:
-        super().__init__(trigger, truth)
-        self.number = truth.integer("number", 1) if "number" in truth else 1
+    def read(self, truth: Truth) -> None:
+        """Take the options."""
+        self.number = truth.integer("number", 1, 1)
 
 
-LASTING_FAULTS: dict[str, type[LastingFault]] = {
-    fault.kind: fault
-    for fault in (
-        PortGone,
-        Chatter,
-        Frozen,
-        Overload,
-        Compliance,
-        ListRefused,
-        Overdrive,
-        Overheating,
-        ChainOpen,
-        Silent,
-        Dark,
-        FollowingError,
-        EncoderJump,
-        Stuck,
-        EmergencyStop,
-        NoTrigger,
-        StuckOpen,
-        InterlockOpen,
-        OutputTripped,
-        LoadReset,
-        HeaterBroken,
-        CompressorTrip,
-        DoorOpen,
-        ChamberAlarm,
-        AlignmentFails,
-        GyroFails,
-    )
-}
+class AlignmentFails(LastingFault):
+    """The navigator does not find its attitude, or loses it, and its status says so."""
+
+    kind = "alignment-fails"
+
+
+class GyroFails(LastingFault):
+    """A gyro of the navigator, or of the nine-axis sensor, fails its own test; the status tells."""
+
+    kind = "gyro-fails"
+
+
+LASTING_FAULTS = {fault.kind: fault for fault in LastingFault.__subclasses__()}
 
 EVERYWHERE = (PortGone.kind,)
 """What can happen to any instrument that is served on a port."""

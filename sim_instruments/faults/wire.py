@@ -63,10 +63,16 @@ class WireFault:
     """The connection ends with the message that is met."""
     resets_line: ClassVar[bool] = False
     """The connection is reset (TCP RST) with the message that is met."""
+    silences: ClassVar[bool] = False
+    """Nothing goes out in place of the reply."""
 
     def __init__(self, trigger: Trigger, rng: np.random.Generator, truth: Truth) -> None:
         self.trigger = trigger
         self.rng = rng
+        self.read(truth)
+
+    def read(self, truth: Truth) -> None:
+        """Take the options of the fault from its entry; SimulationError where one is wrong."""
 
     def touches(self, reply: Reply) -> bool:
         """Return whether there is anything in this reply to change."""
@@ -74,17 +80,14 @@ class WireFault:
 
     def change(self, reply: Reply, previous: Reply | None) -> Reply | None:
         """Return what goes out in place of `reply`; `previous` is the reply before it."""
-        return reply
+        return None if self.silences else reply
 
 
 class NoReply(WireFault):
     """The command is carried out, its reply is lost."""
 
     kind = "no-reply"
-
-    def change(self, reply: Reply, previous: Reply | None) -> Reply | None:
-        """Return nothing."""
-        return None
+    silences = True
 
 
 class Late(WireFault):
@@ -93,11 +96,9 @@ class Late(WireFault):
     kind = "late"
     options = ("delay",)
 
-    def __init__(self, trigger: Trigger, rng: np.random.Generator, truth: Truth) -> None:
-        super().__init__(trigger, rng, truth)
-        self.delay_s = truth.quantity("delay", "s") if "delay" in truth else 2.0
-        if self.delay_s <= 0:
-            raise SimulationError(f"{truth.where}.delay: must be positive")
+    def read(self, truth: Truth) -> None:
+        """Take the options."""
+        self.delay_s = truth.positive("delay", "s", 2.0)
 
     def change(self, reply: Reply, previous: Reply | None) -> Reply | None:
         """Return the reply with a delay."""
@@ -162,9 +163,9 @@ class NotANumber(WireFault):
     protocols = LINES
     options = ("text",)
 
-    def __init__(self, trigger: Trigger, rng: np.random.Generator, truth: Truth) -> None:
-        super().__init__(trigger, rng, truth)
-        self._text = truth.text("text").encode() if "text" in truth else b"NaN"
+    def read(self, truth: Truth) -> None:
+        """Take the options."""
+        self._text = truth.text("text", "NaN").encode()
 
     def touches(self, reply: Reply) -> bool:
         """Return whether the reply holds a measured value."""
@@ -199,24 +200,18 @@ class LostFrame(WireFault):
     """The frame is on the bus for nobody, whether the instrument sends it or should get it."""
 
     kind = "lost-frame"
+    silences = True
     protocols = CAN | FRAMES
     loses_messages = True
-
-    def change(self, reply: Reply, previous: Reply | None) -> Reply | None:
-        """Return nothing."""
-        return None
 
 
 class DroppedConnection(WireFault):
     """The message is carried out, then the connection ends in place of a reply."""
 
     kind = "dropped-connection"
+    silences = True
     needs_reply = False
     drops_line = True
-
-    def change(self, reply: Reply, previous: Reply | None) -> Reply | None:
-        """Return nothing."""
-        return None
 
 
 class StrayLine(WireFault):
@@ -231,15 +226,13 @@ class StrayLine(WireFault):
     protocols = LINES
     options = ("text", "where", "delay")
 
-    def __init__(self, trigger: Trigger, rng: np.random.Generator, truth: Truth) -> None:
-        super().__init__(trigger, rng, truth)
-        self._text = truth.text("text").encode() if "text" in truth else b"+0.000000E+00"
-        self._where = truth.text("where") if "where" in truth else PLACES[0]
+    def read(self, truth: Truth) -> None:
+        """Take the options."""
+        self._text = truth.text("text", "+0.000000E+00").encode()
+        self._where = truth.text("where", PLACES[0])
         if self._where not in PLACES:
             raise SimulationError(f"{truth.where}.where: must be one of {', '.join(PLACES)}")
-        self._delay_s = truth.quantity("delay", "s") if "delay" in truth else 1e-3
-        if self._delay_s <= 0:
-            raise SimulationError(f"{truth.where}.delay: must be positive")
+        self._delay_s = truth.positive("delay", "s", 1e-3)
 
     def change(self, reply: Reply, previous: Reply | None) -> Reply | None:
         """Return the reply with a line too many."""
@@ -260,9 +253,9 @@ class DuplicateReply(WireFault):
     protocols = LINES | MODBUS
     options = ("delay",)
 
-    def __init__(self, trigger: Trigger, rng: np.random.Generator, truth: Truth) -> None:
-        super().__init__(trigger, rng, truth)
-        self._delay_s = truth.quantity("delay", "s") if "delay" in truth else 0.0
+    def read(self, truth: Truth) -> None:
+        """Take the options."""
+        self._delay_s = truth.quantity("delay", "s", 0.0)
         if self._delay_s < 0:
             raise SimulationError(f"{truth.where}.delay: must not be negative")
 
@@ -281,9 +274,9 @@ class Flood(WireFault):
     protocols = LINES | MODBUS
     options = ("bytes",)
 
-    def __init__(self, trigger: Trigger, rng: np.random.Generator, truth: Truth) -> None:
-        super().__init__(trigger, rng, truth)
-        self._bytes = truth.integer("bytes", 1) if "bytes" in truth else 100_000_000
+    def read(self, truth: Truth) -> None:
+        """Take the options."""
+        self._bytes = truth.integer("bytes", 1, 100_000_000)
 
     def change(self, reply: Reply, previous: Reply | None) -> Reply | None:
         """Return a flood."""
@@ -294,33 +287,11 @@ class Reset(WireFault):
     """The message is carried out, then the connection is reset (TCP RST) in place of a reply."""
 
     kind = "reset"
+    silences = True
     protocols = LINES | MODBUS
     needs_reply = False
     drops_line = True
     resets_line = True
 
-    def change(self, reply: Reply, previous: Reply | None) -> Reply | None:
-        """Return nothing."""
-        return None
 
-
-WIRE_FAULTS: dict[str, type[WireFault]] = {
-    fault.kind: fault
-    for fault in (
-        NoReply,
-        Late,
-        Partial,
-        Garbled,
-        WrongTerminator,
-        PreviousReply,
-        NotANumber,
-        WrongChecksum,
-        LostCommand,
-        LostFrame,
-        DroppedConnection,
-        StrayLine,
-        DuplicateReply,
-        Flood,
-        Reset,
-    )
-}
+WIRE_FAULTS = {fault.kind: fault for fault in WireFault.__subclasses__()}

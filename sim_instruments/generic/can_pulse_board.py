@@ -18,12 +18,13 @@ from sim_instruments.generic.pulse_board_model import (
     CHANNELS,
     IDENTIFY,
     LASTING_FAULTS,
+    NO_SENSOR,
     PROTOCOL_VERSION,
     REPORT_STATUS,
     VERSIONS,
     PulseBoardModel,
+    Rows,
 )
-from sim_instruments.generic.pulse_sampler import NO_SENSOR, Rows
 from sim_instruments.instrument import Setting
 from sim_instruments.wire.socketcand import CanInstrument, frame_text
 

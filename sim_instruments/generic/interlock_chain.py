@@ -11,7 +11,7 @@ from typing import ClassVar
 
 from sim_instruments.faults.lasting import CONTACTS, ChainOpen
 from sim_instruments.instrument import Setting
-from sim_instruments.wire.line_instrument import LineInstrument
+from sim_instruments.wire.requests import LineInstrument
 from sim_instruments.wire.scpi_device import ScpiDevice
 
 FIRMWARE = "1.0"

@@ -22,8 +22,7 @@ from sim_instruments.generic.navigator_model import (
     Output,
 )
 from sim_instruments.instrument import Setting
-from sim_instruments.wire.crc32 import crc32
-from sim_instruments.wire.frame_stream import Arrived, FrameInstrument
+from sim_instruments.wire.frames import Arrived, FrameInstrument, crc32
 
 SYNC = bytes((0x9A, 0x65))
 COMMAND, OUTPUT, ACK, STATUS, IDENTITY = 0x10, 0x90, 0x91, 0x92, 0x93

@@ -20,17 +20,17 @@ from sim_instruments.generic.pulse_board_model import (
     CHANNELS,
     IDENTIFY,
     LASTING_FAULTS,
+    NO_SENSOR,
     REPORT_STATUS,
     START,
     STOP,
     VERSIONS,
     PulseBoardModel,
+    Rows,
 )
-from sim_instruments.generic.pulse_sampler import NO_SENSOR, Rows
 from sim_instruments.instrument import Setting
 from sim_instruments.truth import SimulationError
-from sim_instruments.wire.crc32 import crc32
-from sim_instruments.wire.frame_stream import Arrived, FrameInstrument
+from sim_instruments.wire.frames import Arrived, FrameInstrument, crc32
 
 COMMAND, OUTPUT, ACK, STATUS, IDENTITY = 0x60, 0x94, 0x61, 0x62, 0x63
 NAMES = {OUTPUT: "output", ACK: "acknowledgement", STATUS: "status", IDENTITY: "identity"}

@@ -20,10 +20,9 @@ from sim_instruments.faults.lasting import (
     Overdrive,
 )
 from sim_instruments.instrument import Setting
-from sim_instruments.kepco.limits import add_limit_commands
-from sim_instruments.kepco.output import Output, scientific
+from sim_instruments.kepco.output import Output, add_limit_commands, scientific
 from sim_instruments.kepco.output_list import ListMemory, add_list_commands
-from sim_instruments.wire.line_instrument import LineInstrument
+from sim_instruments.wire.requests import LineInstrument
 from sim_instruments.wire.scpi import Handler, ScpiError, boolean, choice, number, one
 from sim_instruments.wire.scpi import whole_number as whole
 from sim_instruments.wire.scpi_device import ScpiDevice

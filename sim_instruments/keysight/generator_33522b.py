@@ -24,7 +24,7 @@ from sim_instruments.keysight.generator_33522b_channel import Channel
 from sim_instruments.keysight.generator_33522b_commands import add_channel_commands
 from sim_instruments.keysight.generator_33522b_wave import OWN_TEXTS, TRIPPED, Refusal
 from sim_instruments.truth import SimulationError, Truth
-from sim_instruments.wire.line_instrument import LineInstrument
+from sim_instruments.wire.requests import LineInstrument
 from sim_instruments.wire.scpi import TEXTS, ErrorQueue, ScpiError
 from sim_instruments.wire.scpi_device import ScpiDevice
 from sim_instruments.world.base import TriggerLine

@@ -10,8 +10,6 @@ the middle of a burst end it. Only DC volts and resistance are connected; other 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import AbstractContextManager, contextmanager
 from typing import ClassVar
 
 import numpy as np
@@ -21,7 +19,7 @@ from sim_instruments.instrument import Setting
 from sim_instruments.keysight.multimeter_34465a_converter import Array, Converter
 from sim_instruments.keysight.multimeter_34465a_sense import Sense
 from sim_instruments.keysight.multimeter_34465a_trigger import TriggerSystem, add_trigger_commands
-from sim_instruments.wire.line_instrument import LineInstrument
+from sim_instruments.wire.requests import LineInstrument, released
 from sim_instruments.wire.scpi import ScpiError, boolean, choice, one, whole_number
 from sim_instruments.wire.scpi_device import ScpiDevice
 
@@ -172,7 +170,7 @@ class Keysight34465A(LineInstrument, ScpiDevice):
         while not self._trigger.idle:
             if self._trigger.waiting:
                 raise ScpiError(-214)
-            with left(self._lock):  # the world goes on meanwhile, and others are served
+            with released(self._lock):  # the world goes on meanwhile, and others are served
                 self._clock.sleep_until(self._trigger.end_s)
             self.before_each()
 
@@ -212,16 +210,6 @@ class Keysight34465A(LineInstrument, ScpiDevice):
         text = told(self._take(most))
         length = str(len(text))
         return f"#{len(length)}{length}{text}"
-
-
-@contextmanager
-def left(lock: AbstractContextManager[object]) -> Iterator[None]:
-    """Be outside a lock that is held once, and come back to it."""
-    lock.__exit__(None, None, None)
-    try:
-        yield
-    finally:
-        lock.__enter__()
 
 
 def told(values: Array) -> str:

@@ -27,8 +27,7 @@ import numpy.typing as npt
 
 from sim_instruments.generic.nine_axis_model import LASTING_FAULTS, Counters, NineAxisModel
 from sim_instruments.instrument import Setting
-from sim_instruments.wire.crc32 import SEED, TABLE
-from sim_instruments.wire.frame_stream import Arrived, FrameInstrument
+from sim_instruments.wire.frames import SEED, TABLE, Arrived, FrameInstrument
 from sim_instruments.world.nine_axis import Means
 
 FIRMWARE = "1775-1.04"

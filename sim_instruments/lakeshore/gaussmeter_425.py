@@ -19,7 +19,7 @@ import numpy as np
 
 from sim_instruments.faults.lasting import Frozen, Overload
 from sim_instruments.instrument import Setting
-from sim_instruments.wire.line_instrument import LineInstrument
+from sim_instruments.wire.requests import LineInstrument
 from sim_instruments.world.coils import AXES, direction_near
 from sim_instruments.world.laser_gyro import LaserGyroBench
 

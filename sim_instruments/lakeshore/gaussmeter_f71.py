@@ -17,7 +17,7 @@ import numpy.typing as npt
 
 from sim_instruments.faults.lasting import Frozen, Overload
 from sim_instruments.instrument import Setting
-from sim_instruments.wire.line_instrument import LineInstrument
+from sim_instruments.wire.requests import LineInstrument
 from sim_instruments.wire.scpi import ScpiError, boolean, choice, number, one, whole_number
 from sim_instruments.wire.scpi_device import ScpiDevice
 from sim_instruments.world.coils import AXES, small_rotation

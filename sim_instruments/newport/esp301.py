@@ -20,7 +20,7 @@ from typing import ClassVar
 from sim_instruments.faults.lasting import EmergencyStop, EncoderJump, FollowingError, Stuck
 from sim_instruments.instrument import Setting
 from sim_instruments.newport.esp301_axis import AXIS, Axis, EspError, text_of
-from sim_instruments.wire.line_instrument import LineInstrument
+from sim_instruments.wire.requests import LineInstrument
 from sim_instruments.world.rotation import RotationHistory
 
 VERSION = "ESP301 Version 3.0.1 6/1/99"

@@ -6,32 +6,101 @@ leaves an error in the queue, the trigger status is TD whenever no source is arm
 pin reads 1, a pin that is no output cannot be set, values come as `{0.123456,…}`. Systems before
 2.00-30 know no `ACQ:DEC:F`, before 2.00-15 no `ACQ:TRIG:FILL?`, and before 2.00 `DATA:STA:N?` in
 the place of `DATA:START:N?`. DIO0_N drives the bench's trigger and DIO0_P listens to it. Input 1
-is at the world's detector, input 2 is open. Assumed: 20 us for each value that is told.
+is at the world's detector, input 2 is open. The
+sampling begins anew with each arming and is not in step with the trigger; the pointer kept at the
+trigger is that of the value being taken then, on systems before 2.05 that of the last one before
+it; each stored value is the mean of the values since the one before, here the input in the middle
+of that time. Assumed: 20 us for each value that is read out.
 """
 
 from __future__ import annotations
 
+import math
+from dataclasses import dataclass
 from functools import partial
 from typing import ClassVar, Protocol, runtime_checkable
 
 import numpy as np
+import numpy.typing as npt
 
 from sim_instruments.faults.lasting import NoTrigger, Overload
 from sim_instruments.instrument import Setting
-from sim_instruments.keysight.multimeter_34465a import left
-from sim_instruments.redpitaya.stemlab_capture import (
-    CONVERTER_HZ,
-    HALF,
-    SLOTS,
-    Array,
-    Capture,
-    Numbers,
-)
 from sim_instruments.truth import SimulationError
-from sim_instruments.wire.line_instrument import LineInstrument
+from sim_instruments.wire.requests import LineInstrument, released
 from sim_instruments.wire.scpi import ScpiError, choice, whole_number
 from sim_instruments.wire.scpi_device import ScpiDevice
 from sim_instruments.world.base import TriggerLine
+
+# How a Red Pitaya samples: a ring of 16384 values that an edge stops after a counted delay.
+#
+# From the maker's gateware: the sampling begins anew with each arming and is not in step with the
+# trigger; the pointer kept at the trigger is that of the value being taken then, on systems before
+# 2.05 that of the last one before it; each stored value is the mean of the values since the one
+# before. Here it is the input in the middle of that time.
+
+
+Array = npt.NDArray[np.float64]
+Numbers = npt.NDArray[np.int64]
+
+CONVERTER_HZ = 125e6
+SLOTS = 16384
+HALF = SLOTS // 2
+SYNCHRONISED_S = 5 / CONVERTER_HZ
+"""From an edge at the input to the trigger: three clocks to synchronise it, two to make it one."""
+
+
+@dataclass
+class Capture:
+    """One capture, from its arming on; values are numbered from 0, number 0 lies in `first_slot`.
+
+    `delay` counts the values that are stored after the trigger. `stopped_s`: told to stop then.
+    """
+
+    began_s: float
+    interval_s: float
+    first_slot: int
+    delay: int
+    triggered_at: int | None = None
+    stopped_s: float = math.inf
+
+    def number_at(self, time_s: float) -> int:
+        """Return the number of the value that is being taken at a time."""
+        return math.floor((min(time_s, self.stopped_s) - self.began_s) / self.interval_s + 1e-9)
+
+    def last_at(self, time_s: float) -> int:
+        """Return the number of the last value that is stored at a time; -1 for none."""
+        last = self.number_at(time_s) - 1
+        return last if self.triggered_at is None else min(last, self.last_of_all)
+
+    @property
+    def last_of_all(self) -> int:
+        """The number of the value with which a triggered capture ends."""
+        assert self.triggered_at is not None
+        return self.triggered_at + max(self.delay, 1) - 1
+
+    def is_full(self, time_s: float) -> bool:
+        """Return whether it was triggered and its delay is over."""
+        return self.triggered_at is not None and self.last_at(time_s) >= self.last_of_all
+
+    def trigger(self, time_s: float) -> None:
+        """Take an edge at the input; only the first counts."""
+        if self.triggered_at is None and time_s <= self.stopped_s:
+            self.triggered_at = self.number_at(time_s + SYNCHRONISED_S)
+
+    def slot(self, number: int) -> int:
+        """Return where a value lies in the ring."""
+        return (self.first_slot + number) % SLOTS
+
+    def numbers(self, start: int, count: int, now_s: float) -> Numbers:
+        """Return the numbers of the values in `count` slots from `start` on; negative for none."""
+        last = self.last_at(now_s)
+        slots = (start + np.arange(count)) % SLOTS
+        return np.asarray(last - (self.slot(last) - slots) % SLOTS)
+
+    def middles_s(self, numbers: Numbers) -> Array:
+        """Return the times in the middle of values."""
+        return np.asarray(self.began_s + (numbers + 0.5) * self.interval_s)
+
 
 CLASSIC = (1, 8, 64, 1024, 8192, 65536)
 POWERS = tuple(2**power for power in range(17))
@@ -213,7 +282,7 @@ class RedPitaya(LineInstrument, ScpiDevice):
             raise ScpiError(-109)
         start, count = whole_number(given[0], 0, SLOTS), whole_number(given[1], 1, SLOTS)
         numbers = self._capture.numbers(start, count, self._clock.now())
-        with left(self._lock):  # the world goes on meanwhile, and others are served
+        with released(self._lock):  # the world goes on meanwhile, and others are served
             self._clock.sleep(TELLING_S * count)
         return "{" + ",".join(f"{value:.6f}" for value in self._read(channel, numbers)) + "}"
 

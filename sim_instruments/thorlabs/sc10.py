@@ -16,7 +16,7 @@ from typing import ClassVar, Protocol, runtime_checkable
 
 from sim_instruments.faults.lasting import InterlockOpen, LastingFault, StuckOpen
 from sim_instruments.instrument import Setting
-from sim_instruments.wire.line_instrument import LineInstrument
+from sim_instruments.wire.requests import LineInstrument
 from sim_instruments.world.base import TriggerLine
 
 IDENTITY = "THORLABS SC10 VERSION 1.07"

@@ -20,12 +20,12 @@ from sim_instruments.watlow.plant import Plant, WatlowController
 from sim_instruments.wire.modbus import (
     ILLEGAL_VALUE,
     ModbusError,
+    ModbusRtuServer,
     Parameter,
     Registers,
     Words,
     fixed,
 )
-from sim_instruments.wire.modbus_rtu import ModbusRtuServer
 
 UNIT = 1
 MODEL, REVISION, MADE = 5270, 203, 2208
@@ -57,7 +57,7 @@ class WatlowF4(WatlowController):
         self._low = round(truth.quantity("set_point_low", "degC") * PER_K)
         self._high = round(truth.quantity("set_point_high", "degC") * PER_K)
         self._chamber_event = truth.integer("chamber_event", 0)
-        self._door_input = truth.integer("door_input", 0) if "door_input" in truth else 0
+        self._door_input = truth.integer("door_input", 0, 0)
         self._events = dict.fromkeys(range(1, EVENTS + 1), 0)
         self._set_point = self._low - 1
         self._registers = Registers()

@@ -22,12 +22,12 @@ from sim_instruments.wire.modbus import (
     DEVICE_FAILURE,
     ILLEGAL_VALUE,
     ModbusError,
+    ModbusTcpServer,
     Parameter,
     Registers,
     Words,
     fixed,
 )
-from sim_instruments.wire.modbus_tcp import ModbusTcpServer
 
 UNIT = 1
 HARDWARE_ID, RELEASE, BUILD = 124, 5, 1203

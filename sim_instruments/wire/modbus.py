@@ -1,4 +1,4 @@
-"""What a Modbus server does with a request, whatever frames it came in: registers and exceptions.
+"""Modbus servers, TCP and RTU: registers, exceptions, and the frames that they come in.
 
 From the application protocol V1.1b3 of the Modbus organisation: functions 3, 4, 6 and 16, and the
 exceptions of what cannot be done. Written without a library, so that it checks the one that the
@@ -8,14 +8,13 @@ drivers use.
 from __future__ import annotations
 
 import struct
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
-from sim_instruments.faults.instrument import InstrumentFaults
-from sim_instruments.faults.taps import LineTap
+from sim_instruments.faults.instrument import InstrumentFaults, LineTap
 from sim_instruments.faults.wire import Reply
 from sim_instruments.instrument import Setting
-from sim_instruments.wire.requests import RequestServer
+from sim_instruments.wire.requests import Conversation, RequestServer
 
 READ_HOLDING, READ_INPUT, WRITE_ONE, WRITE_MANY = 3, 4, 6, 16
 ILLEGAL_FUNCTION, ILLEGAL_ADDRESS, ILLEGAL_VALUE, DEVICE_FAILURE = 1, 2, 3, 4
@@ -155,3 +154,107 @@ def unpacked(form: str, data: bytes) -> tuple[int, ...]:
     if len(data) != struct.calcsize(form):
         raise ModbusError(ILLEGAL_VALUE)
     return struct.unpack(form, data)
+
+
+POLYNOMIAL = 0xA001
+SILENCE_S = 0.02
+"""What ends a frame: more than three and a half characters at 9600 Bd, and some."""
+
+SHORTEST, FIXED, BEFORE_DATA, LONGEST = 4, 8, 7, 256
+EVERYBODY = 0
+
+
+class ModbusRtuServer(ModbusServer):
+    """Answer for one device on a serial line, which is served on a TCP port.
+
+    From the serial line guide V1.02 of the Modbus organisation: unit, request, CRC-16 with its low
+    byte first; a silence ends a frame. What has a wrong check sum, or is meant for another unit,
+    stays without an answer; what is meant for all (unit 0) is carried out without one.
+    """
+
+    def __init__(self, setting: Setting, registers: Registers, unit: int) -> None:
+        super().__init__(setting, registers, 1)
+        self._unit = unit
+
+    def requests(self, talk: Conversation, data: bytes) -> Iterator[bytes]:
+        """Take whole frames off what has come; what a silence cut short is forgotten."""
+        now_s = self._clock.now()
+        if now_s > talk.heard_s + SILENCE_S:
+            talk.pending = b""
+        talk.pending, talk.heard_s = talk.pending + data, now_s
+        while (size := frame_size(talk.pending)) and len(talk.pending) >= size:
+            frame, talk.pending = talk.pending[:size], talk.pending[size:]
+            if crc16(frame) == 0:
+                yield frame
+            else:
+                talk.pending = b""
+
+    def execute(self, request: bytes) -> bytes:
+        """Return the answer to a frame, or nothing."""
+        if request[0] not in (self._unit, EVERYBODY):
+            return b""
+        answer = bytes([self._unit]) + self._registers.answer(request[1:-2])
+        return b"" if request[0] == EVERYBODY else answer + struct.pack("<H", crc16(answer))
+
+
+def frame_size(pending: bytes) -> int:
+    """Return how long the request that begins here is, 0 where more must come to know it."""
+    if len(pending) < SHORTEST:
+        return 0
+    if pending[1] in (READ_HOLDING, READ_INPUT, WRITE_ONE):
+        return FIXED
+    if pending[1] == WRITE_MANY:
+        return BEFORE_DATA + pending[6] + 2 if len(pending) >= BEFORE_DATA else 0
+    # Of a function that is not known, what came at once is the frame.
+    return min(len(pending), LONGEST)
+
+
+def crc16(data: bytes) -> int:
+    """Return the check sum of a frame; with its own check sum behind it, a frame's is zero."""
+    crc = 0xFFFF
+    for byte in data:
+        crc ^= byte
+        for _ in range(8):
+            crc = crc >> 1 ^ POLYNOMIAL if crc & 1 else crc >> 1
+    return crc
+
+
+HEADER = struct.Struct(">HHHB")
+LENGTHS = range(2, 255)
+EVERY_UNIT = (0, 255)
+"""How a client that speaks to the one device of an address may name it."""
+
+
+class ModbusTcpServer(ModbusServer):
+    """Answer for one device; requests to other units stay without an answer.
+
+    From the messaging implementation guide V1.0b: the MBAP header of transaction, protocol 0,
+    length and unit, then the request; the answer repeats the transaction and the unit. A request
+    may arrive in pieces. An answer goes out in one, because clients read the header by itself.
+    """
+
+    def __init__(self, setting: Setting, registers: Registers, unit: int) -> None:
+        super().__init__(setting, registers, HEADER.size)
+        self._units = (unit, *EVERY_UNIT)
+
+    def requests(self, talk: Conversation, data: bytes) -> Iterator[bytes | None]:
+        """Take whole frames off what has come; None, and no more, where a header is none."""
+        talk.pending += data
+        while len(talk.pending) >= HEADER.size:
+            _, protocol, length, _ = HEADER.unpack_from(talk.pending)
+            if protocol != 0 or length not in LENGTHS:
+                yield None
+                return
+            end = HEADER.size - 1 + length
+            if len(talk.pending) < end:
+                return
+            frame, talk.pending = talk.pending[:end], talk.pending[end:]
+            yield frame
+
+    def execute(self, request: bytes) -> bytes:
+        """Return the answer to a frame, or nothing."""
+        transaction, protocol, _, unit = HEADER.unpack_from(request)
+        if unit not in self._units:
+            return b""
+        answer = self._registers.answer(request[HEADER.size :])
+        return HEADER.pack(transaction, protocol, len(answer) + 1, unit) + answer

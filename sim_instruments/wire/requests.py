@@ -1,17 +1,18 @@
-"""Requests and their answers over a TCP port, whatever a request looks like."""
+"""Requests and their answers over a TCP port, whatever a request looks like; and lines."""
 
 from __future__ import annotations
 
 import select
 import socket
-from abc import abstractmethod
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, suppress
+from contextlib import AbstractContextManager, contextmanager, suppress
 from threading import Event
+from typing import ClassVar
 
-from sim_instruments.faults.instrument import InstrumentFaults
+from sim_instruments.faults.instrument import InstrumentFaults, LineTap
 from sim_instruments.faults.lasting import Chatter, LastingFault
-from sim_instruments.faults.taps import LineTap
+from sim_instruments.instrument import ServedInstrument, Setting
 from sim_instruments.wire.tcp import TcpServer, is_closed
 from station.clock import Clock, ClockStopped
 
@@ -218,3 +219,45 @@ class LineServer(RequestServer):
     def execute(self, request: bytes) -> bytes:
         """Return the answer to a line."""
         return self._execute(request)
+
+
+class LineInstrument(ServedInstrument, ABC):
+    """An instrument on a TCP port of its own; `_line` answers.
+
+    `at_once` is False where `_line` waits for time to pass.
+    """
+
+    protocol: ClassVar[str] = "scpi"
+    resource: ClassVar[str] = "TCPIP::{host}::{port}::SOCKET"
+    line_end: ClassVar[bytes] = b"\n"
+    at_once: ClassVar[bool] = True
+
+    def begin_to_serve(
+        self, setting: Setting, lock: AbstractContextManager[object] | None = None
+    ) -> None:
+        """Listen from now on; each line is answered while `lock`, or the world's, is held."""
+        self._server = LineServer(
+            setting.name,
+            setting.port,
+            setting.clock,
+            lock or setting.world.lock,
+            self._line,
+            setting.faults,
+            end=self.line_end,
+            at_once=self.at_once,
+        )
+        self._server.begin()
+
+    @abstractmethod
+    def _line(self, line: bytes) -> bytes:
+        """Return the answer to a line, with its end; nothing where the instrument says nothing."""
+
+
+@contextmanager
+def released(lock: AbstractContextManager[object]) -> Iterator[None]:
+    """Be outside a lock that is held once, and come back to it."""
+    lock.__exit__(None, None, None)
+    try:
+        yield
+    finally:
+        lock.__enter__()

@@ -10,7 +10,7 @@ from importlib.resources import files
 from threading import Lock
 from typing import Any, ClassVar
 
-from sim_instruments.faults.taps import FrameTap
+from sim_instruments.faults.instrument import FrameTap
 from sim_instruments.instrument import Electronics, ServedInstrument, Setting
 from sim_instruments.wire.tcp import TcpServer
 

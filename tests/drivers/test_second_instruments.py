@@ -20,7 +20,7 @@ from plan_runs import run_of, shipped_bench, shipped_plan
 from drivers.generic.serial_pulse_board import IDENTITY, OUTPUT, frame, split
 from drivers.kepco.bop import KepcoBop
 from drivers.kepco.bop_1kw import KepcoBop1kW
-from sim_instruments.wire.crc32 import crc32
+from sim_instruments.wire.frames import crc32
 from station import registry
 from station.cli.validating import read_plan_for
 from station.conformance.stand import Stand, standing

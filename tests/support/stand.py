@@ -10,8 +10,8 @@ import numpy as np
 import yaml
 from sim_bench import Line
 
+from sim_instruments.faults.catalogue import read_fault
 from sim_instruments.faults.instrument import InstrumentFaults, Schedule
-from sim_instruments.faults.reading import read_fault
 from sim_instruments.instrument import Setting
 from sim_instruments.truth import Truth
 from sim_instruments.world.base import Room

@@ -17,7 +17,7 @@ from table_bench import AXIS, LIMITED, LIMITS, TABLE, TRUTH, RawTable, table_ben
 from drivers.acutronic.acutrol3000 import Acutrol3000
 from drivers.acutronic.axis import TurnCount
 from sim_instruments.acutronic.acutrol3000 import Acutrol3000 as Simulator
-from sim_instruments.acutronic.trips import too_far_from_s, too_fast_from_s
+from sim_instruments.acutronic.table import too_far_from_s, too_fast_from_s
 from sim_instruments.faults.catalogue import applicable_faults
 from sim_instruments.truth import SimulationError
 from sim_instruments.world.rotation import RotationHistory

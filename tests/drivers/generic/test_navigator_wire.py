@@ -31,7 +31,7 @@ from drivers.transport.can_messages import decoder_of, message_file
 from drivers.transport.serial_stream import crc32_stim300
 from sim_instruments.bench import SimulatedBench
 from sim_instruments.generic.serial_navigator import SerialNavigator as SimulatedOnSerial
-from sim_instruments.wire.crc32 import crc32
+from sim_instruments.wire.frames import crc32
 from station.clock import Clock, RealClock, VirtualClock
 from station.errors import InstrumentError
 from station.instruments.opening import Place

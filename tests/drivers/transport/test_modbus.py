@@ -14,8 +14,7 @@ from watlow_stand import NAME, Stand, controller
 
 from drivers.transport.modbus_line import ModbusLine, ModbusRefusal, ModbusSettings
 from drivers.transport.retry import NEVER, Repeatable
-from sim_instruments.wire.modbus import ModbusError, Parameter, Registers, fixed
-from sim_instruments.wire.modbus_rtu import crc16
+from sim_instruments.wire.modbus import ModbusError, Parameter, Registers, crc16, fixed
 from station.clock import RealClock, VirtualClock
 from station.conformance.hostile import HostileServer
 from station.errors import InstrumentError, InstrumentTimeout
