@@ -14,7 +14,6 @@ import numpy as np
 import numpy.typing as npt
 
 from sim_instruments.faults.lasting import LastingFault
-from sim_instruments.faults.trigger import frame_name
 from sim_instruments.faults.wire import Reply, WireFault
 from station.clock import Clock
 
@@ -211,74 +210,57 @@ class LineTap:
         return reply_of(answer)
 
 
-class Batch(NamedTuple):
-    """What becomes of frames on their way out: those that go now, those that go later."""
-
-    frames: list[str]
-    late: list[tuple[float, str]]
-    drops: bool
-
-
 class FrameTap:
-    """The faults of an instrument on a CAN bus.
+    """The faults of an instrument whose line carries frames both ways, each with a name.
 
     A fault that meets a frame to the instrument changes all that the instrument sends while it
     deals with it; else a fault meets the frames that the instrument sends.
     """
 
-    def __init__(self, faults: InstrumentFaults | None) -> None:
+    def __init__(self, faults: InstrumentFaults) -> None:
         self._faults = faults
         self._previous: dict[str, Reply] = {}
         self._answering: tuple[int, list[WireFault]] = (0, [])
 
-    def arrives(
-        self, identifier: int, data: bytes, receive: Callable[[int, bytes], None], now_s: float
-    ) -> bool:
+    def arrives(self, name: str, receive: Callable[[], None], now_s: float) -> bool:
         """Give a frame to the instrument, or not; return whether the connections end with it."""
-        if self._faults is None:
-            receive(identifier, data)
-            return False
-        message = frame_name(identifier)
-        if self._faults.arrives(message):
+        if self._faults.arrives(name):
             return False
         others = [fault for fault in self._faults.live() if not fault.loses_messages]
-        met = [fault for fault in others if fault.trigger.meets(now_s, message)]
+        met = [fault for fault in others if fault.trigger.meets(now_s, name)]
         self._answering = (get_ident(), met)
         try:
-            receive(identifier, data)
+            receive()
         finally:
             self._answering = (0, [])
         return any(fault.drops_line for fault in met)
 
-    def leaves(self, text: str, now_s: float) -> Batch | None:
-        """Return what becomes of frames `< frame ID TIME DATA >< … >`; None: as they are."""
-        thread, met = self._answering
-        met = met if thread == get_ident() else []
-        live = self._faults.live() if self._faults is not None else []
-        if not live and not met and not (self._faults and self._faults.waited_for):
-            return None
-        batch, drops = Batch([], [], False), False
-        for frame in text.split(">")[:-1]:
-            _, _, name, time_text, data, _ = frame.split(" ")
-            if self._faults is not None:
-                self._faults.is_on_the_line(name)
-            true = reply = Reply(bytes.fromhex(data))
-            going: Reply | None = reply
-            for fault in [*met, *(one for one in live if one not in met)]:
-                if going is None:
-                    break
-                if fault in met or fault.trigger.meets(now_s, name):
-                    drops = drops or fault.drops_line
-                    going = fault.change(going, self._previous.get(name))
-            self._previous[name] = true
+    def idle(self) -> bool:
+        """Return whether no fault can meet a frame that leaves now."""
+        return not (self._faults.live() or self._met() or self._faults.waited_for)
+
+    def leaves(self, name: str, frame: Reply, now_s: float) -> tuple[Reply | None, bool]:
+        """Return what goes out in place of a frame, and whether the connections end with it."""
+        self._faults.is_on_the_line(name)
+        met = self._met()
+        going: Reply | None = frame
+        drops = False
+        for fault in [*met, *(one for one in self._faults.live() if one not in met)]:
             if going is None:
-                continue
-            text = f"< frame {name} {time_text} {going.body.hex()} >"
-            if going.delay_s > 0:
-                batch.late.append((going.delay_s, text))
-            else:
-                batch.frames.append(text)
-        return batch._replace(drops=drops)
+                break
+            if fault in met or fault.trigger.meets(now_s, name):
+                drops = drops or fault.drops_line
+                going = fault.change(going, self._previous.get(name))
+        self.left(name, frame)
+        return going, drops
+
+    def left(self, name: str, frame: Reply) -> None:
+        """Keep a frame that the instrument sent, for a fault that repeats it."""
+        self._previous[name] = frame
+
+    def _met(self) -> list[WireFault]:
+        thread, met = self._answering
+        return met if thread == get_ident() else []
 
 
 def reply_of(answer: bytes) -> Reply | None:

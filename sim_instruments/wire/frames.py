@@ -11,10 +11,12 @@ import socket
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from threading import Lock, get_ident
+from functools import partial
+from threading import Lock
 from typing import ClassVar, NamedTuple
 
-from sim_instruments.faults.wire import Reply, WireFault
+from sim_instruments.faults.instrument import FrameTap
+from sim_instruments.faults.wire import Reply
 from sim_instruments.instrument import Electronics, ServedInstrument, Setting
 from sim_instruments.wire.tcp import TcpServer, is_closed
 
@@ -48,14 +50,14 @@ class FrameStreamServer(TcpServer):
         self._split = split
         self._received = received
         self._wrong = setting.faults
+        self._tap = FrameTap(setting.faults)
         self._client: socket.socket | None = None
         self._sending = Lock()
-        self._previous: dict[str, Reply] = {}
-        self._answering: tuple[int, list[WireFault]] = (0, [])
 
     def send(self, name: str, frame: bytes) -> None:
         """Send a frame, whose message has a name, to the client if there is one."""
-        reply, drops = self._as_faults_say(name, Reply(frame))
+        self._wrong.catch_up()
+        reply, drops = self._tap.leaves(name, Reply(frame), self._clock.now())
         if reply is not None and reply.delay_s > 0:
             body = reply.body
             self.later(reply.delay_s, lambda: self._write(body))
@@ -66,11 +68,11 @@ class FrameStreamServer(TcpServer):
 
     def send_all(self, name: str, frames: Sequence[bytes]) -> None:
         """Send frames of the same name; together where no fault may meet one of them."""
-        if self._wrong.live() or self._wrong.waited_for or self._answering[1]:
+        if not self._tap.idle():
             for frame in frames:
                 self.send(name, frame)
         elif frames:
-            self._previous[name] = Reply(frames[-1])
+            self._tap.left(name, Reply(frames[-1]))
             self._write(b"".join(frames))
 
     def serve(self, client: socket.socket) -> None:
@@ -102,36 +104,9 @@ class FrameStreamServer(TcpServer):
     def _take(self, name: str, frame: bytes) -> None:
         """Give a frame to the instrument, or not."""
         with self._lock:
-            if self._wrong.arrives(name):
-                return
-            now_s = self._clock.now()
-            others = [fault for fault in self._wrong.live() if not fault.loses_messages]
-            met = [fault for fault in others if fault.trigger.meets(now_s, name)]
-            # A fault that meets a command changes all that the instrument answers to it.
-            self._answering = (get_ident(), met)
-            try:
-                self._received(frame)
-            finally:
-                self._answering = (0, [])
-        if any(fault.drops_line for fault in met):
+            drops = self._tap.arrives(name, partial(self._received, frame), self._clock.now())
+        if drops:
             self.drop_all()
-
-    def _as_faults_say(self, name: str, reply: Reply) -> tuple[Reply | None, bool]:
-        """Return what goes out in place of a frame, and whether the connection ends with it."""
-        thread, met = self._answering
-        met = met if thread == get_ident() else []
-        self._wrong.catch_up()
-        self._wrong.is_on_the_line(name)
-        going: Reply | None = reply
-        drops, now_s = False, self._clock.now()
-        for fault in [*met, *(one for one in self._wrong.live() if one not in met)]:
-            if going is None:
-                break
-            if fault in met or fault.trigger.meets(now_s, name):
-                drops = drops or fault.drops_line
-                going = fault.change(going, self._previous.get(name))
-        self._previous[name] = reply
-        return going, drops
 
     def _write(self, data: bytes) -> None:
         with self._sending:

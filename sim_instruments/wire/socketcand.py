@@ -6,11 +6,14 @@ import socket
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable
 from contextlib import suppress
+from functools import partial
 from importlib.resources import files
 from threading import Lock
 from typing import Any, ClassVar
 
 from sim_instruments.faults.instrument import FrameTap
+from sim_instruments.faults.trigger import frame_name
+from sim_instruments.faults.wire import Reply
 from sim_instruments.instrument import Electronics, ServedInstrument, Setting
 from sim_instruments.wire.tcp import TcpServer
 
@@ -43,14 +46,23 @@ class SocketcandServer(TcpServer):
 
     def send_frames(self, text: str, count: int) -> None:
         """Send `count` frames, already written as `< frame … >`, to every client in raw mode."""
-        batch = self._tap.leaves(text, self._clock.now())
-        if batch is not None:
-            text, count = "".join(batch.frames), len(batch.frames)
-            for delay_s, frame in batch.late:
-                self.later(delay_s, lambda frame=frame: self._send(frame, 1))  # type: ignore[misc]
-        if count:
+        if self._tap.idle():
             self._send(text, count)
-        if batch is not None and batch.drops:
+            return
+        now, drops, now_s = [], False, self._clock.now()
+        for frame in text.split(">")[:-1]:
+            _, _, name, time_text, data, _ = frame.split(" ")
+            going, ends = self._tap.leaves(name, Reply(bytes.fromhex(data)), now_s)
+            drops = drops or ends
+            if going is None:
+                continue
+            changed = f"< frame {name} {time_text} {going.body.hex()} >"
+            if going.delay_s > 0:
+                self.later(going.delay_s, partial(self._send, changed, 1))
+            else:
+                now.append(changed)
+        self._send("".join(now), len(now))
+        if drops:
             self.drop_all()
 
     def drop(self, client: socket.socket) -> None:
@@ -63,7 +75,7 @@ class SocketcandServer(TcpServer):
     def _send(self, text: str, count: int) -> None:
         with self._sending:
             clients = list(self._raw)
-            if not clients:
+            if not clients or not count:
                 return
             self._wire.streamed(count * len(clients))
             data = text.encode("ascii")
@@ -124,7 +136,8 @@ class SocketcandServer(TcpServer):
             self._say(client, "< error malformed frame >")
             return
         with self._lock:
-            drops = self._tap.arrives(identifier, data, self._received, self._clock.now())
+            receive = partial(self._received, identifier, data)
+            drops = self._tap.arrives(frame_name(identifier), receive, self._clock.now())
         if drops:
             self.drop_all()
 
