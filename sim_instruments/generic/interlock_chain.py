@@ -11,13 +11,12 @@ from typing import ClassVar
 
 from sim_instruments.faults.lasting import CONTACTS, ChainOpen
 from sim_instruments.instrument import Setting
-from sim_instruments.wire.requests import LineInstrument
 from sim_instruments.wire.scpi_device import ScpiDevice
 
 FIRMWARE = "1.0"
 
 
-class InterlockChain(LineInstrument, ScpiDevice):
+class InterlockChain(ScpiDevice):
     """The chain of the simulated laboratory: closed unless a fault opens a contact."""
 
     model = "interlock chain reader"
@@ -40,7 +39,3 @@ class InterlockChain(LineInstrument, ScpiDevice):
             if isinstance(fault, ChainOpen) and fault.lasts(now_s)
         }
         return [name for name in CONTACTS if name in opened]
-
-    def _line(self, line: bytes) -> bytes:
-        reply = self.execute(line.decode("ascii", "replace").strip())
-        return b"" if reply is None else reply.encode("ascii") + b"\n"

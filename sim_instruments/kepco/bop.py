@@ -22,7 +22,6 @@ from sim_instruments.faults.lasting import (
 from sim_instruments.instrument import Setting
 from sim_instruments.kepco.output import Output, add_limit_commands, scientific
 from sim_instruments.kepco.output_list import ListMemory, add_list_commands
-from sim_instruments.wire.requests import LineInstrument
 from sim_instruments.wire.scpi import Handler, ScpiError, boolean, choice, number, one
 from sim_instruments.wire.scpi import whole_number as whole
 from sim_instruments.wire.scpi_device import ScpiDevice
@@ -35,7 +34,7 @@ FUNCTIONS = {"VOLT": "VOLT", "VOLTAGE": "VOLT", "CURR": "CURR", "CURRENT": "CURR
 RANGES = {"1": 1, "4": 4}
 
 
-class KepcoBop(LineInstrument, ScpiDevice):
+class KepcoBop(ScpiDevice):
     """One supply, driving one coil of the simulated world.
 
     Truth (`simulator` mapping): `coil` (x, y, z), `gain_error` and `offset` of the output,

@@ -24,7 +24,6 @@ from sim_instruments.keysight.generator_33522b_channel import Channel
 from sim_instruments.keysight.generator_33522b_commands import add_channel_commands
 from sim_instruments.keysight.generator_33522b_wave import OWN_TEXTS, TRIPPED, Refusal
 from sim_instruments.truth import SimulationError, Truth
-from sim_instruments.wire.requests import LineInstrument
 from sim_instruments.wire.scpi import TEXTS, ErrorQueue, ScpiError
 from sim_instruments.wire.scpi_device import ScpiDevice
 from sim_instruments.world.base import TriggerLine
@@ -63,7 +62,7 @@ class WordedErrors(ErrorQueue):
         return str(self._entries.popleft()) if self._entries else '+0,"No error"'
 
 
-class Keysight33522B(LineInstrument, ScpiDevice):
+class Keysight33522B(ScpiDevice):
     """The generator, in whatever simulated world has coils to drive and a `trigger`.
 
     Truth (`simulator` mapping): by channel, 1 and 2, `coils` (x, y, z, gradient or none),
@@ -119,10 +118,6 @@ class Keysight33522B(LineInstrument, ScpiDevice):
         for channel in self._channels.values():
             channel.reset()
             channel.apply(self._clock.now())
-
-    def _line(self, line: bytes) -> bytes:
-        reply = self.execute(line.decode("ascii", "replace").strip())
-        return b"" if reply is None else reply.encode("ascii") + b"\n"
 
     def _complain(self, code: int, more: str) -> None:
         self._standard_event |= 16

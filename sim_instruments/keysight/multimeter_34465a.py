@@ -19,7 +19,7 @@ from sim_instruments.instrument import Setting
 from sim_instruments.keysight.multimeter_34465a_converter import Array, Converter
 from sim_instruments.keysight.multimeter_34465a_sense import Sense
 from sim_instruments.keysight.multimeter_34465a_trigger import TriggerSystem, add_trigger_commands
-from sim_instruments.wire.requests import LineInstrument, released
+from sim_instruments.wire.requests import released
 from sim_instruments.wire.scpi import ScpiError, boolean, choice, one, whole_number
 from sim_instruments.wire.scpi_device import ScpiDevice
 
@@ -31,7 +31,7 @@ MEMORY_OVERFLOW = 16384
 NOT_A_NUMBER = 9.91e37
 
 
-class Keysight34465A(LineInstrument, ScpiDevice):
+class Keysight34465A(ScpiDevice):
     """The meter, in whatever simulated world has something for it to measure.
 
     Truth (`simulator` mapping): see `Converter`.
@@ -88,10 +88,6 @@ class Keysight34465A(LineInstrument, ScpiDevice):
         if self._count() > MEMORY:
             self._readings = [np.concatenate(self._readings)[-MEMORY:]]
             self._overflowed = True
-
-    def _line(self, line: bytes) -> bytes:
-        reply = self.execute(line.decode("ascii", "replace").strip())
-        return b"" if reply is None else reply.encode("ascii") + b"\n"
 
     def _settings_changed(self) -> None:
         self._trigger.abort()

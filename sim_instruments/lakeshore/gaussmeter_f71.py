@@ -17,7 +17,6 @@ import numpy.typing as npt
 
 from sim_instruments.faults.lasting import Frozen, Overload
 from sim_instruments.instrument import Setting
-from sim_instruments.wire.requests import LineInstrument
 from sim_instruments.wire.scpi import ScpiError, boolean, choice, number, one, whole_number
 from sim_instruments.wire.scpi_device import ScpiDevice
 from sim_instruments.world.coils import AXES, small_rotation
@@ -43,7 +42,7 @@ class Readings:
         self.field_T = field_T
 
 
-class LakeshoreF71(LineInstrument, ScpiDevice):
+class LakeshoreF71(ScpiDevice):
     """The teslameter at the probe's place in the simulated world.
 
     Truth (`simulator` mapping): `noise_per_sample` (rms of one 10 ms sample of one axis),
@@ -53,6 +52,7 @@ class LakeshoreF71(LineInstrument, ScpiDevice):
 
     model = "Lake Shore F71"
 
+    reply_end = b"\r\n"
     lasting_faults: ClassVar = (Frozen.kind, Overload.kind)
 
     def __init__(self, setting: Setting) -> None:
@@ -91,54 +91,51 @@ class LakeshoreF71(LineInstrument, ScpiDevice):
         self._collect()
         self._buffer = []
 
-    def _line(self, line: bytes) -> bytes:
-        reply = self.execute(line.decode("ascii", "replace").strip())
-        return b"" if reply is None else reply.encode("ascii") + b"\r\n"
-
     def _add_commands(self) -> None:
-        add, answer = self.tree.add, self._answer
-        add("SENSe:MODE", self._set_mode)
-        add("SENSe:MODE?", answer(lambda: self._mode))
-        add("SENSe:AVERage:COUNt", self._set_averaging)
-        add("SENSe:AVERage:COUNt?", answer(lambda: str(self._averaged)))
-        add("SENSe:RANGe[:UPPer]", self._set_range)
-        add("SENSe:RANGe[:UPPer]?", answer(lambda: f"{self._range_T:.6E}"))
-        add("SENSe:RANGe:AUTO", self._set_autorange)
-        add("SENSe:RANGe:AUTO?", answer(lambda: str(int(self._autorange))))
-        add("UNIT:FIELD", self._set_unit)
-        add("UNIT:FIELD?", answer(lambda: "TESLA" if self._unit_T == 1.0 else "GAUSS"))
-        add("FETCh[:SCALar]:DC?", self._fetch)
-        add("FETCh:BUFFer:DC?", answer(self._read_buffer))
-        add("FETCh:TEMPerature?", answer(lambda: f"{self._probe_degC:.3f}"))
-        add("PROBe:SNUMber?", answer(lambda: f'"{self._probe_serial}"'))
+        self.add_settings(
+            {
+                "SENSe:MODE": (self._set_mode, lambda: self._mode),
+                "SENSe:AVERage:COUNt": (self._set_averaging, lambda: str(self._averaged)),
+                "SENSe:RANGe[:UPPer]": (self._set_range, lambda: f"{self._range_T:.6E}"),
+                "SENSe:RANGe:AUTO": (self._set_autorange, lambda: str(int(self._autorange))),
+                "UNIT:FIELD": (
+                    self._set_unit,
+                    lambda: "TESLA" if self._unit_T == 1.0 else "GAUSS",
+                ),
+                "FETCh:BUFFer:DC": (None, self._read_buffer),
+                "FETCh:TEMPerature": (None, lambda: f"{self._probe_degC:.3f}"),
+                "PROBe:SNUMber": (None, lambda: f'"{self._probe_serial}"'),
+            }
+        )
+        self.tree.add("FETCh[:SCALar]:DC?", self._fetch)
 
-    def _set_mode(self, parameters: list[str]) -> None:
-        mode = choice(one(parameters), {"DC": "DC", "AC": "AC", "HIFR": "HIFR"})
+    def _set_mode(self, text: str) -> None:
+        mode = choice(text, {"DC": "DC", "AC": "AC", "HIFR": "HIFR"})
         self._collect()
         self._mode = mode
         self._start_window()
 
-    def _set_averaging(self, parameters: list[str]) -> None:
-        count = whole_number(one(parameters), 1, MOST_AVERAGED)
+    def _set_averaging(self, text: str) -> None:
+        count = whole_number(text, 1, MOST_AVERAGED)
         self._collect()
         self._averaged = count
         self._start_window()
 
-    def _set_range(self, parameters: list[str]) -> None:
-        wanted = number(one(parameters))
+    def _set_range(self, text: str) -> None:
+        wanted = number(text)
         fitting = [each for each in RANGES_T if abs(wanted) <= each * (1 + 1e-9)]
         if not fitting:
             raise ScpiError(-222)
         self._collect()
         self._range_T, self._autorange = fitting[0], False
 
-    def _set_autorange(self, parameters: list[str]) -> None:
-        on = boolean(one(parameters))
+    def _set_autorange(self, text: str) -> None:
+        on = boolean(text)
         self._collect()
         self._autorange = on
 
-    def _set_unit(self, parameters: list[str]) -> None:
-        unit = choice(one(parameters), {"TESLA": "T", "T": "T", "GAUSS": "G", "G": "G"})
+    def _set_unit(self, text: str) -> None:
+        unit = choice(text, {"TESLA": "T", "T": "T", "GAUSS": "G", "G": "G"})
         self._unit_T = 1.0 if unit == "T" else 1e-4
 
     def _fetch(self, parameters: list[str]) -> str:

@@ -6,11 +6,11 @@ leaves an error in the queue, the trigger status is TD whenever no source is arm
 pin reads 1, a pin that is no output cannot be set, values come as `{0.123456,…}`. Systems before
 2.00-30 know no `ACQ:DEC:F`, before 2.00-15 no `ACQ:TRIG:FILL?`, and before 2.00 `DATA:STA:N?` in
 the place of `DATA:START:N?`. DIO0_N drives the bench's trigger and DIO0_P listens to it. Input 1
-is at the world's detector, input 2 is open. The
-sampling begins anew with each arming and is not in step with the trigger; the pointer kept at the
-trigger is that of the value being taken then, on systems before 2.05 that of the last one before
-it; each stored value is the mean of the values since the one before, here the input in the middle
-of that time. Assumed: 20 us for each value that is read out.
+is at the world's detector, input 2 is open. The sampling begins anew with each arming and is not in
+step with the trigger; the pointer kept at the trigger is that of the value being taken then, on
+systems before 2.05 that of the last one before it; each stored value is the mean of the values
+since the one before, here the input in the middle of that time. Assumed: 20 us for each value that
+is read out.
 """
 
 from __future__ import annotations
@@ -26,18 +26,10 @@ import numpy.typing as npt
 from sim_instruments.faults.lasting import NoTrigger, Overload
 from sim_instruments.instrument import Setting
 from sim_instruments.truth import SimulationError
-from sim_instruments.wire.requests import LineInstrument, released
+from sim_instruments.wire.requests import released
 from sim_instruments.wire.scpi import ScpiError, choice, whole_number
 from sim_instruments.wire.scpi_device import ScpiDevice
 from sim_instruments.world.base import TriggerLine
-
-# How a Red Pitaya samples: a ring of 16384 values that an edge stops after a counted delay.
-#
-# From the maker's gateware: the sampling begins anew with each arming and is not in step with the
-# trigger; the pointer kept at the trigger is that of the value being taken then, on systems before
-# 2.05 that of the last one before it; each stored value is the mean of the values since the one
-# before. Here it is the input in the middle of that time.
-
 
 Array = npt.NDArray[np.float64]
 Numbers = npt.NDArray[np.int64]
@@ -47,6 +39,15 @@ SLOTS = 16384
 HALF = SLOTS // 2
 SYNCHRONISED_S = 5 / CONVERTER_HZ
 """From an edge at the input to the trigger: three clocks to synchronise it, two to make it one."""
+CLASSIC = (1, 8, 64, 1024, 8192, 65536)
+POWERS = tuple(2**power for power in range(17))
+LARGEST_DECIMATION = 65536
+FULL_SCALE_V = {"LV": 1.0, "HV": 20.0}
+LARGEST_CODE = 8191
+OUTPUT, LOOP = "DIO0_N", "DIO0_P"
+PINS = {f"DIO{number}_{side}": f"DIO{number}_{side}" for side in "PN" for number in range(8)}
+SOURCES = {name: name for name in ("DISABLED", "NOW", "EXT_PE", "EXT_NE")}
+TELLING_S = 20e-6
 
 
 @dataclass
@@ -102,17 +103,6 @@ class Capture:
         return np.asarray(self.began_s + (numbers + 0.5) * self.interval_s)
 
 
-CLASSIC = (1, 8, 64, 1024, 8192, 65536)
-POWERS = tuple(2**power for power in range(17))
-LARGEST_DECIMATION = 65536
-FULL_SCALE_V = {"LV": 1.0, "HV": 20.0}
-LARGEST_CODE = 8191
-OUTPUT, LOOP = "DIO0_N", "DIO0_P"
-PINS = {f"DIO{number}_{side}": f"DIO{number}_{side}" for side in "PN" for number in range(8)}
-SOURCES = {name: name for name in ("DISABLED", "NOW", "EXT_PE", "EXT_NE")}
-TELLING_S = 20e-6
-
-
 @runtime_checkable
 class DetectorWorld(Protocol):
     """A world with a detector at the first input."""
@@ -122,7 +112,7 @@ class DetectorWorld(Protocol):
         ...
 
 
-class RedPitaya(LineInstrument, ScpiDevice):
+class RedPitaya(ScpiDevice):
     """The board, in whatever simulated world has a detector (`detector_V`) and a `trigger`.
 
     Truth (`simulator` mapping): `os_version` (2.05-37), `jumper` (where those of the inputs are
@@ -133,6 +123,7 @@ class RedPitaya(LineInstrument, ScpiDevice):
     model = "Red Pitaya STEMlab 125-14"
     at_once = False
 
+    reply_end = b"\r\n"
     lasting_faults: ClassVar = (Overload.kind, NoTrigger.kind)
 
     def __init__(self, setting: Setting) -> None:
@@ -157,20 +148,22 @@ class RedPitaya(LineInstrument, ScpiDevice):
         """The pins that are outputs, and whether each is high."""
         self._reset_acquisition()
         self._add_acquisition()
-        self._add_reading()
         self.tree.add("DIG:PIN", self._set_pin)
         self.tree.add("DIG:PIN?", self._pin)
         self.tree.add("DIG:PIN:DIR", self._set_direction)
         self.tree.add("DIG:PIN:DIR?", lambda given: "OUT" if pin(given) in self._outputs else "IN")
         self.begin_to_serve(setting, self._lock)
 
+    @staticmethod
+    def only(parameters: list[str]) -> str:
+        """Return the only parameter; ScpiError -109 otherwise, also with more."""
+        if len(parameters) != 1:
+            raise ScpiError(-109)
+        return parameters[0]
+
     def energised(self) -> bool:
         """Return whether its trigger output is high."""
         return self._outputs.get(OUTPUT, False)
-
-    def _line(self, line: bytes) -> bytes:
-        reply = self.execute(line.decode("ascii", "replace").strip())
-        return b"" if reply is None else reply.encode("ascii") + b"\r\n"
 
     def _reset_acquisition(self) -> None:
         self._decimation, self._averages, self._delay = 1, True, HALF
@@ -180,41 +173,33 @@ class RedPitaya(LineInstrument, ScpiDevice):
         self._capture = Capture(self._clock.now(), 1.0, 0, HALF, stopped_s=self._clock.now())
 
     def _add_acquisition(self) -> None:
-        add, answer, do = self.tree.add, self._answer, self._do
-        names = {"VOLTS": "VOLTS"}
-        add("ACQ:RST", do(self._reset_acquisition))
-        add("ACQ:START", do(self._arm))
-        add("ACQ:STOP", do(self._stop))
-        add("ACQ:DEC", self._set_decimation)
-        add("ACQ:DEC?", answer(lambda: str(self._decimation)))
+        volts, ascii_only = {"VOLTS": "VOLTS"}, {"ASCII": "ASCII"}
+        self.tree.add("ACQ:RST", self._do(self._reset_acquisition))
+        self.tree.add("ACQ:START", self._do(self._arm))
+        self.tree.add("ACQ:STOP", self._do(self._stop))
+        self.add_settings(
+            {
+                "ACQ:DEC": (self._set_decimation, lambda: str(self._decimation)),
+                "ACQ:AVG": (self._set_averaging, lambda: "ON" if self._averages else "OFF"),
+                "ACQ:DATA:UNITS": (lambda text: ignored(choice(text, volts)), lambda: "VOLTS"),
+                "ACQ:DATA:FORMAT": (lambda text: ignored(choice(text, ascii_only)), None),
+                "ACQ:TRIG": (self._set_source, None),
+                "ACQ:TRIG:STAT": (None, lambda: "TD" if self._source == "DISABLED" else "WAIT"),
+                "ACQ:TRIG:DLY": (self._set_delay, lambda: str(self._delay - HALF)),
+                "ACQ:WPOS": (None, lambda: str(self._pointer())),
+                "ACQ:TPOS": (None, lambda: str(self._pointer_at_trigger())),
+                "ACQ:BUF:SIZE": (None, lambda: str(SLOTS)),
+                "ACQ:SOUR1:GAIN": (partial(self._set_gain, "1"), lambda: self._gains["1"]),
+                "ACQ:SOUR2:GAIN": (partial(self._set_gain, "2"), lambda: self._gains["2"]),
+            }
+        )
         if self._version >= (2, 0, 30):
-            add("ACQ:DEC:Factor", self._set_factor)
-            add("ACQ:DEC:Factor?", answer(lambda: str(self._decimation)))
-        add("ACQ:AVG", self._set_averaging)
-        add("ACQ:AVG?", answer(lambda: "ON" if self._averages else "OFF"))
-        add("ACQ:DATA:UNITS", lambda given: ignored(choice(only(given), names)))
-        add("ACQ:DATA:UNITS?", answer(lambda: "VOLTS"))
-        add("ACQ:DATA:FORMAT", lambda given: ignored(choice(only(given), {"ASCII": "ASCII"})))
-        add("ACQ:TRIG", self._set_source)
-        add("ACQ:TRIG:STAT?", answer(lambda: "TD" if self._source == "DISABLED" else "WAIT"))
-        add("ACQ:TRIG:DLY", self._set_delay)
-        add("ACQ:TRIG:DLY?", answer(lambda: str(self._delay - HALF)))
+            self.add_settings({"ACQ:DEC:Factor": (self._set_factor, lambda: str(self._decimation))})
         if self._version >= (2, 0, 15):
-            add(
-                "ACQ:TRIG:FILL?", answer(lambda: str(int(self._capture.is_full(self._clock.now()))))
-            )
-
-    def _add_reading(self) -> None:
-        add, answer = self.tree.add, self._answer
-        add("ACQ:WPOS?", answer(lambda: str(self._pointer())))
-        add("ACQ:TPOS?", answer(lambda: str(self._pointer_at_trigger())))
-        add("ACQ:BUF:SIZE?", answer(lambda: str(SLOTS)))
+            self.add_settings({"ACQ:TRIG:FILL": (None, self._is_full)})
         start = "START" if self._version >= (2, 0, 0) else "STA"
         for channel in ("1", "2"):
-            header = f"ACQ:SOUR{channel}"
-            add(f"{header}:GAIN", partial(self._set_gain, channel))
-            add(f"{header}:GAIN?", answer(partial(self._gain_of, channel)))
-            add(f"{header}:DATA:{start}:N?", partial(self._tell, channel))
+            self.tree.add(f"ACQ:SOUR{channel}:DATA:{start}:N?", partial(self._tell, channel))
 
     # The capture.
 
@@ -237,34 +222,34 @@ class RedPitaya(LineInstrument, ScpiDevice):
         self._capture.trigger(time_s)
         self._source = "DISABLED"
 
-    def _set_source(self, given: list[str]) -> None:
-        self._source = choice(only(given), SOURCES)
+    def _set_source(self, text: str) -> None:
+        self._source = choice(text, SOURCES)
         if self._source == "NOW":
             self._trigger(self._clock.now())
 
-    def _set_decimation(self, given: list[str]) -> None:
-        value = whole_number(only(given), 1, LARGEST_DECIMATION)
+    def _set_decimation(self, text: str) -> None:
+        value = whole_number(text, 1, LARGEST_DECIMATION)
         if value not in (CLASSIC if self._version < (1, 4, 0) else POWERS):
             raise ScpiError(-224)
         self._decimation = value
 
-    def _set_factor(self, given: list[str]) -> None:
-        value = whole_number(only(given), 1, LARGEST_DECIMATION)
+    def _set_factor(self, text: str) -> None:
+        value = whole_number(text, 1, LARGEST_DECIMATION)
         if value < 16 and value not in POWERS:
             raise ScpiError(-224)
         self._decimation = value
 
-    def _set_averaging(self, given: list[str]) -> None:
-        self._averages = choice(only(given), {"ON": "ON", "OFF": "OFF"}) == "ON"
+    def _set_averaging(self, text: str) -> None:
+        self._averages = choice(text, {"ON": "ON", "OFF": "OFF"}) == "ON"
 
-    def _set_delay(self, given: list[str]) -> None:
-        self._delay = max(whole_number(only(given), -(2**31), 2**31 - 1) + HALF, 0)
+    def _set_delay(self, text: str) -> None:
+        self._delay = max(whole_number(text, -(2**31), 2**31 - 1) + HALF, 0)
 
-    def _set_gain(self, channel: str, given: list[str]) -> None:
-        self._gains[channel] = choice(only(given), {name: name for name in FULL_SCALE_V})
+    def _set_gain(self, channel: str, text: str) -> None:
+        self._gains[channel] = choice(text, {name: name for name in FULL_SCALE_V})
 
-    def _gain_of(self, channel: str) -> str:
-        return self._gains[channel]
+    def _is_full(self) -> str:
+        return str(int(self._capture.is_full(self._clock.now())))
 
     # What is told of it.
 
@@ -344,16 +329,9 @@ class RedPitaya(LineInstrument, ScpiDevice):
         return "1"
 
 
-def only(given: list[str]) -> str:
-    """Return the only parameter; ScpiError -109 otherwise."""
-    if len(given) != 1:
-        raise ScpiError(-109)
-    return given[0]
-
-
 def pin(given: list[str]) -> str:
     """Return the pin that is meant."""
-    return choice(only(given), PINS)
+    return choice(RedPitaya.only(given), PINS)
 
 
 def ignored(value: str) -> None:

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from typing import ClassVar
 
+from sim_instruments.wire.requests import LineInstrument
 from sim_instruments.wire.scpi import CommandTree, ErrorQueue, Handler, ScpiError, none, one
 from sim_instruments.wire.scpi import whole_number as whole
 
 REMEMBERED_MESSAGES = 4096
+Value = tuple[Callable[[str], None] | None, Callable[[], str] | None]
+"""What takes the parameter of a header, and what gives the answer to its query."""
 
 
 class StatusGroup:
@@ -44,10 +48,11 @@ class StatusGroup:
         self._event = 0
 
 
-class ScpiDevice:
+class ScpiDevice(LineInstrument):
     """The IEEE 488.2 commands, the status groups and the error queue of one instrument."""
 
     error_queue_depth = 20
+    reply_end: ClassVar[bytes] = b"\n"
 
     def __init__(self, identity: str) -> None:
         self.identity = identity
@@ -94,6 +99,22 @@ class ScpiDevice:
             if reply is not None:
                 replies.append(reply)
         return ";".join(replies) if replies else None
+
+    def _line(self, line: bytes) -> bytes:
+        reply = self.execute(line.decode("ascii", "replace").strip())
+        return b"" if reply is None else reply.encode("ascii") + self.reply_end
+
+    def add_settings(self, settings: Mapping[str, Value], *roots: str) -> None:
+        """Add headers, behind each of the `roots` where there are any, that hold one value.
+
+        Each is set by its only parameter and asked for without one; None where it cannot be.
+        """
+        for root in roots or ("",):
+            for header, (take, give) in settings.items():
+                if take is not None:
+                    self.tree.add(root + header, self._taking(take))
+                if give is not None:
+                    self.tree.add(f"{root}{header}?", self._answer(give))
 
     def refuse(self, code: int) -> None:
         """Put an error into the queue and its class into the standard event register."""
@@ -157,6 +178,14 @@ class ScpiDevice:
             return reply()
 
         return handler
+
+    def _taking(self, take: Callable[[str], None]) -> Handler:
+        return lambda parameters: take(self.only(parameters))
+
+    @staticmethod
+    def only(parameters: list[str]) -> str:
+        """Return the only parameter; ScpiError -109 without one, -108 with more."""
+        return one(parameters)
 
     @staticmethod
     def _do(act: Callable[[], None]) -> Handler:
