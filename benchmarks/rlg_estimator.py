@@ -31,7 +31,7 @@ from cases import print_cases
 
 from procedures.rlg_magnetic_sensitivity.analysis import analyse
 from procedures.rlg_magnetic_sensitivity.dataset import RlgDataset, Segment
-from procedures.rlg_magnetic_sensitivity.drive import Drive
+from procedures.rlg_magnetic_sensitivity.frequencies import Drive
 
 Array = NDArray[np.float64]
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from sabotage import Made
 
-from procedures.estimation.drift import legendre_columns
+from procedures.estimation.sine import legendre_columns
 
 Array = NDArray[np.float64]
 

@@ -12,7 +12,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from procedures.estimation.drift import legendre_columns
 from procedures.estimation.linear import combine
 from procedures.estimation.orthogonal import (
     choose_by_information,
@@ -21,6 +20,7 @@ from procedures.estimation.orthogonal import (
     solve_by_qr,
     thin_qr,
 )
+from procedures.estimation.sine import legendre_columns
 
 from .dataset import Rows
 from .model import COEFFICIENTS, accelerations_by_angle, model_columns, model_columns_by_angle

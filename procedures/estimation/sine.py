@@ -1,4 +1,4 @@
-"""Sines of known frequency, and the frequency of a sine found in its own record."""
+"""Lines of a record: sines at given frequencies, drift beside them, the published spectrum."""
 
 from __future__ import annotations
 
@@ -7,14 +7,41 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from .drift import legendre_columns
-from .linear import least_squares
+from procedures.estimation.linear import least_squares
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 _MOST_TURNS = 2**21
 """Phase factors that are in memory at once: 32 MB."""
+
+
+def legendre_columns(time_s: Array, order: int, start_s: float, stop_s: float) -> Array:
+    """Return the Legendre polynomials 0..order over start..stop as columns (n, order + 1)."""
+    half_s = 0.5 * (stop_s - start_s) or 1.0
+    scaled = (time_s - 0.5 * (start_s + stop_s)) / half_s
+    columns = np.empty((len(scaled), order + 1))
+    columns[:, 0] = 1.0
+    if order >= 1:
+        columns[:, 1] = scaled
+    for n in range(2, order + 1):
+        previous, before = columns[:, n - 1], columns[:, n - 2]
+        columns[:, n] = ((2 * n - 1) * scaled * previous - (n - 1) * before) / n
+    return columns
+
+
+def drift_order(sum_of_squares: Array, samples: int, penalty: float) -> int:
+    """Choose the drift order from the sums of squares of the orders 0, 1, 2 ... .
+
+    The rule is the Bayesian information criterion with `penalty` times its usual charge of ln(n)
+    per coefficient. The sums must come from whitened data: on coloured noise a plain sum of
+    squares takes the noise's own wandering for drift. With penalty 1 a constant white record is
+    called drifting once in about 100 times, with penalty 2 once in some thousands.
+    """
+    smallest = np.finfo(np.float64).tiny
+    orders = np.arange(len(sum_of_squares))
+    criterion = samples * np.log(np.maximum(sum_of_squares, smallest) / samples)
+    return int(np.argmin(criterion + penalty * orders * np.log(samples)))
 
 
 def line_columns(time_s: Array, frequency_Hz: Sequence[float]) -> Array:
@@ -107,3 +134,73 @@ def refine_frequency(
         if abs(step) * half_s < 1e-9:
             break
     return frequency, uncertainty
+
+
+def amplitude_spectrum(samples: Array, interval_s: float) -> tuple[Array, Array]:
+    """Return frequencies k/T in Hz and amplitudes 2|X[k]|/N, for k = 0..N/2.
+
+    X[k] = sum x[n] exp(-2 pi j k n / N). The published ordinate doubles every line; the two lines
+    that have no mirror image (k = 0 and k = N/2) are not doubled here, and the axis ends at N/2,
+    where the mirror images begin.
+    """
+    count = len(samples)
+    amplitudes = 2.0 * np.abs(np.fft.rfft(samples)) / count
+    amplitudes[0] *= 0.5
+    if count % 2 == 0:
+        amplitudes[-1] *= 0.5
+    return np.arange(len(amplitudes)) / (count * interval_s), amplitudes
+
+
+def nearest_lines(samples: int, interval_s: float, wanted_Hz: float) -> range:
+    """Return the k of the line nearest to `wanted_Hz` and its two neighbours.
+
+    Empty where that line is not on the axis or is the mean; the mean (k = 0) is never among them.
+    """
+    top = samples // 2
+    nearest = int(np.floor(wanted_Hz * samples * interval_s + 0.5))
+    if samples < 4 or nearest < 1 or nearest > top:
+        return range(0)
+    return range(max(nearest - 1, 1), min(nearest + 1, top) + 1)
+
+
+class LineSums:
+    """The amplitudes of some lines of a long record's spectrum, summed up piece by piece."""
+
+    def __init__(self, samples: int, lines: Sequence[int]) -> None:
+        self._samples = samples
+        self._lines = lines
+        self._sums = np.zeros(len(lines), dtype=np.complex128)
+        self._counted = 0
+
+    def add(self, samples: Array) -> None:
+        """Take the next samples of the record."""
+        places = np.arange(self._counted, self._counted + len(samples), dtype=np.int64)
+        for number, k in enumerate(self._lines):
+            turn = (places * k % self._samples) * (-2.0 * np.pi / self._samples)
+            self._sums[number] += complex(
+                np.einsum("i,i->", samples, np.cos(turn)), np.einsum("i,i->", samples, np.sin(turn))
+            )
+        self._counted += len(samples)
+
+    def peak(self) -> float | None:
+        """Return the largest amplitude 2|X[k]|/N; None where there is no line or no whole record.
+
+        The line k = N/2 is not doubled.
+        """
+        if not len(self._lines) or self._counted != self._samples:
+            return None
+        whole = np.array([1.0 if 2 * k == self._samples else 2.0 for k in self._lines])
+        return float(np.max(whole * np.abs(self._sums)) / self._samples)
+
+
+def peak_near(frequency_Hz: Array, amplitude: Array, wanted_Hz: float) -> float | None:
+    """Return the largest amplitude on the line nearest to `wanted_Hz` and its two neighbours.
+
+    None when that line is not on the axis or is the mean. The mean (k = 0) is never a candidate.
+    """
+    if len(frequency_Hz) < 3:
+        return None
+    nearest = int(np.floor(wanted_Hz / frequency_Hz[1] + 0.5))
+    if nearest < 1 or nearest > len(amplitude) - 1:
+        return None
+    return float(np.max(amplitude[max(nearest - 1, 1) : nearest + 2]))

@@ -106,7 +106,7 @@ def warm_up(run: Run) -> None:
     """
     import numpy as np
 
-    from procedures.estimation.slope import slope_with_uncertainty
+    from procedures.estimation.linear import slope_with_uncertainty
 
     rule = run.parameters.warm_up
     work = work_of(run)

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from procedures.estimation.robust import robust_sigma
+from procedures.estimation.linear import robust_sigma
 from station.findings import Flag, contradiction
 
 from .axis_fit import AxisFit

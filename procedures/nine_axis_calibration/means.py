@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import chdtri, fdtri
 
+from procedures.estimation.linear import robust_sigma
 from procedures.estimation.noise import Index, fit_autoregression, grid_index
-from procedures.estimation.robust import robust_sigma
 
 from .dataset import Array, Mask
 

@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.stats import chi2
 
+from procedures.estimation.linear import robust_sigma
 from procedures.estimation.noise import grid_index
-from procedures.estimation.robust import robust_sigma
 
 from .dataset import Array, Mask, TurnRecord
 from .encoder import Encoder, unwrap, without_graduation

@@ -9,9 +9,7 @@ from scipy.special import stdtrit
 
 from procedures.estimation.allan import AllanDeviation, allan_deviation, noise_coefficients
 from procedures.estimation.noise import grid_index
-from station.findings import Estimate, Flag, Published, undetermined
-
-from .checks import (
+from procedures.rlg_magnetic_sensitivity.checks import (
     beat_flags,
     collisions,
     condition_flags,
@@ -19,7 +17,7 @@ from .checks import (
     overtone_flags,
     recorder_findings,
 )
-from .dataset import (
+from procedures.rlg_magnetic_sensitivity.dataset import (
     AXES,
     METHOD,
     QUANTITY,
@@ -32,11 +30,23 @@ from .dataset import (
     Segment,
     SegmentDetail,
 )
-from .field import FieldFit, fit_field
-from .flags import cross_axis_flags, drive_flags, field_flags, record_flags, result_flags
-from .gyro import GyroFit, fit_gyro, plotted_spectrum, published_value
-from .response import Observed, Response, in_doubt, solve
-from .steadiness import steadiness_flags
+from procedures.rlg_magnetic_sensitivity.field import FieldFit, fit_field
+from procedures.rlg_magnetic_sensitivity.flags import (
+    cross_axis_flags,
+    drive_flags,
+    field_flags,
+    record_flags,
+    result_flags,
+)
+from procedures.rlg_magnetic_sensitivity.gyro import (
+    GyroFit,
+    fit_gyro,
+    plotted_spectrum,
+    published_value,
+)
+from procedures.rlg_magnetic_sensitivity.response import Observed, Response, in_doubt, solve
+from procedures.rlg_magnetic_sensitivity.steadiness import steadiness_flags
+from station.findings import Estimate, Flag, Published, undetermined
 
 MOST_IN_DOUBT = 0.5
 

@@ -9,20 +9,20 @@ from dataclasses import dataclass
 import numpy as np
 
 from procedures.estimation.noise import grid_index
-from procedures.estimation.quantisation import Beat, find_beat, folded_Hz
 from procedures.estimation.recorder import (
+    Beat,
+    find_beat,
+    folded_Hz,
     largest_jump,
     piled_up,
     repeated_rows,
     resolution,
     stuck_rows,
 )
-from station.findings import Flag, contradiction
-
-from .dataset import AXES, LineDetail, Segment, SegmentDetail
-from .field import FieldFit
-from .flags import recorded_span_s
-from .frequencies import (
+from procedures.rlg_magnetic_sensitivity.dataset import AXES, LineDetail, Segment, SegmentDetail
+from procedures.rlg_magnetic_sensitivity.field import FieldFit
+from procedures.rlg_magnetic_sensitivity.flags import recorded_span_s
+from procedures.rlg_magnetic_sensitivity.frequencies import (
     FEWEST_CYCLES,
     FREQUENCY_RANGE_HZ,
     LARGEST_CYCLES_PER_SAMPLE,
@@ -30,7 +30,8 @@ from .frequencies import (
     second_order,
     third_order,
 )
-from .gyro import GyroFit
+from procedures.rlg_magnetic_sensitivity.gyro import GyroFit
+from station.findings import Flag, contradiction
 
 AMPLITUDE_RANGE_MT = (0.1, 2.0)
 EARTH_RATE_DEG_PER_H = 15.041

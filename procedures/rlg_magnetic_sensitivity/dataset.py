@@ -10,9 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from procedures.estimation.allan import AllanDeviation, NoiseCoefficients
+from procedures.rlg_magnetic_sensitivity.frequencies import LARGEST_UNDRIVEN, Drive
 from station.findings import Analysis
-
-from .drive import LARGEST_UNDRIVEN, Drive
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]

@@ -7,21 +7,19 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from procedures.estimation.drift import legendre_columns
 from procedures.estimation.flags import SEEN
-from procedures.estimation.linear import combine, least_squares
+from procedures.estimation.linear import combine, least_squares, robust_sigma
 from procedures.estimation.recorder import resolution
-from procedures.estimation.robust import robust_sigma
 from procedures.estimation.sine import (
     averaging_factor,
     coarse_frequency,
+    legendre_columns,
     line_columns,
     phasors,
     refine_frequency,
 )
-
-from .dataset import AXES, Array, Complex, Mask, Segment
-from .drive import Drive
+from procedures.rlg_magnetic_sensitivity.dataset import AXES, Array, Complex, Mask, Segment
+from procedures.rlg_magnetic_sensitivity.frequencies import Drive
 
 _DRIFT_ORDER = 2
 _OUTLIER = 8.0

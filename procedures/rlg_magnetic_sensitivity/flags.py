@@ -9,13 +9,20 @@ from dataclasses import replace
 import numpy as np
 
 from procedures.estimation.flags import Gaps, excitation_flags, gaps_of, not_identifiable, too_stiff
-from procedures.estimation.grouping import loss
 from procedures.estimation.noise import grid_index
+from procedures.rlg_magnetic_sensitivity.dataset import (
+    AXES,
+    UNDRIVEN,
+    AnalysisSettings,
+    Averaged,
+    LineDetail,
+    Segment,
+    SegmentDetail,
+)
+from procedures.rlg_magnetic_sensitivity.field import FieldFit
+from procedures.rlg_magnetic_sensitivity.frequencies import loss
+from procedures.rlg_magnetic_sensitivity.gyro import missing_rows
 from station.findings import Estimate, Flag
-
-from .dataset import AXES, UNDRIVEN, AnalysisSettings, Averaged, LineDetail, Segment, SegmentDetail
-from .field import FieldFit
-from .gyro import missing_rows
 
 MATTERS = 0.5
 """Of u: what an axis that was not driven may add before it is flagged."""

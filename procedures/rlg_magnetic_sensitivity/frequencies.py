@@ -1,17 +1,22 @@
-"""Frequencies for coils that are driven at once: no product of some may fall on another.
+"""What coils are driven with: frequencies none of whose products fall on another, and grouping.
 
 A gyro or a coil that is not quite linear answers at harmonics, sums and differences of what drives
 it. Those of second order are fitted beside the driven lines, so all must stand apart; those of
-third order are not, so none may fall on a driven line.
+third order are not, so none may fall on a driven line. What a long record is averaged to goes by
+its fastest line. No NumPy here: plans are validated by it.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from functools import lru_cache
 from itertools import combinations, product
 
+LARGEST_UNDRIVEN = 3.0
+"""deg/h/mT: what an axis that is not driven may have where nothing is stated. Published values of
+two-frequency gyros end there; those of four-frequency ones reach 100."""
 FREQUENCY_RANGE_HZ = (0.05, 0.2)
 FEWEST_CYCLES = 10
 LARGEST_CYCLES_PER_SAMPLE = 0.2
@@ -21,7 +26,20 @@ APART = 2.0
 GRID_HZ = 0.01
 ROUNDING = 1e-6
 
+MOST_ROWS = 2**19
+"""A record with no more samples than this is taken as it is: 14.5 h at 0.1 s."""
+MOST_CYCLES = 0.1
+"""Of the fastest line in an averaged interval: the mean then takes 1.6 % of the line away."""
+
 Line = tuple[str, float]
+
+
+@dataclass(frozen=True)
+class Drive:
+    """Frequency and amplitude (a peak) of one coil axis; an amplitude of zero is a coil at rest."""
+
+    frequency_Hz: float
+    amplitude_mT: float
 
 
 def second_order(drive: Mapping[str, float]) -> Iterator[Line]:
@@ -148,3 +166,29 @@ def second_frequency_Hz(frequency_Hz: float, duration_s: float, interval_s: floa
 def with_first(axes: Sequence[str], frequency_Hz: float | None) -> tuple[Line, ...]:
     """Return what is decided by a frequency that belongs to the first axis."""
     return () if frequency_Hz is None else ((axes[0], frequency_Hz),)
+
+
+def group_size(samples: int, interval_s: float, highest_Hz: float) -> int:
+    """Return how many samples are averaged: 1 for a record that is short enough.
+
+    Never so many that the fastest line would suffer: a record that is longer still has more rows.
+    """
+    if samples <= MOST_ROWS:
+        return 1
+    allowed = MOST_CYCLES / max(highest_Hz * interval_s, MOST_CYCLES / samples)
+    return max(min(math.ceil(samples / MOST_ROWS), math.floor(allowed + 1e-9)), 1)
+
+
+def averaged_rows(samples: int, interval_s: float, highest_Hz: float) -> int:
+    """Return the rows that are left of a record."""
+    return math.ceil(samples / group_size(samples, interval_s, highest_Hz))
+
+
+def loss(group: int, interval_s: float, highest_Hz: float) -> float:
+    """Return the relative growth of the standard uncertainty of a line by averaging."""
+    return left(highest_Hz * interval_s) / left(highest_Hz * interval_s * group) - 1.0
+
+
+def left(cycles: float) -> float:
+    """Return the part of a line that a mean over so many of its cycles leaves."""
+    return math.sin(math.pi * cycles) / (math.pi * cycles) if cycles else 1.0

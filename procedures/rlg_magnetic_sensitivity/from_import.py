@@ -9,7 +9,7 @@ from pydantic import Field, ValidationInfo, field_validator
 
 from procedures.rlg_magnetic_sensitivity.averaged import shortened
 from procedures.rlg_magnetic_sensitivity.dataset import RlgDataset, Segment
-from procedures.rlg_magnetic_sensitivity.drive import LARGEST_UNDRIVEN, Drive
+from procedures.rlg_magnetic_sensitivity.frequencies import LARGEST_UNDRIVEN, Drive
 from procedures.rlg_magnetic_sensitivity.from_record import TO_MIDDLE
 from procedures.rlg_magnetic_sensitivity.parameters import Axis
 from station.fields import StrictModel, Unit

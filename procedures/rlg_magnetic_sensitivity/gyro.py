@@ -8,9 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import fdtrc
 
-from procedures.estimation.columns import Columns, Rows
-from procedures.estimation.drift import drift_order, legendre_columns
-from procedures.estimation.linear import least_squares
+from procedures.estimation.linear import Columns, Rows, least_squares, reject_outliers
 from procedures.estimation.noise import (
     LocalNoise,
     Periodogram,
@@ -21,12 +19,25 @@ from procedures.estimation.noise import (
     periodogram,
     whitened,
 )
-from procedures.estimation.robust import reject_outliers
-from procedures.estimation.sine import averaging_factor, line_columns, phasors
-from procedures.estimation.spectrum import amplitude_spectrum, peak_near
+from procedures.estimation.sine import (
+    amplitude_spectrum,
+    averaging_factor,
+    drift_order,
+    legendre_columns,
+    line_columns,
+    peak_near,
+    phasors,
+)
+from procedures.rlg_magnetic_sensitivity.dataset import (
+    QUANTITY,
+    UNIT,
+    AnalysisSettings,
+    Array,
+    Complex,
+    Mask,
+    Segment,
+)
 from station.findings import Published
-
-from .dataset import QUANTITY, UNIT, AnalysisSettings, Array, Complex, Mask, Segment
 
 
 @dataclass(frozen=True)

@@ -8,11 +8,11 @@ from typing import Annotated, Literal
 from pydantic import Field, ValidationInfo, field_validator
 
 from procedures.rlg_magnetic_sensitivity import frequencies
-from procedures.rlg_magnetic_sensitivity.drive import LARGEST_UNDRIVEN
 from procedures.rlg_magnetic_sensitivity.frequencies import (
     FEWEST_CYCLES,
     FREQUENCY_RANGE_HZ,
     LARGEST_CYCLES_PER_SAMPLE,
+    LARGEST_UNDRIVEN,
 )
 from station.fields import Hertz, StrictModel, Unit, WarmUpWindow
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from procedures.rlg_magnetic_sensitivity import frequencies
-from procedures.rlg_magnetic_sensitivity.drive import Drive
+from procedures.rlg_magnetic_sensitivity.frequencies import Drive
 from procedures.rlg_magnetic_sensitivity.parameters import RlgParameters
 
 Purpose = Literal["sensitivity", "linearity", "frequency", "background"]

@@ -12,11 +12,17 @@ from scipy.special import erfc, fdtrc
 from procedures.estimation.linear import least_squares
 from procedures.estimation.noise import LocalNoise, Periodogram, grid_index, periodogram
 from procedures.estimation.sine import line_columns, phasors
+from procedures.rlg_magnetic_sensitivity.dataset import (
+    AXES,
+    AnalysisSettings,
+    Array,
+    Complex,
+    RlgAnalysis,
+    Segment,
+)
+from procedures.rlg_magnetic_sensitivity.field import FieldFit
+from procedures.rlg_magnetic_sensitivity.gyro import GyroFit, fit_gyro
 from station.findings import Flag
-
-from .dataset import AXES, AnalysisSettings, Array, Complex, RlgAnalysis, Segment
-from .field import FieldFit
-from .gyro import GyroFit, fit_gyro
 
 MOST_BLOCKS = 12
 LEAST_CYCLES = 2.0

@@ -158,7 +158,7 @@ def warm_up(run: Run) -> None:
 
     Raises ConditionNotReached when |slope| + 2 u stays above the plan's limit for too long.
     """
-    from procedures.estimation.slope import slope_with_uncertainty
+    from procedures.estimation.linear import slope_with_uncertainty
     from procedures.rlg_magnetic_sensitivity.from_record import gyro_record
     from station.roles import GyroAcquisition
 

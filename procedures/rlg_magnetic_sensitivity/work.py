@@ -9,7 +9,7 @@ import math
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
-from procedures.estimation.grouping import averaged_rows
+from procedures.rlg_magnetic_sensitivity.frequencies import averaged_rows
 from procedures.rlg_magnetic_sensitivity.parameters import COIL_OF_AXIS, RlgParameters
 from procedures.rlg_magnetic_sensitivity.records import PlannedRecord, all_records
 from station import registry

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from procedures.rlg_magnetic_sensitivity.analysis import analyse
 from procedures.rlg_magnetic_sensitivity.dataset import AXES, RlgAnalysis, RlgDataset, Segment
-from procedures.rlg_magnetic_sensitivity.drive import Drive
+from procedures.rlg_magnetic_sensitivity.frequencies import Drive
 
 Array = NDArray[np.float64]
 SIGMA = 0.19  # deg/h in 0.1 s: 0.001 deg/sqrt(h)

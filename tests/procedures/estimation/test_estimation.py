@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from procedures.estimation.drift import drift_order, legendre_columns
-from procedures.estimation.linear import least_squares
+from procedures.estimation.linear import least_squares, reject_outliers, robust_sigma
 from procedures.estimation.noise import (
     LocalNoise,
     fit_autoregression,
@@ -17,15 +16,17 @@ from procedures.estimation.noise import (
     periodogram,
     whiten,
 )
-from procedures.estimation.robust import reject_outliers, robust_sigma
 from procedures.estimation.sine import (
+    amplitude_spectrum,
     averaging_factor,
     coarse_frequency,
+    drift_order,
+    legendre_columns,
     line_columns,
+    peak_near,
     phasors,
     refine_frequency,
 )
-from procedures.estimation.spectrum import amplitude_spectrum, peak_near
 
 
 def test_least_squares_agrees_with_the_library_and_counts_what_each_column_brings() -> None:

@@ -18,7 +18,7 @@ from serf_shots import Cell
 
 from procedures.accelerometer_magnetic_sensitivity.analysis import analyse as of_accelerometer
 from procedures.estimation.flags import LARGEST_ERROR
-from procedures.rlg_magnetic_sensitivity.drive import Drive
+from procedures.rlg_magnetic_sensitivity.frequencies import Drive
 from procedures.serf_nonorthogonality.analysis import analyse as of_cell
 from station.cli.analysing import analyse_data
 from station.findings import Flag

@@ -14,11 +14,11 @@ from rlg_records import analysed, codes, off_in_u, record
 from rlg_runs import short_run
 from shipped import shipped_bench
 
-from procedures.estimation.quantisation import find_beat, folded_Hz
+from procedures.estimation.recorder import find_beat, folded_Hz
 from procedures.rlg_magnetic_sensitivity.coils import coil_responses
 from procedures.rlg_magnetic_sensitivity.dataset import AXES, AnalysisSettings
-from procedures.rlg_magnetic_sensitivity.drive import Drive
 from procedures.rlg_magnetic_sensitivity.frequencies import (
+    Drive,
     choose,
     second_order,
     third_order,

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from rlg_records import TRUTH, analysed, off_in_u, record
 
 from procedures.rlg_magnetic_sensitivity.dataset import Segment
-from procedures.rlg_magnetic_sensitivity.drive import Drive
+from procedures.rlg_magnetic_sensitivity.frequencies import Drive
 from procedures.rlg_magnetic_sensitivity.spectrum_plot import spectrum
 
 Array = NDArray[np.float64]

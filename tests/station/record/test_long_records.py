@@ -13,15 +13,23 @@ from made_runs import SENSITIVITY, made_run
 from rlg_records import analysed, codes, off_in_u, record
 
 from procedures.estimation.alignment import MOST_KEPT, align, align_pieces
-from procedures.estimation.averaging import averaged_duration_s, group_means
-from procedures.estimation.columns import BLOCK_ROWS, Columns
-from procedures.estimation.grouping import MOST_ROWS, averaged_rows, group_size, loss
-from procedures.estimation.linear import least_squares
+from procedures.estimation.linear import BLOCK_ROWS, Columns, least_squares
 from procedures.estimation.noise import Autoregression, fit_autoregression, whiten, whitened
-from procedures.estimation.sine import coarse_frequency
-from procedures.estimation.spectrum import LineSums, amplitude_spectrum, nearest_lines, peak_near
-from procedures.rlg_magnetic_sensitivity.averaged import in_groups
-from procedures.rlg_magnetic_sensitivity.drive import Drive
+from procedures.estimation.sine import (
+    LineSums,
+    amplitude_spectrum,
+    coarse_frequency,
+    nearest_lines,
+    peak_near,
+)
+from procedures.rlg_magnetic_sensitivity.averaged import averaged_duration_s, group_means, in_groups
+from procedures.rlg_magnetic_sensitivity.frequencies import (
+    MOST_ROWS,
+    Drive,
+    averaged_rows,
+    group_size,
+    loss,
+)
 from station import registry
 from station.clock import VirtualClock
 from station.files.lookup import BENCHES, PLANS, find

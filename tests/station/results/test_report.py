@@ -11,9 +11,9 @@ import pytest
 
 from procedures.rlg_magnetic_sensitivity.analysis import analyse
 from procedures.rlg_magnetic_sensitivity.dataset import RlgDataset, Segment
-from procedures.rlg_magnetic_sensitivity.drive import Drive
 from procedures.rlg_magnetic_sensitivity.evaluate import to_findings
 from procedures.rlg_magnetic_sensitivity.figures import draw_parts
+from procedures.rlg_magnetic_sensitivity.frequencies import Drive
 from station.findings import Estimate, Findings, Flag, InputQuantity, Published
 from station.report.context import (
     InstrumentRow,
