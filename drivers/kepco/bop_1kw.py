@@ -59,15 +59,11 @@ class KepcoBop1kW(KepcoSupply):
     def _limit(self, header: str, value: float) -> None:
         """Set a limit on both sides and read it back."""
         self._line.command(f"{header} {value:.4f}")
-        answer = self._line.query(f"{header}?")
-        try:
-            sides = [float(text) for text in answer.split(",")]
-        except ValueError:
-            sides = []
+        sides = self._line.numbers(f"{header}?")
         if not sides or any(abs(abs(one) - value) > TOLERANCE * value for one in sides):
             raise self.error(
                 f"set {header} to {value:g}",
-                f"it reads back {answer!r}",
+                f"it reads back {', '.join(f'{one:g}' for one in sides)}",
                 "compare the bench file's limits with what the instrument can limit to",
             )
 

@@ -53,18 +53,26 @@ OTHER_ADDRESS = "check that the address in the bench file is its own"
 
 def number_of(instrument: str, message: str, answer: str) -> float:
     """Return the answer to a message as a finite number; anything else is InstrumentError."""
+    (value,) = numbers_of(instrument, message, [answer], "a number belongs")
+    return value
+
+
+def numbers_of(
+    instrument: str, message: str, parts: list[str], expected: str = "numbers belong"
+) -> list[float]:
+    """Return the parts of an answer as finite numbers; anything else is InstrumentError."""
     try:
-        value = float(answer)
+        values = [float(part) for part in parts]
     except ValueError:
-        value = math.nan
-    if not math.isfinite(value):
+        values = [math.nan]
+    if not all(map(math.isfinite, values)):
         raise InstrumentError(
             instrument,
             f"sent {message!r}",
-            f"{shortened(answer)!r} came back where a number belongs",
+            f"{shortened(','.join(parts))!r} came back where {expected}",
             "check the cable and that nobody else talks to the instrument",
         )
-    return value
+    return values
 
 
 def odd(

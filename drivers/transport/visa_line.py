@@ -17,7 +17,7 @@ import pyvisa
 from pydantic import Field
 from pyvisa import constants
 
-from drivers.transport.line import identification, number_of, shortened
+from drivers.transport.line import identification, number_of, numbers_of, shortened
 from drivers.transport.retry import NEVER, Repeatable
 from drivers.transport.serial_port import CONNECT_DEADLINE_S, Port, SocketPort
 from drivers.transport.text_line import TextLine
@@ -209,6 +209,11 @@ class ScpiLine(VisaLine):
     def number(self, message: str) -> float:
         """Return the answer to `message` as a finite number; anything else is InstrumentError."""
         return number_of(self._place.name, message, self.query(message))
+
+    def numbers(self, message: str) -> list[float]:
+        """Return the finite numbers of an answer, between commas; an empty answer has none."""
+        answer = self.query(message)
+        return numbers_of(self._place.name, message, answer.split(",") if answer else [])
 
 
 class ScpiDriver(Driver):
