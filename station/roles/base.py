@@ -167,6 +167,7 @@ def published(name: str, unit: str = "", states: States = None) -> Callable[[Rea
                 self.place.publish(name, word, unit)
             return value
 
+        reading.publishes = name, unit, states  # type: ignore[attr-defined]
         return cast("Read", reading)
 
     return decorate
@@ -180,7 +181,7 @@ def quantity(name: str, unit: str = "", states: States = None) -> Callable[[Read
 
     def decorate(read: Read) -> Read:
         reading = published(name, unit, states)(read)
-        reading.declares = name, states  # type: ignore[attr-defined]
+        reading.watched = True  # type: ignore[attr-defined]
         return reading
 
     return decorate
@@ -202,10 +203,9 @@ class Driver:
     def __init_subclass__(cls, **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)
         declared = {
-            name: partial(_in_words, method, states)
+            read.publishes[0]: partial(_in_words, method, read.publishes[2])
             for method, read in vars(cls).items()
-            for name, states in [getattr(read, "declares", ("", None))]
-            if name
+            if getattr(read, "watched", False)
         }
         cls.quantities = {**cls.quantities, **declared}
 

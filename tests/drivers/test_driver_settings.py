@@ -207,6 +207,16 @@ def test_an_interlock_on_what_a_driver_does_not_read_is_refused_in_the_same_word
                 assert faults == []
 
 
+@pytest.mark.parametrize("driver", DRIVERS)
+def test_what_a_method_publishes_is_in_the_unit_and_the_words_of_its_role(driver: str) -> None:
+    methods = (getattr(DRIVERS[driver], name) for name in dir(DRIVERS[driver]))
+    for name, unit, states in (one.publishes for one in methods if hasattr(one, "publishes")):
+        for role in roles_of(DRIVERS[driver]):
+            kind = kind_of(role, name)
+            assert kind.unit == unit
+            assert states is None or set(states) == set(kind.states)
+
+
 @pytest.mark.parametrize(("driver", "wired"), [("watlow-f4", 1), ("watlow-f4t", "2.2")])
 def test_a_quantity_that_no_setting_wires_is_refused_with_the_missing_setting(
     driver: str, wired: Any
