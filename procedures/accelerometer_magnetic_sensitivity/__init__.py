@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from station.procedure import Later, Procedure, ResultKind, Told, usual_modules
+from station.procedure import Later, Procedure, ResultKind, usual_modules
 
-from .check import check, instruments, records
-from .forecast import forecast
 from .parameters import AccelerometerParameters
-from .steps import STEPS, prompts, units
+from .steps import STEPS, prompts
+from .work import check, instruments, records, work
 
 UNITS = {
     **{"K0": "V", "Ki": "V/g", "Kii": "V/g^2", "Kiii": "V/g^3"},
@@ -31,7 +30,7 @@ PROCEDURE = Procedure(
     prompts=prompts,
     check=check,
     **usual_modules(__name__),
-    told=Told(units, forecast),
+    work=work,
     outlook=Later(f"{__name__}.outlook:outlook"),
     undetermined=Later(f"{__name__}.outlook:undetermined"),
     assumptions=(

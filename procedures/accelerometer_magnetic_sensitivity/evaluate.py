@@ -15,11 +15,11 @@ import numpy as np
 from station.findings import Findings, Flag, InputQuantity, findings_of
 
 from .analysis import analyse
-from .check import FULL_TURN_DEG, GAUSSMETER, MULTIMETER, STAGE, THERMOMETER
 from .dataset import AccelerometerDataset, AnalysisSettings
 from .from_import import dataset_of_import
 from .measuring import AXIS_COLUMN, T_PER_MT, finished_points
 from .parameters import AccelerometerParameters, Point
+from .work import FULL_TURN_DEG, GAUSSMETER, MULTIMETER, STAGE, THERMOMETER
 
 if TYPE_CHECKING:
     from station.dataset_reading import RawDataset

@@ -1,36 +1,84 @@
-"""One unit of work: turn to an angle, set a field, let both settle, read the output."""
+"""One unit of work: turn to an angle, set a field, let both settle, read the output.
+
+A meter that answers but measures no more reads the same number from point to point. Angle or field
+change from each point to the next, and every reading has noise: a reading that is the same to the
+last digit over several points is no measurement, and its fit would look perfect.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 from station.errors import ConditionNotReached, InstrumentError
 
-from .check import GAUSSMETER, MULTIMETER, STAGE, SUPPLY, THERMOMETER
 from .parameters import AccelerometerParameters, Point
-from .standing_still import StandingStill
+from .work import (
+    FIELD_LOOK_S,
+    GAUSSMETER,
+    MULTIMETER,
+    STAGE,
+    THERMOMETER,
+    angle_of,
+    burst_s,
+    field_of,
+    first_range,
+    rms_field_mT,
+)
 
 if TYPE_CHECKING:
     from station.runner.run import Run
 
 T_PER_MT = 1e-3
-LOOK_S = 0.25
-FIELD_LOOK_S = 0.5
-LONGEST_LOOK_S = 2.0
 AXIS_COLUMN = "x_T"
 """The probe's x stands along the coil's axis."""
-RANGE_HEADROOM = 1.5
 HIGHER_RANGE = 10.0
 MOST_RANGES = 3
-BURST_PATIENCE = 3.0
-LEAST_PATIENCE_S = 10.0
+POINTS = 3
+"""So many points in a row may not read the same."""
 STAGE_COLUMNS = {
     "angle_deg": "deg, the stage's encoder, at rest",
     "desired_deg": "deg, the angle that was commanded",
 }
+
+
+@dataclass
+class StandingStill:
+    """What a voltmeter and a gaussmeter read at the last points."""
+
+    outputs_V: list[set[float]] = field(default_factory=list)
+    commanded_mT: float = math.nan
+    measured_mT: float = math.nan
+
+    def output(self, instrument: str, unit: str, readings_V: set[float]) -> None:
+        """Take the readings of a point; raises InstrumentError where three points read the same."""
+        self.outputs_V = [*self.outputs_V[1 - POINTS :], readings_V]
+        if len(self.outputs_V) == POINTS and len(set().union(*self.outputs_V)) == 1:
+            raise InstrumentError(
+                instrument,
+                f"measured {unit}",
+                f"it reads {min(readings_V):.9g} V to the last digit for {POINTS} points",
+                "look at its display, its input and what triggers it, then run again",
+            )
+
+    def driven(
+        self, instrument: str, commanded_mT: float, measured_mT: float, least_mT: float
+    ) -> None:
+        """Take the field of a point; raises InstrumentError where it did not follow at all.
+
+        `least_mT` is the least change of the commanded field that must show.
+        """
+        changed = abs(commanded_mT - self.commanded_mT) > least_mT
+        if changed and measured_mT == self.measured_mT:
+            raise InstrumentError(
+                instrument,
+                f"looked for a field of {commanded_mT:g} mT",
+                f"it reads {measured_mT:.9g} mT as at {self.commanded_mT:g} mT, to the last digit",
+                "look at its display and its probe's cable, then run again",
+            )
+        self.commanded_mT, self.measured_mT = commanded_mT, measured_mT
 
 
 @dataclass
@@ -43,23 +91,21 @@ class Place:
     meters: StandingStill = field(default_factory=StandingStill)
 
 
-def measure(run: Run, point: Point, place: Place, said: str) -> None:
+def measure(run: Run, point: Point, said: str) -> None:
     """Measure one (plane, angle, field) point; one that an earlier process finished stays.
 
     `said` is how far the plan is, for the operator. Raises ConditionNotReached when the field does
     not settle, InstrumentError when an instrument fails.
     """
-    from station.roles import DirectCurrentSupply
-
     if run.is_finished(point.unit):
         return
+    parameters: AccelerometerParameters = run.parameters
+    place = run.state(Place)
     run.may_pause()
-    turn_to(run, point.angle_deg, place, said)
-    supply = run.role(SUPPLY, DirectCurrentSupply)
-    supply.ramp_to(point.field_mT / supply.coil_constant_mT_per_A)
-    measured_mT = settle(run, run.parameters, said)
-    least_mT = run.parameters.dwell.field_change_mT
-    place.meters.driven(GAUSSMETER, point.field_mT, measured_mT, least_mT)
+    turn_to(run, point, said)
+    run.apply(field_of(point.field_mT, rms_field_mT(parameters)))
+    measured_mT = settle(run, parameters, said)
+    place.meters.driven(GAUSSMETER, point.field_mT, measured_mT, parameters.dwell.field_change_mT)
     details = {
         "plane": point.plane,
         "angle_deg": point.angle_deg,
@@ -70,9 +116,9 @@ def measure(run: Run, point: Point, place: Place, said: str) -> None:
     with run.unit(point.unit, **details):
         record_angle(run, point)
         for _ in range(MOST_RANGES):
-            if not read_output(run, point.unit, said, place.meters):
+            if not read_output(run, point.unit, said):
                 return
-            widen(run, point.unit, place)
+            widen(run, point.unit)
         raise InstrumentError(
             MULTIMETER,
             f"measured {point.unit}",
@@ -81,26 +127,15 @@ def measure(run: Run, point: Point, place: Place, said: str) -> None:
         )
 
 
-def turn_to(run: Run, angle_deg: float, place: Place, said: str) -> None:
-    """Turn the stage to an angle and wait until it rests there; nothing moves where it does."""
-    from station.roles import RotaryStage
+def turn_to(run: Run, point: Point, said: str) -> None:
+    """Turn the stage to a point's angle and wait until it rests; nothing moves where it does."""
+    from station.runner.verbs import come_to_rest
 
-    if place.angle_deg == angle_deg:
-        return
-    stage = run.role(STAGE, RotaryStage)
-    stage.move_to(angle_deg)
-    wait_for_stage(run, f"{said}, turning to {angle_deg:g} deg")
-    place.angle_deg = angle_deg
-
-
-def wait_for_stage(run: Run, said: str) -> None:
-    """Wait until the stage rests; the driver raises InstrumentError when it never does."""
-    from station.roles import RotaryStage
-
-    stage = run.role(STAGE, RotaryStage)
-    while stage.is_moving():
-        run.clock.sleep(LOOK_S)
-        run.say_progress(said)
+    place = run.state(Place)
+    if place.angle_deg != point.angle_deg:
+        run.apply(angle_of(point))
+        come_to_rest(run, STAGE, f"{said}, turning to {point.angle_deg:g} deg")
+        place.angle_deg = point.angle_deg
 
 
 def settle(run: Run, parameters: AccelerometerParameters, said: str) -> float:
@@ -138,20 +173,17 @@ def settle(run: Run, parameters: AccelerometerParameters, said: str) -> float:
 
 def record_angle(run: Run, point: Point) -> None:
     """Record what the encoder reads at the point."""
-    import numpy as np
-
-    from station.record.raw import ARRIVAL
     from station.roles import RotaryStage
+    from station.runner.verbs import keep_row
 
     angle_deg = run.role(STAGE, RotaryStage).angle_deg()
-    names = [(name, np.float64) for name in (*STAGE_COLUMNS, ARRIVAL)]
-    row = np.array([(angle_deg, point.angle_deg, run.clock.now())], dtype=names)
-    run.record.block(STAGE, point.unit, STAGE_COLUMNS, row)
+    keep_row(run, point.unit, STAGE, STAGE_COLUMNS, angle_deg, point.angle_deg)
 
 
-def read_output(run: Run, unit: str, said: str, meters: StandingStill) -> bool:
+def read_output(run: Run, unit: str, said: str) -> bool:
     """Record a burst of the voltmeter, temperature and field beside it; True when overloaded."""
     from station.roles import Gaussmeter, Multimeter, Thermometer
+    from station.runner.verbs import fetch_bursts, keep
 
     parameters: AccelerometerParameters = run.parameters
     gaussmeter = run.role(GAUSSMETER, Gaussmeter)
@@ -162,76 +194,31 @@ def read_output(run: Run, unit: str, said: str, meters: StandingStill) -> bool:
         bursts[THERMOMETER] = run.role(THERMOMETER, Thermometer)
         bursts[THERMOMETER].start(1)
     overloaded = False
-    expected_s = run.clock.now() + burst_s(parameters)
-    longest_s = (BURST_PATIENCE - 1.0) * burst_s(parameters) + LEAST_PATIENCE_S
-    until_s = expected_s + run.clock.patience_s(longest_s)
-    while bursts:
-        left_s = expected_s - run.clock.now()
-        if left_s > 0:  # no meter has anything to give yet; the field goes on coming
-            run.clock.sleep(min(left_s, LONGEST_LOOK_S))
-            keep(run, gaussmeter, unit, gaussmeter.drain())
-            run.say_progress(said)
-            continue
-        run.clock.sleep(LOOK_S)
-        fetched = {name: source.fetch() for name, source in bursts.items()}
-        for name, block in fetched.items():
-            if block is None:
-                continue
-            source = bursts.pop(name)
-            keep(run, source, unit, block)
-            if name == MULTIMETER:
-                overloaded = bool(block.columns["overload"].any())
-                if not overloaded:
-                    meters.output(name, unit, {float(one) for one in block.columns["voltage_V"]})
-        keep(run, gaussmeter, unit, gaussmeter.drain())
-        run.say_progress(said)
-        if bursts and run.clock.now() > until_s:
-            raise InstrumentError(
-                min(bursts),
-                f"record {unit}",
-                "its readings never came",
-                "look at its display: it may wait for a trigger that nobody gives",
-            )
+    for name, block in fetch_bursts(
+        run,
+        unit,
+        bursts,
+        lasts_s=burst_s(parameters),
+        meanwhile=lambda: keep(run, unit, gaussmeter, gaussmeter.drain()),
+        said=said,
+    ):
+        keep(run, unit, bursts[name], block)
+        if name == MULTIMETER:
+            overloaded = bool(block.columns["overload"].any())
+            if not overloaded:
+                readings_V = {float(one) for one in block.columns["voltage_V"]}
+                run.state(Place).meters.output(name, unit, readings_V)
     return overloaded
 
 
-def keep(run: Run, source: Any, unit: str, block: Any) -> None:
-    """Record a block of rows where there are any."""
-    from station.runner.verbs import to_rows
-
-    if len(block):
-        run.record.block(source.source, unit, source.columns, to_rows(block))
-
-
-def widen(run: Run, unit: str, place: Place) -> None:
+def widen(run: Run, unit: str) -> None:
     """Take the next higher range after an overload; the point is then measured again."""
-    from station.roles import Multimeter
-
+    place = run.state(Place)
     before_V = place.range_V
-    meter = run.role(MULTIMETER, Multimeter)
-    place.range_V = meter.configure(HIGHER_RANGE * before_V, run.parameters.nplc)
+    wider = replace(first_range(run.parameters), largest_V=HIGHER_RANGE * before_V)
+    place.range_V = run.apply(wider)
     run.record.event("overload", unit=unit, range_V=before_V, next_range_V=place.range_V)
     run.progress.say(f"    {unit}: overload, measured again in the {place.range_V:g} V range")
-
-
-def burst_s(parameters: AccelerometerParameters) -> float:
-    """Return the bench time in s of one burst: auto-zero doubles the integration time."""
-    return 2.0 * parameters.readings * parameters.nplc / 50.0
-
-
-def group_by_angle(points: tuple[Point, ...]) -> list[list[Point]]:
-    """Return the points in their order, in groups without a turn of the stage between them."""
-    groups: list[list[Point]] = []
-    for point in points:
-        same = groups and (groups[-1][0].plane, groups[-1][0].angle_deg) == (
-            point.plane,
-            point.angle_deg,
-        )
-        if same:
-            groups[-1].append(point)
-        else:
-            groups.append([point])
-    return groups
 
 
 def finished_points(units: Mapping[str, Any], points: tuple[Point, ...]) -> list[Point]:

@@ -8,33 +8,26 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from station.errors import InstrumentError
+from station.method.commands import CoilOff, CoilOn, Homing, Power
 from station.procedure import Prompt, Step
 
-from .check import GAUSSMETER, LARGEST_G, MULTIMETER, POWER, STAGE, SUPPLY
-from .durations import (
-    first_group_s,
-    first_point_s,
-    remaining_s,
-    second_group_s,
-    second_turn_s,
-    set_up_s,
-)
-from .measuring import (
-    RANGE_HEADROOM,
-    Place,
-    finished_points,
-    group_by_angle,
-    measure,
-    wait_for_stage,
-)
+from .measuring import Place, finished_points, measure, turn_to
 from .parameters import AccelerometerParameters, Point
+from .work import (
+    GAUSSMETER,
+    POWER,
+    STAGE,
+    SUPPLY,
+    field_of,
+    first_range,
+    group_by_angle,
+    rms_field_mT,
+)
 
 if TYPE_CHECKING:
     from station.runner.run import Run
 
-PLACE = "where the bench stands"
-MOUNT_S = 0.0
+RANGE_HEADROOM = 1.5
 DEGAUSS_STEPS = 12
 DEGAUSS_RATIO = 0.65
 DEGAUSS_HOLD_S = 0.5
@@ -67,20 +60,9 @@ def prompts(parameters: AccelerometerParameters) -> tuple[Prompt, ...]:
     return (*(mounting(plane) for plane in parameters.planes), CABLES)
 
 
-def units(parameters: AccelerometerParameters) -> tuple[str, ...]:
-    """Return the units of work in the order they are measured: each point."""
-    return tuple(point.unit for point in parameters.points)
-
-
 def groups_of(run: Run) -> list[list[Point]]:
     """Return the plan's points in order, a group for each stay at an angle."""
     return group_by_angle(run.parameters.points)
-
-
-def place_of(run: Run) -> Place:
-    """Return where the bench stands in this process of the run."""
-    place: Place = run.handed_on.setdefault(PLACE, Place())
-    return place
 
 
 def mount(run: Run) -> None:
@@ -93,13 +75,11 @@ def mount(run: Run) -> None:
 
 def mount_for(run: Run, plane: str) -> None:
     """Have the accelerometer mounted for a plane, the coil at rest and the field off."""
-    from station.roles import DirectCurrentSupply
-
-    place = place_of(run)
+    place = run.state(Place)
     if place.plane == plane:
         return
     if place.plane is not None:
-        run.role(SUPPLY, DirectCurrentSupply).stop()
+        run.apply(CoilOff(SUPPLY))
     prompt = mounting(plane)
     run.ask(prompt.id, prompt.text)
     if place.plane is not None:
@@ -109,41 +89,35 @@ def mount_for(run: Run, plane: str) -> None:
 
 def set_up(run: Run) -> None:
     """(2) Range and step of the field, the limits, the voltmeter; power on and warm."""
-    from station.roles import DirectCurrentSupply, DutPower, Gaussmeter, Multimeter, RotaryStage
+    from station.roles import DirectCurrentSupply, Gaussmeter, RotaryStage
+    from station.runner.verbs import come_to_rest
 
     parameters: AccelerometerParameters = run.parameters
     if all(run.is_finished(point.unit) for point in parameters.points):
         return
     run.role(SUPPLY, DirectCurrentSupply).programme_limits()
-    stage = run.role(STAGE, RotaryStage)
-    stage.programme_limits()
-    if not stage.is_homed():
-        stage.home()
-        wait_for_stage(run, "the stage looks for its zero")
+    run.role(STAGE, RotaryStage).programme_limits()
+    if run.apply(Homing(STAGE)):
+        come_to_rest(run, STAGE, "the stage looks for its zero")
     run.role(GAUSSMETER, Gaussmeter).start(RANGE_HEADROOM * parameters.largest_field_mT)
-    largest_V = LARGEST_G * parameters.scale_factor_V_per_g
-    meter = run.role(MULTIMETER, Multimeter)
-    place_of(run).range_V = meter.configure(largest_V, parameters.nplc)
-    run.role(POWER, DutPower).switch_on()
+    run.state(Place).range_V = run.apply(first_range(parameters))
+    run.apply(Power(POWER, True))
     run.wait(parameters.warm_up_s, "the accelerometer warms up")
     energise(run)
 
 
 def energise(run: Run) -> None:
     """Switch the coil on at zero, after an alternating, falling field where the plan wants that."""
-    from station.roles import DirectCurrentSupply
-
     parameters: AccelerometerParameters = run.parameters
-    supply = run.role(SUPPLY, DirectCurrentSupply)
-    supply.switch_on()
-    run.record.event("field-on", instrument=SUPPLY, largest_field_mT=parameters.largest_field_mT)
+    largest_mT, rms_mT = parameters.largest_field_mT, rms_field_mT(parameters)
+    run.apply(CoilOn(SUPPLY))
+    run.record.event("field-on", instrument=SUPPLY, largest_field_mT=largest_mT)
     if not parameters.degauss:
         return
-    largest_A = parameters.largest_field_mT / supply.coil_constant_mT_per_A
     for step in range(DEGAUSS_STEPS):
-        supply.ramp_to(largest_A * (-DEGAUSS_RATIO) ** step)
+        run.apply(field_of(largest_mT * (-DEGAUSS_RATIO) ** step, rms_mT))
         run.wait(DEGAUSS_HOLD_S, "an alternating, falling field takes the remanence away")
-    supply.ramp_to(0.0)
+    run.apply(field_of(0.0, rms_mT))
 
 
 def do_group(run: Run, group: list[Point]) -> None:
@@ -153,7 +127,7 @@ def do_group(run: Run, group: list[Point]) -> None:
         if run.is_finished(point.unit):
             continue
         mount_for(run, point.plane)
-        measure(run, point, place_of(run), f"point {wanted.index(point) + 1} of {len(wanted)}")
+        measure(run, point, f"point {wanted.index(point) + 1} of {len(wanted)}")
 
 
 def first_reading(run: Run) -> None:
@@ -168,13 +142,11 @@ def further_fields(run: Run) -> None:
 
 def rotate(run: Run) -> None:
     """(5) The accelerometer is turned to the next angle."""
-    from .measuring import turn_to
-
     following = groups_of(run)[1:2]
     if following and not all(run.is_finished(point.unit) for point in following[0]):
         point = following[0][0]
         mount_for(run, point.plane)
-        turn_to(run, point.angle_deg, place_of(run), "second angle")
+        turn_to(run, point, "second angle")
 
 
 def next_angle(run: Run) -> None:
@@ -185,22 +157,14 @@ def next_angle(run: Run) -> None:
 
 def remaining_angles(run: Run) -> None:
     """(7) Angle by angle through 360 deg, in every plane of the plan; then everything off."""
-    from station.roles import DirectCurrentSupply, DutPower
+    from station.runner.verbs import require_off
 
     for group in groups_of(run)[2:]:
         do_group(run, group)
-    supply = run.role(SUPPLY, DirectCurrentSupply)
-    supply.stop()
+    run.apply(CoilOff(SUPPLY))
     run.record.event("field-off", instrument=SUPPLY)
-    reading = supply.read_safety()
-    if not reading.safe:
-        raise InstrumentError(
-            SUPPLY,
-            "switched the coil off",
-            f"it reads back {reading.read_back}",
-            "switch the supply off by hand",
-        )
-    run.role(POWER, DutPower).switch_off()
+    require_off(run, SUPPLY)
+    run.apply(Power(POWER, False))
 
 
 def identify(run: Run) -> None:
@@ -227,14 +191,12 @@ def identify(run: Run) -> None:
 
 
 STEPS = (
-    Step("(1)", "Mount the accelerometer on the stage", mount, lambda _: MOUNT_S),
-    Step("(2)", "Set the range and the step of the field; warm up", set_up, set_up_s),
-    Step("(3)", "Read the voltmeter at the first field", first_reading, first_point_s),
-    Step("(4)", "Repeat (2) and (3) to the largest field", further_fields, first_group_s),
-    Step("(5)", "Turn the accelerometer to the next angle", rotate, second_turn_s),
-    Step("(6)", "Repeat (1) to (5): the next set of data", next_angle, second_group_s),
-    Step("(7)", "Repeat for every angle through 360 deg", remaining_angles, remaining_s),
-    Step(
-        "(8)", "Identify the coefficients by finite-memory least squares", identify, lambda _: 0.0
-    ),
+    Step("(1)", "Mount the accelerometer on the stage", mount),
+    Step("(2)", "Set the range and the step of the field; warm up", set_up),
+    Step("(3)", "Read the voltmeter at the first field", first_reading),
+    Step("(4)", "Repeat (2) and (3) to the largest field", further_fields),
+    Step("(5)", "Turn the accelerometer to the next angle", rotate),
+    Step("(6)", "Repeat (1) to (5): the next set of data", next_angle),
+    Step("(7)", "Repeat for every angle through 360 deg", remaining_angles),
+    Step("(8)", "Identify the coefficients by finite-memory least squares", identify),
 )

@@ -230,3 +230,78 @@ class GyroSampling(Command[None]):
         from station.roles import GyroAcquisition
 
         station.role(self.instrument, GyroAcquisition).start(self.interval_s, self.channel)
+
+
+@dataclass(frozen=True)
+class CoilOn(Command[None]):
+    """The output of a steady supply on, at zero current: no limit concerns it."""
+
+    def words(self, bench: Bench) -> str:
+        """Return that it is on."""
+        return "0 A, output on"
+
+    def apply(self, station: Station, prepared: None) -> None:
+        """Switch it on."""
+        from station.roles import DirectCurrentSupply
+
+        station.role(self.instrument, DirectCurrentSupply).switch_on()
+
+
+@dataclass(frozen=True)
+class MeterRange(Command[float]):
+    """Range and integration time of a voltmeter; applied, it returns the range in V."""
+
+    largest_V: float
+    nplc: float
+    readings: int
+
+    def words(self, bench: Bench) -> str:
+        """Return how a burst is read."""
+        return f"{self.readings} readings of {self.nplc:g} NPLC"
+
+    def apply(self, station: Station, prepared: float | None) -> float:
+        """Choose range and integration time."""
+        from station.roles import Multimeter
+
+        return station.role(self.instrument, Multimeter).configure(self.largest_V, self.nplc)
+
+
+@dataclass(frozen=True)
+class Homing(Command[bool]):
+    """A stage looks for its encoder's zero; applied, it returns whether it had to begin to."""
+
+    def words(self, bench: Bench) -> str:
+        """Return that the zero is looked for."""
+        return "look for the encoder's zero"
+
+    def apply(self, station: Station, prepared: bool | None) -> bool:
+        """Begin, where the zero is not known."""
+        from station.roles import RotaryStage
+
+        stage = station.role(self.instrument, RotaryStage)
+        if stage.is_homed():
+            return False
+        stage.home()
+        return True
+
+
+@dataclass(frozen=True)
+class Angle(Command[None]):
+    """An angle of a stage; `of` says what is turned to it, such as a plane."""
+
+    angle_deg: float
+    of: str
+
+    def words(self, bench: Bench) -> str:
+        """Return the angle."""
+        return f"{self.of}: turn to {self.angle_deg:g} deg"
+
+    def bounds(self, bench: Bench) -> Bounds:
+        """Return the angle."""
+        return {"angle_deg": self.angle_deg}
+
+    def apply(self, station: Station, prepared: None) -> None:
+        """Begin to turn."""
+        from station.roles import RotaryStage
+
+        station.role(self.instrument, RotaryStage).move_to(self.angle_deg)

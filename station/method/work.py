@@ -29,12 +29,14 @@ USUAL_AVERAGING_S = 0.1
 class Rows:
     """The rows that a source gives over `duration_s` of bench time.
 
-    `count` of None: as many as a gaussmeter's own averaging gives in that time.
+    `count` of None: as many as a gaussmeter's own averaging gives, in all that time or, where its
+    readings are kept in a part of it only, in `read_s`.
     """
 
     instrument: str
     duration_s: float
     count: float | None = None
+    read_s: float | None = None
 
 
 @dataclass(frozen=True)
@@ -107,7 +109,8 @@ def recordings_of(work: Sequence[Work], bench: Bench) -> tuple[Recording, ...]:
     for one in (rows for part in work for rows in part.rows):
         count = one.count
         if count is None:
-            count = one.duration_s / reading_period_s(bench, one.instrument)
+            read_s = one.duration_s if one.read_s is None else one.read_s
+            count = read_s / reading_period_s(bench, one.instrument)
         counts[one.instrument] = counts.get(one.instrument, 0.0) + count
         times_s[one.instrument] = times_s.get(one.instrument, 0.0) + one.duration_s
     return tuple(

@@ -162,7 +162,7 @@ def fetch_bursts(
     *,
     lasts_s: float = 0.0,
     every_s: float = LOOK_S,
-    meanwhile: Callable[[], None] = lambda: None,
+    meanwhile: Callable[[], object] = lambda: None,
     said: str = "",
     look_at: str = "look at its display: it may wait for a trigger that nobody gives",
 ) -> Iterator[tuple[str, Block]]:

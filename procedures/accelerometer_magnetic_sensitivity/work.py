@@ -1,0 +1,193 @@
+"""What a run of a plan commands and records, and why a plan cannot run on a bench.
+
+The steps apply the commands that are declared here; forecast, limits and durations come from them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import groupby
+from typing import TYPE_CHECKING
+
+from station import registry
+from station.method.commands import Angle, CoilOff, Homing, MeterRange, Power, SteadyField
+from station.method.work import Rows, Work
+from station.procedure import Problem, RecordUse
+
+from .parameters import AccelerometerParameters, Point
+
+if TYPE_CHECKING:
+    from station.instruments.bench import Bench
+    from station.roles import Multimeter
+
+SUPPLY = "coil_supply.dc"
+GAUSSMETER = "gaussmeter"
+MULTIMETER = "multimeter"
+THERMOMETER = "thermometer"
+STAGE = "rotary_stage"
+POWER = "dut_power"
+LARGEST_FIELD = ("parameters", "largest_field")
+ANGLES = ("parameters", "angles")
+LARGEST_G = 1.1
+"""What the voltmeter's first range must hold, in the scale factor's units of 1 g."""
+FULL_TURN_DEG = 360.0
+LOOK_S = 0.25
+FIELD_LOOK_S = 0.5
+HOMING_S, DEGAUSS_S, TURN_S, RAMP_S = 10.0, 14.0, 0.75, 0.4
+RAMP_MT_PER_S, TURN_DEG_PER_S = 25.0, 20.0
+"""A supply of 5 A/s at a coil of 5 mT/A; a stage of the usual rate."""
+FIELD_ROWS_S = 1.0
+"""So much longer than a burst the field is recorded."""
+
+
+def instruments(parameters: AccelerometerParameters) -> tuple[str, ...]:
+    """Return the bench instances that a plan needs, in the order in which they are opened."""
+    needed = (SUPPLY, GAUSSMETER, MULTIMETER, STAGE, POWER)
+    return (*needed, THERMOMETER) if parameters.temperature else needed
+
+
+def first_range(parameters: AccelerometerParameters) -> MeterRange:
+    """Return how the voltmeter is read until it is overloaded."""
+    largest_V = LARGEST_G * parameters.scale_factor_V_per_g
+    return MeterRange(MULTIMETER, largest_V, parameters.nplc, parameters.readings)
+
+
+def angle_of(point: Point) -> Angle:
+    """Return the angle of a point."""
+    return Angle(STAGE, point.angle_deg, point.plane, decided_by=ANGLES)
+
+
+def rms_field_mT(parameters: AccelerometerParameters) -> float:
+    """Return the field whose current heats the coil: it takes many minutes to warm."""
+    levels_mT = parameters.field_levels_mT
+    return float((sum(level**2 for level in levels_mT) / len(levels_mT)) ** 0.5)
+
+
+def field_of(field_mT: float, rms_mT: float) -> SteadyField:
+    """Return a field at the device, heating the coil as the whole plan does."""
+    return SteadyField(SUPPLY, field_mT, rms_mT, decided_by=LARGEST_FIELD)
+
+
+def work(parameters: AccelerometerParameters) -> Iterator[Work]:
+    """Yield the set-up, each point with its angle and field, and the end.
+
+    Steps (3) and (4) are one set of data, declared with the first; (5) turns to the second.
+    """
+    rms_mT = rms_field_mT(parameters)
+    setting_up = (Homing(STAGE), first_range(parameters), Power(POWER, True))
+    degauss_s = DEGAUSS_S if parameters.degauss else 0.0
+    yield Work("(2)", None, setting_up, duration_s=HOMING_S + parameters.warm_up_s + degauss_s)
+    if parameters.degauss and parameters.largest_field_mT > max(
+        abs(level) for level in parameters.field_levels_mT
+    ):  # no point goes as far as what takes the remanence away
+        yield Work("(2)", None, (field_of(parameters.largest_field_mT, rms_mT),))
+    before: Point | None = None
+    for number, group in enumerate(group_by_angle(parameters.points)):
+        declared = ("(3)", "(6)", "(7)")[min(number, 2)]
+        for place, point in enumerate(group):
+            turning_s = turn_s(before, point)
+            measuring_s = point_s(parameters, before, point)
+            commands = (field_of(point.field_mT, rms_mT),)
+            yield Work(
+                declared,
+                point.unit,
+                commands if place else (angle_of(point), *commands),
+                rows_of(parameters, turning_s + measuring_s),
+            )
+            yield Work("(5)" if number == 1 else declared, point.unit, duration_s=turning_s)
+            measured = "(4)" if number == 0 and place else declared
+            yield Work(measured, point.unit, duration_s=measuring_s)
+            before = point
+    yield Work("(7)", None, (CoilOff(SUPPLY), Power(POWER, False)), duration_s=RAMP_S)
+
+
+def rows_of(parameters: AccelerometerParameters, whole_s: float) -> tuple[Rows, ...]:
+    """Return the rows of a point that takes `whole_s`."""
+    rows = (
+        Rows(MULTIMETER, whole_s, parameters.readings),
+        Rows(STAGE, whole_s, 1),
+        Rows(GAUSSMETER, whole_s, read_s=burst_s(parameters) + FIELD_ROWS_S),
+    )
+    return (*rows, Rows(THERMOMETER, whole_s, 1)) if parameters.temperature else rows
+
+
+def burst_s(parameters: AccelerometerParameters) -> float:
+    """Return the bench time in s of one burst: auto-zero doubles the integration time."""
+    return 2.0 * parameters.readings * parameters.nplc / 50.0
+
+
+def point_s(parameters: AccelerometerParameters, before: Point | None, point: Point) -> float:
+    """Return the expected time of a point beside the turn: field, dwell and burst.
+
+    `before` is the point before it; None where the bench stands at its zeros.
+    """
+    still_s = parameters.dwell.at_least_s + FIELD_LOOK_S + burst_s(parameters) + LOOK_S
+    way_mT = abs(point.field_mT - (before.field_mT if before else 0.0))
+    again = parameters.degauss and before is not None and before.plane != point.plane
+    return still_s + RAMP_S + way_mT / RAMP_MT_PER_S + (DEGAUSS_S if again else 0.0)
+
+
+def turn_s(before: Point | None, point: Point) -> float:
+    """Return the expected time of the turn from a point to the next; none where both are alike."""
+    way_deg = abs(point.angle_deg - (before.angle_deg if before else 0.0))
+    return TURN_S + way_deg / TURN_DEG_PER_S if way_deg else 0.0
+
+
+def group_by_angle(points: tuple[Point, ...]) -> list[list[Point]]:
+    """Return the points in their order, in groups without a turn of the stage between them."""
+    stays = groupby(points, key=lambda point: (point.plane, point.angle_deg))
+    return [list(group) for _, group in stays]
+
+
+def records(parameters: AccelerometerParameters, bench: Bench) -> tuple[RecordUse, ...]:
+    """Return what the analysis takes of calibration records.
+
+    Angle and temperature are corrected; their uncertainties are in no budget yet.
+    """
+    apart = {"in_budget": False, "needed": False}
+    return (
+        RecordUse(GAUSSMETER, "field", parameters.largest_field_mT, "mT"),
+        RecordUse(MULTIMETER, "voltage", parameters.scale_factor_V_per_g, "V"),
+        RecordUse(STAGE, "angle", 0.0, "deg", **apart),
+        RecordUse(STAGE, "graduation", FULL_TURN_DEG, "deg", needed=False, corrected=False),
+        RecordUse(THERMOMETER, "temperature", 20.0, "degC", **apart),
+    )
+
+
+def check(parameters: AccelerometerParameters, bench: Bench) -> Iterator[Problem]:
+    """Yield what the voltmeter cannot do, and fields that the gaussmeter's record leaves out."""
+    if MULTIMETER in bench.instruments:
+        driver = registry.load(registry.DRIVERS, bench.instruments[MULTIMETER].driver)
+        yield from meter_problems(parameters, driver)
+    states = ("uncertainty", "field") in bench.statements(GAUSSMETER)
+    for field_mT in parameters.field_levels_mT if states else ():
+        if bench.stated(GAUSSMETER, "field", field_mT, "mT") is None:
+            yield Problem(
+                LARGEST_FIELD,
+                f"the gaussmeter's calibration record states no uncertainty at {field_mT:g} mT",
+            )
+
+
+def meter_problems(
+    parameters: AccelerometerParameters, driver: type[Multimeter]
+) -> Iterator[Problem]:
+    """Yield integration time, range and burst that the voltmeter's driver says it cannot do."""
+    if parameters.nplc not in driver.integration_cycles:
+        known = ", ".join(f"{one:g}" for one in driver.integration_cycles)
+        yield Problem(
+            ("parameters", "nplc"),
+            f"the {MULTIMETER} cannot integrate over {parameters.nplc:g} power-line cycles; it can "
+            f"do {known}",
+        )
+    if parameters.readings > driver.most_readings:
+        yield Problem(
+            ("parameters", "readings"),
+            f"the {MULTIMETER} takes {driver.most_readings} readings in a burst at most",
+        )
+    largest_V = first_range(parameters).largest_V
+    if largest_V > driver.highest_V:
+        yield Problem(
+            ("parameters", "scale_factor"),
+            f"the {MULTIMETER} must hold {largest_V:g} V, its highest range ends at "
+            f"{driver.highest_V:g} V",
+        )
