@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from scipy.special import stdtrit
 
 from procedures.accelerometer_magnetic_sensitivity.analysis import analyse
-from procedures.accelerometer_magnetic_sensitivity.commanded import commanded_angles
 from procedures.accelerometer_magnetic_sensitivity.dataset import AccelerometerDataset
+from procedures.accelerometer_magnetic_sensitivity.from_import import nominal_angles
 
 
 def test_a_warming_that_follows_the_angle_is_not_taken_for_the_coefficients() -> None:
@@ -29,7 +29,7 @@ def test_an_offset_of_half_a_degree_is_no_drift_and_changes_no_list() -> None:
     assert max(off_in_u(analysis).values()) < 4.0
     assert codes(analysis) == {"not-identifiable"}
     read_deg = np.repeat(60.0 * np.arange(6), 3) + 0.123 + 1e-5 * np.arange(18)
-    assert set(commanded_angles(read_deg)) == {0.0, 60.0, 120.0, 180.0, 240.0, 300.0}
+    assert set(nominal_angles(read_deg)) == {0.0, 60.0, 120.0, 180.0, 240.0, 300.0}
 
 
 def test_without_input_acceleration_no_offset_of_the_encoder_is_sought() -> None:

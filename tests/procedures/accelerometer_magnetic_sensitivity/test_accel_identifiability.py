@@ -9,7 +9,7 @@ import pytest
 from accelerometer_records import SIX_FIELDS_T, TRUTH, axes_g, output_V, points
 
 from procedures.accelerometer_magnetic_sensitivity import UNITS as UNITS_OF_RESULTS
-from procedures.accelerometer_magnetic_sensitivity.commanded import commanded_angles
+from procedures.accelerometer_magnetic_sensitivity.from_import import nominal_angles
 from procedures.accelerometer_magnetic_sensitivity.model import (
     COEFFICIENTS,
     UNITS,
@@ -144,7 +144,7 @@ def test_an_encoder_that_stops_beside_its_mark_makes_nothing_identifiable() -> N
     plane, angle_deg, field_T = points(("io",), 4, SIX_FIELDS_T)
     read = angle_deg + 0.001 * generator.standard_normal(len(angle_deg))
     assert judge(plane, read, field_T).rank > 7
-    assert judge(plane, commanded_angles(read), field_T).rank == 7
+    assert judge(plane, nominal_angles(read), field_T).rank == 7
 
 
 def test_angles_are_found_whatever_even_division_the_plan_has() -> None:
@@ -152,11 +152,11 @@ def test_angles_are_found_whatever_even_division_the_plan_has() -> None:
     for count in (4, 7, 9, 24, 36, 72, 360):
         angle_deg = 360.0 * np.arange(count) / count
         read = angle_deg + 0.002 * generator.uniform(-1, 1, count)
-        assert commanded_angles(read) == pytest.approx(angle_deg, abs=1e-9)
+        assert nominal_angles(read) == pytest.approx(angle_deg, abs=1e-9)
     jumped = 30.0 * np.arange(12) + 12.0 * (np.arange(12) == 5)
-    assert np.flatnonzero(np.isnan(commanded_angles(jumped))).tolist() == [5]
+    assert np.flatnonzero(np.isnan(nominal_angles(jumped))).tolist() == [5]
     odd = np.array([0.0, 17.31, 101.77, 205.123])
-    assert commanded_angles(odd) == pytest.approx(odd)
+    assert nominal_angles(odd) == pytest.approx(odd)
 
 
 def test_expected_uncertainties_are_those_of_the_table_of_the_method() -> None:
