@@ -152,9 +152,15 @@ def records(parameters: RlgParameters, bench: Bench) -> tuple[RecordUse, ...]:
 
 
 def sees_one_axis(bench: Bench) -> bool:
-    """Whether the bench's gaussmeter sees the field along one axis alone."""
+    """Whether the bench's gaussmeter sees the field along one axis alone.
+
+    Where its driver is not installed a recorded run is evaluated; `check` had its record state the
+    uncertainty of the angle then, so nothing depends on the answer.
+    """
     gaussmeter = bench.instruments.get(GAUSSMETER)
-    return gaussmeter is not None and registry.load(registry.DRIVERS, gaussmeter.driver).axes == 1
+    if gaussmeter is None or registry.why_not(registry.DRIVERS, gaussmeter.driver):
+        return False
+    return bool(registry.load(registry.DRIVERS, gaussmeter.driver).axes == 1)
 
 
 def check(parameters: RlgParameters, bench: Bench) -> Iterator[Problem]:

@@ -218,10 +218,13 @@ def read_bench(path: Path, drivers: Collection[str]) -> Bench:
     return bench_of(read_yaml(path), drivers, bounded=True)
 
 
-def bench_of(document: Document, drivers: Collection[str], *, bounded: bool = False) -> Bench:
+def bench_of(
+    document: Document, drivers: Collection[str] | None = None, *, bounded: bool = False
+) -> Bench:
     """Return the bench that a document holds; raise FaultList with every fault.
 
-    Where it is not `bounded`, as of a run that is only read again, it need not be of use.
+    Where it is not `bounded`, as of a run that is only read again, it need not be of use. Without
+    `drivers`, the known names, those in the document may be of packages that are not installed.
     """
     file, faults = check_model(document, bench_file())
     instruments = document.data.get("instruments")
@@ -246,7 +249,7 @@ def faults_of_use(document: Document) -> Iterator[Fault]:
 
 
 def _instrument_faults(
-    document: Document, name: str, entry: Any, drivers: Collection[str]
+    document: Document, name: str, entry: Any, drivers: Collection[str] | None
 ) -> Iterator[Fault]:
     where: Where = ("instruments", name)
     known = instances()
@@ -258,7 +261,7 @@ def _instrument_faults(
     if not isinstance(entry, dict):
         return
     driver = entry.get("driver")
-    if isinstance(driver, str) and driver and driver not in drivers:
+    if drivers is not None and isinstance(driver, str) and driver and driver not in drivers:
         hint = nearest(driver, drivers)
         what = f"there is no driver '{driver}'" + ("" if hint else f"; there are {listed(drivers)}")
         yield document.fault((*where, "driver"), what, hint and f"'{hint}'")

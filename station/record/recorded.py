@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
-from station import registry
 from station.errors import InputError
 from station.files.lookup import is_there
 from station.files.plan import Plan, read_plan
@@ -30,12 +29,12 @@ def read_run(path: Path) -> RunFolder:
 def read_plan_and_bench(folder: RunFolder) -> tuple[Plan, Bench]:
     """Return the plan and the bench of a run from its folder alone.
 
-    The resolved copies are read: a plan as given may extend another that is not in the folder.
+    The resolved copies are read: a plan as given may extend another that is not in the folder. The
+    packages of the drivers need not be installed.
     """
     plan = read_plan(folder.path / PLAN, Procedures())
     document = read_yaml(folder.path / BENCH)
-    bench = bench_of(document, registry.names(registry.DRIVERS))
-    return plan, bench
+    return plan, bench_of(document)
 
 
 def used_instruments(folder: RunFolder) -> list[str]:
