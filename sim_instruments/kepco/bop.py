@@ -8,6 +8,7 @@ a list may be armed with the output off; protection cannot be set below 1 % of t
 
 from __future__ import annotations
 
+from functools import partial
 from typing import ClassVar
 
 import numpy as np
@@ -22,11 +23,13 @@ from sim_instruments.faults.lasting import (
 from sim_instruments.instrument import Setting
 from sim_instruments.kepco.output import Output, add_limit_commands, scientific
 from sim_instruments.kepco.output_list import ListMemory, add_list_commands
-from sim_instruments.wire.scpi import Handler, ScpiError, boolean, choice, number, one
+from sim_instruments.wire.scpi import ScpiError, boolean, choice, number, one
 from sim_instruments.wire.scpi import whole_number as whole
-from sim_instruments.wire.scpi_device import ScpiDevice
+from sim_instruments.wire.scpi_device import ScpiDevice, Value
 
 LONGEST_MESSAGE = 253
+ROOTS = ("", "SOURce:")
+LEVEL = "[:LEVel][:IMMediate][:AMPlitude]"
 FILTER_S = 0.005
 MODES = {"FIX": "FIX", "FIXED": "FIX", "LIST": "LIST"}
 TRANSIENT = ("TRAN", "TRANSIENT")
@@ -66,7 +69,7 @@ class KepcoBop(ScpiDevice):
         self._transient_s = 0.0
         self._ends_s = np.inf
         self._add_source()
-        add_limit_commands(self.tree, self._output, setting.clock, self._list_runs)
+        add_limit_commands(self, self._output, setting.clock, self._list_runs)
         self._add_list()
         self.begin_to_serve(setting)
 
@@ -112,46 +115,50 @@ class KepcoBop(ScpiDevice):
 
     def _add_list(self) -> None:
         """Add the LIST subsystem."""
-        add_list_commands(self.tree, self._list, self._output, self._list_runs)
+        add_list_commands(self, self._list, self._output, self._list_runs)
 
     def _leave_list(self, now_s: float) -> None:
         """Go from a list to the fixed set point."""
         self._output.hold(now_s)
 
     def _add_source(self) -> None:
-        add, answer = self.tree.add, self._answer
+        add = self.tree.add
         add("OUTPut[:STATe]", self._set_output)
-        add("OUTPut[:STATe]?", answer(lambda: str(int(self._output.on))))
-        add("MEASure[:SCALar]:CURRent[:DC]?", answer(self._measure_current))
-        add("MEASure[:SCALar]:VOLTage[:DC]?", answer(self._measure_voltage))
-        add("SYSTem:REMote", self._set_remote)
-        for root in ("", "SOURce:"):
-            add(f"{root}FUNCtion:MODE", self._set_function)
-            add(f"{root}FUNCtion:MODE?", answer(lambda: str(int(self._output.mode == "CURR"))))
-            for kind, word in (("CURR", "CURRent"), ("VOLT", "VOLTage")):
-                level = f"{root}{word}[:LEVel][:IMMediate][:AMPlitude]"
-                add(level, self._set_level(kind))
-                add(f"{level}?", self._show_level(kind))
-                add(f"{root}{word}:MODE", self._set_mode(kind))
-                add(f"{root}{word}:MODE?", answer(lambda k=kind: self._mode[k]))  # type: ignore[misc]
-                add(f"{root}{word}:RANGe", self._set_range(kind))
-                add(
-                    f"{root}{word}:RANGe?",
-                    answer(lambda k=kind: str(self._output.ranges[k])),  # type: ignore[misc]
-                )
-                add(f"{root}{word}:RANGe:AUTO", self._set_auto(kind))
-                add(
-                    f"{root}{word}:RANGe:AUTO?",
-                    answer(lambda k=kind: str(int(self._output.auto[k]))),  # type: ignore[misc]
-                )
+        self.add_settings(
+            {
+                "OUTPut[:STATe]": (None, lambda: str(int(self._output.on))),
+                "MEASure[:SCALar]:CURRent[:DC]": (None, self._measure_current),
+                "MEASure[:SCALar]:VOLTage[:DC]": (None, self._measure_voltage),
+                "SYSTem:REMote": (self._set_remote, None),
+            }
+        )
+        mode = (self._set_function, lambda: str(int(self._output.mode == "CURR")))
+        self.add_settings({"FUNCtion:MODE": mode}, *ROOTS)
+        for kind, word in (("CURR", "CURRent"), ("VOLT", "VOLTage")):
+            self.add_settings(self._values(kind, word), *ROOTS)
+            for root in ROOTS:
+                add(f"{root}{word}:MODE", partial(self._set_mode, kind))
+                add(f"{root}{word}{LEVEL}?", partial(self._show_level, kind))
+
+    def _values(self, kind: str, word: str) -> dict[str, Value]:
+        output = self._output
+        return {
+            f"{word}{LEVEL}": (partial(self._set_level, kind), None),
+            f"{word}:MODE": (None, lambda: self._mode[kind]),
+            f"{word}:RANGe": (partial(self._set_range, kind), lambda: str(output.ranges[kind])),
+            f"{word}:RANGe:AUTO": (
+                partial(self._set_auto, kind),
+                lambda: str(int(output.auto[kind])),
+            ),
+        }
 
     def _list_runs(self) -> bool:
         self.before_each()
         return "LIST" in self._mode.values()
 
-    def _set_remote(self, parameters: list[str]) -> None:
+    def _set_remote(self, text: str) -> None:
         # Over LAN the card is always in remote; the command is taken and changes nothing.
-        boolean(one(parameters))
+        boolean(text)
 
     def _set_output(self, parameters: list[str]) -> None:
         on = boolean(one(parameters))
@@ -160,90 +167,74 @@ class KepcoBop(ScpiDevice):
             self._ends_s = np.inf
         self._output.switch(self._clock.now(), on)
 
-    def _set_function(self, parameters: list[str]) -> None:
-        mode = choice(one(parameters), FUNCTIONS)
+    def _set_function(self, text: str) -> None:
+        mode = choice(text, FUNCTIONS)
         if self._list_runs():
             raise ScpiError(-221)
         self._output.set_mode(self._clock.now(), mode)
 
-    def _set_level(self, kind: str) -> Handler:
-        def handler(parameters: list[str]) -> None:
-            text = one(parameters)
+    def _set_level(self, kind: str, text: str) -> None:
+        if self._list_runs():
+            raise ScpiError(-221)
+        low, high = self._output.allowed(kind)
+        words = {"MAX": high, "MAXIMUM": high, "MIN": low, "MINIMUM": low}
+        value = words[text.upper()] if text.upper() in words else number(text)
+        now = self._clock.now()
+        if self._mode[kind] == "TRAN" and not np.isfinite(self._ends_s):
+            self._ends_s = now + self._transient_s
+            self._output.pulse(now, kind, value, self._ends_s)
+        else:
+            self._output.set_level(now, kind, value)
+
+    def _show_level(self, kind: str, parameters: list[str]) -> str:
+        _, high = self._output.allowed(kind)
+        low = -self._output.limits[kind, "NEG"]
+        shown = {"MAX": high, "MAXIMUM": high, "MIN": low, "MINIMUM": low}
+        if not parameters:
+            return scientific(self._output.levels[kind])
+        word = one(parameters).upper()
+        if word not in shown:
+            raise ScpiError(-224)
+        return scientific(shown[word])
+
+    def _set_mode(self, kind: str, parameters: list[str]) -> None:
+        if not parameters:
+            raise ScpiError(-109)
+        # The duration of a transient follows after a blank or a comma.
+        words = " ".join(parameters).split()
+        now = self._clock.now()
+        if words[0].upper() in TRANSIENT:
+            seconds = number(one(words[1:]))
+            if not 0.035 <= seconds <= 1.0:
+                raise ScpiError(-222)
             if self._list_runs():
                 raise ScpiError(-221)
-            low, high = self._output.allowed(kind)
-            words = {"MAX": high, "MAXIMUM": high, "MIN": low, "MINIMUM": low}
-            value = words[text.upper()] if text.upper() in words else number(text)
-            now = self._clock.now()
-            if self._mode[kind] == "TRAN" and not np.isfinite(self._ends_s):
-                self._ends_s = now + self._transient_s
-                self._output.pulse(now, kind, value, self._ends_s)
-            else:
-                self._output.set_level(now, kind, value)
+            self._transient_s, self._mode[kind] = seconds, "TRAN"
+            return
+        mode = choice(one(words), MODES)
+        if mode == "FIX":
+            if self._mode[kind] != "FIX":
+                self._mode[kind], self._ends_s = "FIX", np.inf
+                self._leave_list(now)
+            return
+        refused = self._faults.now(ListRefused.kind) is not None
+        if refused or self._list_runs() or self._output.mode != kind:
+            raise ScpiError(-221)
+        passes = [
+            (levels, dwells * self._stretch, cycles)
+            for levels, dwells, cycles in self._list.passes(kind)
+        ]
+        self._ends_s = self._output.run(now, passes)
+        self._mode[kind] = "LIST"
 
-        return handler
+    def _set_range(self, kind: str, text: str) -> None:
+        value = whole(text, 1, 4)
+        if str(value) not in RANGES:
+            raise ScpiError(-224)
+        self._output.set_range(self._clock.now(), kind, value, self._list_runs())
 
-    def _show_level(self, kind: str) -> Handler:
-        def handler(parameters: list[str]) -> str:
-            _, high = self._output.allowed(kind)
-            low = -self._output.limits[kind, "NEG"]
-            shown = {"MAX": high, "MAXIMUM": high, "MIN": low, "MINIMUM": low}
-            if not parameters:
-                return scientific(self._output.levels[kind])
-            word = one(parameters).upper()
-            if word not in shown:
-                raise ScpiError(-224)
-            return scientific(shown[word])
-
-        return handler
-
-    def _set_mode(self, kind: str) -> Handler:
-        def handler(parameters: list[str]) -> None:
-            if not parameters:
-                raise ScpiError(-109)
-            # The duration of a transient follows after a blank or a comma.
-            words = " ".join(parameters).split()
-            now = self._clock.now()
-            if words[0].upper() in TRANSIENT:
-                seconds = number(one(words[1:]))
-                if not 0.035 <= seconds <= 1.0:
-                    raise ScpiError(-222)
-                if self._list_runs():
-                    raise ScpiError(-221)
-                self._transient_s, self._mode[kind] = seconds, "TRAN"
-                return
-            mode = choice(one(words), MODES)
-            if mode == "FIX":
-                if self._mode[kind] != "FIX":
-                    self._mode[kind], self._ends_s = "FIX", np.inf
-                    self._leave_list(now)
-                return
-            refused = self._faults.now(ListRefused.kind) is not None
-            if refused or self._list_runs() or self._output.mode != kind:
-                raise ScpiError(-221)
-            passes = [
-                (levels, dwells * self._stretch, cycles)
-                for levels, dwells, cycles in self._list.passes(kind)
-            ]
-            self._ends_s = self._output.run(now, passes)
-            self._mode[kind] = "LIST"
-
-        return handler
-
-    def _set_range(self, kind: str) -> Handler:
-        def handler(parameters: list[str]) -> None:
-            value = whole(one(parameters), 1, 4)
-            if str(value) not in RANGES:
-                raise ScpiError(-224)
-            self._output.set_range(self._clock.now(), kind, value, self._list_runs())
-
-        return handler
-
-    def _set_auto(self, kind: str) -> Handler:
-        def handler(parameters: list[str]) -> None:
-            self._output.auto[kind] = boolean(one(parameters))
-
-        return handler
+    def _set_auto(self, kind: str, text: str) -> None:
+        self._output.auto[kind] = boolean(text)
 
     def _measure_current(self) -> str:
         now = self._clock.now()

@@ -16,10 +16,10 @@ from typing import ClassVar
 import numpy as np
 
 from sim_instruments.instrument import Setting
-from sim_instruments.kepco.bop import KepcoBop
+from sim_instruments.kepco.bop import ROOTS, KepcoBop
 from sim_instruments.kepco.output import Output
 from sim_instruments.kepco.output_list import ListMemory, not_while
-from sim_instruments.wire.scpi import Handler, ScpiError, boolean, choice, number, one
+from sim_instruments.wire.scpi import ScpiError, boolean, choice, number
 
 RATED = {"CURR": 14.0, "VOLT": 72.0}
 MOST_POINTS, SINE_POINTS = 3933, 3840
@@ -65,11 +65,12 @@ class KepcoBop1kW(KepcoBop):
 
     def _add_source(self) -> None:
         super()._add_source()
-        add, answer = self.tree.add, self._answer
-        add("OUTPut:MODE", self._set_load)
-        add("OUTPut:MODE?", answer(lambda: self._load))
-        add("OUTPut:CONTrol", self._set_pin)
-        add("OUTPut:CONTrol?", answer(lambda: self._pin))
+        self.add_settings(
+            {
+                "OUTPut:MODE": (self._set_load, lambda: self._load),
+                "OUTPut:CONTrol": (self._set_pin, lambda: self._pin),
+            }
+        )
 
     def _add_list(self) -> None:
         self._list = GeneratedList()
@@ -79,39 +80,34 @@ class KepcoBop1kW(KepcoBop):
             "COUNt": memory.set_count,
             "CURRent:APPLy": self._add_waveform,
         }
-        for root in ("", "SOURce:"):
+        for root in ROOTS:
             for name, act in commands.items():
                 self.tree.add(f"{root}LIST:{name}", not_while(self._list_runs, act))
-            self.tree.add(f"{root}LIST:COUNt?", self._answer(lambda: str(memory.count)))
+        self.add_settings({"LIST:COUNt": (None, lambda: str(memory.count))}, *ROOTS)
 
     def _leave_list(self, now_s: float) -> None:
         self._output.stay(now_s)
 
-    def _set_remote(self, parameters: list[str]) -> None:
-        self._remote = boolean(one(parameters))
+    def _set_remote(self, text: str) -> None:
+        self._remote = boolean(text)
 
     def _set_output(self, parameters: list[str]) -> None:
         if not self._remote:
             raise ScpiError(-203)
         super()._set_output(parameters)
 
-    def _set_mode(self, kind: str) -> Handler:
-        otherwise = super()._set_mode(kind)
+    def _set_mode(self, kind: str, parameters: list[str]) -> None:
+        if [text.upper() for text in parameters] == ["HALT"]:
+            if self._mode[kind] == "LIST":
+                self._ends_s = self._output.halt(self._clock.now())
+            return
+        super()._set_mode(kind, parameters)
 
-        def handler(parameters: list[str]) -> None:
-            if [one.upper() for one in parameters] == ["HALT"]:
-                if self._mode[kind] == "LIST":
-                    self._ends_s = self._output.halt(self._clock.now())
-                return
-            otherwise(parameters)
+    def _set_load(self, text: str) -> None:
+        self._load = choice(text, LOADS)
 
-        return handler
-
-    def _set_load(self, parameters: list[str]) -> None:
-        self._load = choice(one(parameters), LOADS)
-
-    def _set_pin(self, parameters: list[str]) -> None:
-        self._pin = choice(one(parameters), PIN_CONTROLS)
+    def _set_pin(self, text: str) -> None:
+        self._pin = choice(text, PIN_CONTROLS)
 
     def _add_waveform(self, parameters: list[str]) -> None:
         if len(parameters) not in (3, 4):

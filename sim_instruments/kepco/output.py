@@ -14,7 +14,8 @@ import numpy as np
 import numpy.typing as npt
 
 from sim_instruments.truth import Truth
-from sim_instruments.wire.scpi import CommandTree, ScpiError, none, number, one
+from sim_instruments.wire.scpi import ScpiError, number
+from sim_instruments.wire.scpi_device import ScpiDevice, Value
 from sim_instruments.world.currents import CurrentHistory
 from station.clock import Clock
 
@@ -61,7 +62,7 @@ class Output:
         self.tripped = 0
         self._sagging_V = np.inf
         self._overdrive = 1.0
-        self._course: tuple[float, list[Pass]] | None = None
+        self._list: tuple[float, list[Pass]] | None = None
 
     def reset(self, time_s: float) -> None:
         """Go to voltage mode, zero, output off; limits stay as programmed."""
@@ -144,20 +145,20 @@ class Output:
 
     def hold(self, time_s: float) -> None:
         """Drive the fixed set point from now on."""
-        self._course = None
+        self._list = None
         level = float(self._driven(np.array([self.levels[self.mode]]))[0])
         self.coil.hold(time_s, level if self.on else 0.0)
 
     def stay(self, time_s: float) -> None:
         """Hold the point where a list is, which becomes the set point."""
-        left = rest_of(self._course[1], time_s - self._course[0]) if self._course else []
+        left = rest_of(self._list[1], time_s - self._list[0]) if self._list else []
         if left:
             self.levels[self.mode] = float(left[0][0][0])
         self.hold(time_s)
 
     def halt(self, time_s: float) -> float:
         """Walk a list to the end of its cycle and hold its last point; return when that is, s."""
-        left = rest_of(self._course[1], time_s - self._course[0]) if self._course else []
+        left = rest_of(self._list[1], time_s - self._list[0]) if self._list else []
         if not left:
             return time_s
         levels, dwells, _ = left[0]
@@ -166,7 +167,7 @@ class Output:
 
     def run(self, time_s: float, passes: list[Pass]) -> float:
         """Drive lists of set points, then the fixed one; returns when the last one ends, in s."""
-        self._course = time_s, passes
+        self._list = time_s, passes
         driven = [
             (self._driven(levels) if self.on else np.zeros(levels.shape), dwells, cycles)
             for levels, dwells, cycles in passes
@@ -187,7 +188,7 @@ class Output:
         self._drive_again(time_s)
 
     def _drive_again(self, time_s: float) -> None:
-        left = rest_of(self._course[1], time_s - self._course[0]) if self._course else []
+        left = rest_of(self._list[1], time_s - self._list[0]) if self._list else []
         if left:
             self.run(time_s, left)
         else:
@@ -263,49 +264,34 @@ SIDES: tuple[tuple[tuple[str, ...], tuple[str, ...]], ...] = (
 
 
 def add_limit_commands(
-    tree: CommandTree, output: Output, clock: Clock, list_runs: Callable[[], bool]
+    device: ScpiDevice, output: Output, clock: Clock, list_runs: Callable[[], bool]
 ) -> None:
     """Add `CURR|VOLT:LIM` and `CURR|VOLT:PROT` with their queries.
 
     A set point beyond a limit is refused; an output beyond a protection is switched off. A set
     point that a new limit leaves outside is brought within it.
     """
-    for root in ("", "SOURce:"):
-        for kind, word in (("CURR", "CURRent"), ("VOLT", "VOLTage")):
-            for what, table, lowest, highest in (
-                ("LIMit", output.limits, 0.0, 1.0),
-                ("PROTection", output.protections, 0.01, 1.01),
-                ("PROTect", output.protections, 0.01, 1.01),
-            ):
-                span = (lowest * output.rated[kind], highest * output.rated[kind])
-                for names, sides in SIDES:
-                    keys = [(kind, side) for side in sides]
-                    write, show = _handlers(output, clock, list_runs, table, keys, span)
-                    for name in names:
-                        header = f"{root}{word}[:LEVel]:{what}{name}"
-                        tree.add(header, write)
-                        tree.add(f"{header}?", show)
 
+    def held(kind: str, table: Bounds, sides: tuple[str, ...], span: tuple[float, float]) -> Value:
+        def take(text: str) -> None:
+            value = _bound(text, span)
+            for side in sides:
+                table[kind, side] = value
+            output.apply_limits(clock.now(), kind, list_runs())
 
-def _handlers(
-    output: Output,
-    clock: Clock,
-    list_runs: Callable[[], bool],
-    table: Bounds,
-    keys: list[tuple[str, str]],
-    span: tuple[float, float],
-) -> tuple[Callable[[list[str]], None], Callable[[list[str]], str]]:
-    def write(parameters: list[str]) -> None:
-        value = _bound(one(parameters), span)
-        for key in keys:
-            table[key] = value
-        output.apply_limits(clock.now(), keys[0][0], list_runs())
+        return take, lambda: ",".join(scientific(table[kind, side]) for side in sides)
 
-    def show(parameters: list[str]) -> str:
-        none(parameters)
-        return ",".join(scientific(table[key]) for key in keys)
-
-    return write, show
+    for kind, word in (("CURR", "CURRent"), ("VOLT", "VOLTage")):
+        for what, table, lowest, highest in (
+            ("LIMit", output.limits, 0.0, 1.0),
+            ("PROTection", output.protections, 0.01, 1.01),
+            ("PROTect", output.protections, 0.01, 1.01),
+        ):
+            span = (lowest * output.rated[kind], highest * output.rated[kind])
+            for names, sides in SIDES:
+                value = held(kind, table, sides, span)
+                headers = {f"{word}[:LEVel]:{what}{name}": value for name in names}
+                device.add_settings(headers, "", "SOURce:")
 
 
 def _bound(text: str, span: tuple[float, float]) -> float:

@@ -13,7 +13,6 @@ import numpy.typing as npt
 
 from sim_instruments.kepco.output import Output, scientific
 from sim_instruments.wire.scpi import (
-    CommandTree,
     Handler,
     ScpiError,
     choice,
@@ -22,6 +21,7 @@ from sim_instruments.wire.scpi import (
     one,
     whole_number,
 )
+from sim_instruments.wire.scpi_device import ScpiDevice, Value
 
 Array = npt.NDArray[np.float64]
 Entry = TypeVar("Entry", int, float)
@@ -143,7 +143,7 @@ class ListMemory:
 
 
 def add_list_commands(
-    tree: CommandTree, memory: ListMemory, output: Output, list_runs: Callable[[], bool]
+    device: ScpiDevice, memory: ListMemory, output: Output, list_runs: Callable[[], bool]
 ) -> None:
     """Add the LIST subsystem; its commands, not its queries, are refused while a list runs."""
     commands: dict[str, Callable[[list[str]], None]] = {
@@ -159,24 +159,24 @@ def add_list_commands(
         "VOLTage[:LEVel]": _append_points(memory, output, "VOLT"),
     }
     queries: dict[str, Callable[[], str]] = {
-        "DWELl?": lambda: _joined(memory.window(memory.dwells)),
-        "DWELl:POINts?": lambda: str(len(memory.dwells)),
-        "SEQuence?": lambda: ",".join(str(step) for step in memory.window(memory.sequence)),
-        "COUNt?": lambda: str(memory.count),
-        "COUNt:SKIP?": lambda: str(memory.skip),
-        "DIRection?": lambda: "DOWN" if memory.down else "UP",
-        "GENeration?": lambda: "SEQ" if memory.own_sequence else "DSEQ",
-        "QUERy?": lambda: str(memory.pointer),
-        "CURRent[:LEVel]?": lambda: _joined(memory.show_points("CURR")),
-        "VOLTage[:LEVel]?": lambda: _joined(memory.show_points("VOLT")),
-        "CURRent[:LEVel]:POINts?": lambda: str(len(memory.points["CURR"])),
-        "VOLTage[:LEVel]:POINts?": lambda: str(len(memory.points["VOLT"])),
+        "DWELl": lambda: _joined(memory.window(memory.dwells)),
+        "DWELl:POINts": lambda: str(len(memory.dwells)),
+        "SEQuence": lambda: ",".join(str(step) for step in memory.window(memory.sequence)),
+        "COUNt": lambda: str(memory.count),
+        "COUNt:SKIP": lambda: str(memory.skip),
+        "DIRection": lambda: "DOWN" if memory.down else "UP",
+        "GENeration": lambda: "SEQ" if memory.own_sequence else "DSEQ",
+        "QUERy": lambda: str(memory.pointer),
+        "CURRent[:LEVel]": lambda: _joined(memory.show_points("CURR")),
+        "VOLTage[:LEVel]": lambda: _joined(memory.show_points("VOLT")),
+        "CURRent[:LEVel]:POINts": lambda: str(len(memory.points["CURR"])),
+        "VOLTage[:LEVel]:POINts": lambda: str(len(memory.points["VOLT"])),
     }
     for root in ("", "SOURce:"):
         for name, act in commands.items():
-            tree.add(f"{root}LIST:{name}", not_while(list_runs, act))
-        for name, reply in queries.items():
-            tree.add(f"{root}LIST:{name}", _answer(reply))
+            device.tree.add(f"{root}LIST:{name}", not_while(list_runs, act))
+    shown: dict[str, Value] = {f"LIST:{name}": (None, reply) for name, reply in queries.items()}
+    device.add_settings(shown, "", "SOURce:")
 
 
 def _append_points(memory: ListMemory, output: Output, kind: str) -> Callable[[list[str]], None]:
@@ -198,14 +198,6 @@ def not_while(list_runs: Callable[[], bool], act: Callable[[list[str]], None]) -
         if list_runs():
             raise ScpiError(-221)
         act(parameters)
-
-    return handler
-
-
-def _answer(reply: Callable[[], str]) -> Handler:
-    def handler(parameters: list[str]) -> str:
-        none(parameters)
-        return reply()
 
     return handler
 

@@ -4,13 +4,16 @@ From the 33500 series guide and public client code: LF ends commands and replies
 ends an error queue of 20, a trigger from the connector that both channels share, `*TRG` for
 channels whose source is BUS. A value that is clipped is changed all the same, and the error says
 so. Levels, termination and limits: see `Channel`; functions: see `Wave`. Its coils hang on drivers
-of high impedance. Assumed: the error of an output whose protection has tripped, and that
-modulation, sweep, coupling and sums, which are not here, are refused as unknown.
+of high impedance. Numbers are written as `+1.0000000000000E+00`, an open end as 9.9E+37. Assumed:
+the error of an output whose protection has tripped, and that modulation, sweep, coupling and sums,
+which are not here, are refused as unknown.
 """
 
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Callable
+from functools import partial
 from typing import Any, ClassVar, Protocol, runtime_checkable
 
 from sim_instruments.faults.lasting import (
@@ -20,14 +23,57 @@ from sim_instruments.faults.lasting import (
     OutputTripped,
 )
 from sim_instruments.instrument import Setting
-from sim_instruments.keysight.generator_33522b_channel import Channel
-from sim_instruments.keysight.generator_33522b_commands import add_channel_commands
-from sim_instruments.keysight.generator_33522b_wave import OWN_TEXTS, TRIPPED, Refusal
+from sim_instruments.keysight.generator_33522b_channel import LOADS_OHM, OPEN, Channel
+from sim_instruments.keysight.generator_33522b_wave import (
+    FUNCTIONS,
+    OWN_TEXTS,
+    PERIODS_S,
+    TRIPPED,
+    Refusal,
+)
 from sim_instruments.truth import SimulationError, Truth
-from sim_instruments.wire.scpi import TEXTS, ErrorQueue, ScpiError
+from sim_instruments.wire.scpi import (
+    TEXTS,
+    ErrorQueue,
+    ScpiError,
+    boolean,
+    choice,
+    numeric,
+)
 from sim_instruments.wire.scpi_device import ScpiDevice
 from sim_instruments.world.base import TriggerLine
 from sim_instruments.world.serf_coils import VoltageHistory
+
+SOURCES = {"IMM": "IMM", "IMMEDIATE": "IMM", "EXT": "EXT", "EXTERNAL": "EXT"}
+SOURCES |= {"TIM": "TIM", "TIMER": "TIM", "BUS": "BUS"}
+SLOPES = {"POS": "POS", "POSITIVE": "POS", "NEG": "NEG", "NEGATIVE": "NEG"}
+MODES = {"TRIG": "TRIG", "TRIGGERED": "TRIG", "GAT": "GAT", "GATED": "GAT"}
+POLARITIES = {"NORM": "NORM", "NORMAL": "NORM", "INV": "INV", "INVERTED": "INV"}
+
+
+def shown(give: Callable[[], str | float]) -> str:
+    """Return a value as the instrument writes it."""
+    value = give()
+    return value if isinstance(value, str) else f"{value:+.13E}"
+
+
+def only_vpp(text: str) -> None:
+    """Take the unit of amplitudes; the others are not here."""
+    choice(text, {"VPP": "VPP"})
+
+
+def load(text: str) -> float:
+    """Return a termination in ohm."""
+    words = {"INF": OPEN, "INFINITY": OPEN, "MIN": LOADS_OHM[0], "MAX": LOADS_OHM[1]}
+    words |= {"DEF": 50.0}
+    return words[text.upper()] if text.upper() in words else numeric(text, *LOADS_OHM, 50.0)
+
+
+def cycles(text: str) -> float:
+    """Return the number of cycles of a burst."""
+    endless = text.upper() in ("INF", "INFINITY")
+    return OPEN if endless else float(round(numeric(text, 1, 1e8, 1)))
+
 
 FIRMWARE = "4.00-1.19-2.00-52-00"
 COILS = ("x", "y", "z", "gradient", "none")
@@ -95,15 +141,116 @@ class Keysight33522B(ScpiDevice):
             )
             if driven is not None and coil != "none":
                 driven.drive(coil, history)
-            add_channel_commands(
-                self.tree, number, self._channels[number], self._clock.now, self._switch
-            )
+            self._add_channel(number, self._channels[number])
         if wire is not None:
             wire.listen(lambda time_s: self._edge(time_s, "POS"), self._fall)
         self.tree.add("*TRG", self._do(self._bus_trigger))
         self._faults.when_changed(OutputTripped.kind, self._trip)
         self._faults.when_changed(LoadReset.kind, self._reset_loads)
         self.begin_to_serve(setting)
+
+    def _add_channel(self, number: int, channel: Channel) -> None:
+        """Add the commands of a channel; after each its coil has what the settings say."""
+        wave = channel.wave
+        held: dict[str, dict[str, tuple[Callable[[str], None], Callable[[], str | float]]]] = {
+            "SOURce": {
+                "FUNCtion": (
+                    lambda text: channel.set_function(choice(text, FUNCTIONS)),
+                    lambda: wave.function,
+                ),
+                "VOLTage": (channel.set_amplitude, lambda: channel.amplitude_V),
+                "VOLTage:OFFSet": (channel.set_offset, lambda: channel.offset_V),
+                "VOLTage:HIGH": (channel.set_high, lambda: channel.high_V),
+                "VOLTage:LOW": (channel.set_low, lambda: channel.low_V),
+                "VOLTage:UNIT": (only_vpp, lambda: "VPP"),
+                "VOLTage:LIMit:HIGH": (
+                    partial(channel.set_limit, high=True),
+                    lambda: channel.high_limit_V,
+                ),
+                "VOLTage:LIMit:LOW": (
+                    partial(channel.set_limit, high=False),
+                    lambda: channel.low_limit_V,
+                ),
+                "VOLTage:LIMit:STATe": (
+                    lambda text: channel.set_limited(boolean(text)),
+                    lambda: str(int(channel.limited)),
+                ),
+                "BURSt:STATe": (
+                    lambda text: channel.set_burst(boolean(text)),
+                    lambda: str(int(channel.burst)),
+                ),
+                "BURSt:MODE": (
+                    lambda text: setattr(channel, "mode", choice(text, MODES)),
+                    lambda: channel.mode,
+                ),
+                "BURSt:NCYCles": (
+                    lambda text: setattr(channel, "cycles", cycles(text)),
+                    lambda: channel.cycles,
+                ),
+                "FREQuency": (
+                    lambda text: wave.set_period(1.0 / numeric(text, 1e-6, 30e6, 1e3)),
+                    lambda: 1.0 / wave.period_s,
+                ),
+                "FUNCtion:PULSe:PERiod": (
+                    lambda text: wave.set_period(numeric(text, *PERIODS_S, 1e-3)),
+                    lambda: wave.period_s,
+                ),
+                "FUNCtion:PULSe:WIDTh": (wave.set_width, lambda: wave.width_s),
+                "FUNCtion:PULSe:HOLD": (wave.set_hold, lambda: wave.hold),
+                "FUNCtion:ARBitrary": (wave.choose, lambda: f'"{wave.arb}"'),
+                "FUNCtion:ARBitrary:SRATe": (wave.set_rate, lambda: wave.rate_per_s),
+                "FUNCtion:ARBitrary:FILTer": (wave.set_filter, lambda: wave.filter),
+            },
+            "TRIGger": {
+                "SOURce": (
+                    lambda text: setattr(channel, "source", choice(text, SOURCES)),
+                    lambda: channel.source,
+                ),
+                "SLOPe": (
+                    lambda text: setattr(channel, "slope", choice(text, SLOPES)),
+                    lambda: channel.slope,
+                ),
+                "DELay": (
+                    lambda text: setattr(channel, "delay_s", numeric(text, 0.0, 1000.0, 0.0)),
+                    lambda: channel.delay_s,
+                ),
+            },
+            "OUTPut": {
+                "[:STATe]": (
+                    lambda text: self._switch(channel, boolean(text)),
+                    lambda: str(int(channel.on)),
+                ),
+                "LOAD": (lambda text: channel.set_load(load(text)), lambda: channel.load_ohm),
+                "POLarity": (
+                    lambda text: setattr(channel, "inverted", choice(text, POLARITIES) == "INV"),
+                    lambda: "INV" if channel.inverted else "NORM",
+                ),
+            },
+        }
+        acts: dict[str, Callable[[list[str]], None]] = {
+            "DATA:ARBitrary": wave.take,
+            "DATA:ARBitrary:DAC": partial(wave.take, counts=True),
+            "DATA:VOLatile:CLEar": lambda _: wave.clear(),
+        }
+
+        def applied(act: Callable[[Any], None], given: Any) -> None:
+            act(given)
+            channel.apply(self._clock.now())
+
+        # The number of the first channel may be left out, and so may SOURce.
+        first = number == 1
+        for name, table in held.items():
+            roots = [f"{name}{number}", *([name] if first else [])]
+            for header, (take, give) in table.items():
+                joined = header if header.startswith("[") else f":{header}"
+                values = {joined: (partial(applied, take), partial(shown, give))}
+                self.add_settings(values, *roots)
+                if first and name == "SOURce":
+                    self.add_settings(values)
+        for root in (f"SOURce{number}:", *(("SOURce:", "") if first else ())):
+            for header, act in acts.items():
+                self.tree.add(root + header, partial(applied, act))
+            self.add_settings({f"{root}DATA:VOLatile:CATalog": (None, wave.catalogue)})
 
     def energised(self) -> bool:
         """Return whether an output is on."""

@@ -13,7 +13,7 @@ from collections.abc import Callable
 import numpy as np
 import numpy.typing as npt
 
-from sim_instruments.wire.scpi import ScpiError, choice, number, numeric, one
+from sim_instruments.wire.scpi import ScpiError, choice, number, numeric
 
 Array = npt.NDArray[np.float64]
 Complain = Callable[[int, str], None]
@@ -127,29 +127,29 @@ class Wave:
             if self.function == "PULS":
                 self._complain(CONFLICT, "pulse width changed due to period")
 
-    def set_width(self, parameters: list[str]) -> None:
+    def set_width(self, text: str) -> None:
         """Set the width of the pulse."""
-        text = one(parameters).upper()
+        word = text.upper()
         longest_s = self.period_s - LEAST_WIDTH_S
         words = {"MIN": LEAST_WIDTH_S, "MAX": longest_s}
-        width_s = words[text] if text in words else number(text)
+        width_s = words[word] if word in words else number(text)
         self.width_s = self._clipped(width_s, LEAST_WIDTH_S, longest_s)
 
-    def set_hold(self, parameters: list[str]) -> None:
+    def set_hold(self, text: str) -> None:
         """Say whether width or duty cycle stays when the period changes."""
-        self.hold = choice(one(parameters), HOLDS)
+        self.hold = choice(text, HOLDS)
 
-    def set_filter(self, parameters: list[str]) -> None:
+    def set_filter(self, text: str) -> None:
         """Choose the filter of arbitrary waveforms; here none shows."""
-        self.filter = choice(one(parameters), FILTERS)
+        self.filter = choice(text, FILTERS)
 
-    def set_rate(self, parameters: list[str]) -> None:
+    def set_rate(self, text: str) -> None:
         """Set the sample rate of arbitrary waveforms."""
-        self.rate_per_s = numeric(one(parameters), *RATES_PER_S, 40e3)
+        self.rate_per_s = numeric(text, *RATES_PER_S, 40e3)
 
-    def choose(self, parameters: list[str]) -> None:
+    def choose(self, text: str) -> None:
         """Choose an arbitrary waveform by its name."""
-        name = unquoted(one(parameters))
+        name = unquoted(text)
         if name not in self._memory:
             raise Refusal(NO_SUCH_ARB)
         self.arb = name

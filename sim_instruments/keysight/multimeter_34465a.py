@@ -17,8 +17,11 @@ import numpy as np
 from sim_instruments.faults.lasting import Frozen, Overload
 from sim_instruments.instrument import Setting
 from sim_instruments.keysight.multimeter_34465a_converter import Array, Converter
-from sim_instruments.keysight.multimeter_34465a_sense import Sense
-from sim_instruments.keysight.multimeter_34465a_trigger import TriggerSystem, add_trigger_commands
+from sim_instruments.keysight.multimeter_34465a_settings import (
+    Sense,
+    TriggerSystem,
+    add_trigger_commands,
+)
 from sim_instruments.wire.requests import released
 from sim_instruments.wire.scpi import ScpiError, boolean, choice, one, whole_number
 from sim_instruments.wire.scpi_device import ScpiDevice
