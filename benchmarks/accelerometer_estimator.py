@@ -16,6 +16,7 @@ from __future__ import annotations
 import sys
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,7 +32,7 @@ from procedures.accelerometer_magnetic_sensitivity.analysis import analyse
 from procedures.accelerometer_magnetic_sensitivity.dataset import AccelerometerDataset
 from procedures.accelerometer_magnetic_sensitivity.model import judge
 
-Array = NDArray[np.float64]
+Array = NDArray[Any]
 
 NAMES = tuple(TRUTH)
 TWO_SIDED = (-0.05, 0.0, 0.05)
@@ -134,7 +135,7 @@ def recorded(case: Case, seed: int) -> tuple[AccelerometerDataset, dict[str, flo
     generator = np.random.default_rng([seed, 3])
     plane, angle_deg, field = case.points()
     count = len(field)
-    time_s = INTERVAL_S * np.arange(count)
+    time_s = np.asarray(INTERVAL_S * np.arange(count), dtype=np.float64)
     measured = field + 1e-6 * generator.standard_normal(count)
     theta = np.radians(angle_deg) + case.offset_arcsec * ARCSEC
     drift = case.drift_V_per_h * time_s / 3600.0 - case.warm_up_V * np.exp(-time_s / 1500.0)

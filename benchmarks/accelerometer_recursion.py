@@ -21,7 +21,8 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 
-from accelerometer_estimator import NOISE_V, TRUTH, Case, columns
+from accelerometer_estimator import Case, columns
+from accelerometer_records import NOISE_V, TRUTH
 
 from procedures.accelerometer_magnetic_sensitivity.finite_memory import FiniteMemory, column_scale
 from procedures.accelerometer_magnetic_sensitivity.model import judge

@@ -22,6 +22,8 @@ from pathlib import Path
 # Matrices of a hundred rows gain nothing from threads.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -33,7 +35,7 @@ from procedures.fog_scale_factor_temperature.analysis import analyse
 from procedures.fog_scale_factor_temperature.curve import Band
 from procedures.fog_scale_factor_temperature.dataset import FogDataset, TurnTable
 
-Array = NDArray[np.float64]
+Array = NDArray[Any]
 
 QUARTIC_PPM = (60.0, -170.0, 140.0, 40.0, 110.0)
 """In powers of the temperature scaled to -40 .. 60 degC; steepest at the cold end, 16 ppm/degC."""
@@ -197,7 +199,8 @@ def bound_ppm(case: Case, keep: NDArray[np.bool_], at_degC: Array, order: int = 
     normal = (rows / scale).T @ np.linalg.solve(cover[np.ix_(keep, keep)], rows / scale)
     inverse = np.linalg.inv(normal) / np.outer(scale, scale)
     there = columns(at_degC, order)
-    return np.sqrt(np.einsum("ij,jk,ik->i", there, inverse[: order + 1, : order + 1], there))
+    part = inverse[: order + 1, : order + 1]
+    return np.asarray(np.sqrt(np.einsum("ij,jk,ik->i", there, part, there)))
 
 
 def measure(case: Case, runs: int) -> dict[str, object]:

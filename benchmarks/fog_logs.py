@@ -59,7 +59,9 @@ class Log:
 def curve_of(seed: int, place: int) -> Curve:
     """Return a quartic of up to some hundred ppm."""
     size = np.random.default_rng([seed, place, 3]).uniform(-1.0, 1.0, 5) * CURVE_PPM
-    return lambda heat: np.polynomial.polynomial.polyval((np.asarray(heat) - 10.0) / 50.0, size)
+    return lambda heat: np.asarray(
+        np.polynomial.polynomial.polyval((heat - 10.0) / 50.0, size), dtype=np.float64
+    )
 
 
 def lifted(table: TurnTable, generator: np.random.Generator) -> TurnTable:
@@ -76,7 +78,7 @@ def lifted(table: TurnTable, generator: np.random.Generator) -> TurnTable:
     def angles(c: Array) -> Array:
         heading = np.arctan2(c[:, 1, 0], c[:, 0, 0])
         pitch, roll = -np.arcsin(c[:, 2, 0]), np.arctan2(c[:, 2, 1], c[:, 2, 2])
-        return np.round(np.degrees(np.column_stack((heading, pitch, roll))), 6)
+        return np.asarray(np.round(np.degrees(np.column_stack((heading, pitch, roll))), 6))
 
     return replace(table, attitude_before_deg=angles(before), attitude_after_deg=angles(after))
 
@@ -239,7 +241,8 @@ def made(log: Log) -> Made:
     if log.verification is not None:
         data = np.concatenate((data, log.error_ppm(log.verification)))
     truth: dict[tuple[str, str | None, str | None], float]
-    truth = {("scale_factor_error", axis, None): float(log.curves[axis](20.0)) for axis in AXES}
+    at = np.array([20.0])
+    truth = {("scale_factor_error", axis, None): float(log.curves[axis](at)[0]) for axis in AXES}
     if log.drive is not None:
         truth["heading_error_compensated", None, None] = 0.0
 

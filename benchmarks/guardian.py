@@ -138,7 +138,7 @@ def ended(
     for guardian in first:
         os.kill(guardian, of_guardian or end)
     run.wait_for_guardian()
-    line = {
+    line: dict[str, Any] = {
         "benchmark": "guardian",
         "runner": kind,
         "seed": seed,

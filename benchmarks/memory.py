@@ -16,7 +16,7 @@ import sys
 import tempfile
 import time
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -70,7 +70,7 @@ def hours(parent: Path, count: int, sample_interval_s: float) -> Any:
     wanted = ("coil_supply.x", "gaussmeter", "gyro_acquisition")
     with clock.participant("run"), Progress(1.0, quiet=True) as progress:
         found = open_instruments(bench, wanted, addresses, clock, None)
-        supply, gaussmeter, board = (found[name].instrument for name in wanted)
+        supply, gaussmeter, board = (cast(Any, found[name].instrument) for name in wanted)
         run = undirected_run(clock, record, progress)
         simulated.act("dut-power-on")
         supply.programme_limits()
@@ -87,11 +87,12 @@ def hours(parent: Path, count: int, sample_interval_s: float) -> Any:
         watcher = clock.start("watch", watch)
         for hour in range(1, count + 1):
             began, end_s = time.perf_counter(), clock.now() + HOUR_S
+
+            def enough(_: object, end_s: float = end_s) -> bool:
+                return clock.now() >= end_s
+
             acquire(
-                run,
-                "day",
-                {"gyro_acquisition": board, "gaussmeter": gaussmeter},
-                enough=lambda _, end_s=end_s: clock.now() >= end_s,
+                run, "day", {"gyro_acquisition": board, "gaussmeter": gaussmeter}, enough=enough
             )
             yield {
                 "hour": hour,

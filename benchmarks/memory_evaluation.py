@@ -67,13 +67,13 @@ def main() -> None:
             "raw_MB": sum(file.stat().st_size for file in folder.rglob("*.mcap")) // 1_000_000,
         }
         print(f"{folder} made in {time.perf_counter() - began:.0f} s", file=sys.stderr)
-        work = [("analyse", folder)]
+        work: list[tuple[object, ...]] = [("analyse", folder)]
         work += [("export", folder, "--format", one) for one in arguments.formats.split(",") if one]
         for verb in work:
             print(json.dumps({**case, **measured(verb)}), flush=True)
 
 
-def measured(verb: Any) -> dict[str, Any]:
+def measured(verb: tuple[object, ...]) -> dict[str, Any]:
     """Return the largest resident set and the time of a command of the station."""
     began = time.perf_counter()
     child = subprocess.Popen(

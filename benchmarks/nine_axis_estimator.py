@@ -18,6 +18,7 @@ from __future__ import annotations
 import sys
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,7 +38,7 @@ from procedures.nine_axis_calibration.dataset import (
 )
 from procedures.nine_axis_calibration.outlook import expected_uncertainty
 
-Array = NDArray[np.float64]
+Array = NDArray[Any]
 
 EARTH = 15.041067
 RANDOM_WALK = 0.01
@@ -190,7 +191,7 @@ def turn(
     noise = 60.0 * RANDOM_WALK / 3600.0
     output = output + noise * generator.standard_normal((count, 3))
     output, there = spoiled(case, output, noise, generator)
-    reading = np.round(np.mod(angle_deg, 360.0), 5)
+    reading = np.asarray(np.round(np.mod(angle_deg, 360.0), 5), dtype=np.float64)
     return TurnRecord(axis, commanded, time_s[there], output[there], reading[there])
 
 
@@ -238,8 +239,8 @@ def measure(case: Case, runs: int) -> dict[str, object]:
             ),
         }
         for name, axes in (*((n, "XYZ") for n in list(limit)[:3]), ("misalignment", PAIRS)):
-            for k, axis in enumerate(axes):
-                one = analysis.estimate(name, axis)
+            for k, along in enumerate(axes):
+                one = analysis.estimate(name, along)
                 if one.value is None or one.standard_uncertainty is None:
                     raise RuntimeError(f"{case.name}: seed {seed} leaves {name} undetermined")
                 u = one.standard_uncertainty
@@ -249,9 +250,9 @@ def measure(case: Case, runs: int) -> dict[str, object]:
                 errors[name][seed, k] = error
                 factor = stdtrit(one.degrees_of_freedom or 1e9, 0.975)
                 inside[name][seed, k] = abs(error) <= factor * u * UNIT[name]
-        for one in analysis.published:
-            k = "XYZ".index(one.axis)
-            published[one.name][seed, k] = (one.value or np.nan) - true[one.name][k]
+        for rule in analysis.published:
+            k = "XYZ".index(rule.axis or "")
+            published[rule.name][seed, k] = (rule.value or np.nan) - true[rule.name][k]
         for code in sorted({flag.code for flag in analysis.flags}):
             flags[code] = flags.get(code, 0) + 1
     rows = {}

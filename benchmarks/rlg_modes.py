@@ -32,6 +32,8 @@ from pathlib import Path
 # Matrices of a hundred rows gain nothing from threads.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 from rlg_estimator import Case, output
@@ -50,7 +52,7 @@ from procedures.rlg_magnetic_sensitivity.stopping import (
     samples_at_next_look,
 )
 
-Array = NDArray[np.float64]
+Array = NDArray[Any]
 
 TRUTH = {"IA": 0.04, "NA": -0.015, "LA": 0.022}
 AMBIENT_MT = np.array([0.02, -0.03, 0.025])
@@ -93,7 +95,7 @@ def on_off(case: Case, truth: dict[str, float], axis: str, coils: Array, seed: l
     """Return what the difference with and without a constant field of one coil says."""
     on = np.arange(case.samples) >= case.samples // 2
     response = float(coils[AXES.index(axis)] @ np.array([truth[one] for one in AXES]))
-    rate = output(case, np.random.default_rng(seed), response * on)
+    rate = output(case, np.random.default_rng(seed), np.asarray(response * on, dtype=np.float64))
     return float(rate[on].mean() - rate[~on].mean())
 
 

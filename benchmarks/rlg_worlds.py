@@ -14,7 +14,7 @@ from sabotage import Made
 
 from procedures.estimation.sine import legendre_columns
 
-Array = NDArray[np.float64]
+Array = NDArray[Any]
 
 AXES = ("IA", "NA", "LA")
 FINE = (np.arange(16) + 0.5) / 16.0 - 0.5
@@ -210,7 +210,7 @@ def made(world: World, seed: int, spoil: Spoil | None = None, **wrong: Any) -> M
         rows = np.column_stack((table.t_s, table.output, table.field_mT))
         np.savetxt(folder / "samples.csv", rows, form, ",", header=head, comments="")
 
-    truth = {
+    truth: dict[tuple[str, str | None, str | None], float] = {
         ("magnetic_sensitivity", a, None): world.sensitivity[AXES.index(a)] for a in world.drive
     }
     return Made(truth, write, data, model, noise)

@@ -32,7 +32,7 @@ from numpy.typing import NDArray
 for folder in ("", "tests/support", "benchmarks"):
     sys.path.insert(0, str(Path(__file__).resolve().parents[1] / folder))
 
-Array = NDArray[np.float64]
+Array = NDArray[Any]
 
 PROCEDURES = {
     "accelerometer-magnetic-sensitivity": "sabotage_accelerometer",

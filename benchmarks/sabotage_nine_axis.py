@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from nine_axis_estimator import POSITIONS, Case, Truth, simulate
@@ -21,7 +22,7 @@ from sabotage_nine_axis_turns import TURNING_FAULTS
 
 from procedures.nine_axis_calibration.dataset import AXES, NineAxisDataset, Prior
 
-Array = NDArray[np.float64]
+Array = NDArray[Any]
 Block = tuple[Array, Array, Array]
 """Some of the readings (n,), their derivatives (n, p), their standard deviations (n,)."""
 

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from procedures.nine_axis_calibration.dataset import NineAxisDataset, StaticRecord, TurnRecord
 
-Array = NDArray[np.float64]
+Array = NDArray[Any]
 Spoil = Callable[[NineAxisDataset, np.random.Generator], NineAxisDataset]
 
 ASKEW = frozenset({"wrong-position", "positions-disagree", "contradicts-statement"})
@@ -38,7 +39,7 @@ def still(change: Callable[[Array, StaticRecord], Array], positions: tuple[int, 
     def spoil(dataset: NineAxisDataset, rng: np.random.Generator) -> NineAxisDataset:
         del rng
         static = tuple(
-            replace(one, rate_deg_per_h=np.round(change(one.rate_deg_per_h.copy(), one), 4))
+            replace(one, rate_deg_per_h=rounded(change(one.rate_deg_per_h.copy(), one), 4))
             if not positions or one.position in positions
             else one
             for one in dataset.static
@@ -54,7 +55,7 @@ def force(change: Callable[[Array], Array], positions: tuple[int, ...] = ()) -> 
     def spoil(dataset: NineAxisDataset, rng: np.random.Generator) -> NineAxisDataset:
         del rng
         static = tuple(
-            replace(one, acceleration_g=np.round(change(one.acceleration_g.copy()), 6))
+            replace(one, acceleration_g=rounded(change(one.acceleration_g.copy()), 6))
             if not positions or one.position in positions
             else one
             for one in dataset.static
@@ -71,6 +72,10 @@ def _signed(values: Array, column: int) -> Array:
 
 def _columns(*order: int) -> Callable[[Array], Array]:
     return lambda values: values[:, list(order)]
+
+
+def rounded(values: Array, decimals: int) -> NDArray[np.float64]:
+    return np.asarray(np.round(values, decimals), dtype=np.float64)
 
 
 def _added(values: Array, column: int, extra: Array | float) -> Array:

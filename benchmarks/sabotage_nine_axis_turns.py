@@ -6,7 +6,18 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
-from sabotage_nine_axis_rest import ASKEW, PER_DEG, STUCK, UNEVEN, Array, Plant, Spoil, held, ramp
+from sabotage_nine_axis_rest import (
+    ASKEW,
+    PER_DEG,
+    STUCK,
+    UNEVEN,
+    Array,
+    Plant,
+    Spoil,
+    held,
+    ramp,
+    rounded,
+)
 
 from procedures.nine_axis_calibration.dataset import NineAxisDataset, TurnRecord
 
@@ -41,7 +52,7 @@ def own(change: Callable[[Array, TurnRecord], Array]) -> Callable[[TurnRecord, A
 
 def angle(change: Callable[[TurnRecord], Array]) -> Callable[[TurnRecord, Array], TurnRecord]:
     """Return the change of the encoder's readings alone."""
-    return lambda one, _: replace(one, encoder_deg=np.round(np.mod(change(one), 360.0), 5))
+    return lambda one, _: replace(one, encoder_deg=rounded(np.mod(change(one), 360.0), 5))
 
 
 def fastest(one: TurnRecord) -> bool:
@@ -127,7 +138,7 @@ def _lost_and_closed(one: TurnRecord, values: Array) -> TurnRecord:
 
 
 def _grown(values: Array, one: TurnRecord) -> Array:
-    return values + 2e-3 * np.sin(7.0 * one.time_s) * ramp(one) ** 2
+    return np.asarray(values + 2e-3 * np.sin(7.0 * one.time_s) * ramp(one) ** 2)
 
 
 def _part(values: Array, start: float, stop: float, extra: float) -> Array:

@@ -55,7 +55,7 @@ def part(start: float, stop: float, change: Callable[[Array], Array], of: str = 
 
 
 def still(x: Array) -> Array:
-    return 0.0 * x + x[0]
+    return np.asarray(0.0 * x + x[0])
 
 
 def clipped(low: float, high: float) -> Spoil:
@@ -145,7 +145,7 @@ def stretched(factor: float) -> Spoil:
 
     def change(x: Array) -> Array:
         place = np.rint(np.arange(len(x)) * factor).astype(int)
-        return x[np.minimum(place, len(x) - 1)]
+        return np.asarray(x[np.minimum(place, len(x) - 1)])
 
     return output(change)
 
@@ -153,7 +153,7 @@ def stretched(factor: float) -> Spoil:
 def dead(x: Array) -> Array:
     """Return an output that rests where it is less than 0.1 deg/h from its median."""
     off = x - np.median(x)
-    return np.round(np.median(x) + np.sign(off) * np.maximum(np.abs(off) - 0.1, 0.0), 4)
+    return np.asarray(np.round(np.median(x) + np.sign(off) * np.maximum(np.abs(off) - 0.1, 0.0), 4))
 
 
 def coil(after_s: float, factor: float) -> Callable[[Array], Array]:

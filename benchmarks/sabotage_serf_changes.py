@@ -15,7 +15,7 @@ from sabotage import Fault, Made
 from scipy.interpolate import CubicSpline
 from serf_shots import FOUR, Cell
 
-Array = NDArray[np.float64]
+Array = NDArray[Any]
 Change = Callable[["Recorded", np.random.Generator], "Recorded"]
 
 PAIRS = ("xy", "xz", "yz")
@@ -130,7 +130,7 @@ def cell_of(seed: int, **changes: object) -> Cell:
     return cell.but(**changes)
 
 
-EXACT = {"factors": (1.0, 1.0, 1.0), "known": True}
+EXACT: Mapping[str, Any] = {"factors": (1.0, 1.0, 1.0), "known": True}
 KINDS: Mapping[str, Callable[[int], Cell]] = {
     "reversal": cell_of,
     "known": partial(cell_of, **EXACT),

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import ast
+import os
+import subprocess
+import sys
 from collections.abc import Iterator
 from graphlib import TopologicalSorter
 from pathlib import Path
@@ -152,3 +155,25 @@ def test_heavy_packages_stay_out_of_the_command_line_until_they_are_used() -> No
     loaded = {name.split(".")[0] for name in done.stdout.split()}
     heavy = {"numpy", "scipy", "pydantic", "yaml", "matplotlib", "GTC", "pyvisa", "can", "rich"}
     assert not loaded & heavy
+
+
+EVERY_BENCHMARK = """
+import contextlib, importlib, io, sys
+for name in {names}:
+    module = importlib.import_module(name)
+    if hasattr(module, "argparse") and hasattr(module, "main"):
+        sys.argv = [name, "--help"]
+        with contextlib.redirect_stdout(io.StringIO()), contextlib.suppress(SystemExit):
+            module.main()
+            raise AssertionError(name + " takes no --help")
+"""
+
+
+def test_every_benchmark_fits_the_engine() -> None:
+    folder = ROOT / "benchmarks"
+    names = sorted(path.stem for path in folder.glob("*.py"))
+    assert names
+    code = EVERY_BENCHMARK.format(names=names)
+    paths = os.pathsep.join(map(str, (folder, ROOT / "tests" / "support", ROOT)))
+    environment = {**os.environ, "PYTHONPATH": paths}
+    subprocess.run([sys.executable, "-c", code], check=True, env=environment, cwd=ROOT)
