@@ -16,15 +16,22 @@ from functools import partial
 from typing import ClassVar
 
 from drivers.acutronic.axis import AclSettings, Doing
-from drivers.acutronic.limits import limit, programme
 from drivers.acutronic.line import AclLine
 from drivers.acutronic.table import Table
+from drivers.transport.line import check_written
 from drivers.transport.retry import Repeatable
 from station.errors import InstrumentError
 from station.roles import Driver, Identity, Place, SafetyReading
 
 CLOSES_WITHIN_S = 10.0
 STILL_S, LOOK_S = 0.1, 0.05
+AGREES = 2e-6
+TRIP_ABOVE = 1.1
+"""The rate at which an axis trips, in the bench's limit; less where the controller ends before."""
+
+RATE, ACCELERATION, TRIP = 0, 1, 5
+"""The places of these in the absolute limits, which are also in the order rate, acceleration, jerk,
+lowest and highest position, velocity trip."""
 
 
 class Acutrol3000(Driver):
@@ -39,6 +46,7 @@ class Acutrol3000(Driver):
     """
 
     Settings = AclSettings
+    without_limits = "the table does not turn"
     identifies_on: ClassVar[str] = "socket"
     recognises: ClassVar[str] = (
         r"(?i)^(\d{8})?Acutronic[^,]*,\s*ACU?T(ROL)?3000,\s*(?P<serial>[^,]+)"
@@ -58,7 +66,7 @@ class Acutrol3000(Driver):
         self._line = AclLine(
             place, self._settings, self._settings.framing == "framed", self.repeatable
         )
-        self._table = Table(place, self._settings, self._line)
+        self._table = Table(place, self._settings, self._line, self.limit)
 
     def identify(self) -> Identity:
         """Ask `*IDN?`: maker, model, serial number and firmware."""
@@ -75,7 +83,7 @@ class Acutrol3000(Driver):
         """
         self._line.forget_errors()
         for n in self._table.axes:
-            programme(self.place, self._line, n, self._settings.turns_for_ever)
+            self._programme(n)
         self._limits_written = True
 
     def is_homed(self, axis: int) -> bool:
@@ -129,7 +137,7 @@ class Acutrol3000(Driver):
         Raises InstrumentError for a rate beyond the bench's limit, and for an axis not homed.
         """
         state, attempted = self._table.axis(axis), f"turn axis {axis} at {rate_deg_per_s:g} deg/s"
-        allowed = limit(self.place, "rate")
+        allowed = self.limit("rate")
         if not abs(rate_deg_per_s) <= allowed:
             said = f"the bench allows {allowed:g} deg/s"
             do_now = "correct the plan's rates, or limits.rate"
@@ -231,6 +239,47 @@ class Acutrol3000(Driver):
         ]
         safe = still and set(modes) <= {"Off", "Abort"}
         return SafetyReading(safe, f"{'at rest' if still else 'turning'}: {'; '.join(said)}")
+
+    def _programme(self, axis: int) -> None:
+        rated = self._rated(axis)
+        for name, unit, where in (
+            ("rate", "deg/s", RATE),
+            ("acceleration", "deg/s^2", ACCELERATION),
+        ):
+            wanted = self.limit(name)
+            if wanted > rated[where] + AGREES:
+                raise self.error(
+                    f"limit the {name} of axis {axis} to {wanted:g} {unit}",
+                    f"the axis ends at {rated[where]:g} {unit}",
+                    f"lower limits.{name} in the bench file",
+                )
+            for mode in ("Position", "Rate"):
+                self._write(f"Limit:{name.title()}", f"{mode},{axis}", wanted)
+        trip = min(TRIP_ABOVE * self.limit("rate"), rated[TRIP])
+        self._write("Limit:VelocityTrip", f"{axis}", trip)
+        if axis in self._settings.turns_for_ever:
+            return
+        for name, header in (("angle_low", "LowPosition"), ("angle_high", "HighPosition")):
+            if name in self.place.limits:
+                self._write(f"Limit:{header}", f"{axis}", self.place.limits[name])
+
+    def _rated(self, axis: int) -> list[float]:
+        """Return what the maker allows of an axis, six numbers."""
+        message = f":Limit:Absolute? {axis}"
+        answer = self._line.query(message)
+        try:
+            values = [float(text) for text in answer.split(",")]
+        except ValueError:
+            values = []
+        if len(values) < TRIP + 1:
+            raise self._line.odd(message, answer)
+        return values
+
+    def _write(self, header: str, which: str, value: float) -> None:
+        """Set a value and read it back; InstrumentError where another one comes."""
+        self._line.command(f":{header} {which},{value:.6f}")
+        (found,) = self._line.numbers(f":{header}? {which}")
+        check_written(self.place.name, f"{header} {which}", value, found, AGREES)
 
     def _rates(self, quantity: str) -> float | str | None:
         self._table.look_at_rates()

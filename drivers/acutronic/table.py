@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from contextlib import suppress
 
 from drivers.acutronic.axis import MOVES, TURN_DEG, AclSettings, AxisState, Doing, TurnCount
-from drivers.acutronic.limits import limit
 from drivers.acutronic.line import (
     AT_POSITION,
     AT_RATE,
@@ -35,8 +34,14 @@ RATE_AGREES, RATE_KEPT = 1e-3, 0.05
 class Table:
     """All axes, with what was read of them last."""
 
-    def __init__(self, place: Place, settings: AclSettings, line: AclLine) -> None:
-        self._place, self._settings, self._line = place, settings, line
+    def __init__(
+        self,
+        place: Place,
+        settings: AclSettings,
+        line: AclLine,
+        limit: Callable[[str], float],
+    ) -> None:
+        self._place, self._settings, self._line, self._limit = place, settings, line, limit
         numbers = range(1, settings.axes + 1)
         self.axes = {n: AxisState(n, TurnCount(n in settings.turns_for_ever)) for n in numbers}
         self._reads = tuple(f":Read:{what}? {n}" for n in numbers for what in ("Position", "Rate"))
@@ -98,7 +103,7 @@ class Table:
         if state.mode != "Rate":
             self._line.command(f":Mode {n},Rate")
         state.mode, state.rate_demand, state.target_deg = "Rate", rate, None
-        acceleration = limit(self._place, "acceleration")
+        acceleration = self._limit("acceleration")
         change = abs(
             rate - state.count.planned_rate(began_s) if measured is None else rate - measured
         )
@@ -119,7 +124,7 @@ class Table:
         if state.mode != "Position":
             self._line.command(f":Mode {n},Position")
         state.mode, state.step_deg = "Position", step_deg
-        rate, acceleration = limit(self._place, "rate"), limit(self._place, "acceleration")
+        rate, acceleration = self._limit("rate"), self._limit("acceleration")
         state.count.aims_at(began_s, step_deg, rate)
         takes_s = abs(step_deg - here_deg) / rate + 2 * rate / acceleration
         state.begins(Doing.POSITIONING, began_s + 2 * takes_s + MARGIN_S)

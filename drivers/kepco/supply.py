@@ -42,10 +42,10 @@ class KepcoSupply(ScpiDriver, ABC):
         super().__init__(place)
         coil = CoilSettings.of(place)
         self.coil_constant_mT_per_A = coil.coil_constant_mT_per_A
-        self._current_limit_A = place.limits["current"]
-        self._voltage_limit_V = place.limits["voltage"]
-        self._ramp_step_A = place.limits["slew"] * RAMP_STEP_S
-        self._zero_A = place.limits["zero_current"]
+        self._current_limit_A = self.limit("current")
+        self._voltage_limit_V = self.limit("voltage")
+        self._ramp_step_A = self.limit("slew") * RAMP_STEP_S
+        self._zero_A = self.limit("zero_current")
         self._steady = SteadyCurrent(place, coil, self._line, self.current_A)
         self._half_period_s = LONGEST_HALF_PERIOD_S
         self._sine: Sine | None = None

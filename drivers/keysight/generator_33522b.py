@@ -25,7 +25,6 @@ from typing import Annotated, ClassVar, Literal
 
 from pydantic import AfterValidator, Field
 
-from drivers.bench_limits import limit_of
 from drivers.keysight.generator_33522b_messages import (
     CHANNELS,
     LARGEST_OPEN_V,
@@ -73,7 +72,7 @@ class Keysight33522B(ScpiDriver):
         super().__init__(place)
         settings = self.Settings.of(place)
         self._load_ohm, self._trigger = load_ohm(settings.load), settings.trigger
-        self._limit_V = limit_of(place, "voltage", "nothing is switched on")
+        self._limit_V = self.limit("voltage")
         self._share = 1.0 if math.isinf(self._load_ohm) else self._load_ohm / (self._load_ohm + 50)
         self._messages = {one: Messages(one, TRIGGERS[self._trigger]) for one in CHANNELS}
         self._prepared = False

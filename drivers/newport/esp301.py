@@ -15,7 +15,8 @@ from typing import ClassVar
 
 from pydantic import Field
 
-from drivers.newport.esp301_line import MODEL, EspLine, limit, programme
+from drivers.newport.esp301_line import MODEL, EspLine
+from drivers.transport.line import check_written
 from drivers.transport.retry import Repeatable
 from drivers.transport.serial_port import BaudRate, Handshake, SerialSettings
 from station.errors import InstrumentError
@@ -25,6 +26,16 @@ from station.roles import Driver, Identity, Place, SafetyReading, quantity
 STAGE = re.compile(r"\s*([^,\s][^,]*?)\s*,\s*S/?N\s*(\S+)\s*")
 LOOK_S = 0.05
 STILL_S = 0.1
+
+UNIT_DEGREE = 7
+PROTECTED = 17
+OUT_OF_RANGE = 1
+AGREES = 1e-4
+MOVING = (
+    ("rate", "deg/s", "VU", ("VA",)),
+    ("acceleration", "deg/s^2", "AU", ("AC", "AG")),
+)
+"""A limit of the bench, its unit, the controller's maximum, and what the controller uses."""
 
 
 class NewportEsp301(Driver):
@@ -52,6 +63,7 @@ class NewportEsp301(Driver):
         baud_rate: BaudRate = 921600
         hardware_handshake: Handshake = True
 
+    without_limits = "the stage does not turn"
     identifies_on: ClassVar[str] = "socket"
     """Where a scan of served instruments may ask it; it knows no `*IDN?`."""
 
@@ -88,9 +100,33 @@ class NewportEsp301(Driver):
     def programme_limits(self) -> None:
         """Write rate, acceleration and angle limits into the controller and read them back.
 
-        Raises InstrumentError where the bench allows more than the stage is rated for.
+        Stages that protect their settings refuse VU and AU (x17) and keep their rating as maximum;
+        what is used, VA, AC and AG, is the bench's all the same. Raises InstrumentError where the
+        bench allows more than the stage is rated for.
         """
-        programme(self.place, self._line, self._axis)
+        self._line.forget_errors()
+        if self._number("SN?") != UNIT_DEGREE:
+            self._write("SN", UNIT_DEGREE)
+        for name, unit, maximum, headers in MOVING:
+            wanted = self.limit(name)
+            command = self._of_axis(f"{maximum}{wanted:.6g}")
+            self._line.command(command, but_for=(PROTECTED, OUT_OF_RANGE))
+            rating = self._number(f"{maximum}?")
+            if wanted > rating + AGREES:
+                raise self.error(
+                    f"limit the {name} to {wanted:g} {unit}",
+                    f"the stage ends at {rating:g} {unit}",
+                    f"lower limits.{name} in the bench file",
+                )
+            for header in headers:
+                self._write(header, wanted)
+        limits = self.place.limits
+        ends = (("SL", "angle_low"), ("SR", "angle_high"))
+        angles = [(header, limits[name]) for header, name in ends if name in limits]
+        if len(angles) == 2 and angles[0][1] >= self._number("SR?"):
+            angles.reverse()  # neither may pass the other on its way
+        for header, wanted in angles:
+            self._write(header, wanted)
         self._limits_written = True
 
     def is_homed(self) -> bool:
@@ -129,7 +165,7 @@ class NewportEsp301(Driver):
                 "home it first",
             )
         self._prepare()
-        rate, acceleration = limit(self.place, "rate"), limit(self.place, "acceleration")
+        rate, acceleration = self.limit("rate"), self.limit("acceleration")
         takes_s = abs(angle_deg - self._encoder_deg()) / rate + 2 * rate / acceleration
         self._began(2 * takes_s + 5.0)
         self._command(f"PA{angle_deg:.6f}")
@@ -252,6 +288,11 @@ class NewportEsp301(Driver):
     @quantity("motion", states=("moving", "at-rest"))
     def _is_turning(self) -> bool:
         return self._number("MD?") == 0
+
+    def _write(self, header: str, value: float) -> None:
+        """Set a value and read it back; InstrumentError where another one comes."""
+        self._line.command(self._of_axis(f"{header}{value:.6g}"))
+        check_written(self.place.name, header, value, self._number(f"{header}?"), AGREES)
 
     def _number(self, query: str) -> float:
         return self._line.number(self._of_axis(query))

@@ -75,6 +75,17 @@ def numbers_of(
     return values
 
 
+def check_written(instrument: str, what: str, value: float, found: float, agrees: float) -> None:
+    """Raise InstrumentError where another value reads back than was written."""
+    if abs(found - value) > agrees:
+        raise InstrumentError(
+            instrument,
+            f"set {what} to {value:g}",
+            f"{found:g} reads back",
+            "check that nobody else talks to the controller, then run again",
+        )
+
+
 def odd(
     instrument: str, attempted: str, answer: str, do_now: str = OTHER_ADDRESS
 ) -> InstrumentError:

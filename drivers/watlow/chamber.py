@@ -3,60 +3,42 @@
 from __future__ import annotations
 
 import math
-from abc import abstractmethod
+from abc import ABC, abstractmethod
 from contextlib import suppress
 from dataclasses import dataclass
+from typing import ClassVar
 
-from drivers.bench_limits import limit_of
 from drivers.transport.modbus_line import ModbusLine, RegisterLine
-from drivers.watlow.quantity_reader import WatlowSight
 from station.errors import InstrumentError
-from station.roles import Place, SafetyReading
+from station.roles import Driver, Place, SafetyReading, published, quantity
 
 MOST_AT_ONCE_K = 1.0
-
-
-@dataclass
-class Steps:
-    """A ramp that the driver steps by itself: where it began, where it ends, where it stands."""
-
-    start_degC: float
-    target_degC: float
-    rate_K_per_s: float
-    began_s: float
-    stands_at_degC: float
-
-    def due_degC(self, time_s: float) -> float:
-        """Return where the set-point belongs, at most `MOST_AT_ONCE_K` from where it stands."""
-        way = self.target_degC - self.start_degC
-        gone = min(self.rate_K_per_s * (time_s - self.began_s), abs(way))
-        change = self.start_degC + math.copysign(gone, way) - self.stands_at_degC
-        change = max(-MOST_AT_ONCE_K, min(change, MOST_AT_ONCE_K))
-        due_degC = self.stands_at_degC + change
-        return self.target_degC if math.isclose(due_degC, self.target_degC) else due_degC
-
-
+SENSIBLE_DEGC = (-200.0, 500.0)
 LOOK_S = 0.1
 TROUBLE_EVERY_S = 60.0
 NO_POWER_PERCENT = 0.05
 
 
-class WatlowChamber(WatlowSight):
+class WatlowChamber(Driver, ABC):
     """A chamber with one temperature; a model says in which registers.
 
     Limits: `temperature_low` and `temperature_high` go into the controller, which must not be set
     to less by the chamber's maker: they are never made wider than they are found.
     `temperature_slew` is the fastest ramp; where it is given, `set_temperature` is a ramp, too.
 
-    Alarms are looked for before every command, and once a minute by whoever asks for temperature,
+    `door_register` is the input of the door, if any. Alarms are looked for before every command, and once a minute by whoever asks for temperature,
     set-point or the end of a ramp; one that is on is raised as InstrumentError.
     """
 
+    wired_by: ClassVar = {"door": "door"}
+    without_limits = "the chamber is not switched on"
     resolution_K: float
     """How fine the controller's set-point is."""
+    input_on: int
+    """What a digital input reads while it is on."""
 
     def __init__(self, place: Place, line: ModbusLine, door_register: int | None) -> None:
-        super().__init__(place, line, door_register)
+        self.place, self._line, self._door_register = place, line, door_register
         self._lock = place.clock.lock(f"{place.name} set-point")
         self._limits_written = self._on = False
         self._steps: Steps | None = None
@@ -69,7 +51,7 @@ class WatlowChamber(WatlowSight):
 
         Raises InstrumentError where the controller's own are narrower.
         """
-        low, high = self._limit("temperature_low"), self._limit("temperature_high")
+        low, high = self.limit("temperature_low"), self.limit("temperature_high")
         has_low, has_high = self._limits_found()
         if low < has_low - self.resolution_K or high > has_high + self.resolution_K:
             raise self.error(
@@ -84,7 +66,7 @@ class WatlowChamber(WatlowSight):
     def switch_on(self) -> None:
         """Let heater and compressor control, with the present temperature as set-point."""
         self._prepare("switch the control on")
-        low, high = self._limit("temperature_low"), self._limit("temperature_high")
+        low, high = self.limit("temperature_low"), self.limit("temperature_high")
         with self._lock:
             self._steps = None
             self._engage(min(max(self._air(self._line), low), high))
@@ -192,7 +174,28 @@ class WatlowChamber(WatlowSight):
             f"air at {air_degC:.1f} degC",
         )
 
+    def open_contacts(self) -> tuple[str, ...]:
+        """Return `door` where it is open, and each alarm and limit that is on."""
+        contacts = (
+            *(["door"] if self._door_is_closed() is False else ()),
+            *self._troubles(self._line.patient),
+        )
+        self.place.publish("chain", "open" if contacts else "closed")
+        return contacts
+
     # What a model does in its own way; `line` is the one to use, patient or not.
+
+    @abstractmethod
+    def _process_degC(self, line: RegisterLine) -> float:
+        """Return the process value."""
+
+    @abstractmethod
+    def _output(self, line: RegisterLine) -> tuple[bool, float]:
+        """Return whether the control is on, and the power in percent."""
+
+    @abstractmethod
+    def _troubles(self, line: RegisterLine) -> list[str]:
+        """Return what the controller complains of, in words."""
 
     @abstractmethod
     def _limits_found(self) -> tuple[float, float]:
@@ -235,6 +238,39 @@ class WatlowChamber(WatlowSight):
         """Whether the controller itself makes a ramp."""
         return False
 
+    # What interlocks may watch.
+
+    @quantity("door", states=("closed", "open"))
+    def _door_is_closed(self) -> bool | None:
+        """Return what is known of the door, None where no input is wired to it."""
+        if self._door_register is None:
+            return None
+        return self._line.patient.read(self._door_register) == [self.input_on]
+
+    @quantity("chain", states=("closed", "open"))
+    def _chain_is_closed(self) -> bool:
+        return not self.open_contacts()
+
+    @quantity("output", states=("on", "off"))
+    def _is_on(self) -> bool:
+        return self._output(self._line.patient)[0]
+
+    @published("temperature", "degC")
+    def _air(self, line: RegisterLine) -> float:
+        air_degC = self._process_degC(line)
+        if not SENSIBLE_DEGC[0] <= air_degC <= SENSIBLE_DEGC[1]:
+            raise self.error(
+                "read the temperature",
+                f"its process value reads {air_degC:g} degC",
+                "look at the controller's panel, and at the sensor and its cable",
+            )
+        return air_degC
+
+    @quantity("temperature", "degC")
+    def _air_now(self) -> float:
+        self._step()
+        return self._air(self._line.patient)
+
     # What is common.
 
     def _step(self) -> None:
@@ -258,7 +294,7 @@ class WatlowChamber(WatlowSight):
         self._look(attempted, now=True)
 
     def _ready_for(self, temperature_degC: float, attempted: str) -> None:
-        low, high = self._limit("temperature_low"), self._limit("temperature_high")
+        low, high = self.limit("temperature_low"), self.limit("temperature_high")
         if not low <= temperature_degC <= high:
             raise self.error(
                 attempted,
@@ -288,5 +324,22 @@ class WatlowChamber(WatlowSight):
                 "look at the chamber and at its controller's panel, and clear the cause there",
             )
 
-    def _limit(self, name: str) -> float:
-        return limit_of(self.place, name, "the chamber is not switched on")
+
+@dataclass
+class Steps:
+    """A ramp that the driver steps by itself: where it began, where it ends, where it stands."""
+
+    start_degC: float
+    target_degC: float
+    rate_K_per_s: float
+    began_s: float
+    stands_at_degC: float
+
+    def due_degC(self, time_s: float) -> float:
+        """Return where the set-point belongs, at most `MOST_AT_ONCE_K` from where it stands."""
+        way = self.target_degC - self.start_degC
+        gone = min(self.rate_K_per_s * (time_s - self.began_s), abs(way))
+        change = self.start_degC + math.copysign(gone, way) - self.stands_at_degC
+        change = max(-MOST_AT_ONCE_K, min(change, MOST_AT_ONCE_K))
+        due_degC = self.stands_at_degC + change
+        return self.target_degC if math.isclose(due_degC, self.target_degC) else due_degC

@@ -122,7 +122,7 @@ class WatlowF4(WatlowChamber):
         if self._event_register is not None:
             self._line.tell(self._event_register, 0)
         if self._limits_written and self._per_K is not None:
-            low = round(self._limit("temperature_low") * self._per_K)
+            low = round(self.limit("temperature_low") * self._per_K)
             self._line.tell(TARGET, (low - 1) & 0xFFFF)
 
     def _output(self, line: RegisterLine) -> tuple[bool, float]:

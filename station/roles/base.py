@@ -198,6 +198,8 @@ class Driver:
     Settings: ClassVar[type[DriverSettings]] = DriverSettings
     quantities: ClassVar[Mapping[str, Callable[[Any], float | str | None]]] = {}
     wired_by: ClassVar[Mapping[str, str]] = {}
+    without_limits: ClassVar[str] = "nothing is switched on"
+    """What is so where the bench file does not give a limit that the driver needs."""
     place: Place
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
@@ -212,6 +214,16 @@ class Driver:
     def error(self, attempted: str, came_back: str, do_now: str) -> InstrumentError:
         """Return an error of this instrument: what was attempted, what came back, what to do."""
         return InstrumentError(self.place.name, attempted, came_back, do_now)
+
+    def limit(self, name: str) -> float:
+        """Return a limit of the bench file; InstrumentError where it gives none."""
+        if name not in self.place.limits:
+            raise self.error(
+                "read the bench file",
+                f"it gives no limits.{name}",
+                f"write it there; {self.without_limits} without it",
+            )
+        return self.place.limits[name]
 
     def close(self) -> None:
         """Give the line back."""
