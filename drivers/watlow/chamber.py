@@ -26,8 +26,9 @@ class WatlowChamber(Driver, ABC):
     to less by the chamber's maker: they are never made wider than they are found.
     `temperature_slew` is the fastest ramp; where it is given, `set_temperature` is a ramp, too.
 
-    `door_register` is the input of the door, if any. Alarms are looked for before every command, and once a minute by whoever asks for temperature,
-    set-point or the end of a ramp; one that is on is raised as InstrumentError.
+    Alarms are looked for before every command, and once a minute by whoever asks for temperature,
+    set-point or the end of a ramp; one that is on is raised as InstrumentError. `door_register` is
+    the input of the door, if any.
     """
 
     wired_by: ClassVar = {"door": "door"}
