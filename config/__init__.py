@@ -1,1 +1,3 @@
 """Shipped plans, benches, message files and schemas, read as package data."""
+
+DISTRIBUTION = "inertial-station"

@@ -1,1 +1,3 @@
 """Published calibration procedures: parameters, steps, datasets, analysis."""
+
+DISTRIBUTION = "inertial-station"

@@ -3,3 +3,5 @@
 Written from the instruments' manuals alone, never from the drivers, so that an error on either
 side shows up against the other.
 """
+
+DISTRIBUTION = "inertial-station"

@@ -27,8 +27,13 @@ def main() -> None:
     from station.cli.app import app
     from station.console import tell
     from station.errors import EXIT_ABORTED, EXIT_FAULT, EXIT_WRONG_INPUT, StationError
+    from station.packages import clashes, why_broken
 
     try:
+        if (broken := why_broken()) is not None:
+            raise StationError(broken)
+        for sentence in clashes():
+            tell(f"WARNING: {sentence}")
         code = app(standalone_mode=False)
         if code == INTERRUPTED:
             raise KeyboardInterrupt
