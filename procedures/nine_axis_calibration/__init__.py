@@ -2,20 +2,14 @@
 
 from __future__ import annotations
 
-from station.procedure import Later, Procedure, ResultKind, Told, usual_modules
+from station.procedure import Later, Procedure, ResultKind, usual_modules
 
-from .check import check, instruments, prompts, records
-from .forecast import forecast
 from .parameters import NineAxisParameters
-from .steps import STEPS, unit_durations_s
+from .steps import STEPS
+from .work import check, instruments, prompts, records, work
 
 AXES = ("X", "Y", "Z")
 PAIRS = ("XY", "XZ", "YX", "YZ", "ZX", "ZY")
-
-
-def units(parameters: NineAxisParameters) -> tuple[str, ...]:
-    """Return the units of work: each position, then each axis, rate and sense."""
-    return parameters.units
 
 
 PROCEDURE = Procedure(
@@ -37,7 +31,7 @@ PROCEDURE = Procedure(
     prompts=prompts,
     check=check,
     **usual_modules(__name__),
-    told=Told(units, forecast, unit_durations_s),
+    work=work,
     outlook=Later(f"{__name__}.outlook:outlook"),
     files=Later(f"{__name__}.calibration:files_of"),
     assumptions=(

@@ -14,15 +14,21 @@ from station.errors import MissingRows
 from station.findings import Findings, InputQuantity, findings_of
 
 from .analysis import analyse
-from .check import IMU, RATE, TURNTABLE, UP_SENSE
 from .dataset import AXES, Array, Mask, NineAxisDataset, Prior, StaticRecord, TurnRecord
 from .encoder import SHORT_S, track
 from .findings import AnalysisSettings
 from .from_import import dataset_of_import
+from .measuring import (
+    ACCELEROMETER_BITS,
+    ACCELEROMETERS,
+    GYRO_BITS,
+    GYROS,
+    SECONDS_PER_HOUR,
+    pose_limits,
+)
 from .outlook import prior_of
 from .parameters import FULL_TURN_DEG, NineAxisParameters
-from .pose import PoseLimits
-from .sensing import ACCELEROMETER_BITS, ACCELEROMETERS, GYRO_BITS, GYROS, SECONDS_PER_HOUR
+from .work import IMU, RATE, TURNTABLE, UP_SENSE
 
 if TYPE_CHECKING:
     from station.dataset_reading import RawDataset
@@ -57,12 +63,6 @@ def findings_of_dataset(raw: RawDataset) -> Findings:
 def settings(parameters: NineAxisParameters) -> AnalysisSettings:
     """Return the analysis settings of a plan."""
     return AnalysisSettings(**dict(parameters.thresholds), pose=pose_limits(parameters))
-
-
-def pose_limits(parameters: NineAxisParameters) -> PoseLimits:
-    """Return a plan's limits of the pose check."""
-    pose = parameters.pose
-    return PoseLimits(pose.acceleration_g, pose.rate_deg_per_h, pose.largest_bias_deg_per_h)
 
 
 def prior_inputs(prior: Prior, source: str) -> Iterator[InputQuantity]:

@@ -2,25 +2,16 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+import math
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from station.errors import ConditionNotReached, InstrumentError
 
-from .check import (
-    IMU,
-    MOUNT_TABLE,
-    POSES_DEG,
-    TURNTABLE,
-    UP_DEG,
-    UP_SENSE,
-    axes_of,
-    pose_prompt,
-    turning_axis,
-    up_prompt,
-)
-from .evaluate import pose_limits
+from .dataset import Array
 from .parameters import (
     AXES,
     FULL_TURN_DEG,
@@ -30,14 +21,25 @@ from .parameters import (
     Turn,
     position_unit,
 )
-from .pose import Pose, check_pose
-from .sensing import ACCELEROMETER_BITS, GYRO_BITS, SECONDS_PER_HOUR, Sensing
+from .placing import put
+from .pose import Pose, PoseLimits, check_pose
+from .work import IMU, TURNTABLE, UP_SENSE, spin
 
 if TYPE_CHECKING:
-    from station.procedure import Prompt
     from station.runner.run import Run
 
-PLACE = "where the sensor was put"
+
+LOOK_S = 2.0
+"""Run time between two looks; less where time runs by itself, so that a kill loses little."""
+FROZEN_AFTER_S, FEWEST_FROZEN = 2.0, 10
+"""Noise never gives three gyros and three accelerometers the same values for so long, all six."""
+SECONDS_PER_HOUR = 3600.0
+MOSTLY = 0.5
+GYRO_BITS = {"gyro X": 0, "gyro Y": 1, "gyro Z": 2}
+ACCELEROMETER_BITS = {"accelerometer X": 4, "accelerometer Y": 5, "accelerometer Z": 6}
+"""Bits of an output's status that are set while a part is not valid."""
+GYROS = tuple(f"gyro_{axis}_deg_per_s" for axis in "xyz")
+ACCELEROMETERS = tuple(f"accelerometer_{axis}_g" for axis in "xyz")
 FIRST_LOOK_S = 20.0
 """After so long a pose is judged first: a wrong one must not cost the whole static time."""
 MOVING_LOOK_S = 0.5
@@ -54,6 +56,107 @@ TABLE_COLUMNS = {
 }
 
 
+class Sensing:
+    """The sensor's stream for one unit of work; `stop` it when the unit is done."""
+
+    def __init__(self, run: Run, unit: str) -> None:
+        from station.roles import Imu
+        from station.runner.verbs import Follower
+
+        self._run, self._unit = run, unit
+        self._sensor = run.role(IMU, Imu)
+        parameters: NineAxisParameters = run.parameters
+        self._sensor.start(parameters.sample_rate_Hz)
+        self._follower = Follower(run, {IMU: self._sensor})
+        self._rows: list[NDArray[Any]] = []
+        self._newest = np.empty((0, len(GYROS) + len(ACCELEROMETERS)))
+        self._frozen_after = max(
+            math.ceil(FROZEN_AFTER_S * parameters.sample_rate_Hz), FEWEST_FROZEN
+        )
+
+    def follow(self, until_s: float, said: str) -> None:
+        """Record until a run time; raises InstrumentError for a sensor that is silent or frozen."""
+        clock = self._run.clock
+        while clock.now() < until_s:
+            clock.sleep_until(min(clock.now() + clock.holding_s(LOOK_S), until_s))
+            self.look()
+            self._run.say_progress(said)
+
+    def look(self) -> None:
+        """Record what has come."""
+        rows = self._follower.take(self._unit).get(IMU)
+        if rows is not None:
+            self._rows.append(rows)
+            self._need_changes(rows)
+
+    def _need_changes(self, rows: NDArray[Any]) -> None:
+        """Raise InstrumentError where new outputs, after those before, repeat one set of values."""
+        values = np.column_stack([rows[name] for name in (*GYROS, *ACCELEROMETERS)])
+        values = np.concatenate((self._newest, values))
+        same = longest_repeat(values)
+        if same >= self._frozen_after:
+            raise InstrumentError(
+                IMU,
+                f"record {self._unit}",
+                f"{same} outputs in a row hold the same six rates and specific forces, though "
+                "their counter goes on",
+                "switch it off and on; where it does so again have it looked at",
+            )
+        self._newest = values[-self._frozen_after :]
+
+    def means(self, from_s: float) -> tuple[Array, Array]:
+        """Return the gyros' means in deg/h and the accelerometers' in g, (3,) each, since a time.
+
+        NaN where nothing came.
+        """
+        from station.record.raw import ARRIVAL
+
+        rows = [one[one[ARRIVAL] > from_s] for one in self._rows]
+        if not any(len(one) for one in rows):
+            return np.full(3, np.nan), np.full(3, np.nan)
+        together = np.concatenate(rows)
+        gyro = np.array([np.nanmean(together[name]) for name in GYROS])
+        return gyro * SECONDS_PER_HOUR, np.array([np.nanmean(together[n]) for n in ACCELEROMETERS])
+
+    def need_valid(self, from_s: float, parts: Mapping[str, int]) -> None:
+        """Raise InstrumentError for a part, given with its status bit, that mostly is not valid.
+
+        Of the outputs since a time. For parts that nothing drives beyond their range now.
+        """
+        from station.record.raw import ARRIVAL
+
+        status = [one["status"][one[ARRIVAL] > from_s].astype(np.int64) for one in self._rows]
+        if not any(len(one) for one in status):
+            raise InstrumentError(
+                IMU,
+                f"record {self._unit}",
+                "no output came during the whole record",
+                "check its cable and its power",
+            )
+        for part, bit in parts.items():
+            share = float(np.mean(np.concatenate(status) >> bit & 1))
+            if share > MOSTLY:
+                raise InstrumentError(
+                    IMU,
+                    f"record {self._unit}",
+                    f"its outputs say that {part} is not valid, {share:.0%} of them, and nothing "
+                    "drives it beyond its range",
+                    "switch it off and on; where it says the same again have it looked at",
+                )
+
+    def stop(self) -> None:
+        """End the output and record the rest of it."""
+        self._sensor.stop()
+        self.look()
+
+
+def longest_repeat(values: Array) -> int:
+    """Return how many successive rows (n, columns) hold the same values at most; 0 for none."""
+    changes = np.flatnonzero(np.any(values[1:] != values[:-1], axis=1)) + 1
+    edges = np.concatenate(([0], changes, [len(values)]))
+    return int(np.diff(edges).max())
+
+
 def stand(run: Run, position: int, said: str) -> None:
     """Measure one position; a wrong pose is measured again, and stays refused by the analysis."""
     parameters: NineAxisParameters = run.parameters
@@ -61,19 +164,17 @@ def stand(run: Run, position: int, said: str) -> None:
     if run.is_finished(unit):
         return
     run.may_pause()
-    run.record.event("unit-started", durable=False, unit=unit)
-    for attempt in range(1, parameters.pose.attempts + 1):
-        put(run, position, again=attempt > 1)
-        left = parameters.pose.attempts - attempt
-        from_s, until_s, pose = record_at_rest(run, position, said, whole=left == 0)
-        if pose.right:
-            break
-        run.record.event("pose-refused", unit=unit, attempt=attempt, why=pose.why)
-        then = "it is measured again" if left else "the record counts as of a wrong position"
-        run.progress.say(f"    {unit}: {pose.why}{looks_like(pose)}; {then}")
-    run.record.finish_unit(
-        unit, position=position, from_s=from_s, until_s=until_s, attempts=attempt, right=pose.right
-    )
+    with run.unit(unit, position=position) as facts:
+        for attempt in range(1, parameters.pose.attempts + 1):
+            put(run, position, again=attempt > 1)
+            left = parameters.pose.attempts - attempt
+            from_s, until_s, pose = record_at_rest(run, position, said, whole=left == 0)
+            if pose.right:
+                break
+            run.record.event("pose-refused", unit=unit, attempt=attempt, why=pose.why)
+            then = "it is measured again" if left else "the record counts as of a wrong position"
+            run.progress.say(f"    {unit}: {pose.why}{looks_like(pose)}; {then}")
+        facts.update(from_s=from_s, until_s=until_s, attempts=attempt, right=pose.right)
 
 
 def need_sensor_well(run: Run) -> None:
@@ -88,39 +189,6 @@ def need_sensor_well(run: Run) -> None:
             f"it tells {', '.join(faults)}",
             "switch it off and on; where it tells the same again have it looked at",
         )
-
-
-def ask_to_place(run: Run, unit: str) -> None:
-    """Have the sensor put where a unit of work needs it, before it is switched on."""
-    parameters: NineAxisParameters = run.parameters
-    if parameters.positioning == "table":
-        ask_to_put(run, MOUNT_TABLE)
-        return
-    for position in parameters.all_positions:
-        if unit == position_unit(position):
-            ask_to_put(run, pose_prompt(position))
-
-
-def ask_to_put(run: Run, prompt: Prompt, *, again: bool = False) -> None:
-    """Ask for the sensor to be put somewhere, unless it was put there last."""
-    if again:
-        run.ask_again(prompt.id, prompt.text)
-    elif run.handed_on.get(PLACE) != prompt.id:
-        run.ask(prompt.id, prompt.text)
-    run.handed_on[PLACE] = prompt.id
-
-
-def put(run: Run, position: int, *, again: bool) -> None:
-    """Bring the sensor into a position, by the table or by hand."""
-    axes = axes_of(run.bench)
-    if run.parameters.positioning == "table" and axes is not None:
-        ask_to_put(run, MOUNT_TABLE)
-        for axis, angle_deg in zip(
-            (axes.outer, axes.middle, axes.inner), POSES_DEG[position], strict=True
-        ):
-            go_to(run, axis, angle_deg, f"the table goes to position {position}")
-        return
-    ask_to_put(run, pose_prompt(position), again=again)
 
 
 def record_at_rest(run: Run, position: int, said: str, *, whole: bool) -> tuple[float, float, Pose]:
@@ -151,28 +219,6 @@ def looks_like(pose: Pose) -> str:
     return "" if pose.stands_as is None else f", as in position {pose.stands_as}"
 
 
-def turn_up(run: Run, axis: str) -> None:
-    """Bring an axis of the sensor up, along the table's axis that turns."""
-    axes = axes_of(run.bench)
-    if run.parameters.positioning == "table" and axes is not None:
-        ask_to_put(run, MOUNT_TABLE)
-        for number, angle_deg in zip((axes.middle, axes.inner), UP_DEG[axis], strict=True):
-            go_to(run, number, angle_deg, f"{axis} is turned up")
-        return
-    ask_to_put(run, up_prompt(axis))
-
-
-def go_to(run: Run, axis: int, angle_deg: float, said: str) -> None:
-    """Turn one table axis to an angle and wait until it rests there."""
-    from station.roles import Turntable
-
-    table = run.role(TURNTABLE, Turntable)
-    table.move_to(axis, angle_deg)
-    while table.is_moving(axis):
-        run.clock.sleep(MOVING_LOOK_S)
-        run.say_progress(said)
-
-
 def turn(run: Run, one: Turn, said: str) -> None:
     """Record whole turns at one rate in one sense, spin-up and settling left out."""
     from station.roles import Turntable
@@ -181,38 +227,34 @@ def turn(run: Run, one: Turn, said: str) -> None:
     if run.is_finished(one.unit):
         return
     run.may_pause()
-    run.record.event("unit-started", durable=False, unit=one.unit)
-    table, axis = run.role(TURNTABLE, Turntable), turning_axis(run.bench, parameters)
-    sensing = Sensing(run, one.unit)
-    table.turn(axis, UP_SENSE * one.rate_deg_per_s)
-    while not table.is_at_rate(axis):
-        sensing.follow(run.clock.now() + MOVING_LOOK_S, f"{said}, the table spins up")
-    settled_s = run.clock.now() + parameters.settle_s
-    while run.clock.now() < settled_s:
-        ahead_s = min(run.clock.now() + LONGEST_READING_S, settled_s)
-        sensing.follow(ahead_s, f"{said}, the rate settles")
-        table.is_at_rate(axis)  # raises where it does not keep it
-    # The line is then free for the first reading as it is for all others.
-    sensing.follow(run.clock.now() + SHORTEST_READING_S, said)
-    from_s = run.clock.now()
-    turned_deg = read_turns(run, one, axis, sensing, said)
-    until_s = run.clock.now()
-    across = {part: bit for part, bit in GYRO_BITS.items() if not part.endswith(one.axis)}
-    sensing.need_valid(from_s, across)
-    need_gyro_follows(one, sensing, from_s, UP_SENSE * turned_deg / (until_s - from_s))
-    table.stop(axis)
-    sensing.follow(run.clock.now() + LATE_OUTPUTS_S, f"{said}, the table stops")
-    sensing.stop()
-    while table.is_moving(axis):
-        run.clock.sleep(MOVING_LOOK_S)
-    run.record.finish_unit(
-        one.unit,
-        axis=one.axis,
-        rate_deg_per_s=one.rate_deg_per_s,
-        turns=one.turns,
-        from_s=from_s,
-        until_s=until_s,
-    )
+    command = spin(parameters, one)
+    table, axis = run.role(TURNTABLE, Turntable), command.axis_number(run.bench)
+    with run.unit(
+        one.unit, axis=one.axis, rate_deg_per_s=one.rate_deg_per_s, turns=one.turns
+    ) as facts:
+        sensing = Sensing(run, one.unit)
+        run.apply(command)
+        while not table.is_at_rate(axis):
+            sensing.follow(run.clock.now() + MOVING_LOOK_S, f"{said}, the table spins up")
+        settled_s = run.clock.now() + parameters.settle_s
+        while run.clock.now() < settled_s:
+            ahead_s = min(run.clock.now() + LONGEST_READING_S, settled_s)
+            sensing.follow(ahead_s, f"{said}, the rate settles")
+            table.is_at_rate(axis)  # raises where it does not keep it
+        # The line is then free for the first reading as it is for all others.
+        sensing.follow(run.clock.now() + SHORTEST_READING_S, said)
+        from_s = run.clock.now()
+        turned_deg = read_turns(run, one, axis, sensing, said)
+        until_s = run.clock.now()
+        across = {part: bit for part, bit in GYRO_BITS.items() if not part.endswith(one.axis)}
+        sensing.need_valid(from_s, across)
+        need_gyro_follows(one, sensing, from_s, UP_SENSE * turned_deg / (until_s - from_s))
+        table.stop(axis)
+        sensing.follow(run.clock.now() + LATE_OUTPUTS_S, f"{said}, the table stops")
+        sensing.stop()
+        while table.is_moving(axis):
+            run.clock.sleep(MOVING_LOOK_S)
+        facts.update(from_s=from_s, until_s=until_s)
 
 
 def read_turns(run: Run, one: Turn, axis: int, sensing: Sensing, said: str) -> float:
@@ -241,14 +283,12 @@ def read_turns(run: Run, one: Turn, axis: int, sensing: Sensing, said: str) -> f
 
 def read_angle(run: Run, unit: str, axis: int) -> float:
     """Record what the encoder reads, with the times before and after it was asked for."""
-    from station.record.raw import ARRIVAL
     from station.roles import Turntable
+    from station.runner.verbs import keep_row
 
     asked_s = run.clock.now()
     angle_deg = run.role(TURNTABLE, Turntable).angle_deg(axis)
-    names = [(name, np.float64) for name in (*TABLE_COLUMNS, ARRIVAL)]
-    row = np.array([(angle_deg, asked_s, run.clock.now())], dtype=names)
-    run.record.block(TURNTABLE, unit, TABLE_COLUMNS, row)
+    keep_row(run, unit, TURNTABLE, TABLE_COLUMNS, angle_deg, asked_s)
     return angle_deg
 
 
@@ -269,3 +309,9 @@ def need_gyro_follows(one: Turn, sensing: Sensing, from_s: float, rate_deg_per_s
         f"{float(np.nanmax(np.abs(felt))):.4g} deg/s; look how the sensor is mounted, which axis "
         "is up, and which of the table's axes is which in the bench file"
     )
+
+
+def pose_limits(parameters: NineAxisParameters) -> PoseLimits:
+    """Return a plan's limits of the pose check."""
+    pose = parameters.pose
+    return PoseLimits(pose.acceleration_g, pose.rate_deg_per_h, pose.largest_bias_deg_per_h)

@@ -6,6 +6,7 @@ import json
 import os
 import sys
 from collections.abc import Iterator, Sequence
+from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -236,8 +237,8 @@ def dry_run_lines(walked: DryRun, plan: Plan, bench: Bench) -> Iterator[str]:
     for one in walked.steps:
         when = f"{span(one.starts_s):<12} {span(one.expected_s):<12}"
         yield f"{one.step:<6} {when} {one.title}"
-        for point in one.set_points:
-            yield f"{'':<33}{point.instrument}: {point.text}"
+        for words, _ in groupby(f"{point.instrument}: {point.text}" for point in one.set_points):
+            yield f"{'':<33}{words}"
     yield ""
     for extreme in walked.extremes:
         yield summary_line(f"{extreme.which} {extreme.quantity}", extreme_in_words(extreme))

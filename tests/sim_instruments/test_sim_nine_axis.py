@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from fog_stand import BENCH, EARTH_DEG_PER_S, IDEAL, INNER, LATITUDE_DEG, MIDDLE, OUTER
 
-from procedures.nine_axis_calibration.check import POSES_DEG, UP_DEG
 from procedures.nine_axis_calibration.pose import ATTITUDES
+from procedures.nine_axis_calibration.work import POSES_DEG, UP_DEG
 from sim_instruments.bench import world_of
 from sim_instruments.truth import SimulationError, Truth
 from sim_instruments.world.nine_axis import NineAxisBench

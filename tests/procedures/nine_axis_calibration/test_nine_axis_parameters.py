@@ -88,7 +88,7 @@ def test_what_to_expect_gets_better_with_time_and_with_a_flip() -> None:
 def test_the_bench_may_know_the_gyros_range(tmp_path: Path) -> None:
     from interlock_helpers import bench_from
 
-    from procedures.nine_axis_calibration.check import check
+    from procedures.nine_axis_calibration.work import check
 
     text = (
         "bench: 1\nname: small\nsafe_state: []\ninstruments:\n"

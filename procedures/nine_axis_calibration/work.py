@@ -1,4 +1,4 @@
-"""How the sensor has to stand, by table or by hand, and why a plan cannot run on a bench.
+"""What a run commands and records, how the sensor has to stand, and why a plan cannot run.
 
 On a table of three axes the sensor is mounted once, X along the inner and Z along the outer axis.
 With all axes at zero the table's plate is level and its inner axis points north; a positive turn of
@@ -12,10 +12,14 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from station import registry
+from station.method.commands import Power
+from station.method.motion import AxisAtRate, AxisTo
+from station.method.set_points import Bounded
+from station.method.work import Rows, Work
 from station.procedure import Problem, Prompt, RecordUse
 from station.roles.turntable import TableAxes, table_axes, unnamed_axes
 
-from .parameters import AXES, FULL_TURN_DEG, NineAxisParameters
+from .parameters import AXES, FULL_TURN_DEG, NineAxisParameters, Turn, position_unit
 
 if TYPE_CHECKING:
     from station.instruments.bench import Bench
@@ -25,6 +29,8 @@ IMU = "imu"
 POWER = "dut_power"
 RATES = ("parameters", "rates")
 RATE = "rate"
+CLOSE_S, MOVE_S, SETTLING_S = 10.0, 10.0, 3.0
+USUAL_ACCELERATION_DEG_PER_S2 = 50.0
 STANDS = {
     1: "X east, Y north, Z up",
     2: "X south, Y east, Z up",
@@ -96,18 +102,87 @@ def axes_of(bench: Bench) -> TableAxes | None:
     return None if table is None else table_axes(table.settings)
 
 
-def axes_to_close(bench: Bench, parameters: NineAxisParameters) -> tuple[int, ...]:
-    """Return the numbers of the table's axes whose servos a run closes."""
-    axes = axes_of(bench)
-    if axes is not None:
-        return (axes.outer, axes.middle, axes.inner)
-    return (parameters.table_axis,)
+def moves(text: str, **angles_deg: float) -> tuple[AxisTo, ...]:
+    """Return the commands that bring axes of a table, by name, to angles, one after the other."""
+    return tuple(
+        AxisTo(TURNTABLE, axis, text, angle_deg=angle_deg, decided_by=RATES)
+        for axis, angle_deg in angles_deg.items()
+    )
 
 
-def turning_axis(bench: Bench, parameters: NineAxisParameters) -> int:
-    """Return the number of the table's vertical axis."""
-    axes = axes_of(bench)
-    return parameters.table_axis if axes is None else axes.outer
+def to_zero() -> tuple[AxisTo, ...]:
+    """Return the moves that level the table's plate, its inner axis then to the north."""
+    return moves("middle and inner axis to 0 deg", middle=0.0, inner=0.0)
+
+
+def to_position(position: int) -> tuple[AxisTo, ...]:
+    """Return the moves of a three-axis table to one of the positions."""
+    outer_deg, middle_deg, inner_deg = POSES_DEG[position]
+    angles = f"{outer_deg:g} deg, {middle_deg:g} deg, {inner_deg:g} deg"
+    text = f"position {position}: outer, middle and inner axis to {angles}"
+    return moves(text, outer=outer_deg, middle=middle_deg, inner=inner_deg)
+
+
+def to_up(axis: str) -> tuple[AxisTo, ...]:
+    """Return the moves of a three-axis table that let an axis of the sensor point up."""
+    middle_deg, inner_deg = UP_DEG[axis]
+    text = f"{axis} up: middle and inner axis to {middle_deg:g} deg, {inner_deg:g} deg"
+    return moves(text, middle=middle_deg, inner=inner_deg)
+
+
+def spin(parameters: NineAxisParameters, one: Turn) -> AxisAtRate:
+    """Return the command that lets the vertical axis turn for a record."""
+    return AxisAtRate(
+        TURNTABLE,
+        "outer",
+        f"{one.unit}: {one.turns} turn{'s' if one.turns > 1 else ''}",
+        parameters.table_axis,
+        UP_SENSE * one.rate_deg_per_s,
+        decided_by=RATES,
+    )
+
+
+def turn_s(parameters: NineAxisParameters, one: Turn) -> float:
+    """Return the expected bench time in s of one record on the table."""
+    ramps_s = 2.0 * abs(one.rate_deg_per_s) / USUAL_ACCELERATION_DEG_PER_S2
+    return one.dwell_s + parameters.settle_s + ramps_s + SETTLING_S
+
+
+def work(parameters: NineAxisParameters) -> Iterator[Work]:
+    """Yield warm-up, each position, each axis up with its records, and the end.
+
+    Without a three-axis table a person moves the sensor, whose time nobody knows.
+    """
+    by_table = parameters.positioning == "table"
+    move_s, sample_rate_Hz = MOVE_S if by_table else 0.0, parameters.sample_rate_Hz
+    on = (Power(POWER, True), *(to_zero() if by_table else ()))
+    yield Work("1a", None, on, (), parameters.warm_up_s + (CLOSE_S if by_table else 0.0))
+    for position in parameters.all_positions:
+        rest_s = parameters.static_time_s + parameters.static_settle_s + move_s
+        yield Work(
+            "1b",
+            position_unit(position),
+            (
+                *(to_position(position) if by_table else ()),
+                Bounded(IMU, f"position {position}, {STANDS[position]}: record"),
+            ),
+            (Rows(IMU, rest_s, rest_s * sample_rate_Hz),),
+            rest_s,
+        )
+    if not by_table:
+        yield Work("2a", None, to_zero(), (), CLOSE_S)
+    for axis in AXES:
+        if by_table:
+            yield Work("2a", None, to_up(axis), (), MOVE_S)
+        for one in parameters.all_turns:
+            if one.axis == axis:
+                spin_s = turn_s(parameters, one)
+                rows = (
+                    Rows(IMU, spin_s, spin_s * sample_rate_Hz),
+                    Rows(TURNTABLE, spin_s, one.dwell_s / one.reading_interval_s),
+                )
+                yield Work("2a", one.unit, (spin(parameters, one),), rows, spin_s)
+    yield Work("2b", commands=(Power(POWER, False),))
 
 
 def pose_prompt(position: int) -> Prompt:
