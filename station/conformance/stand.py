@@ -13,9 +13,10 @@ from station.conformance.hostile import moved_to
 from station.errors import InputError, StationError
 from station.instruments.bench import Bench
 from station.instruments.opening import Place
+from station.roles.base import MadeSafe
 from station.roles.role import role_of
 from station.runner.session import simulators_of
-from station.safety.safe_state import DEFAULT_WITHIN_S, MadeSafe
+from station.safety.safe_state import DEFAULT_WITHIN_S
 
 Message = tuple[float, str, bytes]
 """Run time in s, direction, and the bytes."""

@@ -17,7 +17,7 @@ from station.clock import Clock
 from station.console import tell
 from station.control.channel import Channel, Incoming
 from station.errors import Aborted, InstrumentError, PauseRefused
-from station.safety.safe_state import MadeSafe
+from station.roles.base import MadeSafe
 
 if TYPE_CHECKING:
     from station.record.folder import RunRecord

@@ -26,7 +26,8 @@ from station.instruments.bench import read_bench
 from station.instruments.instrument_locks import InstrumentLocks
 from station.instruments.whole_bench import BenchReading, Bystanders, LeftOut
 from station.record.events import BENCH_READ, LEFT, SAFE_STATE, whole_bench
-from station.safety.safe_state import ATTEMPTS, MadeSafe, SafeOutcome, make_bench_safe
+from station.roles.base import MadeSafe
+from station.safety.safe_state import ATTEMPTS, SafeOutcome, make_bench_safe
 
 ENDS_WITHIN_S, LEAVES_WITHIN_S = 10.0, 5.0
 FIRST_ATTEMPTS = 4

@@ -11,9 +11,9 @@ from station.driver_checks import settings_of
 from station.fields import key_of
 from station.files.yaml.document import plain_scalar
 from station.instruments.scan import Seen
+from station.roles.base import MadeSafe
 from station.roles.role import instances, role_of, roles, roles_of, safe_states
 from station.safety.bounds import COIL
-from station.safety.safe_state import MadeSafe
 
 FILL_IN = "FILL IN"
 DRAFT_LEVEL = "1 A"

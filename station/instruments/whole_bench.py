@@ -19,8 +19,9 @@ from station.clock import Clock, RealClock
 from station.errors import Aborted, BenchEnergised, InstrumentError, InstrumentInUse
 from station.instruments.instrument_locks import InstrumentLocks
 from station.instruments.opening import LOOK, Found, open_one, take_lock
+from station.roles.base import MadeSafe
 from station.roles.role import energised_states
-from station.safety.safe_state import Hurried, MadeSafe, SafeOutcome, can_harm
+from station.safety.safe_state import Hurried, SafeOutcome, can_harm
 
 if TYPE_CHECKING:
     from station.instruments.bench import Bench

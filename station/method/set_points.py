@@ -49,7 +49,8 @@ class Bounds(TypedDict, total=False):
 
     `rms_current_A` is what heats a coil, the effective current of a current that changes; where it
     is left out, `current_A` itself. `duty` is the part of the time in which the current flows.
-    `temperature_slew_degC_per_min` is how fast a temperature is approached.
+    `temperature_slew_degC_per_min` is how fast a temperature is approached. `limited` has, by limit
+    of a laboratory's own role, the largest value in that limit's unit.
     """
 
     field_mT: float
@@ -62,6 +63,7 @@ class Bounds(TypedDict, total=False):
     angle_deg: float
     temperature_degC: float
     temperature_slew_degC_per_min: float
+    limited: Mapping[str, float]
 
 
 @dataclass(frozen=True)
@@ -85,6 +87,7 @@ class SetPoint:
     angle_deg: float | None = None
     temperature_slew_degC_per_min: float | None = None
     voltage_V: float | None = None
+    limited: Mapping[str, float] | None = None
     decided_by: Where | None = None
 
 
@@ -172,8 +175,8 @@ class Envelope:
         ranges: dict[str, dict[str, tuple[float, float]]] = {}
         for point in points:
             known = ranges.setdefault(point.instrument, {})
-            for name in BOUNDED:
-                value = getattr(point, name)
+            of_roles = {name: getattr(point, name) for name in BOUNDED}
+            for name, value in {**of_roles, **(point.limited or {})}.items():
                 if value is not None:
                     least = value if name in SIGNED else 0.0
                     low, high = known.get(name, (value, value))

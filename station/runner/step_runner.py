@@ -19,6 +19,7 @@ from station.guardian.supervisor import Guardian
 from station.instruments.instrument_locks import InstrumentLocks
 from station.instruments.opening import Found, open_instruments
 from station.instruments.whole_bench import BenchReading, Bystanders, read_used
+from station.roles.base import MadeSafe
 from station.runner.outcome import Outcome, in_one_sentence
 from station.runner.run import Run
 from station.runner.session import BenchSession
@@ -27,11 +28,10 @@ from station.runner.watchers import FolderWatch, StayingAwake, Stillness
 from station.safety.acknowledgement import refuse_identified, remember_trip
 from station.safety.interlocks.monitor import Monitor
 from station.safety.interlocks.reading import watched_in_a_run
-from station.safety.safe_state import MadeSafe, SafeOutcome, make_bench_safe
+from station.safety.safe_state import SafeOutcome, make_bench_safe
 
 if TYPE_CHECKING:
     from station.procedure import Procedure, Prompt
-
 
 BALLAST_BYTES = 16_000_000
 """Memory that is given back when a run fails, so that making the bench safe has some."""

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol, runtime_checkable
+from typing import Any
 
 from station.clock import Clock
+from station.roles.base import MadeSafe
 
 DEFAULT_WITHIN_S = 60.0
 HURRIED_WITHIN_S = 5.0
@@ -29,33 +30,6 @@ class Hurry:
         if not self.asked:
             self.asked = True
             self._clock.interrupt(Hurried())
-
-
-class SafetyReading(Protocol):
-    """What an instrument reads back of its safe state."""
-
-    @property
-    def safe(self) -> bool:
-        """Whether it is at rest."""
-        ...
-
-    @property
-    def read_back(self) -> str:
-        """What it said, for a person."""
-        ...
-
-
-@runtime_checkable
-class MadeSafe(Protocol):
-    """An instrument that can harm, and how it is brought to rest."""
-
-    def make_safe(self, deadline_s: float) -> None:
-        """Bring the instrument to rest before run time `deadline_s`."""
-        ...
-
-    def read_safety(self) -> SafetyReading:
-        """Read back whether it is at rest."""
-        ...
 
 
 def can_harm(driver: object) -> bool:

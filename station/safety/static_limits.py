@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from station.procedure import Problem
+from station.roles.role import Limit, role, role_of
 from station.units import parse_as
 
 if TYPE_CHECKING:
@@ -55,7 +56,7 @@ def beyond_limits(forecast: Forecast, bench: Bench) -> Iterator[Problem]:
         keys = (point.decided_by for point in points if point.decided_by)
         where = forecast.decided_by.get(name) or next(keys, PARAMETERS)
         resistance_ohm = coil_resistance_ohm(bench, name)
-        for check in CHECKS:
+        for check in (*CHECKS, *checks_of_role(name)):
             allowed = limits.get(check.limit)
             if allowed is None:
                 continue
@@ -194,4 +195,25 @@ CHECKS = (
     Check("temperature_low", signed("temperature_degC"), too_little("degC"), lowest=True),
     Check("temperature_slew", magnitude("temperature_slew_degC_per_min"), too_much("degC/min")),
 )
-"""Every limit that a set-point can be held against; `slew` and `zero_current` bind drivers."""
+"""The limits of the station's own roles; `slew` and `zero_current` bind drivers."""
+
+
+def checks_of_role(instrument: str) -> Iterator[Check]:
+    """Yield the checks of an instrument's further limits, those of a laboratory's own role."""
+    declared = role(role_of(instrument))
+    known = {check.limit for check in CHECKS}
+    for name, limit in declared.limits.items() if declared else ():
+        if name not in known:
+            lowest = name.endswith("_low")
+            sentence = (too_little if lowest else too_much)(limit.unit)
+            yield Check(name, limited(name, limit), sentence, lowest)
+
+
+def limited(name: str, limit: Limit) -> Callable[[SetPoint, float], float | None]:
+    """Return what reads the value of a set-point that a role's limit bounds."""
+
+    def value(point: SetPoint, resistance_ohm: float) -> float | None:
+        given = (point.limited or {}).get(name)
+        return given if given is None or limit.signed else abs(given)
+
+    return value

@@ -12,11 +12,15 @@ from command_line import PLAN
 
 from station import registry
 from station.cli.validating import validate_plans
+from station.errors import InputError
 from station.files.faults import FaultList
 from station.files.lookup import BENCHES, find
 from station.files.yaml.reading import read_yaml_text
 from station.instruments.bench import Bench, bench_file, bench_of
+from station.method.set_points import Bounded, Envelope, SetPoint
+from station.method.work import Forecast
 from station.roles.role import Limit, Quantity, Role, collected, kind_of, safe_states
+from station.safety.static_limits import beyond_limits
 from station.schema import schema_text
 
 ROLE = '''\
@@ -168,6 +172,22 @@ def test_it_is_in_the_schema_and_not_in_the_built_in_one() -> None:
     when = shown["properties"]["interlocks"]["items"]["properties"]["when"]["anyOf"][0]
     assert "power" in when["properties"]["quantity"]["enum"]
     assert "cell_heater" in shown["properties"]["safe_state"]["items"]["properties"]["role"]["enum"]
+
+
+@pytest.mark.usefixtures("laboratory")
+def test_what_a_step_commands_is_held_against_its_limit() -> None:
+    bench = read(bench_text())
+    within = SetPoint("1", "cell_heater", "oven at 90 degC", limited={"power": 10.0})
+    beyond = SetPoint("2", "cell_heater", "oven at 150 degC", limited={"power": 12.0})
+    assert list(beyond_limits(Forecast((within,)), bench)) == []
+    (problem,) = beyond_limits(Forecast((within, beyond)), bench)
+    assert problem.what == (
+        "oven at 150 degC: 12 W is more than the 10 W that the bench allows for cell_heater"
+    )
+    heat = Bounded("cell_heater", "oven at 150 degC", within={"limited": {"power": 12.0}})
+    Envelope.of([beyond]).require(heat, bench)
+    with pytest.raises(InputError, match="beyond what the procedure declares"):
+        Envelope.of([within]).require(heat, bench)
 
 
 @pytest.mark.usefixtures("laboratory")
