@@ -34,8 +34,8 @@ class OwnPackages(MetaPathFinder):
 
 def take_precedence() -> None:
     """Have the station's own packages imported under their names from now on."""
-    if OwnPackages not in sys.meta_path:
-        sys.meta_path.insert(0, OwnPackages)
+    if not any(isinstance(one, OwnPackages) for one in sys.meta_path):
+        sys.meta_path.insert(0, OwnPackages())
 
 
 def why_broken(root: Path = ROOT) -> str | None:
