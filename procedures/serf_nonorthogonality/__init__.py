@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from station.procedure import Later, Procedure, ResultKind, Told, usual_modules
+from station.procedure import Procedure, ResultKind, usual_modules
 
-from .check import check
-from .forecast import forecast
+from .outlook import outlook
 from .parameters import SerfParameters
 from .shots import AXES, PAIRS
-from .steps import STEPS, instruments, prompts, records, units
+from .steps import STEPS, prompts
+from .work import check, instruments, records, work
 
 PROCEDURE = Procedure(
     name="serf-nonorthogonality",
@@ -28,8 +28,8 @@ PROCEDURE = Procedure(
     prompts=prompts,
     check=check,
     **usual_modules(__name__),
-    told=Told(units, forecast),
-    outlook=Later(f"{__name__}.outlook:outlook"),
+    work=work,
+    outlook=outlook,
     assumptions=(
         "Only coil factor over slowing-down factor is seen. Nothing here measures a field in "
         "absolute terms; the angles do not need it.",

@@ -1,69 +1,34 @@
-"""The cell on the bench: its coils by generator and channel, its light, and one shot."""
+"""The cell on the bench: one shot, and step 2, the nulling of the residual field.
+
+The source nulls by modulation. That finds the zero only within the width of the magnetometer's
+resonance, a nanotesla or two; fields of both senses show the residual field at any size, on the
+scale of the coils themselves. What is left is part of the results.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+import math
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from station.errors import InstrumentError
+from station.errors import ConditionNotReached, InstrumentError
+from station.method.cell_commands import PumpLight, TriggeredCellField, dark_after_s
 
 from .parameters import SerfParameters
-from .shots import Wanted
+from .shots import AXES, Wanted, shots_of
+from .work import CHANNELS, DIGITIZER, GENERATOR_XY, GENERATOR_Z, PUMP, fields_of, held
 
 if TYPE_CHECKING:
-    from station.instruments.bench import Bench
-    from station.roles import Block
     from station.runner.run import Run
+    from station.runner.verbs import Block
 
     from .dataset import Shot
+    from .precession import Precession
     from .tone import ToneFit
 
-GENERATOR_XY = "signal_generator.xy"
-GENERATOR_Z = "signal_generator.z_gradient"
-DIGITIZER = "digitizer"
-PUMP = "pump_laser"
-CHANNELS: Mapping[str, tuple[str, int]] = {
-    "x": (GENERATOR_XY, 1),
-    "y": (GENERATOR_XY, 2),
-    "z": (GENERATOR_Z, 1),
-    "gradient": (GENERATOR_Z, 2),
-}
-"""The generator and the channel at each coil, as the names of the instances say."""
-
 LOOK_S = 0.02
-SURE_OF_DARK = 1.3
-"""The field comes when the light has been off for a third of the shutter's delay again."""
-LONGEST_WAIT_S = 10.0
-
-
-class LightPassed(InstrumentError):
-    """The pump light was not blocked during a shot."""
-
-
-@dataclass(frozen=True)
-class Coils:
-    """What a volt makes at each coil: nT for x, y, z, and nT/cm for the gradient."""
-
-    nT_per_V: Mapping[str, float]
-
-    def voltage_V(self, coil: str, field_nT: float) -> float:
-        """Return the voltage for a field (or a gradient in nT/cm)."""
-        return field_nT / self.nT_per_V[coil]
-
-
-def coils_of(bench: Bench) -> Coils:
-    """Return the coil constants of the bench file: `constant_x` … nT/V, `gradient_at_1_V` nT/cm."""
-    from station.units import parse_as
-
-    found = {}
-    for coil, (generator, _) in CHANNELS.items():
-        settings = bench.instruments[generator].settings
-        if coil == "gradient":
-            found[coil] = parse_as(str(settings["gradient_at_1_V"]), "nT/cm")
-        else:
-            found[coil] = parse_as(str(settings[f"constant_{coil}"]), "nT/V")
-    return Coils(found)
+LEAST_SLACK = 0.1
+USUAL_RESIDUAL_NT = 5.0
 
 
 class Cell:
@@ -74,7 +39,6 @@ class Cell:
 
         self.run = run
         self.parameters: SerfParameters = run.parameters
-        self.coils = coils_of(run.bench)
         self.generators = {
             name: run.role(name, SignalGenerator) for name in (GENERATOR_XY, GENERATOR_Z)
         }
@@ -89,60 +53,55 @@ class Cell:
         for generator in self.generators.values():
             generator.programme_limits()
         for coil in CHANNELS:
-            self.hold(coil, 0.0)
+            self.release(coil)
         self.digitizer.release()
-        self.pump.follow_trigger()
+        self.run.apply(PumpLight(PUMP, True))
 
-    def hold(self, coil: str, field_nT: float) -> None:
-        """Put a steady field (or gradient, nT/cm) on a coil."""
+    def release(self, coil: str) -> None:
+        """Take the steady field of a coil away."""
         generator, channel = CHANNELS[coil]
-        self.generators[generator].hold(channel, self.coils.voltage_V(coil, field_nT))
-        if coil in self.held_nT:
-            self.held_nT[coil] = field_nT
+        self.generators[generator].hold(channel, 0.0)
+
+    def add(self, coil: str, field_nT: float) -> None:
+        """Add to the steady field of a coil, against the residual field."""
+        self.held_nT[coil] += field_nT
+        self.run.apply(held(coil, self.held_nT[coil], "against the residual field: "))
 
     @property
     def delay_s(self) -> float:
-        """From the trigger to the field: until the light is surely off.
+        """From the trigger to the field: until the light is surely off."""
+        return dark_after_s(self.run, PUMP)
 
-        Raises InstrumentError where nobody has measured how long the shutter takes.
+    def fire(self, fields: Sequence[TriggeredCellField], said: str) -> Block:
+        """Pump, switch the light off and the fields on, and return the record.
+
+        The fields are added to what each coil holds. The record's time is zero at the trigger.
+        Raises LightPassed where the shutter's sensor still reads open after the record.
         """
-        dark_s = getattr(self.pump, "trigger_to_dark_s", None)
-        if dark_s is None:
-            raise InstrumentError(
-                PUMP,
-                "fire a shot",
-                "its time from trigger to dark is not known",
-                "measure it with a photodiode and write settings.trigger_to_dark in the bench file",
-            )
-        return SURE_OF_DARK * float(dark_s)
+        from station.runner.verbs import fetch_bursts
 
-    def fire(self, field_nT: Mapping[str, float], said: str) -> Block:
-        """Pump, switch the light off and the field on, and return the record.
-
-        `field_nT` is added to what each coil holds. The record's time is zero at the trigger.
-        Raises LightPassed where the shutter's sensor still says so after the record.
-        """
         parameters = self.parameters
-        armed = []
         duration_s = parameters.record_s + 2 * self.delay_s
         self.digitizer.prepare(
             parameters.sample_rate_Hz, parameters.record_s + self.delay_s, parameters.full_scale_V
         )
-        for coil, field in field_nT.items():
-            if field:
-                generator, channel = CHANNELS[coil]
-                voltage_V = self.coils.voltage_V(coil, field)
-                self.generators[generator].prepare_step(
-                    channel, voltage_V, duration_s, self.delay_s
-                )
-                armed.append((generator, channel))
+        for field in fields:
+            self.run.apply(field)
         self.run.wait(parameters.pump_s, f"{said}: the vapour is pumped")
         self.digitizer.fire()
-        block = self._fetched(said)
+        records = fetch_bursts(
+            self.run,
+            said,
+            {DIGITIZER: self.digitizer},
+            every_s=LOOK_S,
+            said=said,
+            look_at="look whether its trigger output is looped back to its trigger input",
+        )
+        _, block = next(records)
         light_passes = self.pump.is_open()
         self.digitizer.release()
-        for generator, channel in armed:
-            self.generators[generator].disarm(channel)
+        for field in fields:
+            self.generators[field.instrument].disarm(field.channel)
         if light_passes:
             raise LightPassed(
                 PUMP,
@@ -152,25 +111,10 @@ class Cell:
             )
         return block
 
-    def _fetched(self, said: str) -> Block:
-        clock = self.run.clock
-        until_s = clock.now() + clock.patience_s(LONGEST_WAIT_S)
-        while clock.now() < until_s:
-            clock.sleep(LOOK_S)
-            block = self.digitizer.fetch()
-            self.run.say_progress(said)
-            if block is not None:
-                return block
-        raise InstrumentError(
-            DIGITIZER,
-            f"record {said}",
-            f"no record came within {LONGEST_WAIT_S:g} s",
-            "look whether its trigger output is looped back to its trigger input",
-        )
-
     def look(self, wanted: Wanted, said: str) -> Shot:
         """Fire a shot that is not recorded."""
-        return self.shot_of(wanted, self.fire(wanted.by_coil_nT, said))
+        fields = fields_of(wanted, self.parameters, said)
+        return self.shot_of(wanted, self.fire(fields, said))
 
     def shot_of(self, wanted: Wanted, block: Block) -> Shot:
         """Return a record from the beginning of the field on."""
@@ -187,3 +131,98 @@ class Cell:
             block.columns["voltage_V"][after],
             self.parameters.full_scale_V,
         )
+
+
+class LightPassed(InstrumentError):
+    """The pump light was not blocked during a shot."""
+
+
+def fields_lost(field_nT: float) -> float:
+    """Return by which part a shield's usual residual field may change a precession."""
+    return max(LEAST_SLACK, USUAL_RESIDUAL_NT / field_nT)
+
+
+def null_residual_field(run: Run, cell: Cell) -> None:
+    """Solve the residual field from shots of every polarity, take it off, and look again.
+
+    A field that is larger than a shield's, or not steady, is not nulled, and the run goes on: what
+    is there is part of the results. Raises ConditionNotReached where hardly a shot can be used.
+    """
+    parameters: SerfParameters = run.parameters
+    rule, levels_nT = parameters.nulling, parameters.field_levels_nT
+    shots = shots_of("reversal", levels_nT, parameters.pump_axis, parameters.probe_axis)
+    for number in range(1, rule.rounds + 1):
+        said = f"nulling, round {number}"
+        looks = []
+        for place, shot in enumerate(shots, 1):
+            looks.append(cell.look(shot, f"{said}, shot {place} of {len(shots)}"))
+        seen = look_at_shots(looks, parameters)
+        cell.usual = [one.used_fit for one in seen if one.used]
+        residual_nT = solved_residual_nT(seen, said)
+        run.record.event("residual-field", round=number, field_nT=residual_nT)
+        if residual_nT is None:
+            run.progress.say("    the residual field is not steady: it is not nulled")
+            return
+        size_nT = math.hypot(*residual_nT.values())
+        run.progress.say(f"    residual field {size_nT:.2f} nT in round {number}")
+        if size_nT <= rule.tolerance_nT:
+            return
+        if size_nT > rule.at_most_nT:
+            run.progress.say(
+                f"    more than nulling.at_most, {rule.at_most_nT:g} nT: not the shield's, and not "
+                "nulled; were the nuclei depolarised?"
+            )
+            return
+        for axis in AXES:
+            cell.add(axis, -residual_nT[axis])
+
+
+def look_at_shots(looks: Sequence[Shot], parameters: SerfParameters) -> list[Precession]:
+    """Return the fits of shots, all with one decay of the baseline.
+
+    A shot alone may take a baseline for its tone.
+    """
+    from .dataset import AnalysisSettings, SerfDataset
+    from .precession import look_at_all
+
+    dataset = SerfDataset(
+        looks,
+        parameters.pump_axis,
+        parameters.probe_axis,
+        parameters.nuclear_spin,
+        constants_known=False,
+        sample_rate_Hz=parameters.sample_rate_Hz,
+        mains_Hz=parameters.mains_frequency_Hz,
+    )
+    return look_at_all(dataset, AnalysisSettings())
+
+
+def solved_residual_nT(seen: Sequence[Precession], said: str) -> dict[str, float] | None:
+    """Return the fields of the three coils, in nT commanded, that make up the residual field.
+
+    None where no residual field explains the shots. Raises ConditionNotReached with too few.
+    """
+    import numpy as np
+
+    from .angles import solve
+
+    used = [one for one in seen if one.used]
+    bad = [one for one in seen if not one.used]
+    found = None
+    if used:
+        found = solve(
+            np.array([one.shot.field_nT for one in used]),
+            np.array([one.used_fit.omega_rad_per_s for one in used]),
+            np.diag([one.used_fit.omega_u**2 for one in used]),
+            known=False,
+        )
+    if found is None or (bad and not found.free_of_residual):
+        raise ConditionNotReached(
+            f"{said}: the shot {bad[0].shot.name} cannot be used ({bad[0].rejected}); look at the "
+            "pump light, the probe light, the cell's temperature and the coils' cables"
+        )
+    if not (found.converged and found.positive_definite):
+        return None
+    # r holds projections on the axes, which are not quite at right angles.
+    along = np.linalg.solve(found.gram, found.residual) / found.scale
+    return {axis: round(one, 4) for axis, one in zip(AXES, along.tolist(), strict=True)}

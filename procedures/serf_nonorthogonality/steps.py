@@ -10,23 +10,18 @@ import math
 from typing import TYPE_CHECKING
 
 from station.errors import ConditionNotReached
-from station.procedure import Prompt, RecordUse, Step
+from station.method.cell_commands import PumpLight
+from station.procedure import Prompt, Step
 
-from .cell import CHANNELS, DIGITIZER, PUMP, Cell, LightPassed
-from .nulling import fields_lost, null_residual_field
+from .cell import Cell, LightPassed, fields_lost, null_residual_field
 from .parameters import SerfParameters
-from .shots import AXES, REPEATED, Wanted
+from .shots import REPEATED, Wanted
+from .work import PUMP, fields_of, held
 
 if TYPE_CHECKING:
-    from station.instruments.bench import Bench
-    from station.roles import Block
     from station.runner.run import Run
 
     from .checks import PublishedAngles
-
-CELL = "the cell"
-SHOT_EXTRA_S = 0.1
-NULLING_SHOTS = 14
 
 CABLES = Prompt(
     "connect-cables",
@@ -43,19 +38,6 @@ def prompts(parameters: SerfParameters) -> tuple[Prompt, ...]:
     return (CABLES, HEAT, REST)
 
 
-def units(parameters: SerfParameters) -> tuple[str, ...]:
-    """Return the units of work in the order they are measured: each shot."""
-    return tuple(shot.id for shot in parameters.wanted)
-
-
-def cell_of(run: Run) -> Cell:
-    """Return the cell as this process of the run uses it."""
-    if CELL not in run.handed_on:
-        run.handed_on[CELL] = Cell(run)
-    cell: Cell = run.handed_on[CELL]
-    return cell
-
-
 def all_finished(run: Run) -> bool:
     """Whether nothing is left to measure."""
     return all(run.is_finished(shot.id) for shot in run.parameters.wanted)
@@ -69,7 +51,7 @@ def depolarise(run: Run) -> None:
     run.ask(REST.id, REST.text)
     if all_finished(run):
         return
-    cell = cell_of(run)
+    cell = run.state(Cell, run)
     cell.prepare()
     run.record.event("field-on", instrument="signal_generator")
     if not parameters.gyro_was_running:
@@ -77,9 +59,9 @@ def depolarise(run: Run) -> None:
         return
     rule = parameters.depolarise
     for attempt in range(1, rule.rounds + 1):
-        cell.hold("gradient", rule.gradient_nT_per_cm)
+        run.apply(held("gradient", rule.gradient_nT_per_cm))
         run.wait(rule.duration_s, "the gradient depolarises the nuclei")
-        cell.hold("gradient", 0.0)
+        cell.release("gradient")
         seen_Hz = first_frequency_Hz(run, "the nuclei are looked for")
         low_Hz, high_Hz = expected_Hz(parameters)
         run.record.event("depolarised", attempt=attempt, frequency_Hz=seen_Hz)
@@ -107,7 +89,7 @@ def first_frequency_Hz(run: Run, said: str) -> float | None:
     from .precession import fit_of
 
     fit = fit_of(
-        cell_of(run).look(run.parameters.wanted[0], said), run.parameters.mains_frequency_Hz
+        run.state(Cell, run).look(run.parameters.wanted[0], said), run.parameters.mains_frequency_Hz
     )
     return None if fit is None else fit.frequency_Hz
 
@@ -117,7 +99,7 @@ def null(run: Run) -> None:
     if all_finished(run):
         return
     run.may_pause()
-    null_residual_field(run, cell_of(run))
+    null_residual_field(run, run.state(Cell, run))
 
 
 def take(run: Run, shot: Wanted) -> None:
@@ -130,7 +112,7 @@ def take(run: Run, shot: Wanted) -> None:
     if run.is_finished(shot.id):
         return
     run.may_pause()
-    cell = cell_of(run)
+    cell = run.state(Cell, run)
     details = {
         "field_nT": list(shot.field_nT),
         "held_nT": [cell.held_nT[axis] for axis in "xyz"],
@@ -152,15 +134,17 @@ def bad_attempt(run: Run, cell: Cell, shot: Wanted, *, last: bool) -> str | None
 
     Raises LightPassed where the light was not blocked at the last attempt.
     """
+    from station.runner.verbs import keep
+
     from .precession import bad_because, fit_of
 
     try:
-        block = cell.fire(shot.by_coil_nT, f"shot {shot.id}")
+        block = cell.fire(fields_of(shot, run.parameters), f"shot {shot.id}")
     except LightPassed:
         if last:
             raise
         return "the shutter of the pump light stayed open"
-    keep(run, shot.id, block)
+    keep(run, shot.id, cell.digitizer, block)
     parameters: SerfParameters = run.parameters
     seen = cell.shot_of(shot, block)
     fit = fit_of(seen, parameters.mains_frequency_Hz) if len(seen.time_s) else None
@@ -168,14 +152,6 @@ def bad_attempt(run: Run, cell: Cell, shot: Wanted, *, last: bool) -> str | None
     if reason is None and fit is not None:
         cell.usual.append(fit)
     return reason
-
-
-def keep(run: Run, unit: str, block: Block) -> None:
-    """Record a shot's rows; each attempt begins with an earlier time than the last one ended."""
-    from station.runner.verbs import to_rows
-
-    source = cell_of(run).digitizer
-    run.record.block(source.source, unit, source.columns, to_rows(block))
 
 
 def first_shot(run: Run) -> None:
@@ -237,63 +213,20 @@ def other_shots(run: Run) -> None:
     for number, shot in enumerate(wanted[2:], 3):
         run.say_progress(f"shot {number} of {len(wanted)}")
         take(run, shot)
-    cell = cell_of(run)
-    cell.pump.close_shutter()
+    cell = run.state(Cell, run)
+    run.apply(PumpLight(PUMP, False))
     for generator in cell.generators.values():
         for channel in (1, 2):
             generator.switch_off(channel)
     run.record.event("field-off", instrument="signal_generator")
 
 
-def shot_s(parameters: SerfParameters) -> float:
-    """Return the expected bench time in s of one shot."""
-    return parameters.pump_s + parameters.record_s + SHOT_EXTRA_S
-
-
-def depolarise_s(parameters: SerfParameters) -> float:
-    """Return the expected bench time in s of step 1."""
-    if not parameters.gyro_was_running:
-        return 1.0
-    return parameters.depolarise.duration_s + shot_s(parameters)
-
-
-def null_s(parameters: SerfParameters) -> float:
-    """Return the expected bench time in s of step 2: two rounds, of at most those of the plan."""
-    return min(parameters.nulling.rounds, 2) * NULLING_SHOTS * shot_s(parameters)
-
-
 STEPS = (
-    Step("1", "Warm cell, gyro at rest; depolarise the nuclei", depolarise, depolarise_s),
-    Step("2", "Gradient off; null the residual field", null, null_s),
-    Step("3", "One coil on, pump light off, record the precession", first_shot, shot_s),
-    Step("4", "Read the frequency: slowing-down factor Q", read_slowing_down, lambda _: 0.0),
-    Step("5", "Two coils on, pump light off, record", first_pair, shot_s),
-    Step("6", "Read the frequency: total field, angle", read_first_angle, lambda _: 0.0),
-    Step(
-        "7",
-        "The other pairs, and the other shots of the plan",
-        other_shots,
-        lambda p: (len(p.wanted) - 2) * shot_s(p),
-    ),
+    Step("1", "Warm cell, gyro at rest; depolarise the nuclei", depolarise),
+    Step("2", "Gradient off; null the residual field", null),
+    Step("3", "One coil on, pump light off, record the precession", first_shot),
+    Step("4", "Read the frequency: slowing-down factor Q", read_slowing_down),
+    Step("5", "Two coils on, pump light off, record", first_pair),
+    Step("6", "Read the frequency: total field, angle", read_first_angle),
+    Step("7", "The other pairs, and the other shots of the plan", other_shots),
 )
-
-INSTRUMENTS = ("signal_generator.xy", "signal_generator.z_gradient", DIGITIZER, "pump_laser")
-
-
-def instruments(parameters: SerfParameters) -> tuple[str, ...]:
-    """Return the bench instances that every plan needs."""
-    return INSTRUMENTS
-
-
-def records(parameters: SerfParameters, bench: Bench) -> tuple[RecordUse, ...]:
-    """Return what the analysis takes of calibration records.
-
-    The coil constants count only where they are taken for known: else each coil has a factor.
-    """
-    generators = dict.fromkeys(CHANNELS[coil][0] for coil in AXES)
-    coils = [RecordUse(generator, "scale", 1.0, "1") for generator in generators]
-    return (
-        *(coils if parameters.constants_known else ()),
-        RecordUse(DIGITIZER, "frequency", parameters.sample_rate_Hz, "Hz"),
-        RecordUse(PUMP, "time_offset", 0.0, "s", needed=False, corrected=False),
-    )

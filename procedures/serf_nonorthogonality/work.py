@@ -1,0 +1,216 @@
+"""What a run of a plan commands and records, and why a plan cannot run on a bench.
+
+The steps apply the commands that are declared here; forecast, limits and durations come from them.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING
+
+from station import registry
+from station.method.cell_commands import (
+    SURE_OF_DARK,
+    CellField,
+    NulledCellFields,
+    PumpLight,
+    TriggeredCellField,
+    coil_voltage_V,
+    constant_of,
+)
+from station.method.work import Rows, Work
+from station.procedure import Problem, RecordUse
+from station.units import parse_as
+
+from .outlook import expectation
+from .parameters import SerfParameters
+from .shots import AXES, LEAST_CYCLES, Wanted
+
+if TYPE_CHECKING:
+    from station.instruments.bench import Bench
+    from station.roles import Digitizer
+
+GENERATOR_XY = "signal_generator.xy"
+GENERATOR_Z = "signal_generator.z_gradient"
+DIGITIZER = "digitizer"
+PUMP = "pump_laser"
+CHANNELS: Mapping[str, tuple[str, int]] = {
+    "x": (GENERATOR_XY, 1),
+    "y": (GENERATOR_XY, 2),
+    "z": (GENERATOR_Z, 1),
+    "gradient": (GENERATOR_Z, 2),
+}
+"""The generator and the channel at each coil, as the names of the instances say."""
+FIELD = ("parameters", "field")
+SHOT_EXTRA_S = 0.1
+NULLING_SHOTS, USUAL_ROUNDS = 14, 2
+NULLING_MARGIN = 2.0
+"""Rounds of nulling correct each other: no more than so many times `at_most` is held."""
+OVERSAMPLING = 4.0
+LEAST_DECAYS, USUAL_DECAYS = 1.0, 3.0
+BEYOND_USE = 3.0
+"""Loss against the best field, as a ratio of uncertainties, beyond which a plan is refused."""
+
+
+def instruments(parameters: SerfParameters) -> tuple[str, ...]:
+    """Return the bench instances that every plan needs."""
+    return (GENERATOR_XY, GENERATOR_Z, DIGITIZER, PUMP)
+
+
+def records(parameters: SerfParameters, bench: Bench) -> tuple[RecordUse, ...]:
+    """Return what the analysis takes of calibration records.
+
+    The coil constants count only where they are taken for known: else each coil has a factor.
+    """
+    generators = dict.fromkeys(CHANNELS[coil][0] for coil in AXES)
+    coils = [RecordUse(generator, "scale", 1.0, "1") for generator in generators]
+    return (
+        *(coils if parameters.constants_known else ()),
+        RecordUse(DIGITIZER, "frequency", parameters.sample_rate_Hz, "Hz"),
+        RecordUse(PUMP, "time_offset", 0.0, "s", needed=False, corrected=False),
+    )
+
+
+def held(coil: str, size: float, purpose: str = "") -> CellField:
+    """Return a steady field at a coil, in nT, or nT/cm of the gradient."""
+    return CellField(*CHANNELS[coil], coil, size, purpose, decided_by=FIELD)
+
+
+def fields_of(
+    shot: Wanted, parameters: SerfParameters, look: str = ""
+) -> tuple[TriggeredCellField, ...]:
+    """Return the field of each coil of a shot; `look` is why one is fired beside the record."""
+    return tuple(
+        TriggeredCellField(
+            *CHANNELS[coil],
+            coil,
+            field_nT,
+            f"{look or f'shot {shot.id}'}: ",
+            record_s=parameters.record_s,
+            shutter=PUMP,
+            decided_by=FIELD,
+        )
+        for coil, field_nT in shot.by_coil_nT.items()
+        if field_nT
+    )
+
+
+def nulled_fields(parameters: SerfParameters) -> tuple[NulledCellFields, ...]:
+    """Return how far the fields go that are solved from data, by generator."""
+    most_nT = NULLING_MARGIN * parameters.nulling.at_most_nT
+    return tuple(
+        NulledCellFields(
+            generator,
+            f"at most {most_nT:g} nT against the residual field at {', '.join(coils)}",
+            coils,
+            most_nT,
+            decided_by=("parameters", "nulling", "at_most"),
+        )
+        for generator, coils in ((GENERATOR_XY, "xy"), (GENERATOR_Z, "z"))
+    )
+
+
+def shot_s(parameters: SerfParameters) -> float:
+    """Return the expected bench time in s of one shot."""
+    return parameters.pump_s + parameters.record_s + SHOT_EXTRA_S
+
+
+def work(parameters: SerfParameters) -> Iterator[Work]:
+    """Yield the depolarisation, the nulling, each shot, and the end."""
+    one_s, rule = shot_s(parameters), parameters.depolarise
+    gradient = (held("gradient", rule.gradient_nT_per_cm),) if parameters.gyro_was_running else ()
+    yield Work(
+        "1",
+        commands=(PumpLight(PUMP, True), *gradient),
+        duration_s=rule.duration_s + one_s if gradient else 1.0,
+    )
+    rounds = min(parameters.nulling.rounds, USUAL_ROUNDS)
+    yield Work(
+        "2",
+        commands=nulled_fields(parameters) if rounds else (),
+        duration_s=rounds * NULLING_SHOTS * one_s,
+    )
+    rows = Rows(DIGITIZER, one_s, parameters.record_s * parameters.sample_rate_Hz)
+    for number, shot in enumerate(parameters.wanted):
+        step = ("3", "5")[number] if number < 2 else "7"
+        yield Work(step, shot.id, fields_of(shot, parameters), (rows,), one_s)
+    yield Work("7", commands=(PumpLight(PUMP, False),))
+
+
+def check(parameters: SerfParameters, bench: Bench) -> Iterator[Problem]:
+    """Yield what of the plan no cell or no generator of this bench could do."""
+    yield from _constants(bench)
+    fastest_Hz = parameters.fastest_precession_Hz
+    if parameters.sample_rate_Hz < OVERSAMPLING * fastest_Hz:
+        yield Problem(
+            ("parameters", "sample_rate"),
+            f"{parameters.sample_rate_Hz:g} Hz is less than four times the fastest precession to "
+            f"be expected, {fastest_Hz:.0f} Hz; {OVERSAMPLING * fastest_Hz:.0f} Hz would do",
+        )
+    yield from _recorder(parameters, bench)
+    expected = expectation(parameters)
+    if expected is None:
+        return
+    if expected.record_decays < LEAST_DECAYS:
+        yield Problem(
+            ("parameters", "record"),
+            f"it holds {expected.record_decays:.2g} 1/e times of the slowest precession, fewer "
+            f"than one; {USUAL_DECAYS / expected.record_decays * parameters.record_s:.2g} s would "
+            "do",
+        )
+    cycles = min(expected.cycles.values())
+    best_nT = parameters.best_field_nT
+    if expected.loss > BEYOND_USE and expected.broadening_share > 0.5:
+        yield Problem(
+            FIELD,
+            f"spin exchange broadens the lines to {1.0 + expected.broadening_share:.1f} times "
+            f"their width, angles are known {expected.loss:.1f} times less well than at best; take "
+            f"about {best_nT:g} nT",
+        )
+    elif cycles < LEAST_CYCLES:
+        yield Problem(
+            FIELD,
+            f"{cycles:.2f} cycles pass within the 1/e time, fewer than one; take about "
+            f"{best_nT:g} nT",
+        )
+
+
+def _recorder(parameters: SerfParameters, bench: Bench) -> Iterator[Problem]:
+    """Yield why the digitizer cannot take the record, or nobody knows when it may begin."""
+    digitizer, pump = (bench.instruments.get(name) for name in (DIGITIZER, PUMP))
+    if digitizer is None or pump is None:
+        return
+    dark = pump.settings.get("trigger_to_dark")
+    if dark is None:
+        yield Problem(
+            ("procedure",),
+            f"the bench {bench.name!r} does not say when the light is off: measure it with a "
+            f"photodiode and give settings.trigger_to_dark of {PUMP}, such as 8 ms",
+        )
+        return
+    driver: type[Digitizer] = registry.load(registry.DRIVERS, digitizer.driver)
+    duration_s = parameters.record_s + SURE_OF_DARK * parse_as(str(dark), "s")
+    why = driver.why_no_record(
+        digitizer.settings, parameters.sample_rate_Hz, duration_s, parameters.full_scale_V
+    )
+    if why is not None:
+        yield Problem(
+            ("parameters", "record"),
+            f"{DIGITIZER} cannot record {duration_s:.3g} s at {parameters.sample_rate_Hz:g} Hz up "
+            f"to {parameters.full_scale_V:g} V: {why}",
+        )
+
+
+def _constants(bench: Bench) -> Iterator[Problem]:
+    """Yield each coil whose constant the bench file does not give, or gives wrongly."""
+    for coil, (generator, _) in CHANNELS.items():
+        known = generator not in bench.instruments
+        if known or math.isfinite(coil_voltage_V(bench, generator, coil, 1.0)):
+            continue
+        key, unit = constant_of(coil)
+        yield Problem(
+            ("procedure",),
+            f"the bench {bench.name!r} does not say what a volt makes at the coil {coil}: "
+            f"give settings.{key} of {generator}, such as 20 {unit}",
+        )
