@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from importlib.util import find_spec
 from pathlib import Path
 from pkgutil import resolve_name
 from typing import TYPE_CHECKING, Any, TypedDict
@@ -11,6 +12,7 @@ from typing import TYPE_CHECKING, Any, TypedDict
 from station import registry
 from station.console import Prompt as Prompt
 from station.errors import InputError
+from station.files.faults import FaultList
 from station.method.set_points import Envelope
 from station.method.work import (
     Forecast,
@@ -98,7 +100,7 @@ class Later:
         return self.get()(*arguments)
 
 
-class DataHooks(TypedDict):
+class DataHooks(TypedDict, total=False):
     """What a procedure does with data once they are there."""
 
     evaluate_run: Callable[[RunFolder, Any, Bench], Findings]
@@ -110,15 +112,39 @@ class DataHooks(TypedDict):
 def usual_modules(package: str) -> DataHooks:
     """Return the hooks of a package whose modules have the usual names, imported when used.
 
-    `evaluate` has `findings_of_run(folder, parameters, bench)` and `findings_of_dataset(raw)`,
-    `from_import` the model `Conditions`, `figures` has `draw_parts(findings, document)`.
+    `evaluate` has `findings_of_run(folder, parameters, bench)`. Where there is a module
+    `from_import`, with the model `Conditions`, `evaluate` has `findings_of_dataset(raw)`, too;
+    where there is `figures`, it has `draw_parts(findings, document)`.
     """
-    return DataHooks(
-        evaluate_run=Later(f"{package}.evaluate:findings_of_run"),
-        evaluate_dataset=Later(f"{package}.evaluate:findings_of_dataset"),
-        conditions=Later(f"{package}.from_import:Conditions").get,
-        report=Later(f"{package}.figures:draw_parts"),
-    )
+    hooks = DataHooks(evaluate_run=Later(f"{package}.evaluate:findings_of_run"))
+    if find_spec(f"{package}.from_import") is not None:
+        hooks["evaluate_dataset"] = Later(f"{package}.evaluate:findings_of_dataset")
+        hooks["conditions"] = Later(f"{package}.from_import:Conditions").get
+    if find_spec(f"{package}.figures") is not None:
+        hooks["report"] = Later(f"{package}.figures:draw_parts")
+    return hooks
+
+
+def no_problem(parameters: Any, bench: Bench) -> Iterator[Problem]:
+    """Yield nothing: any bench with the instruments and limits that the work needs will do."""
+    return iter(())
+
+
+def no_prompts(parameters: Any) -> tuple[Prompt, ...]:
+    """Return nothing: nobody is asked for anything."""
+    return ()
+
+
+def no_dataset(raw: RawDataset) -> Findings:
+    """Refuse a dataset, for a procedure that evaluates its own runs only."""
+    where = ("procedure",)
+    what = "evaluates its own runs only, no data that were recorded elsewhere"
+    raise FaultList([raw.document.fault(where, what)])
+
+
+def no_parts(findings: Findings, document: ResultDocument) -> Sequence[Part]:
+    """Return nothing: the report shows what it shows of every procedure."""
+    return ()
 
 
 def no_work(parameters: Any) -> Iterable[Work]:
@@ -207,11 +233,11 @@ class Procedure:
     results: Mapping[str, ResultKind]
     steps: Sequence[Step]
     instruments: Callable[[Any], tuple[str, ...]]
-    prompts: Callable[[Any], tuple[Prompt, ...]]
-    check: Callable[[Any, Bench], Iterator[Problem]]
     evaluate_run: Callable[[RunFolder, Any, Bench], Findings]
-    evaluate_dataset: Callable[[RawDataset], Findings]
-    report: Callable[[Findings, ResultDocument], Sequence[Part]]
+    evaluate_dataset: Callable[[RawDataset], Findings] = no_dataset
+    report: Callable[[Findings, ResultDocument], Sequence[Part]] = no_parts
+    prompts: Callable[[Any], tuple[Prompt, ...]] = no_prompts
+    check: Callable[[Any, Bench], Iterator[Problem]] = no_problem
     records: Callable[[Any, Bench], tuple[RecordUse, ...]] = no_records
     work: Callable[[Any], Iterable[Work]] = no_work
     held_bytes: Callable[[Any, Bench], int | None] = everything

@@ -13,6 +13,8 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 from station.errors import ConditionNotReached, InstrumentError
+from station.roles import Gaussmeter, Multimeter, RotaryStage, Thermometer
+from station.runner.verbs import come_to_rest, fetch_bursts, keep, keep_row
 
 from .parameters import AccelerometerParameters, Point
 from .work import (
@@ -129,8 +131,6 @@ def measure(run: Run, point: Point, said: str) -> None:
 
 def turn_to(run: Run, point: Point, said: str) -> None:
     """Turn the stage to a point's angle and wait until it rests; nothing moves where it does."""
-    from station.runner.verbs import come_to_rest
-
     place = run.state(Place)
     if place.angle_deg != point.angle_deg:
         run.apply(angle_of(point))
@@ -143,8 +143,6 @@ def settle(run: Run, parameters: AccelerometerParameters, said: str) -> float:
 
     Returns the last reading in mT. Raises ConditionNotReached when they never do.
     """
-    from station.roles import Gaussmeter
-
     rule = parameters.dwell
     gaussmeter = run.role(GAUSSMETER, Gaussmeter)
     gaussmeter.drain()
@@ -173,18 +171,12 @@ def settle(run: Run, parameters: AccelerometerParameters, said: str) -> float:
 
 def record_angle(run: Run, point: Point) -> None:
     """Record what the encoder reads at the point."""
-    from station.roles import RotaryStage
-    from station.runner.verbs import keep_row
-
     angle_deg = run.role(STAGE, RotaryStage).angle_deg()
     keep_row(run, point.unit, STAGE, STAGE_COLUMNS, angle_deg, point.angle_deg)
 
 
 def read_output(run: Run, unit: str, said: str) -> bool:
     """Record a burst of the voltmeter, temperature and field beside it; True when overloaded."""
-    from station.roles import Gaussmeter, Multimeter, Thermometer
-    from station.runner.verbs import fetch_bursts, keep
-
     parameters: AccelerometerParameters = run.parameters
     gaussmeter = run.role(GAUSSMETER, Gaussmeter)
     bursts: dict[str, Any] = {MULTIMETER: run.role(MULTIMETER, Multimeter)}

@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING
 
 from station.method.commands import CoilOff, CoilOn, Homing, Power
 from station.procedure import Prompt, Step
+from station.roles import DirectCurrentSupply, Gaussmeter, RotaryStage
+from station.runner.verbs import come_to_rest, require_off
 
 from .measuring import Place, finished_points, measure, turn_to
 from .parameters import AccelerometerParameters, Point
@@ -89,9 +91,6 @@ def mount_for(run: Run, plane: str) -> None:
 
 def set_up(run: Run) -> None:
     """(2) Range and step of the field, the limits, the voltmeter; power on and warm."""
-    from station.roles import DirectCurrentSupply, Gaussmeter, RotaryStage
-    from station.runner.verbs import come_to_rest
-
     parameters: AccelerometerParameters = run.parameters
     if all(run.is_finished(point.unit) for point in parameters.points):
         return
@@ -157,8 +156,6 @@ def next_angle(run: Run) -> None:
 
 def remaining_angles(run: Run) -> None:
     """(7) Angle by angle through 360 deg, in every plane of the plan; then everything off."""
-    from station.runner.verbs import require_off
-
     for group in groups_of(run)[2:]:
         do_group(run, group)
     run.apply(CoilOff(SUPPLY))

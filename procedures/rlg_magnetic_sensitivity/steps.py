@@ -29,6 +29,8 @@ from procedures.rlg_magnetic_sensitivity.work import (
 )
 from station.method.commands import CoilOff, Power
 from station.procedure import Prompt, Step
+from station.roles import CoilSupply, Gaussmeter, GyroAcquisition
+from station.runner.verbs import acquire, require_off
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -85,8 +87,6 @@ def mount(run: Run) -> None:
 
 def connect(run: Run) -> None:
     """S2: cables; every instrument was identified, now each supply gets its own limits."""
-    from station.roles import CoilSupply
-
     run.ask(CABLES.id, CABLES.text)
     for axis in run.parameters.axes:
         run.role(coil_supply(axis), CoilSupply).programme_limits()
@@ -118,8 +118,6 @@ def record(run: Run, planned: PlannedRecord) -> None:
     Where the plan has a stop, N is decided by what the samples so far determine.
     """
     from procedures.rlg_magnetic_sensitivity.stopping import Patience
-    from station.roles import Gaussmeter, GyroAcquisition
-    from station.runner.verbs import acquire
 
     if run.is_finished(planned.unit):
         return
@@ -199,9 +197,6 @@ def switch_off(run: Run) -> None:
 
     Raises InstrumentError when a coil's supply does not read back as off.
     """
-    from station.roles import GyroAcquisition
-    from station.runner.verbs import require_off
-
     require_off(run, *(coil_supply(axis) for axis in run.parameters.axes))
     run.role(GYRO, GyroAcquisition).stop()
     run.apply(Power(POWER, False))

@@ -21,12 +21,13 @@ from procedures.rlg_magnetic_sensitivity.work import GYRO, POWER, WARM_UP, gyro_
 from station.console import span
 from station.errors import ConditionNotReached
 from station.method.commands import Power
+from station.roles import GyroAcquisition
+from station.runner.verbs import acquire
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from procedures.rlg_magnetic_sensitivity.parameters import Stop
-    from station.roles import GyroAcquisition
     from station.runner.run import Run
 
 GUARD = 1.03
@@ -160,7 +161,6 @@ def warm_up(run: Run) -> None:
     """
     from procedures.estimation.linear import slope_with_uncertainty
     from procedures.rlg_magnetic_sensitivity.from_record import gyro_record
-    from station.roles import GyroAcquisition
 
     parameters: RlgParameters = run.parameters
     if all(run.is_finished(record.unit) for record in all_records(parameters)):
@@ -199,8 +199,6 @@ def warm_up(run: Run) -> None:
 
 def follow_gyro(run: Run, board: GyroAcquisition, until_s: float, said: str) -> None:
     """Record the gyro of the warm-up until a run time."""
-    from station.runner.verbs import acquire
-
     acquire(
         run,
         WARM_UP,

@@ -12,6 +12,15 @@ from typing import TYPE_CHECKING, Protocol, Self, runtime_checkable
 
 from station.errors import InputError
 from station.method.set_points import Bounds, Command, SetPoint, Station
+from station.roles import (
+    CoilSupply,
+    DirectCurrentSupply,
+    DutPower,
+    Gaussmeter,
+    GyroAcquisition,
+    Multimeter,
+    RotaryStage,
+)
 from station.units import parse_as
 
 if TYPE_CHECKING:
@@ -85,15 +94,11 @@ def sine_bounds(amplitude_A: float) -> Bounds:
 
 def load_sine(station: Station, supply: str, frequency_Hz: float, amplitude_A: float) -> float:
     """Prepare a sine at zero output; return the frequency in Hz that the supply gives."""
-    from station.roles import CoilSupply
-
     return station.role(supply, CoilSupply).load_sine(frequency_Hz, amplitude_A)
 
 
 def start_sine(station: Station, supply: str, given_Hz: float | None) -> float:
     """Start the sine that was prepared; return its frequency in Hz."""
-    from station.roles import CoilSupply
-
     if given_Hz is None:
         raise InputError(f"{supply}: a sine is prepared before it is started")
     station.role(supply, CoilSupply).start_sine()
@@ -121,8 +126,6 @@ class SteadyField(Command[None]):
 
     def apply(self, station: Station, prepared: None) -> None:
         """Go there within the supply's slew limit."""
-        from station.roles import DirectCurrentSupply
-
         current_A = coil_current_A(station.bench, self.instrument, self.field_mT)
         station.role(self.instrument, DirectCurrentSupply).ramp_to(current_A)
 
@@ -185,8 +188,6 @@ class FieldRange(Command[None]):
 
     def apply(self, station: Station, prepared: None) -> None:
         """Turn the probe where it is to be turned, choose the range and begin to read."""
-        from station.roles import Gaussmeter
-
         gaussmeter = station.role(self.instrument, Gaussmeter)
         if self.along is not None:
             gaussmeter.turn_to(self.along)
@@ -205,8 +206,6 @@ class Power(Command[None]):
 
     def apply(self, station: Station, prepared: None) -> None:
         """Switch it."""
-        from station.roles import DutPower
-
         power = station.role(self.instrument, DutPower)
         if self.on:
             power.switch_on()
@@ -227,8 +226,6 @@ class GyroSampling(Command[None]):
 
     def apply(self, station: Station, prepared: None) -> None:
         """Begin to sample."""
-        from station.roles import GyroAcquisition
-
         station.role(self.instrument, GyroAcquisition).start(self.interval_s, self.channel)
 
 
@@ -242,8 +239,6 @@ class CoilOn(Command[None]):
 
     def apply(self, station: Station, prepared: None) -> None:
         """Switch it on."""
-        from station.roles import DirectCurrentSupply
-
         station.role(self.instrument, DirectCurrentSupply).switch_on()
 
 
@@ -261,8 +256,6 @@ class MeterRange(Command[float]):
 
     def apply(self, station: Station, prepared: float | None) -> float:
         """Choose range and integration time."""
-        from station.roles import Multimeter
-
         return station.role(self.instrument, Multimeter).configure(self.largest_V, self.nplc)
 
 
@@ -276,8 +269,6 @@ class Homing(Command[bool]):
 
     def apply(self, station: Station, prepared: bool | None) -> bool:
         """Begin, where the zero is not known."""
-        from station.roles import RotaryStage
-
         stage = station.role(self.instrument, RotaryStage)
         if stage.is_homed():
             return False
@@ -302,6 +293,4 @@ class Angle(Command[None]):
 
     def apply(self, station: Station, prepared: None) -> None:
         """Begin to turn."""
-        from station.roles import RotaryStage
-
         station.role(self.instrument, RotaryStage).move_to(self.angle_deg)

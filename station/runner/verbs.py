@@ -9,14 +9,14 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from typing import TYPE_CHECKING, Any, Protocol
 
-import numpy as np
-from numpy.typing import NDArray
-
 from station.errors import InstrumentError
 from station.method.work import POLL_S
-from station.record.raw import ARRIVAL
+from station.roles import MadeSafe, RotaryStage, Turntable
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
     from station.runner.run import Run
 
 SILENT_AFTER_S = 10.0
@@ -65,6 +65,10 @@ class Burst(Protocol):
 
 def to_rows(block: Block) -> NDArray[Any]:
     """Return a block as a structured array, shape (rows,), the arrival time as last column."""
+    import numpy as np
+
+    from station.record.raw import ARRIVAL
+
     fields = [(name, values.dtype) for name, values in block.columns.items()]
     rows = np.empty(len(block), dtype=[*fields, (ARRIVAL, np.float64)])
     for name, values in block.columns.items():
@@ -85,6 +89,10 @@ def keep_row(
     run: Run, unit: str, instrument: str, columns: Mapping[str, str], *values: float
 ) -> None:
     """Record one row of numbers that an instrument was asked for, with the time of now."""
+    import numpy as np
+
+    from station.record.raw import ARRIVAL
+
     names = [(name, np.float64) for name in (*columns, ARRIVAL)]
     row = np.array([(*values, run.clock.now())], dtype=names)
     run.record.block(instrument, unit, columns, row)
@@ -195,7 +203,6 @@ def come_to_rest(
     run: Run, instrument: str, said: str, *, axis: int | None = None, every_s: float = LOOK_S
 ) -> None:
     """Wait until a stage, or an axis of a table, rests; its driver raises where it never does."""
-    from station.roles import RotaryStage, Turntable
 
     def moves() -> bool:
         if axis is None:
@@ -209,8 +216,6 @@ def come_to_rest(
 
 def require_off(run: Run, *instruments: str) -> None:
     """Raise InstrumentError for an instrument that does not read back as brought to rest."""
-    from station.roles import MadeSafe
-
     for name in instruments:
         reading = run.role(name, MadeSafe).read_safety()
         if not reading.safe:

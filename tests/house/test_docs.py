@@ -29,6 +29,18 @@ def test_a_driver_with_its_simulator_is_two_files_of_at_most_120_lines() -> None
     assert sum(files.values()) <= 120, files
 
 
+def test_a_procedure_is_three_files_of_at_most_150_lines() -> None:
+    marked = examples(DOCS / "how-to" / "write-a-procedure.md")
+    runs = next(place for place, example in enumerate(marked) if example.mark == "run")
+    files = {
+        example.detail: len(example.text.splitlines())
+        for example in marked[:runs]
+        if example.mark == "file" and "coil_constant/" in example.detail
+    }
+    assert len(files) == 3
+    assert sum(files.values()) <= 150, files
+
+
 def test_the_documentation_builds_without_a_warning(tmp_path: Path) -> None:
     pytest.importorskip("sphinx")
     pytest.importorskip("myst_parser")

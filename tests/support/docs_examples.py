@@ -3,6 +3,7 @@
 A comment on the line before a code block says what the block is:
 
     <!-- file: NAME -->             the file NAME in the page's folder
+    <!-- more: NAME -->             lines at the end of that file
     <!-- replace: KEY in OLD as NEW -->   NEW is the bench OLD with the entry KEY of its instruments
                                     replaced by the block
     <!-- run -->                    commands (`$ `) with what they print; `…` stands for anything
@@ -29,7 +30,7 @@ from places import ROOT
 BLOCK = re.compile(
     r"^<!-- ([a-z]+)(?:: (.*?))? -->\n```(\w+)\n(.*?)^```$", re.MULTILINE | re.DOTALL
 )
-MARKS = {"file", "replace", "run", "background", "python"}
+MARKS = {"file", "more", "replace", "run", "background", "python"}
 
 
 @dataclass(frozen=True)
@@ -88,6 +89,10 @@ class Workshop:
         path.write_text(example.text, encoding="utf-8")
         if path.name == "pyproject.toml":
             self._install(tomllib.loads(example.text)["project"])
+
+    def _more(self, example: Example, where: str) -> None:
+        with (self.folder / example.detail).open("a", encoding="utf-8") as file:
+            file.write(example.text)
 
     def _install(self, project: dict[str, object]) -> None:
         """Make the page's package known by its entry points, as an editable install would."""
