@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.fft import next_fast_len, rfft
 from scipy.special import fdtri
 
-from procedures.estimation.linear import Columns, Rows
+from .linear import Columns, Rows
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]

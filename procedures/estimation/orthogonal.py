@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from procedures.estimation.linear import combine, cross_products
+from .linear import combine, cross_products
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

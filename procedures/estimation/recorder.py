@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import erf, ndtr
 
-from procedures.estimation.linear import MAD_TO_SIGMA
+from .linear import MAD_TO_SIGMA
 
 Array = NDArray[np.float64]
 

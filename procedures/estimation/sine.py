@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from procedures.estimation.linear import least_squares
+from .linear import least_squares
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]

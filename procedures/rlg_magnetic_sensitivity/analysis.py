@@ -9,7 +9,9 @@ from scipy.special import stdtrit
 
 from procedures.estimation.allan import AllanDeviation, allan_deviation, noise_coefficients
 from procedures.estimation.noise import grid_index
-from procedures.rlg_magnetic_sensitivity.checks import (
+from station.findings import Estimate, Flag, Published, undetermined
+
+from .checks import (
     beat_flags,
     collisions,
     condition_flags,
@@ -17,7 +19,7 @@ from procedures.rlg_magnetic_sensitivity.checks import (
     overtone_flags,
     recorder_findings,
 )
-from procedures.rlg_magnetic_sensitivity.dataset import (
+from .dataset import (
     AXES,
     METHOD,
     QUANTITY,
@@ -29,24 +31,13 @@ from procedures.rlg_magnetic_sensitivity.dataset import (
     RlgDataset,
     Segment,
     SegmentDetail,
+    middle_of,
 )
-from procedures.rlg_magnetic_sensitivity.field import FieldFit, fit_field
-from procedures.rlg_magnetic_sensitivity.flags import (
-    cross_axis_flags,
-    drive_flags,
-    field_flags,
-    record_flags,
-    result_flags,
-)
-from procedures.rlg_magnetic_sensitivity.gyro import (
-    GyroFit,
-    fit_gyro,
-    plotted_spectrum,
-    published_value,
-)
-from procedures.rlg_magnetic_sensitivity.response import Observed, Response, in_doubt, solve
-from procedures.rlg_magnetic_sensitivity.steadiness import steadiness_flags
-from station.findings import Estimate, Flag, Published, undetermined
+from .field import FieldFit, fit_field
+from .flags import cross_axis_flags, drive_flags, field_flags, record_flags, result_flags
+from .gyro import GyroFit, fit_gyro, plotted_spectrum, published_value
+from .response import Observed, Response, in_doubt, solve
+from .steadiness import steadiness_flags
 
 MOST_IN_DOUBT = 0.5
 
@@ -67,7 +58,7 @@ def analyse(dataset: RlgDataset, settings: AnalysisSettings | None = None) -> Rl
     observed: list[Observed | None] = []
     reasons: dict[str, str] = {}
     for segment in dataset.segments:
-        field = fit_field(segment, _middle_s(segment))
+        field = fit_field(segment, middle_of(segment))
         fields.append(field)
         observed.append(_observe(segment, field, settings, reasons))
     segments = [
@@ -127,7 +118,7 @@ def _recorder(
             continue
         found, doubt = recorder_findings(segment, fields[number], one.gyro, detail)
         flags += [*found, *overtone_flags(segment, one.gyro, detail)]
-        middle_s = _middle_s(segment)
+        middle_s = middle_of(segment)
         flags += steadiness_flags(segment, fields[number], one.gyro, one.lines, middle_s)
         if doubt > MOST_IN_DOUBT:
             reason = "its record is cut or rounded too much, see the other flags"
@@ -136,11 +127,6 @@ def _recorder(
         elif doubt > 0.0:
             doubts.update({a: max(doubts.get(a, 0.0), doubt) for a in detail.axes})
     return flags, doubts
-
-
-def _middle_s(segment: Segment) -> float:
-    time_s = segment.time_s[np.isfinite(segment.time_s) & np.isfinite(segment.rate_deg_per_h)]
-    return 0.5 * float(time_s[0] + time_s[-1]) if len(time_s) else 0.0
 
 
 def _observe(
@@ -167,18 +153,11 @@ def _observe(
     return Observed(field=field, gyro=gyro, lines=tuple(chosen), usable=tuple(usable))
 
 
-def _span_s(segment: Segment) -> float:
-    if not len(segment.time_s):
-        return 0.0
-    index = grid_index(segment.time_s, segment.sample_interval_s)
-    return (int(index[-1]) + 1) * segment.sample_interval_s
-
-
 def _unresolved(
     segment: Segment, k: int, field: FieldFit, settings: AnalysisSettings
 ) -> str | None:
     frequency_Hz = field.lines[k].frequency_Hz
-    span_s = _span_s(segment)
+    span_s = segment.span_s
     if frequency_Hz * segment.sample_interval_s >= settings.highest_frequency:
         return (
             f"{frequency_Hz:.4g} Hz is too close to half the sampling rate of the gyro "
@@ -201,9 +180,9 @@ def _unresolved(
 def _worth_fitting(segment: Segment, field: FieldFit, k: int) -> bool:
     """Lines that are there but cannot be used are fitted too, to be out of the others' way."""
     frequency_Hz = field.lines[k].frequency_Hz
-    resolved = 1.0 / max(_span_s(segment), 1e-9) < frequency_Hz
+    resolved = 1.0 / max(segment.span_s, 1e-9) < frequency_Hz
     apart = all(
-        abs(frequency_Hz - field.lines[j].frequency_Hz) * _span_s(segment) >= 1.0 for j in range(k)
+        abs(frequency_Hz - field.lines[j].frequency_Hz) * segment.span_s >= 1.0 for j in range(k)
     )
     return resolved and apart and frequency_Hz * segment.sample_interval_s < 0.49
 

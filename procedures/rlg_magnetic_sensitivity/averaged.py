@@ -17,15 +17,10 @@ from numpy.typing import NDArray
 from procedures.estimation.linear import least_squares, reject_outliers
 from procedures.estimation.noise import grid_index
 from procedures.estimation.sine import LineSums, legendre_columns, line_columns, nearest_lines
-from procedures.rlg_magnetic_sensitivity.dataset import (
-    AnalysisSettings,
-    Array,
-    Averaged,
-    Mask,
-    Segment,
-)
-from procedures.rlg_magnetic_sensitivity.field import stretch_of_field
-from procedures.rlg_magnetic_sensitivity.frequencies import Drive, group_size
+
+from .dataset import AnalysisSettings, Array, Averaged, Mask, Segment
+from .field import stretch_of_field
+from .frequencies import Drive, group_size
 
 Index = NDArray[np.int64]
 Model = Callable[[Index], Array]

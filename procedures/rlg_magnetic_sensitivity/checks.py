@@ -19,10 +19,11 @@ from procedures.estimation.recorder import (
     resolution,
     stuck_rows,
 )
-from procedures.rlg_magnetic_sensitivity.dataset import AXES, LineDetail, Segment, SegmentDetail
-from procedures.rlg_magnetic_sensitivity.field import FieldFit
-from procedures.rlg_magnetic_sensitivity.flags import recorded_span_s
-from procedures.rlg_magnetic_sensitivity.frequencies import (
+from station.findings import Flag, contradiction
+
+from .dataset import AXES, LineDetail, Segment, SegmentDetail
+from .field import FieldFit
+from .frequencies import (
     FEWEST_CYCLES,
     FREQUENCY_RANGE_HZ,
     LARGEST_CYCLES_PER_SAMPLE,
@@ -30,8 +31,7 @@ from procedures.rlg_magnetic_sensitivity.frequencies import (
     second_order,
     third_order,
 )
-from procedures.rlg_magnetic_sensitivity.gyro import GyroFit
-from station.findings import Flag, contradiction
+from .gyro import GyroFit
 
 AMPLITUDE_RANGE_MT = (0.1, 2.0)
 EARTH_RATE_DEG_PER_H = 15.041
@@ -52,7 +52,7 @@ INTERVALS_S = tuple(round(m * 10.0**e, 6) for e in (-2, -1, 0) for m in ROUND_NU
 
 def condition_flags(segment: Segment) -> Iterator[Flag]:
     """Yield flags of a drive outside the published ranges and of statements that the data deny."""
-    span_s = recorded_span_s(segment)
+    span_s = segment.recorded_span_s
     for axis, drive in segment.drive.items():
         if drive.amplitude_mT <= 0.0:
             continue
@@ -101,7 +101,7 @@ def output_flags(segment: Segment, detail: SegmentDetail) -> Iterator[Flag]:
 def collisions(segment: Segment) -> Iterator[Flag]:
     """Yield a flag for each driven line on which a product of second or third order falls."""
     driven = {a: d.frequency_Hz for a, d in segment.drive.items() if d.amplitude_mT > 0.0}
-    span_s = recorded_span_s(segment)
+    span_s = segment.recorded_span_s
     for axis, f in driven.items():
         hits = [
             f"{name} ({g:.4g} Hz)"
@@ -121,7 +121,7 @@ def recorder_findings(
     segment: Segment, field: FieldFit, gyro: GyroFit, detail: SegmentDetail
 ) -> tuple[list[Flag], float]:
     """Return flags of what the recorder did, and the part of the result that it makes uncertain."""
-    axis = detail.axes[0] if len(detail.axes) == 1 else None
+    axis = detail.axis
     flags: list[Flag] = []
     doubt = 0.0
     kept = gyro.kept
@@ -330,9 +330,10 @@ def beat_flags(
         len(segment.time_s) * interval_s,
     )
     if told is not None:
+        quantisation_said = f"In the record, {told.does}. Measure again with {told.helps}."
         yield Flag(
             "quantisation-beat",
-            f"In the record, {told.does}. Measure again with {told.helps}.",
-            detail.axes[0] if len(detail.axes) == 1 else None,
+            quantisation_said,
+            detail.axis,
             told.details,
         )

@@ -14,9 +14,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from procedures.rlg_magnetic_sensitivity.dataset import AXES, Array, LineDetail, Mask, Segment
-from procedures.rlg_magnetic_sensitivity.parameters import COIL_OF_AXIS
 from station.findings import Estimate
+
+from .dataset import AXES, Array, LineDetail, Mask, Segment
+from .parameters import COIL_OF_AXIS
 
 MISALIGNMENT = "field_misalignment_rad"
 PROBE_ANGLE = "angle"

@@ -10,8 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from procedures.estimation.allan import AllanDeviation, NoiseCoefficients
-from procedures.rlg_magnetic_sensitivity.frequencies import LARGEST_UNDRIVEN, Drive
+from procedures.estimation.noise import grid_index
 from station.findings import Analysis
+
+from .frequencies import LARGEST_UNDRIVEN, Drive
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -68,6 +70,24 @@ class Segment:
     field_mT: Array
     field_averaging_s: float
     averaged: Averaged | None = None
+
+    @property
+    def places(self) -> int:
+        """The samples that the record would have without gaps."""
+        if not len(self.time_s):
+            return 0
+        return int(grid_index(self.time_s, self.sample_interval_s)[-1]) + 1
+
+    @property
+    def span_s(self) -> float:
+        """The length of the record as it is here."""
+        return self.places * self.sample_interval_s
+
+    @property
+    def recorded_span_s(self) -> float:
+        """The length of the record as it was recorded."""
+        before = self.averaged
+        return self.span_s if before is None else before.places * before.sample_interval_s
 
 
 @dataclass(frozen=True)
@@ -172,6 +192,11 @@ class SegmentDetail:
     allan: AllanDeviation
     noise: NoiseCoefficients | None
 
+    @property
+    def axis(self) -> str | None:
+        """The driven axis, None where several are."""
+        return self.axes[0] if len(self.axes) == 1 else None
+
 
 @dataclass(frozen=True)
 class RlgAnalysis(Analysis):
@@ -186,3 +211,10 @@ class RlgAnalysis(Analysis):
     covariance: Array
     lines: tuple[LineDetail, ...]
     segments: tuple[SegmentDetail, ...]
+
+
+def middle_of(record: Segment | SegmentDetail) -> float:
+    """Return the middle of a record in s, where its phasors have their phase."""
+    finite = np.isfinite(record.time_s) & np.isfinite(record.rate_deg_per_h)
+    time_s = record.time_s[finite]
+    return 0.5 * float(time_s[0] + time_s[-1]) if len(time_s) else 0.0

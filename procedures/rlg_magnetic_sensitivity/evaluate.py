@@ -7,15 +7,12 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
-from procedures.rlg_magnetic_sensitivity.analysis import analyse
-from procedures.rlg_magnetic_sensitivity.coils import (
-    MISALIGNMENT,
-    PROBE_ANGLE,
-    CoilResponse,
-    coil_responses,
-    slope_by_misalignment,
-)
-from procedures.rlg_magnetic_sensitivity.dataset import (
+from station.findings import Detail, Estimate, Findings, Flag, InputQuantity, finite, undetermined
+from station.results import combine
+
+from .analysis import analyse
+from .coils import MISALIGNMENT, PROBE_ANGLE, CoilResponse, coil_responses, slope_by_misalignment
+from .dataset import (
     AXES,
     METHOD,
     QUANTITY,
@@ -25,23 +22,11 @@ from procedures.rlg_magnetic_sensitivity.dataset import (
     RlgAnalysis,
     RlgDataset,
 )
-from procedures.rlg_magnetic_sensitivity.from_import import Conditions, dataset_of_import
-from procedures.rlg_magnetic_sensitivity.from_record import (
-    GAUSSMETER,
-    GYRO,
-    dataset_of_run,
-    field_record,
-    segment_of_unit,
-)
-from procedures.rlg_magnetic_sensitivity.parameters import RlgParameters
-from procedures.rlg_magnetic_sensitivity.records import (
-    PlannedRecord,
-    check_of,
-    sensitivity_records,
-)
-from procedures.rlg_magnetic_sensitivity.steadiness import Tested, background, flags_of, repeated
-from station.findings import Detail, Estimate, Findings, Flag, InputQuantity, finite, undetermined
-from station.results import combine
+from .from_import import Conditions, dataset_of_import
+from .from_record import GAUSSMETER, GYRO, dataset_of_run, field_record, segment_of_unit
+from .parameters import RlgParameters
+from .records import PlannedRecord, check_of, sensitivity_records
+from .steadiness import Tested, background, flags_of, repeated
 
 if TYPE_CHECKING:
     from station.dataset_reading import RawDataset
@@ -112,11 +97,14 @@ def target_flags(findings: Findings, parameters: RlgParameters) -> Iterator[Flag
         if total is None or total.standard_uncertainty <= asked:
             continue
         u = total.standard_uncertainty
-        yield Flag(
-            "target-not-reached",
+        target_said = (
             f"The standard uncertainty of {estimate.axis} is {u:.2g} deg/h/mT, {asked:g} was asked "
             f"for; its record ended at its longest, {parameters.stop.at_most_s:g} s, or by an "
-            "early decision, or the rest is what no longer record makes smaller (see the budget).",
+            "early decision, or the rest is what no longer record makes smaller (see the budget)."
+        )
+        yield Flag(
+            "target-not-reached",
+            target_said,
             estimate.axis,
             {"standard_uncertainty": u, "asked": asked},
         )

@@ -18,8 +18,9 @@ from procedures.estimation.sine import (
     phasors,
     refine_frequency,
 )
-from procedures.rlg_magnetic_sensitivity.dataset import AXES, Array, Complex, Mask, Segment
-from procedures.rlg_magnetic_sensitivity.frequencies import Drive
+
+from .dataset import AXES, Array, Complex, Mask, Segment
+from .frequencies import Drive
 
 _DRIFT_ORDER = 2
 _OUTLIER = 8.0

@@ -6,21 +6,16 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
-from procedures.rlg_magnetic_sensitivity import plots, spectrum_plot
-from procedures.rlg_magnetic_sensitivity.coils import CoilResponse
-from procedures.rlg_magnetic_sensitivity.dataset import (
-    AXES,
-    LineDetail,
-    RlgAnalysis,
-    Segment,
-    SegmentDetail,
-)
-from procedures.rlg_magnetic_sensitivity.evaluate import RlgDetail
-from procedures.rlg_magnetic_sensitivity.steadiness import Tested
 from station.findings import Findings
 from station.report.numbers import NOTHING, format_number, format_with_uncertainty
 from station.report.parts import Part, Plot, Table
 from station.results import ResultDocument
+
+from . import plots, spectrum_plot
+from .coils import CoilResponse
+from .dataset import AXES, LineDetail, RlgAnalysis, Segment, SegmentDetail
+from .evaluate import RlgDetail
+from .steadiness import Tested
 
 TESTS = {
     "linearity": "half the field",

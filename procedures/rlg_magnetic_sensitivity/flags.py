@@ -9,20 +9,11 @@ from dataclasses import replace
 import numpy as np
 
 from procedures.estimation.flags import Gaps, excitation_flags, gaps_of, not_identifiable, too_stiff
-from procedures.estimation.noise import grid_index
-from procedures.rlg_magnetic_sensitivity.dataset import (
-    AXES,
-    UNDRIVEN,
-    AnalysisSettings,
-    Averaged,
-    LineDetail,
-    Segment,
-    SegmentDetail,
-)
-from procedures.rlg_magnetic_sensitivity.field import FieldFit
-from procedures.rlg_magnetic_sensitivity.frequencies import loss
-from procedures.rlg_magnetic_sensitivity.gyro import missing_rows
 from station.findings import Estimate, Flag
+
+from .dataset import AXES, UNDRIVEN, AnalysisSettings, Averaged, LineDetail, Segment, SegmentDetail
+from .field import FieldFit
+from .frequencies import loss
 
 MATTERS = 0.5
 """Of u: what an axis that was not driven may add before it is flagged."""
@@ -30,7 +21,7 @@ MATTERS = 0.5
 
 def record_flags(segment: Segment, detail: SegmentDetail, settings: AnalysisSettings) -> list[Flag]:
     """Return the flags of one segment's record and of the model fitted to it."""
-    axis = detail.axes[0] if len(detail.axes) == 1 else None
+    axis = detail.axis
     named = " and ".join(detail.axes)
     flags: list[Flag] = []
     before = segment.averaged
@@ -39,40 +30,35 @@ def record_flags(segment: Segment, detail: SegmentDetail, settings: AnalysisSett
         flags.append(_averaged(segment, before, axis, named))
     if rejected:
         samples = before.samples if before else len(detail.kept)
-        flags.append(
-            Flag(
-                "outliers-rejected",
-                f"{rejected} of {samples} gyro samples of the record with {named} driven "
-                f"lie more than {settings.outlier:g} sigma from the fit and were left out.",
-                axis,
-                {"count": rejected},
-            )
+        outliers_said = (
+            f"{rejected} of {samples} gyro samples of the record with {named} driven "
+            f"lie more than {settings.outlier:g} sigma from the fit and were left out."
         )
+        flags.append(Flag("outliers-rejected", outliers_said, axis, {"count": rejected}))
     flags += _gap(segment, axis, named, settings)
     if detail.lag_one_correlation > settings.model_too_stiff:
         of = f" of the record with {named} driven"
         flags.append(too_stiff(detail.lag_one_correlation, of, axis=axis))
     if detail.drift_evident:
-        flags.append(
-            Flag(
-                "drift-removed",
-                f"The output drifted while {named} was driven; a polynomial of order "
-                f"{detail.drift_order} was fitted with the lines and removed.",
-                axis,
-                {"order": detail.drift_order},
-            )
+        drift_said = (
+            f"The output drifted while {named} was driven; a polynomial of order "
+            f"{detail.drift_order} was fitted with the lines and removed."
         )
+        flags.append(Flag("drift-removed", drift_said, axis, {"order": detail.drift_order}))
     return flags
 
 
 def _averaged(segment: Segment, before: Averaged, axis: str | None, named: str) -> Flag:
     highest_Hz = max((one.frequency_Hz for one in segment.drive.values()), default=0.0)
     lost = loss(before.group, before.sample_interval_s, highest_Hz)
-    return Flag(
-        "samples-averaged",
+    samples_said = (
         f"The record with {named} driven holds {before.samples} gyro samples, which were averaged "
         f"in groups of {before.group}: it is evaluated as if sampled every "
-        f"{segment.sample_interval_s:g} s, with an uncertainty up to {100.0 * lost:.2g} % larger.",
+        f"{segment.sample_interval_s:g} s, with an uncertainty up to {100.0 * lost:.2g} % larger."
+    )
+    return Flag(
+        "samples-averaged",
+        samples_said,
         axis,
         {"count": before.samples, "group": before.group, "relative_loss": lost},
     )
@@ -82,7 +68,7 @@ def _gap(segment: Segment, axis: str | None, named: str, settings: AnalysisSetti
     if segment.averaged is None:
         interval_s = segment.sample_interval_s
         gaps = gaps_of(segment.time_s, interval_s, settings.gap)
-        gaps = replace(gaps, missing=missing_rows(segment) if gaps.count else 0)
+        gaps = replace(gaps, missing=segment.places - len(segment.time_s) if gaps.count else 0)
     else:
         before = segment.averaged
         interval_s = before.sample_interval_s
@@ -119,33 +105,32 @@ def drive_flags(
     """Return the flags on the commanded drive: cycles in the record, field made of it."""
     flags: list[Flag] = []
     if len(segment.time_s):
-        span_s = recorded_span_s(segment)
+        span_s = segment.recorded_span_s
         for axis, drive in segment.drive.items():
             cycles = drive.frequency_Hz * span_s
             if abs(cycles - round(cycles)) > settings.non_integer_cycles:
-                flags.append(
-                    Flag(
-                        "non-integer-cycles",
-                        f"The record holds {cycles:.4g} cycles of {drive.frequency_Hz:g} Hz on "
-                        f"{axis}, not a whole number: the published formula reads low by up to "
-                        "36 %, the fit does not.",
-                        axis,
-                        {"cycles": cycles},
-                    )
+                non_said = (
+                    f"The record holds {cycles:.4g} cycles of {drive.frequency_Hz:g} Hz on "
+                    f"{axis}, not a whole number: the published formula reads low by up to "
+                    "36 %, the fit does not."
                 )
+                flags.append(Flag("non-integer-cycles", non_said, axis, {"cycles": cycles}))
     for line in lines:
         drive = segment.drive[line.axis]
         if drive.amplitude_mT <= 0.0:
             continue
         off = line.field_amplitude_mT / drive.amplitude_mT - 1.0
         if abs(off) > settings.field_differs_from_commanded:
+            field_said = (
+                f"The measured field on {line.axis} has an amplitude of "
+                f"{line.field_amplitude_mT:.5g} mT, {100.0 * off:+.3g} % from the commanded "
+                f"{drive.amplitude_mT:g} mT{_likely(1.0 + off)}; the result uses the measured "
+                "field. Check coil, supply and gaussmeter."
+            )
             flags.append(
                 Flag(
                     "field-differs-from-commanded",
-                    f"The measured field on {line.axis} has an amplitude of "
-                    f"{line.field_amplitude_mT:.5g} mT, {100.0 * off:+.3g} % from the commanded "
-                    f"{drive.amplitude_mT:g} mT{_likely(1.0 + off)}; the result uses the measured "
-                    "field. Check coil, supply and gaussmeter.",
+                    field_said,
                     line.axis,
                     {"relative_difference": off},
                 )
@@ -167,14 +152,6 @@ def _likely(ratio: float) -> str:
     return next((f" ({said})" for at, said in LIKELY.items() if abs(ratio / at - 1.0) < 0.03), "")
 
 
-def recorded_span_s(segment: Segment) -> float:
-    """Return the length of the record as it was recorded."""
-    if segment.averaged is not None:
-        return segment.averaged.places * segment.averaged.sample_interval_s
-    index = grid_index(segment.time_s, segment.sample_interval_s)
-    return (int(index[-1]) + 1) * segment.sample_interval_s
-
-
 def cross_axis_flags(estimates: Sequence[Estimate], settings: AnalysisSettings) -> list[Flag]:
     """Return the flags on results in which an axis that was not driven may stand."""
     flags: list[Flag] = []
@@ -188,18 +165,14 @@ def cross_axis_flags(estimates: Sequence[Estimate], settings: AnalysisSettings) 
         large = {a: one for a, one in shares.items() if one * settings.undriven_u > small}
         if large:
             said = " and ".join(f"{100.0 * one:.2g} % of {axis}" for axis, one in large.items())
-            flags.append(
-                Flag(
-                    "cross-axis",
-                    f"The field of {estimate.axis} leans towards axes that were not driven: their "
-                    f"sensitivities stand in that of {estimate.axis} with {said}. u holds up "
-                    f"to {settings.undriven_sensitivity:g} deg/h/mT of each "
-                    "(`undriven_sensitivity`). Drive all three axes, align the coil, or state what "
-                    "is known of the gyro.",
-                    estimate.axis,
-                    {"undriven": list(large)},
-                )
+            cross_said = (
+                f"The field of {estimate.axis} leans towards axes that were not driven: their "
+                f"sensitivities stand in that of {estimate.axis} with {said}. u holds up "
+                f"to {settings.undriven_sensitivity:g} deg/h/mT of each "
+                "(`undriven_sensitivity`). Drive all three axes, align the coil, or state what "
+                "is known of the gyro."
             )
+            flags.append(Flag("cross-axis", cross_said, estimate.axis, {"undriven": list(large)}))
     return flags
 
 
@@ -219,25 +192,24 @@ def result_flags(
             flags.append(not_identifiable(said, [estimate.axis or ""], estimate.axis))
         elif abs(value) < settings.not_significant * u:
             bound = max(x.upper_bound or 0.0 for x in lines if x.axis == estimate.axis)
-            flags.append(
-                Flag(
-                    "not-significant",
-                    f"The magnetic sensitivity of {estimate.axis} is not distinguished from zero: "
-                    f"{value:.2g} with a standard uncertainty of {u:.2g} deg/h/mT; its magnitude "
-                    f"is below {bound:.2g} deg/h/mT with 95 % confidence.",
-                    estimate.axis,
-                    {"upper_bound": bound},
-                )
+            not_said = (
+                f"The magnetic sensitivity of {estimate.axis} is not distinguished from zero: "
+                f"{value:.2g} with a standard uncertainty of {u:.2g} deg/h/mT; its magnitude "
+                f"is below {bound:.2g} deg/h/mT with 95 % confidence."
             )
+            flags.append(Flag("not-significant", not_said, estimate.axis, {"upper_bound": bound}))
     for line in lines:
         q, u = line.quadrature, line.quadrature_uncertainty
         if q is not None and u is not None and abs(q) > settings.quadrature_significant * u > 0.0:
+            quadrature_said = (
+                f"The output at {line.frequency_Hz:.4g} Hz has a part of {q:.3g} deg/h/mT in "
+                f"quadrature to the field on {line.axis} ({abs(q) / u:.1f} u): a delay, eddy "
+                "currents or pickup."
+            )
             flags.append(
                 Flag(
                     "quadrature-significant",
-                    f"The output at {line.frequency_Hz:.4g} Hz has a part of {q:.3g} deg/h/mT in "
-                    f"quadrature to the field on {line.axis} ({abs(q) / u:.1f} u): a delay, eddy "
-                    "currents or pickup.",
+                    quadrature_said,
                     line.axis,
                     {"quadrature": q, "standard_uncertainty": u},
                 )

@@ -7,12 +7,13 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import numpy as np
 from pydantic import Field, ValidationInfo, field_validator
 
-from procedures.rlg_magnetic_sensitivity.averaged import shortened
-from procedures.rlg_magnetic_sensitivity.dataset import RlgDataset, Segment
-from procedures.rlg_magnetic_sensitivity.frequencies import LARGEST_UNDRIVEN, Drive
-from procedures.rlg_magnetic_sensitivity.from_record import TO_MIDDLE
-from procedures.rlg_magnetic_sensitivity.parameters import Axis
 from station.fields import StrictModel, Unit
+
+from .averaged import shortened
+from .dataset import RlgDataset, Segment
+from .frequencies import LARGEST_UNDRIVEN, Drive
+from .from_record import TO_MIDDLE
+from .parameters import Axis
 
 if TYPE_CHECKING:
     from station.dataset_reading import RawDataset

@@ -10,17 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from procedures.estimation.alignment import Alignment, align_pieces, unwrapped
-from procedures.rlg_magnetic_sensitivity import coils
-from procedures.rlg_magnetic_sensitivity.averaged import (
-    GyroMeans,
-    averaged,
-    averaged_duration_s,
-    averaged_field,
-    averaged_gyro,
-)
-from procedures.rlg_magnetic_sensitivity.dataset import Array, Mask, RlgDataset, Segment
-from procedures.rlg_magnetic_sensitivity.frequencies import Drive, group_size
-from procedures.rlg_magnetic_sensitivity.parameters import RlgParameters
+
+from . import coils
+from .averaged import GyroMeans, averaged, averaged_duration_s, averaged_field, averaged_gyro
+from .dataset import Array, Mask, RlgDataset, Segment
+from .frequencies import Drive, group_size
+from .parameters import RlgParameters
 
 if TYPE_CHECKING:
     from station.instruments.bench import Bench

@@ -28,16 +28,9 @@ from procedures.estimation.sine import (
     peak_near,
     phasors,
 )
-from procedures.rlg_magnetic_sensitivity.dataset import (
-    QUANTITY,
-    UNIT,
-    AnalysisSettings,
-    Array,
-    Complex,
-    Mask,
-    Segment,
-)
 from station.findings import Published
+
+from .dataset import QUANTITY, UNIT, AnalysisSettings, Array, Complex, Mask, Segment
 
 
 @dataclass(frozen=True)
@@ -271,17 +264,11 @@ def published_value(segment: Segment, axis: str) -> Published:
 
 def _amplitude(segment: Segment, wanted_Hz: float) -> float | None:
     rate = segment.rate_deg_per_h
-    whole = len(rate) >= 3 and not missing_rows(segment) and bool(np.all(np.isfinite(rate)))
+    whole = len(rate) >= 3 and segment.places == len(rate) and bool(np.all(np.isfinite(rate)))
     if not whole:
         return None
     frequency_Hz, amplitude = amplitude_spectrum(rate, segment.sample_interval_s)
     return peak_near(frequency_Hz, amplitude, wanted_Hz)
-
-
-def missing_rows(segment: Segment) -> int:
-    """Count the grid places between the first and the last sample that hold no sample."""
-    index = grid_index(segment.time_s, segment.sample_interval_s)
-    return int(index[-1]) + 1 - len(index)
 
 
 def plotted_spectrum(segment: Segment) -> tuple[Array, Array]:
@@ -291,7 +278,7 @@ def plotted_spectrum(segment: Segment) -> tuple[Array, Array]:
     rate = np.where(np.isfinite(segment.rate_deg_per_h), segment.rate_deg_per_h, np.nan)
     index = grid_index(segment.time_s, segment.sample_interval_s)
     present = np.isfinite(rate)
-    places = int(index[-1]) + 1
+    places = segment.places
     if bool(present.all()) and places == len(index):
         return amplitude_spectrum(rate, segment.sample_interval_s)
     if not bool(present.any()):

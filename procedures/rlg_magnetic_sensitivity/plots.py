@@ -9,14 +9,6 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
-from procedures.rlg_magnetic_sensitivity.dataset import (
-    AXES,
-    Array,
-    LineDetail,
-    Mask,
-    Segment,
-    SegmentDetail,
-)
 from station.report.drawing import (
     BLACK,
     BLUE,
@@ -29,6 +21,8 @@ from station.report.drawing import (
     new_figure,
 )
 from station.results import ResultDocument
+
+from .dataset import AXES, Array, LineDetail, Mask, Segment, SegmentDetail, middle_of
 
 COLOUR = {"IA": BLUE, "NA": VERMILION, "LA": GREEN}
 DASHES = {"IA": "-", "NA": "--", "LA": "-."}
@@ -192,13 +186,6 @@ def running_mean(time_s: Array, values: Array, kept: Mask, at_s: Array, window_s
     wanted = max(1.0, np.floor(0.8 * window_s / float(np.median(np.diff(time_s)))))
     mean = values[0] + (sums[last] - sums[first]) / np.maximum(count, 1)
     return np.where(count >= wanted, mean, np.nan)
-
-
-def middle_of(detail: SegmentDetail) -> float:
-    """Return the middle of the segment in s, where its phasors have their phase."""
-    finite = np.isfinite(detail.time_s) & np.isfinite(detail.rate_deg_per_h)
-    time_s = detail.time_s[finite]
-    return 0.5 * float(time_s[0] + time_s[-1]) if len(time_s) else 0.0
 
 
 def fitted_field_mT(detail: SegmentDetail, lines: Sequence[LineDetail], time_s: Array) -> Array:

@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from procedures.rlg_magnetic_sensitivity.dataset import AXES, Array, Mask
-from procedures.rlg_magnetic_sensitivity.field import FieldFit
-from procedures.rlg_magnetic_sensitivity.gyro import GyroFit
+from .dataset import AXES, Array, Mask
+from .field import FieldFit
+from .gyro import GyroFit
 
 # Least part of an axis's field, orthogonal to that of the other axes, that still tells them apart.
 _LEAST_INDEPENDENT = 0.05

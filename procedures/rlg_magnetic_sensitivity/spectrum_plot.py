@@ -9,9 +9,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Ellipse
 
-from procedures.rlg_magnetic_sensitivity.dataset import Array, LineDetail, Segment, SegmentDetail
-from procedures.rlg_magnetic_sensitivity.plots import COLOUR, DASHES, legend_inside, middle_of
 from station.report.drawing import BLACK, GREY, INK, label_above, new_figure
+
+from .dataset import Array, LineDetail, Segment, SegmentDetail, middle_of
+from .plots import COLOUR, DASHES, legend_inside
 
 # The noise at a line is judged over so many cycles per record on each side of it.
 FLOOR_REACH_CYCLES = 8.0

@@ -12,17 +12,11 @@ from scipy.special import erfc, fdtrc
 from procedures.estimation.linear import least_squares
 from procedures.estimation.noise import LocalNoise, Periodogram, grid_index, periodogram
 from procedures.estimation.sine import line_columns, phasors
-from procedures.rlg_magnetic_sensitivity.dataset import (
-    AXES,
-    AnalysisSettings,
-    Array,
-    Complex,
-    RlgAnalysis,
-    Segment,
-)
-from procedures.rlg_magnetic_sensitivity.field import FieldFit
-from procedures.rlg_magnetic_sensitivity.gyro import GyroFit, fit_gyro
 from station.findings import Flag
+
+from .dataset import AXES, AnalysisSettings, Array, Complex, RlgAnalysis, Segment
+from .field import FieldFit
+from .gyro import GyroFit, fit_gyro
 
 MOST_BLOCKS = 12
 LEAST_CYCLES = 2.0
@@ -314,29 +308,23 @@ def flags_of(tested: Sequence[Tested]) -> Iterator[Flag]:
             "standard_uncertainty": one.difference_uncertainty,
         }
         if one.check == "linearity":
-            yield Flag(
-                "not-linear",
+            not_said = (
                 f"At {one.amplitude_mT:g} mT the magnetic sensitivity{whose} is another one by "
                 f"{off}: the response is not in proportion to the field, as that of a shield near "
-                "saturation; state the sensitivity with its field.",
-                one.axis,
-                details,
+                "saturation; state the sensitivity with its field."
             )
+            yield Flag("not-linear", not_said, one.axis, details)
         elif one.check == "frequency":
-            yield Flag(
-                "differs-with-frequency",
+            differs_said = (
                 f"At {one.frequency_Hz:.4g} Hz the magnetic sensitivity{whose} is another one by "
                 f"{off}: a delay, eddy currents and pickup grow with the frequency; the lower one "
-                "is nearer to a steady field.",
-                one.axis,
-                details,
+                "is nearer to a steady field."
             )
+            yield Flag("differs-with-frequency", differs_said, one.axis, details)
         else:
-            yield Flag(
-                "background-line",
+            background_said = (
                 f"With the coils off the output has a line at {one.frequency_Hz:.4g} Hz that would "
                 f"pass for {one.value:.2g} deg/h/mT{whose}: something else acts at the field's "
-                "frequency; choose another frequency.",
-                one.axis,
-                details,
+                "frequency; choose another frequency."
             )
+            yield Flag("background-line", background_said, one.axis, details)
