@@ -13,7 +13,6 @@ from dataclasses import dataclass
 from difflib import get_close_matches
 from fractions import Fraction
 
-STANDARD_GRAVITY_m_per_s2 = 9.80665
 ZERO_CELSIUS_K = 273.15
 
 _ARCSEC = Fraction(1, 3600)

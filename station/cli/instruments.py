@@ -20,8 +20,7 @@ from station.control.signals import wishes
 from station.errors import EXIT_DONE, EXIT_FAULT, InputError
 from station.instruments.instrument_locks import InstrumentLocks
 from station.instruments.opening import probe
-from station.instruments.scan import scan
-from station.instruments.scan_draft import draft
+from station.instruments.scan import draft, scan
 from station.procedure import procedure_of
 from station.runner.session import BenchSession, serve_bench
 

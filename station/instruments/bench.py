@@ -21,8 +21,12 @@ from station.instruments.addresses import why_unknown
 from station.instruments.calibration import Calibration, Number
 from station.roles.role import instances, limits, role, role_of
 from station.safety.bounds import bound_faults
-from station.safety.interlocks.model import InterlockEntry
-from station.safety.interlocks.reading import Interlock, interlock_faults, interlocks_of
+from station.safety.interlocks.reading import (
+    Interlock,
+    InterlockEntry,
+    interlock_faults,
+    interlocks_of,
+)
 
 Words = Annotated[str, Field(min_length=1)]
 ModelT = TypeVar("ModelT", bound=StrictModel)

@@ -171,11 +171,6 @@ def joined(blocks: Iterable[NDArray[Any]], rows: int) -> Iterator[NDArray[Any]]:
     yield np.concatenate(waiting)
 
 
-def read_raw(path: Path, unit: str) -> Iterator[NDArray[Any]]:
-    """Yield the blocks of one unit of work; who reads several keeps the index."""
-    return RawIndex(path).blocks(unit)
-
-
 def read_blocks(path: Path) -> Iterator[tuple[str, dict[str, str], NDArray[Any]]]:
     """Yield all whole blocks of a file in the order they were written.
 

@@ -8,14 +8,14 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from station import registry
 from station.clock import RealClock, utc_now
 from station.console import span
 from station.control.status import RUN_STARTED
 from station.errors import InputError
-from station.files.faults import FaultList
 from station.files.plan import Plan
 from station.guardian.notes import guardian_at_work
-from station.instruments.bench import Bench, faults_of_use
+from station.instruments.bench import Bench, bench_of
 from station.procedure import Procedure, Prompt, procedure_of
 from station.record.events import LEFT_FOR_THE_END, RESUMED
 from station.record.folder import RESULTS, RunFolder, RunRecord
@@ -72,9 +72,9 @@ def resume(request: ResumeRequest) -> Outcome:
         raise InputError(f"{folder.path} never began; start it with `station run`")
     folder.damage.refuse_altered()
     plan, recorded_bench = read_plan_and_bench(folder)
-    bench = request.bench or recorded_bench
-    if beyond := list(faults_of_use(bench.document)):
-        raise FaultList(beyond)
+    # To be read again a bench need not be of use, nor its drivers be installed; here it must.
+    document = (request.bench or recorded_bench).document
+    bench = bench_of(document, registry.names(registry.DRIVERS), bounded=True)
     procedure = procedure_of(plan.procedure)
     refuse_another_bench(folder, recorded_bench, bench)
     facts = folder.run_facts()

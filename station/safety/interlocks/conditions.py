@@ -1,28 +1,32 @@
-"""Conditions on the level of quantities, stacked with any, all and not.
+"""Conditions on the level of quantities, stacked with any, all and not; and what reads a quantity.
 
-A condition keeps no state and knows no clock: it is given eyes, which know how old a reading may
-be and ask the instrument for a fresh one. What cannot be read is neither true nor false, and goes
-through any, all and not as the third value of Kleene's logic: `any` of an unreadable and a true
-one is true, `all` of an unreadable and a false one is false. Whoever acts on a condition takes
-what remains unknown as true.
+A condition keeps no state and knows no clock: it is given a reader of quantities, which knows how
+old a reading may be and asks the instrument where the newest published one is older. What cannot be
+read is neither true nor false, and goes through any, all and not as the third value of Kleene's
+logic: `any` of an unreadable and a true one is true, `all` of an unreadable and a false one is
+false. Whoever acts on a condition takes what remains unknown as true.
 """
 
 from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Collection, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 from typing import ClassVar, NamedTuple, Protocol
 
-from station.safety.readings import Reading
+from station.clock import Clock, ClockError, ClockStopped
+from station.errors import InputError, InstrumentError
+from station.roles.role import kind_of
+from station.safety.readings import Reading, Readings, Value
 
 Watched = tuple[str, str]
 """An instrument and one of its quantities."""
 
 
-class Eyes(Protocol):
+class ReadsQuantities(Protocol):
     """Whoever can read a quantity."""
 
     def look(self, instrument: str, quantity: str) -> Seen:
@@ -55,7 +59,7 @@ class Condition(Protocol):
         """The quantities that it depends on."""
         ...
 
-    def judge(self, eyes: Eyes) -> Judgement:
+    def judge(self, reader: ReadsQuantities) -> Judgement:
         """Return whether it is true now."""
         ...
 
@@ -88,9 +92,9 @@ class Level:
             return f"below {self.low:g} {self.unit}"
         return f"outside {self.low:g} {self.unit} to {self.high:g} {self.unit}"
 
-    def judge(self, eyes: Eyes) -> Judgement:
+    def judge(self, reader: ReadsQuantities) -> Judgement:
         """Compare the present reading; no number is unknown."""
-        seen = eyes.look(self.instrument, self.quantity)
+        seen = reader.look(self.instrument, self.quantity)
         name = f"{self.instrument} {self.quantity}"
         if seen.reading is None:
             return Judgement(
@@ -124,9 +128,9 @@ class State:
         """The one quantity."""
         return frozenset({(self.instrument, self.quantity)})
 
-    def judge(self, eyes: Eyes) -> Judgement:
+    def judge(self, reader: ReadsQuantities) -> Judgement:
         """Compare the present state."""
-        seen = eyes.look(self.instrument, self.quantity)
+        seen = reader.look(self.instrument, self.quantity)
         name = f"{self.instrument} {self.quantity}"
         if seen.reading is None:
             excused = False if seen.excused else None
@@ -147,11 +151,11 @@ class Several(ABC):
         """What its parts watch."""
         return frozenset().union(*(part.watched for part in self.parts))
 
-    def judge(self, eyes: Eyes) -> Judgement:
+    def judge(self, reader: ReadsQuantities) -> Judgement:
         """Judge the parts; one that decides, else one that is unknown, else what all agree on."""
         judged = []
         for part in self.parts:
-            one = part.judge(eyes)
+            one = part.judge(reader)
             if one.true is self.decides:
                 return one
             judged.append(one)
@@ -192,9 +196,9 @@ class Not:
         """What its part watches."""
         return self.part.watched
 
-    def judge(self, eyes: Eyes) -> Judgement:
+    def judge(self, reader: ReadsQuantities) -> Judgement:
         """Turn the part's judgement over; unknown stays unknown."""
-        one = self.part.judge(eyes)
+        one = self.part.judge(reader)
         turned = None if one.true is None else not one.true
         limit = f"not {one.limit}" if one.limit else None
         return Judgement(turned, one.said, one.value, limit)
@@ -202,3 +206,58 @@ class Not:
 
 def _joined(judged: Sequence[Judgement], word: str) -> str:
     return f" {word} ".join(one.said for one in judged)
+
+
+YOUNGER = 0.99
+"""A reading made at the last look is not fresh at the next, whatever the last bit says."""
+
+
+@dataclass(frozen=True)
+class QuantityReader:
+    """Look at the quantities of opened instruments; a reading is fresh for `fresh_s`."""
+
+    readings: Readings
+    instruments: Mapping[str, object]
+    clock: Clock
+    fresh_s: float
+
+    def look(self, instrument: str, quantity: str) -> Seen:
+        """Return the newest reading while it is fresh, else ask the instrument.
+
+        Raises InputError where the bench file watches what its driver cannot be asked for.
+        """
+        newest = self.readings.newest(instrument, quantity)
+        if newest is not None and self.clock.now() - newest.time_s < YOUNGER * self.fresh_s:
+            return Seen(newest)
+        read = getattr(self.instruments.get(instrument), "read_quantity", None)
+        if read is None:
+            raise InputError(
+                f"{instrument}: its driver cannot be asked for its {quantity}; take that interlock "
+                "out of the bench file"
+            )
+        try:
+            value: Value | None = read(quantity)
+        except (ClockStopped, ClockError, InputError):
+            raise
+        except Exception as error:  # whatever it is, what cannot be read protects nobody
+            return Seen(None, f"cannot be read: {error}")
+        if value is None:
+            return Seen(None, "is not measured now", excused=True)
+        told = self.readings.newest(instrument, quantity)
+        if told is None or told.value != value or told.time_s != self.clock.now():
+            # The driver has not published it by itself.
+            unit = kind_of(instrument, quantity).unit
+            self.readings.publish(instrument, quantity, value, unit)
+            told = Reading(value, unit, self.clock.now())
+        return Seen(told)
+
+    def explained(self, watched: Collection[Watched]) -> str:
+        """Return in brackets what instruments say to explain a state: which contact is open."""
+        said = []
+        for instrument, quantity in sorted(watched):
+            explain = getattr(self.instruments.get(instrument), "explain", None)
+            if explain is not None:
+                with suppress(InstrumentError):  # the trip itself is reported all the same
+                    said.append(str(explain(quantity)))
+        told = ", ".join(one for one in said if one)
+        return f" ({told})" if told else ""

@@ -12,9 +12,8 @@ from collections.abc import Callable, Mapping, Sequence
 from station.clock import Clock, ClockError, ClockStopped
 from station.errors import InputError, InterlockTripped
 from station.roles.role import energised_states
-from station.safety.interlocks.conditions import Judgement
+from station.safety.interlocks.conditions import Judgement, QuantityReader
 from station.safety.interlocks.reading import Interlock
-from station.safety.interlocks.sight import Sight
 from station.safety.readings import Readings
 
 IDLE_PERIOD_S = 10.0
@@ -30,9 +29,9 @@ ROUNDING_S = 1e-9
 class Watch:
     """One interlock: when it is looked at next, and since when its condition is true."""
 
-    def __init__(self, interlock: Interlock, eyes: Sight) -> None:
+    def __init__(self, interlock: Interlock, reader: QuantityReader) -> None:
         self.interlock = interlock
-        self.eyes = eyes
+        self.reader = reader
         self.due_s = 0.0
         self.since_s: float | None = None
         self.own_state = [
@@ -46,14 +45,14 @@ class Watch:
         for instrument in list(self.own_state):
             for quantity in sorted(energised_states(instrument)):
                 try:
-                    self.eyes.look(instrument, quantity)
+                    self.reader.look(instrument, quantity)
                 except InputError:
                     self.own_state.remove(instrument)
                     break
 
     def judge(self) -> Judgement:
         """Look now."""
-        return self.interlock.when.judge(self.eyes)
+        return self.interlock.when.judge(self.reader)
 
 
 class Monitor:
@@ -70,9 +69,10 @@ class Monitor:
         self.trip: InterlockTripped | None = None
         self._clock = clock
         self._make_safe = make_safe
-        self._now = Sight(readings, instruments, clock, 0.0)
+        self._now = QuantityReader(readings, instruments, clock, 0.0)
         self._watches = [
-            Watch(one, Sight(readings, instruments, clock, one.period_s)) for one in interlocks
+            Watch(one, QuantityReader(readings, instruments, clock, one.period_s))
+            for one in interlocks
         ]
         self._energised = {
             name
@@ -94,7 +94,7 @@ class Monitor:
         for watch in self._watches:
             for watched in sorted(watch.interlock.when.watched):
                 # The condition itself does not always look at all of its parts.
-                watch.eyes.look(*watched)
+                watch.reader.look(*watched)
             watch.look_at_states()
             judged = watch.judge()
             if judged.true is not False:
@@ -183,7 +183,7 @@ class Monitor:
         said = judged.said
         if watch.since_s is not None and watch.interlock.grace_s:
             said += f" (for {self._clock.now() - watch.since_s:.3g} s)"
-        said += watch.eyes.explained(watch.interlock.when.watched)
+        said += watch.reader.explained(watch.interlock.when.watched)
         return InterlockTripped(
             watch.interlock.name,
             said,

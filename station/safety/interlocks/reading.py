@@ -1,4 +1,4 @@
-"""Interlocks from the data of a bench file: every fault with its place, and the conditions."""
+"""Interlocks of a bench file: their keys, every fault with its place, and the conditions."""
 
 from __future__ import annotations
 
@@ -6,16 +6,64 @@ import math
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
+from pydantic import Field, WithJsonSchema
+
+from station.fields import Second, StrictModel, quantity_pattern
 from station.files.faults import Fault, listed, nearest
 from station.roles.role import CONTACT_STATES, Quantity, kind_of, quantities_of, role_of
 from station.safety.interlocks.conditions import AllOf, AnyOf, Condition, Level, Not, State
-from station.safety.interlocks.model import InterlockEntry
-from station.units import UnitError, parse_as
+from station.units import UNITS, UnitError, parse_as
 
 if TYPE_CHECKING:
     from station.files.yaml.document import Document
+
+
+BOUND = {
+    "type": "string",
+    "pattern": quantity_pattern(UNITS),
+    "description": "a number with its unit",
+}
+LEVEL: dict[str, Any] = {
+    "type": "object",
+    "properties": {
+        "instrument": {"type": "string", "description": "an instrument of this bench"},
+        "quantity": {"type": "string"},
+        "above": BOUND,
+        "below": BOUND,
+        "outside": {"type": "array", "items": BOUND, "minItems": 2, "maxItems": 2},
+        "equals": {"type": "string", "description": "a state, such as open"},
+    },
+    "required": ["instrument", "quantity"],
+    "additionalProperties": False,
+}
+PARTS = {"type": "array", "items": {"type": "object"}, "minItems": 1}
+WHEN = {
+    "anyOf": [
+        LEVEL,
+        *(
+            {
+                "type": "object",
+                "properties": {word: PARTS if word != "not" else {"type": "object"}},
+                "required": [word],
+                "additionalProperties": False,
+            }
+            for word in ("any", "all", "not")
+        ),
+    ],
+    "description": "a level or a state of a quantity, or any, all, not of such conditions",
+}
+
+
+class InterlockEntry(StrictModel):
+    """One interlock: when it trips, for how long that may be so, and how often it is looked at."""
+
+    name: Annotated[str, Field(pattern=r"^[a-z0-9][a-z0-9-]*$")]
+    when: Annotated[dict[str, Any], WithJsonSchema(WHEN)]
+    grace_s: Annotated[Second, Field(ge=0)] = 0.0
+    period_s: Annotated[Second, Field(gt=0)] | None = None
+
 
 CHAIN = "interlock_chain"
 BOUNDS = ("above", "below", "outside")

@@ -13,8 +13,7 @@ from stand import EmptyRoom
 from drivers.keysight.generator_33522b import Keysight33522B
 from drivers.keysight.generator_33522b_messages import differs
 from station.errors import InputError, InstrumentError, InstrumentTimeout
-from station.instruments.scan import recognised
-from station.instruments.scan_draft import draft
+from station.instruments.scan import draft, recognised
 
 
 @pytest.fixture

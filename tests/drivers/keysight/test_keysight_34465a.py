@@ -14,8 +14,7 @@ from stand import EmptyRoom, Stand
 from drivers.keysight.multimeter_34465a import Keysight34465A, Keysight34465APt100, temperature_degC
 from station.clock import Clock
 from station.errors import InputError, InstrumentError, InstrumentTimeout
-from station.instruments.scan import recognised
-from station.instruments.scan_draft import draft
+from station.instruments.scan import draft, recognised
 
 
 @pytest.fixture

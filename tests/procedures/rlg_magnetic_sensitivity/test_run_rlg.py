@@ -14,7 +14,7 @@ from scipy.stats import chi2
 
 from station.cli.analysing import analyse_run
 from station.record.folder import RunFolder
-from station.record.raw import read_raw
+from station.record.raw import RawIndex
 from station.runner.outcome import Outcome
 
 SEEDS = (0, 1, 2)
@@ -120,10 +120,10 @@ def test_a_raw_file_cut_short_is_read_to_its_last_whole_block(
     runs: list[tuple[Outcome, dict[str, Any]]], tmp_path: Path
 ) -> None:
     whole = next((runs[2][0].folder / "raw").glob("gyro_acquisition-*.mcap"))
-    rows = np.concatenate(list(read_raw(whole, "warm-up")))
+    rows = np.concatenate(list(RawIndex(whole).blocks("warm-up")))
     cut = tmp_path / "cut.mcap"
     cut.write_bytes(whole.read_bytes()[: whole.stat().st_size // 20])
-    kept = np.concatenate(list(read_raw(cut, "warm-up")))
+    kept = np.concatenate(list(RawIndex(cut).blocks("warm-up")))
     assert 0 < len(kept) < len(rows)
     assert (kept == rows[: len(kept)]).all()
 

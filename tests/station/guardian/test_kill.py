@@ -27,7 +27,7 @@ from kill_helpers import guardian_at_work, kill_at_random_moment, written_bytes
 from resume_helpers import results_of, resume_and_judge, wrong_results
 
 from station.record.folder import RunFolder
-from station.record.raw import read_raw
+from station.record.raw import RawIndex
 
 SEEDS = range(3)
 SPEED = 50.0
@@ -134,7 +134,7 @@ def test_a_raw_file_cut_anywhere_is_read_to_its_last_whole_block(
     blocks = raw_content(file).rows["IA"]
     for length in np.random.default_rng(1).integers(0, len(whole) // 2, 60):
         cut.write_bytes(whole[:length])
-        kept = list(read_raw(cut, "IA"))
+        kept = list(RawIndex(cut).blocks("IA"))
         assert all((left == right).all() for left, right in zip(kept, blocks, strict=False))
         assert len(kept) == len(raw_content(cut).rows.get("IA", []))
 
@@ -145,7 +145,9 @@ def test_zeros_at_the_end_of_a_raw_file_hide_nothing(reference: Path, tmp_path: 
     whole = file.read_bytes()
     (tmp_path / "cut.mcap").write_bytes(whole[: len(whole) // 2] + bytes(5000))
     (tmp_path / "plain.mcap").write_bytes(whole[: len(whole) // 2])
-    kept = [len(list(read_raw(tmp_path / name, "IA"))) for name in ("cut.mcap", "plain.mcap")]
+    kept = [
+        len(list(RawIndex(tmp_path / name).blocks("IA"))) for name in ("cut.mcap", "plain.mcap")
+    ]
     assert kept[0] == kept[1] > 0
 
 

@@ -20,8 +20,15 @@ from station.clock import RealClock
 from station.conformance.hostile import HostileServer, closed_port
 from station.files.yaml.reading import FaultList
 from station.instruments.bench import read_bench
-from station.instruments.scan import IDENTIFY, Seen, ask_can, ask_port, modbus_identity, recognised
-from station.instruments.scan_draft import draft
+from station.instruments.scan import (
+    IDENTIFY,
+    Seen,
+    ask_can,
+    ask_port,
+    draft,
+    modbus_identity,
+    recognised,
+)
 
 FILLED_IN = {
     "coil_supply": "    settings: {coil_constant: 0.3 mT/A}\n"

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from mcap.reader import make_reader
 
-from station.record.raw import ARRIVAL, RawFile, read_raw
+from station.record.raw import ARRIVAL, RawFile, RawIndex
 
 BLOCK = np.dtype([("counts", np.int32), (ARRIVAL, np.float64)])
 
@@ -43,7 +43,7 @@ def test_a_block_is_there_for_others_as_soon_as_it_is_written(tmp_path: Path) ->
     file = RawFile(path, "gyro", {})
     for number in range(5):
         file.write("IA", block(10 * number))
-        kept = np.concatenate(list(read_raw(path, "IA")))
+        kept = np.concatenate(list(RawIndex(path).blocks("IA")))
         assert kept["counts"].tolist() == list(range(10 * number + 10))
     file.close()
 

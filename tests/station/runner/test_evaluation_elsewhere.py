@@ -5,13 +5,16 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from shutil import copytree
 
 import pytest
 
 from station import registry
+from station.files.faults import FaultList
 from station.record.folder import RESULTS, RunFolder
 from station.report.run_report import report_of_run
 from station.runner.evaluation import evaluate_run
+from station.runner.resuming import ResumeRequest, resume
 
 PLANS = (
     "rlg-magnetic-sensitivity",
@@ -54,3 +57,13 @@ def test_a_run_is_evaluated_and_reported_where_no_driver_is_installed(
     document, findings = evaluate_run(folder)
     assert document.to_data() == json.loads((path / RESULTS).read_text(encoding="utf-8"))
     assert folder.run_facts()["station"] in report_of_run(folder, document, findings)
+
+
+def test_a_run_does_not_go_on_where_its_drivers_are_not_installed(
+    tmp_path: Path, run_of: Callable[[str], Path], without_drivers: Callable[[], None]
+) -> None:
+    folder = tmp_path / "run"
+    copytree(run_of(PLANS[0]), folder)
+    without_drivers()
+    with pytest.raises(FaultList, match="there is no driver 'kepco-bop-36-12'"):
+        resume(ResumeRequest(folder))

@@ -27,8 +27,8 @@ OPEN = State("interlock_chain", "chain", "open")
 CHAIN = ("interlock_chain", "chain")
 
 
-class Eyes:
-    """Eyes that see what they were told, and nothing else."""
+class Stated:
+    """A reader of the quantities that it is given, and of no other."""
 
     def __init__(self, seen: Mapping[tuple[str, str], float | str | Seen]) -> None:
         self._seen = seen
@@ -40,7 +40,7 @@ class Eyes:
 
 def judged(condition: Condition, value: float | str | Seen) -> Judgement:
     (watched,) = condition.watched
-    return condition.judge(Eyes({watched: value}))
+    return condition.judge(Stated({watched: value}))
 
 
 @pytest.mark.parametrize(
@@ -111,21 +111,21 @@ KLEENE_OR = {(False, False): False, (False, None): None, (None, None): None}
 
 @pytest.mark.parametrize(("one", "other"), list(product((True, False, None), repeat=2)))
 def test_any_and_all_follow_kleenes_logic(one: bool | None, other: bool | None) -> None:
-    eyes = Eyes({("first", "current"): WORDS[one], ("second", "current"): WORDS[other]})
+    reader = Stated({("first", "current"): WORDS[one], ("second", "current"): WORDS[other]})
     pair = {(one, other), (other, one)}
     both = next((KLEENE_AND[two] for two in pair if two in KLEENE_AND), False)
     either = next((KLEENE_OR[two] for two in pair if two in KLEENE_OR), True)
-    assert AllOf(TWO).judge(eyes).true is both
-    assert AnyOf(TWO).judge(eyes).true is either
+    assert AllOf(TWO).judge(reader).true is both
+    assert AnyOf(TWO).judge(reader).true is either
     # De Morgan.
-    turned = AnyOf([Not(part) for part in TWO]).judge(eyes).true
-    assert Not(AllOf(TWO)).judge(eyes).true is turned
+    turned = AnyOf([Not(part) for part in TWO]).judge(reader).true
+    assert Not(AllOf(TWO)).judge(reader).true is turned
 
 
 def test_a_stack_says_what_decided_it() -> None:
-    eyes = Eyes({("first", "current"): 1.0, ("second", "current"): 9.5})
-    assert AnyOf(TWO).judge(eyes).said == "second current is 9.5 A, above 8 A"
-    said = AllOf([Not(TWO[0]), TWO[1]]).judge(eyes)
+    reader = Stated({("first", "current"): 1.0, ("second", "current"): 9.5})
+    assert AnyOf(TWO).judge(reader).said == "second current is 9.5 A, above 8 A"
+    said = AllOf([Not(TWO[0]), TWO[1]]).judge(reader)
     assert said.said == "first current is 1 A, not above 8 A and second current is 9.5 A, above 8 A"
     assert (said.value, said.limit) == (9.5, "above 8 A")
     assert AllOf([Not(TWO[0]), TWO[1]]).watched == {("first", "current"), ("second", "current")}
