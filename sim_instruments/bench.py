@@ -25,14 +25,14 @@ from station.clock import Clock
 Maker = Callable[[Setting], SimulatedInstrument]
 
 LARGEST_PORT = 65535
-MOST_SAID = 200
+MOST_QUOTED = 200
 EXAMPLE = "{instrument: coil_supply.x, fault: overdrive}"
 
 
 def installed_simulators() -> dict[str, Maker]:
     """Return the simulators of all installed packages by driver name, the bench itself left out."""
-    found = entry_points(group="station.simulators")
-    return {entry.name: entry.load() for entry in found if entry.name != "bench"}
+    entries = entry_points(group="station.simulators")
+    return {entry.name: entry.load() for entry in entries if entry.name != "bench"}
 
 
 def installed_worlds() -> dict[str, EntryPoint]:
@@ -118,10 +118,10 @@ class SimulatedBench:
 
         def execute(line: bytes) -> bytes:
             try:
-                told = {"done": self.act(line.decode("utf-8", "replace").strip())}
+                answer = {"done": self.act(line.decode("utf-8", "replace").strip())}
             except SimulationError as error:
-                told = {"unknown": str(error)}
-            return json.dumps(told).encode() + b"\n"
+                answer = {"unknown": str(error)}
+            return json.dumps(answer).encode() + b"\n"
 
         self._acts = LineServer("acts", 0, self._clock, nullcontext(), execute)
         self._acts.begin()
@@ -157,8 +157,8 @@ class SimulatedBench:
                 return f"not injected: write `report`, or a fault such as {EXAMPLE}"
             return self.inject(entry)
         except yaml.YAMLError:
-            said = line.strip()[:MOST_SAID]
-            return f"not injected: {said!r} is neither YAML nor JSON; write {EXAMPLE}"
+            quoted = line.strip()[:MOST_QUOTED]
+            return f"not injected: {quoted!r} is neither YAML nor JSON; write {EXAMPLE}"
         except SimulationError as error:
             return f"not injected: {error}"
 

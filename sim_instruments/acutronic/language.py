@@ -95,7 +95,7 @@ class Language:
         common = COMMON.fullmatch(command)
         if common is not None:
             path: tuple[str, ...] = (common[1].upper(),)
-            return self._found(path, common[2], common[3]), subsystem
+            return self._resolved(path, common[2], common[3]), subsystem
         match = COMMAND.fullmatch(command)
         if match is None:
             raise AclError(SYNTAX)
@@ -104,9 +104,9 @@ class Language:
         path = () if header.startswith(":") else subsystem
         for word in words:
             path = (*path, self._whole(path, word))
-        return self._found(path, match[2], match[3]), path[:-1]
+        return self._resolved(path, match[2], match[3]), path[:-1]
 
-    def _found(self, path: tuple[str, ...], asks: str | None, rest: str | None) -> Step:
+    def _resolved(self, path: tuple[str, ...], asks: str | None, rest: str | None) -> Step:
         act = self._acts.get((*path, "?") if asks else path)
         if act is None:
             raise AclError(UNKNOWN_COMMAND)
@@ -127,12 +127,12 @@ def whole(text: str, words: Iterable[str], otherwise: int = OUT_OF_RANGE) -> str
     known = {word.upper() for word in words}
     if short in known:
         return short
-    found = [word for word in known if short and word.startswith(short)]
-    if not found:
+    matching = [word for word in known if short and word.startswith(short)]
+    if not matching:
         raise AclError(otherwise)
-    if len(found) > 1:
+    if len(matching) > 1:
         raise AclError(AMBIGUOUS)
-    return found[0]
+    return matching[0]
 
 
 def argument(arguments: list[str], place: int) -> str:

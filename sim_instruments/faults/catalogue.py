@@ -20,8 +20,6 @@ from sim_instruments.faults.trigger import (
 from sim_instruments.faults.wire import CAN, LINES, MODBUS, WIRE_FAULTS, WireFault
 from sim_instruments.truth import SimulationError, Truth
 
-# Which faults there are: by protocol on the wire, by simulated instrument otherwise.
-
 
 def wire_faults(protocol: str) -> list[str]:
     """Return the faults that a wire of this protocol can have."""
@@ -40,8 +38,8 @@ def applicable_faults(protocol: str, driver: str) -> list[str]:
     `protocol` is the one that `station sim` prints for it. Instruments without a simulator have
     none. Each kind can be injected with its options left out.
     """
-    found = [one for one in entry_points(group="station.simulators") if one.name == driver]
-    return possible_faults(protocol, found[0].load()) if found else []
+    simulators = [one for one in entry_points(group="station.simulators") if one.name == driver]
+    return possible_faults(protocol, simulators[0].load()) if simulators else []
 
 
 WHEN = ("at", "for", "command", "nth")

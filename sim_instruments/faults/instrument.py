@@ -17,9 +17,6 @@ from sim_instruments.faults.lasting import LastingFault
 from sim_instruments.faults.wire import Reply, WireFault
 from station.clock import Clock
 
-# The faults of one instrument, and the schedule of those of a whole bench.
-
-
 Changed = Callable[[float, LastingFault | None], None]
 
 

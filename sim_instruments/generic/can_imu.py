@@ -64,8 +64,8 @@ class CanImu(CanInstrument):
             self._send(IDENTITY, struct.pack("<I4B", self._serial, *VERSIONS))
         elif command == REPORT:
             counter = self._model.counter & 0xFFFF
-            told = (self._bits(), counter, self._rate(), PROTOCOL_VERSION)
-            self._send(STATUS, struct.pack("<HHHxB", *told))
+            state = (self._bits(), counter, self._rate(), PROTOCOL_VERSION)
+            self._send(STATUS, struct.pack("<HHHxB", *state))
 
     def _start(self, rate: int) -> int:
         if not self._model.powered:

@@ -54,8 +54,8 @@ class CanNavigator(CanInstrument):
         if command == IDENTIFY:
             self._send(IDENTITY, struct.pack("<I4B", self._model.serial, *VERSIONS))
         elif command == REPORT:
-            told = self._model.report()
-            self._send(STATUS, struct.pack("<HHHBB", *told, PROTOCOL_VERSION))
+            state = self._model.report()
+            self._send(STATUS, struct.pack("<HHHBB", *state, PROTOCOL_VERSION))
 
     def _acknowledge(self, command: int, result: int, request: int) -> None:
         data = struct.pack("<BBHB3x", command, result, request, self._model.rate)

@@ -90,5 +90,5 @@ class CanPulseBoard(CanInstrument):
         board = self._board
         flags = int(board.running) | (board.mask << 4 if board.running else 0)
         lamps = board.present | board.lit << 4
-        told = (flags, board.error_bits, lamps, PROTOCOL_VERSION)
-        self._send(STATUS, struct.pack("<I4B", board.samples & 0xFFFFFFFF, *told))
+        state = (flags, board.error_bits, lamps, PROTOCOL_VERSION)
+        self._send(STATUS, struct.pack("<I4B", board.samples & 0xFFFFFFFF, *state))

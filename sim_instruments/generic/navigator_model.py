@@ -11,11 +11,11 @@ from collections.abc import Callable
 from typing import NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
-import numpy.typing as npt
 
 from sim_instruments.faults.lasting import AlignmentFails, Frozen, GyroFails, Silent
 from sim_instruments.instrument import Setting
 from sim_instruments.truth import SimulationError
+from sim_instruments.world.piecewise import Array
 
 START, STOP, IDENTIFY, REPORT, ALIGN = 1, 2, 3, 4, 5
 OK, UNKNOWN_COMMAND, BAD_RATE, BAD_LATITUDE, ALREADY_RUNNING, BAD_LENGTH, UNIT_OFF = range(7)
@@ -26,12 +26,11 @@ PROTOCOL_VERSION = 1
 VERSIONS = (1, 0, 1, PROTOCOL_VERSION)
 """Firmware major and minor, hardware, protocol."""
 TEMPERATURE_STEPS, LARGEST_TEMPERATURE = 100.0, 32767  # per degC
-LONGEST_TOLD = 0xFFFF  # of an alignment, in units of 0.1 s
+LONGEST_REPORTED = 0xFFFF  # of an alignment, in units of 0.1 s
 FIRST_AHEAD, MOST_AHEAD = 64, 256
 LONGEST_AHEAD_S = 60.0
 LASTING_FAULTS = (Frozen.kind, Silent.kind, AlignmentFails.kind, GyroFails.kind)
 
-Array = npt.NDArray[np.float64]
 Values = list[float]
 """Heading, pitch and roll in deg, and the temperatures of the gyros x, y, z in degC."""
 
@@ -130,7 +129,7 @@ class NavigatorModel:
         """Return status, 0.1 s that an alignment is under way, last counter and rate."""
         status, since_s = self.status(), self._aligning_since_s
         for_s = self._clock.now() - since_s if status & ALIGNING and since_s is not None else 0.0
-        return status, min(round(10 * for_s), LONGEST_TOLD), self.counter & 0xFFFF, self.rate
+        return status, min(round(10 * for_s), LONGEST_REPORTED), self.counter & 0xFFFF, self.rate
 
     def _start(self, rate: int) -> int:
         if not self._powered():
@@ -195,9 +194,9 @@ class NavigatorModel:
         with self._lock:
             if self._closed or number != self._run or not self._powered() or not self.rate:
                 return None
-            found = self._next()
-        if found is not None:
-            self._send(found)
+            output = self._next()
+        if output is not None:
+            self._send(output)
         return self._due_s()
 
     def _next(self) -> Output | None:

@@ -16,6 +16,7 @@ from sim_instruments.faults.lasting import Frozen, GyroFails, Overheating, Overl
 from sim_instruments.instrument import Setting
 from sim_instruments.truth import SimulationError
 from sim_instruments.world.nine_axis import Means
+from sim_instruments.world.piecewise import Array
 
 FIRST_AHEAD, MOST_AHEAD = 16, 1024
 LONGEST_AHEAD_S = 60.0
@@ -23,7 +24,6 @@ SHORTEST_BATCH_S = 0.1
 ROOM_DEGC = 22.0
 LASTING_FAULTS = (Frozen.kind, Silent.kind, Overload.kind, GyroFails.kind, Overheating.kind)
 
-Array = npt.NDArray[np.float64]
 Counters = npt.NDArray[np.int64]
 
 
@@ -168,14 +168,14 @@ class NineAxisModel:
         self._used += batch
         self.counter += batch
         if self._faults.all and any(self._faults.now(kind) is not None for kind in LASTING_FAULTS):
-            frames = self._encode(counters, self._as_faults_say(rows))
+            frames = self._encode(counters, self._with_faults(rows))
             times_s = np.asarray(self._begin_s + counters * self._interval_s, dtype=np.float64)
             silent = self._faults.during(Silent.kind, times_s)
             return [one for one, kept in zip(frames, silent, strict=True) if not kept]
         self._last = rows.rows(slice(-1, None))
         return frames
 
-    def _as_faults_say(self, rows: Means) -> Means:
+    def _with_faults(self, rows: Means) -> Means:
         if self._faults.now(Frozen.kind) is not None:
             self._last = self._last or rows.rows(slice(1))
             rows = self._last.rows(np.zeros(len(rows.temperature_degC), dtype=np.int64))

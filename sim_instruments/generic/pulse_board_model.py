@@ -19,12 +19,6 @@ from sim_instruments.instrument import Setting
 from sim_instruments.truth import SimulationError
 from sim_instruments.world.laser_gyro import LaserGyroBench, PulseNoise
 
-# The board's counters: pulses of the gyro at the ends of equal intervals.
-#
-# Samples are computed some way ahead, as if nothing would change, and again from the present one on
-# when the world's version says that something did; the noise of a sample stays the same.
-
-
 FIRST_AHEAD, MOST_AHEAD = 8, 1024
 LONGEST_AHEAD_S = 60.0
 NO_SENSOR = -32768
@@ -73,11 +67,11 @@ class PulseSampler:
             self._forget_ahead()
         if self._used + count > len(self._rows):
             self._compute_ahead(count)
-        found = self._rows[self._used : self._used + count]
+        rows = self._rows[self._used : self._used + count]
         self._used += count
         self._samples += count
         self._angle_arcsec = float(self._angles[self._used - 1])
-        return found
+        return rows
 
     def _forget_ahead(self) -> None:
         self._rows: Rows = np.empty(0, dtype=FRAME)

@@ -61,8 +61,8 @@ def commands_in(pending: bytes) -> Arrived:
         pending = pending[begin:]
         if len(pending) < whole:
             return Arrived(frames, pending)
-        data, told = pending[: whole - CRC_BYTES], pending[whole - CRC_BYTES : whole]
-        if crc32(data) != int.from_bytes(told, "big"):
+        data, checksum = pending[: whole - CRC_BYTES], pending[whole - CRC_BYTES : whole]
+        if crc32(data) != int.from_bytes(checksum, "big"):
             pending = pending[1:]
             continue
         frames.append((f"command {COMMANDS.get(data[1], 'unknown')}", data[1:]))
@@ -97,8 +97,8 @@ class SerialPulseBoard(FrameInstrument):
         if command == IDENTIFY:
             self._send(IDENTITY, struct.pack(">I4B", board.serial, *VERSIONS))
         elif command == REPORT_STATUS:
-            told = (int(board.running), board.error_bits, board.present, board.lit)
-            self._send(STATUS, struct.pack(">I4B", board.samples & 0xFFFFFFFF, *told))
+            state = (int(board.running), board.error_bits, board.present, board.lit)
+            self._send(STATUS, struct.pack(">I4B", board.samples & 0xFFFFFFFF, *state))
 
     def _acknowledge(self, command: int, result: int, request: int) -> None:
         self._send(ACK, struct.pack(">BBHI", command, result, request, self._board.interval))

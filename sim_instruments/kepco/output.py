@@ -11,15 +11,14 @@ from collections.abc import Callable, Mapping
 from typing import ClassVar
 
 import numpy as np
-import numpy.typing as npt
 
 from sim_instruments.truth import Truth
 from sim_instruments.wire.scpi import ScpiError, number
 from sim_instruments.wire.scpi_device import ScpiDevice, Value
 from sim_instruments.world.currents import CurrentHistory
+from sim_instruments.world.piecewise import Array
 from station.clock import Clock
 
-Array = npt.NDArray[np.float64]
 Pass = tuple[Array, Array, int]
 
 RATED = {"CURR": 12.0, "VOLT": 36.0}

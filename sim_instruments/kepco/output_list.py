@@ -9,7 +9,6 @@ from collections.abc import Callable
 from typing import TypeVar
 
 import numpy as np
-import numpy.typing as npt
 
 from sim_instruments.kepco.output import Output, scientific
 from sim_instruments.wire.scpi import (
@@ -22,8 +21,8 @@ from sim_instruments.wire.scpi import (
     whole_number,
 )
 from sim_instruments.wire.scpi_device import ScpiDevice, Value
+from sim_instruments.world.piecewise import Array
 
-Array = npt.NDArray[np.float64]
 Entry = TypeVar("Entry", int, float)
 
 MOST_POINTS = 1002

@@ -11,11 +11,10 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-import numpy.typing as npt
 
 from sim_instruments.wire.scpi import ScpiError, choice, number, numeric
+from sim_instruments.world.piecewise import Array
 
-Array = npt.NDArray[np.float64]
 Complain = Callable[[int, str], None]
 """Takes the number of an error and what is said beyond its standard text."""
 

@@ -16,7 +16,7 @@ import numpy as np
 
 from sim_instruments.faults.lasting import Frozen, Overload
 from sim_instruments.instrument import Setting
-from sim_instruments.keysight.multimeter_34465a_converter import Array, Converter
+from sim_instruments.keysight.multimeter_34465a_converter import Converter
 from sim_instruments.keysight.multimeter_34465a_settings import (
     Sense,
     TriggerSystem,
@@ -25,6 +25,7 @@ from sim_instruments.keysight.multimeter_34465a_settings import (
 from sim_instruments.wire.requests import released
 from sim_instruments.wire.scpi import ScpiError, boolean, choice, one, whole_number
 from sim_instruments.wire.scpi_device import ScpiDevice
+from sim_instruments.world.piecewise import Array
 
 FIRMWARE = "A.03.01-03.15-03.01-00.52-04-02"
 OPTIONS = "DIG,MEM"
@@ -51,7 +52,7 @@ class Keysight34465A(ScpiDevice):
         self._converter = Converter(setting)
         self._trigger = TriggerSystem()
         self._readings: list[Array] = []
-        self._changed_since, self._overflowed, self._overload_told = True, False, False
+        self._changed_since, self._overflowed, self._overload_reported = True, False, False
         self._display, self._lit = '""', True
         self._sense = Sense(self._converter, self._settings_changed, self._clock.now)
         self._sense.add_to(self.tree)
@@ -84,9 +85,9 @@ class Keysight34465A(ScpiDevice):
             return
         used = self._sense.chosen
         values = self._converter.read(used, starts_s)
-        if (np.abs(values) >= NOT_A_NUMBER * 0.99).any() and not self._overload_told:
+        if (np.abs(values) >= NOT_A_NUMBER * 0.99).any() and not self._overload_reported:
             self.questionable.latch(used.overload_bit)
-            self._overload_told = True
+            self._overload_reported = True
         self._readings.append(values)
         if self._count() > MEMORY:
             self._readings = [np.concatenate(self._readings)[-MEMORY:]]
@@ -162,7 +163,7 @@ class Keysight34465A(ScpiDevice):
     def _initiate(self) -> None:
         self._trigger.initiate(self._clock.now(), self._converter.busy_s(self._sense.chosen))
         self._readings, self._overflowed = [], False
-        self._changed_since = self._overload_told = False
+        self._changed_since = self._overload_reported = False
 
     def _wait(self) -> None:
         """Wait until it is idle; ScpiError -214 when that needs a trigger by this very line."""
@@ -181,7 +182,7 @@ class Keysight34465A(ScpiDevice):
         self._wait()
         if not self._readings:
             raise ScpiError(-230)
-        return told(np.concatenate(self._readings))
+        return readings_text(np.concatenate(self._readings))
 
     def _read(self) -> str:
         if self._trigger.source == "BUS":
@@ -202,16 +203,16 @@ class Keysight34465A(ScpiDevice):
         count = whole_number(one(parameters), 1, MEMORY)
         if self._count() < count:
             raise ScpiError(-222)
-        return told(self._take(count))
+        return readings_text(self._take(count))
 
     def _remove_block(self, parameters: list[str]) -> str:
         most = whole_number(one(parameters), 1, MEMORY) if parameters else MEMORY
-        text = told(self._take(most))
+        text = readings_text(self._take(most))
         length = str(len(text))
         return f"#{len(length)}{length}{text}"
 
 
-def told(values: Array) -> str:
+def readings_text(values: Array) -> str:
     """Return readings as the meter writes them."""
     return ",".join(f"{value:+.8E}" for value in values.tolist())
 

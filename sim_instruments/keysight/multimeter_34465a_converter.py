@@ -12,13 +12,11 @@ from dataclasses import dataclass, field
 from typing import Protocol, runtime_checkable
 
 import numpy as np
-import numpy.typing as npt
 
 from sim_instruments.faults.lasting import Frozen, Overload
 from sim_instruments.instrument import Setting
 from sim_instruments.truth import SimulationError
-
-Array = npt.NDArray[np.float64]
+from sim_instruments.world.piecewise import Array
 
 CYCLES = (0.001, 0.002, 0.006, 0.02, 0.06, 0.2, 1.0, 10.0, 100.0)
 RESOLUTION = (30e-6, 15e-6, 6e-6, 3e-6, 1.5e-6, 0.7e-6, 0.3e-6, 0.1e-6, 0.03e-6)

@@ -16,7 +16,6 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from sim_instruments.keysight.multimeter_34465a_converter import (
     APERTURES_S,
@@ -28,6 +27,7 @@ from sim_instruments.keysight.multimeter_34465a_converter import (
 )
 from sim_instruments.wire.scpi import CommandTree, ScpiError, boolean, choice, numeric, one
 from sim_instruments.wire.scpi import whole_number as whole
+from sim_instruments.world.piecewise import Array
 
 HEADERS = {
     "VOLT": "VOLTage[:DC]",
@@ -192,8 +192,6 @@ class Sense:
         self._high_impedance = boolean(text)
 
 
-Array = npt.NDArray[np.float64]
-
 MOST_SAMPLES = 1_000_000_000
 AUTOMATIC_DELAY_S = 1e-3
 BETWEEN_READINGS_S = 0.2e-3
@@ -301,13 +299,13 @@ def add_trigger_commands(
 ) -> None:
     """Add the commands TRIGger and SAMPle to a device's; `changed` is called after each change."""
 
-    def add(header: str, name: str, read: Callable[[str], Any], tell: Callable[[], str]) -> None:
+    def add(header: str, name: str, read: Callable[[str], Any], give: Callable[[], str]) -> None:
         def handler(parameters: list[str]) -> None:
             setattr(trigger, name, read(one(parameters)))
             changed()
 
         tree.add(header, handler)
-        tree.add(f"{header}?", lambda _: tell())
+        tree.add(f"{header}?", lambda _: give())
 
     def count(text: str) -> int:
         return round(numeric(text, 1, MOST_SAMPLES, 1))

@@ -87,8 +87,8 @@ class Lakeshore425(LineInstrument):
         if text == "?":
             text = self._last_query
         answers = [self._carry_out(one.strip()) for one in text.split(";") if one.strip()]
-        told = ";".join(one for one in answers if one is not None)
-        return told.encode("ascii") + b"\r\n" if told else b""
+        reply = ";".join(one for one in answers if one is not None)
+        return reply.encode("ascii") + b"\r\n" if reply else b""
 
     def _carry_out(self, command: str) -> str | None:
         if command in self._queries:

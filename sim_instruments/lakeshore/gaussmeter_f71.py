@@ -20,8 +20,7 @@ from sim_instruments.instrument import Setting
 from sim_instruments.wire.scpi import ScpiError, boolean, choice, number, one, whole_number
 from sim_instruments.wire.scpi_device import ScpiDevice
 from sim_instruments.world.coils import AXES, small_rotation
-
-Array = npt.NDArray[np.float64]
+from sim_instruments.world.piecewise import Array
 
 FIRMWARE = "1.6.2019092002"
 TICK_S = 0.01

@@ -30,8 +30,8 @@ from sim_instruments.wire.requests import released
 from sim_instruments.wire.scpi import ScpiError, choice, whole_number
 from sim_instruments.wire.scpi_device import ScpiDevice
 from sim_instruments.world.base import TriggerLine
+from sim_instruments.world.piecewise import Array
 
-Array = npt.NDArray[np.float64]
 Numbers = npt.NDArray[np.int64]
 
 CONVERTER_HZ = 125e6
@@ -47,7 +47,7 @@ LARGEST_CODE = 8191
 OUTPUT, LOOP = "DIO0_N", "DIO0_P"
 PINS = {f"DIO{number}_{side}": f"DIO{number}_{side}" for side in "PN" for number in range(8)}
 SOURCES = {name: name for name in ("DISABLED", "NOW", "EXT_PE", "EXT_NE")}
-TELLING_S = 20e-6
+TRANSFER_S = 20e-6
 
 
 @dataclass
@@ -199,7 +199,7 @@ class RedPitaya(ScpiDevice):
             self.add_settings({"ACQ:TRIG:FILL": (None, self._is_full)})
         start = "START" if self._version >= (2, 0, 0) else "STA"
         for channel in ("1", "2"):
-            self.tree.add(f"ACQ:SOUR{channel}:DATA:{start}:N?", partial(self._tell, channel))
+            self.tree.add(f"ACQ:SOUR{channel}:DATA:{start}:N?", partial(self._data, channel))
 
     # The capture.
 
@@ -262,13 +262,13 @@ class RedPitaya(ScpiDevice):
             return 0
         return self._capture.slot(number if self._version >= (2, 5, 0) else number - 1)
 
-    def _tell(self, channel: str, given: list[str]) -> str:
+    def _data(self, channel: str, given: list[str]) -> str:
         if len(given) != 2:
             raise ScpiError(-109)
         start, count = whole_number(given[0], 0, SLOTS), whole_number(given[1], 1, SLOTS)
         numbers = self._capture.numbers(start, count, self._clock.now())
         with released(self._lock):  # the world goes on meanwhile, and others are served
-            self._clock.sleep(TELLING_S * count)
+            self._clock.sleep(TRANSFER_S * count)
         return "{" + ",".join(f"{value:.6f}" for value in self._read(channel, numbers)) + "}"
 
     def _read(self, channel: str, numbers: Numbers) -> Array:

@@ -71,7 +71,7 @@ class ThorlabsSc10(LineInstrument):
         self._inverter = setting.truth.switch("gate_inverter")
         self._light = setting.world.find(PumpWorld)
         self._wire = setting.world.find(TriggerLine) or TriggerLine()
-        self._wire.listen(self._look, self._look)
+        self._wire.listen(self._move_blade, self._move_blade)
         self._values = dict(AT_POWER_ON)
         self._enabled = False
         self._open_since_s: float | None = None
@@ -97,7 +97,7 @@ class ThorlabsSc10(LineInstrument):
             return False
         return self._values["mode"] != EXTERNAL or self._wire.high != self._inverter
 
-    def _look(self, time_s: float) -> None:
+    def _move_blade(self, time_s: float) -> None:
         """Move the blade to where it is wanted, from `time_s` on."""
         wanted = self._wanted_open()
         if wanted == (self._open_since_s is not None):
@@ -111,12 +111,12 @@ class ThorlabsSc10(LineInstrument):
             self._light.pump(at_s, wanted)
 
     def _changed(self, time_s: float, fault: LastingFault | None) -> None:
-        self._look(time_s)
+        self._move_blade(time_s)
 
     def _interlock_changed(self, time_s: float, fault: LastingFault | None) -> None:
         if fault is not None:
             self._enabled = False
-        self._look(time_s)
+        self._move_blade(time_s)
 
     # The commands.
 
@@ -128,8 +128,8 @@ class ThorlabsSc10(LineInstrument):
             value = self._carry_out(text)
         except RefusedCommand as error:
             value = f"Command error {error}"
-        told = [text] if value is None else [text, value]
-        return "\r".join([*told, ""]).encode("ascii", "replace") + PROMPT
+        parts = [text] if value is None else [text, value]
+        return "\r".join([*parts, ""]).encode("ascii", "replace") + PROMPT
 
     def _carry_out(self, text: str) -> str | None:
         if text == "id?":
@@ -142,7 +142,7 @@ class ThorlabsSc10(LineInstrument):
             return str(int(self._tripped()))
         if text == "ens":
             self._enabled = not self._enabled and not self._tripped()
-            self._look(self._clock.now())
+            self._move_blade(self._clock.now())
             return None
         name, equals, value = text.partition("=")
         if equals and name in RANGES:
@@ -157,7 +157,7 @@ class ThorlabsSc10(LineInstrument):
         if not value.isdecimal() or not low <= int(value) <= high:
             raise RefusedCommand("CMD_ARG_INVALID")
         self._values[name] = int(value)
-        self._look(self._clock.now())
+        self._move_blade(self._clock.now())
 
     def _tripped(self) -> bool:
         return self._faults.now(InterlockOpen.kind) is not None

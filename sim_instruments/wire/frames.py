@@ -85,9 +85,9 @@ class FrameStreamServer(TcpServer):
                 with self._wire.serving(len(data)):
                     if client in self._dropped:
                         continue
-                    found = self._split(pending + data)
-                    pending = found.rest[-LONGEST_PENDING:]
-                    for name, frame in found.frames:
+                    arrived = self._split(pending + data)
+                    pending = arrived.rest[-LONGEST_PENDING:]
+                    for name, frame in arrived.frames:
                         self._take(name, frame)
         finally:
             with self._sending:

@@ -173,9 +173,13 @@ class CanInstrument(ServedInstrument, ABC):
 
     def describe(self) -> dict[str, Any]:
         """Return what `station sim` prints about this instrument."""
-        told, channel = super().describe(), self._server.channel
-        told["address"] += f"/{channel}"
-        return {**told, "channel": channel, "dbc": str(files("config") / "dbc" / f"{self.dbc}.dbc")}
+        description, channel = super().describe(), self._server.channel
+        description["address"] += f"/{channel}"
+        return {
+            **description,
+            "channel": channel,
+            "dbc": str(files("config") / "dbc" / f"{self.dbc}.dbc"),
+        }
 
     @abstractmethod
     def _received(self, identifier: int, data: bytes) -> None:

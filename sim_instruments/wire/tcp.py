@@ -133,8 +133,8 @@ class TcpServer(ABC):
             listener.bind((HOST, port))
         except OSError as error:
             listener.close()
-            told = f"{self._name} cannot be served on port {port} of {HOST}: {error.strerror}"
-            raise OSError(error.errno, told) from error
+            reason = f"{self._name} cannot be served on port {port} of {HOST}: {error.strerror}"
+            raise OSError(error.errno, reason) from error
         return listener
 
     def _accept(self) -> None:

@@ -17,11 +17,8 @@ from sim_instruments.world.base import STRONG_COIL, World
 from sim_instruments.world.coils import AXES, CoilHeat, HelmholtzPair, mean_current_and_square
 from sim_instruments.world.laser_gyro import Heat
 from sim_instruments.world.noise import WhiteNoise, generator
-from sim_instruments.world.piecewise import Nodes, Pieces, lengths_of, nodes_within
+from sim_instruments.world.piecewise import Array, Indices, Nodes, Pieces, lengths_of, nodes_within
 from sim_instruments.world.rotation import RotationHistory
-
-Array = npt.NDArray[np.float64]
-Indices = npt.NDArray[np.int64]
 
 COEFFICIENTS = {
     "K0": "V",

@@ -8,15 +8,14 @@ from threading import RLock
 from typing import ClassVar, TypeVar
 
 import numpy as np
-import numpy.typing as npt
 
 from sim_instruments.truth import SimulationError, Truth
 from sim_instruments.world.coils import AXES
 from sim_instruments.world.currents import CurrentHistory
+from sim_instruments.world.piecewise import Array
 
 STRONG_COIL = "dc"
 
-Array = npt.NDArray[np.float64]
 Capability = TypeVar("Capability")
 Edge = Callable[[float], None]
 Act = tuple[Callable[[float], object], str]

@@ -14,13 +14,8 @@ import numpy as np
 import numpy.typing as npt
 
 from sim_instruments.truth import SimulationError, Truth
-from sim_instruments.world.piecewise import Rows
+from sim_instruments.world.piecewise import LONG_AGO_S, Array, Rows
 
-Array = npt.NDArray[np.float64]
-
-Indices = npt.NDArray[np.int64]
-
-LONG_AGO_S = -1e6
 START, LEVEL, AMPLITUDE, TAU, SLOPE, CYCLES, EFFORT = range(7)
 OFF, CONTROLS, STRUGGLES = 0.0, 1.0, 2.0
 ROUNDING_S = 1e-6
@@ -28,7 +23,7 @@ REACHES_K = 0.5
 """How near its set-point a chamber stays although what should move it there is broken."""
 
 
-def tell_nobody(time_s: float) -> None:
+def ignore_change(time_s: float) -> None:
     """Tell nobody that something changes from a time on."""
 
 
@@ -44,7 +39,7 @@ class Chamber:
     door the air takes the room's temperature, whatever the control does.
     """
 
-    def __init__(self, truth: Truth, changed: Callable[[float], None] = tell_nobody) -> None:
+    def __init__(self, truth: Truth, changed: Callable[[float], None] = ignore_change) -> None:
         self._changed = changed
         self.room_degC = truth.quantity("room", "degC")
         self._tau_s = truth.quantity("time_constant", "s")

@@ -11,14 +11,11 @@ from bisect import bisect_right
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
 from sim_instruments.truth import SimulationError, Truth
-from sim_instruments.world.currents import LONG_AGO_S, CurrentHistory, mean_products
-
-Array = npt.NDArray[np.float64]
-
+from sim_instruments.world.currents import CurrentHistory, mean_products
+from sim_instruments.world.piecewise import LONG_AGO_S, Array
 
 AXES = ("x", "y", "z")
 

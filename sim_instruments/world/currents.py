@@ -16,9 +16,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 import numpy.typing as npt
 
-Array = npt.NDArray[np.float64]
-
-LONG_AGO_S = -1e6
+from sim_instruments.world.piecewise import LONG_AGO_S, Array
 
 
 class Hold:
@@ -241,10 +239,10 @@ class CurrentHistory:
         """Return the times between two times at which the level changes, in s."""
         first = max(bisect_right(self._starts, first_s) - 1, 0)
         last = bisect_right(self._starts, last_s)
-        found = [piece.breakpoints(first_s, last_s) for piece in self._pieces[first:last]]
+        inner = [piece.breakpoints(first_s, last_s) for piece in self._pieces[first:last]]
         starts = np.array(self._starts[first:last])
         inside = starts[(starts > first_s) & (starts < last_s)]
-        return np.concatenate([inside, *found])
+        return np.concatenate([inside, *inner])
 
     def _append(self, piece: Hold | Staircase) -> None:
         last = self._pieces[-1]

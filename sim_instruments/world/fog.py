@@ -8,7 +8,6 @@ rate reads delta(T) too large; a coil whose temperature changes reads a rate tha
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
 from sim_instruments.truth import SimulationError, Truth
 from sim_instruments.world.base import World, nothing
@@ -16,10 +15,8 @@ from sim_instruments.world.chamber import Chamber, ThermalLag
 from sim_instruments.world.coils import AXES
 from sim_instruments.world.fog_navigator import Navigator
 from sim_instruments.world.noise import RandomWalk, Readings, generator
+from sim_instruments.world.piecewise import Array
 from sim_instruments.world.table import RAD_PER_S, Table
-
-Array = npt.NDArray[np.float64]
-
 
 LARGEST_ORDER = 9
 SENSOR_CELL_S, NOISE_CELL_S, DRIFT_CELL_S = 0.05, 0.1, 10.0

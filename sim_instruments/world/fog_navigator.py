@@ -19,16 +19,12 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-import numpy.typing as npt
 
 from sim_instruments.truth import SimulationError, Truth
 from sim_instruments.world.coils import small_rotation
 from sim_instruments.world.noise import Readings, generator
-from sim_instruments.world.piecewise import Rows, gauss
+from sim_instruments.world.piecewise import Array, Rows, gauss
 from sim_instruments.world.table import MOMENT_S, Table, earth_rate_rad_per_s
-
-Array = npt.NDArray[np.float64]
-
 
 ORDER = 3
 PANEL_DEG = 12.0

@@ -18,9 +18,8 @@ from sim_instruments.world.coils import (
     field_matrix_mT_per_A,
     small_rotation,
 )
-from sim_instruments.world.currents import LONG_AGO_S, mean_products
-
-Array = npt.NDArray[np.float64]
+from sim_instruments.world.currents import mean_products
+from sim_instruments.world.piecewise import LONG_AGO_S, Array
 
 EARTH_RATE_DEG_PER_H = 15.041067
 GYRO_AXES = ("IA", "NA", "LA")

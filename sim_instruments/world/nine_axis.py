@@ -16,11 +16,8 @@ from sim_instruments.world.base import World
 from sim_instruments.world.coils import AXES
 from sim_instruments.world.laser_gyro import Heat
 from sim_instruments.world.noise import Wander, WhiteNoise, generator
-from sim_instruments.world.piecewise import Nodes, nodes_within
+from sim_instruments.world.piecewise import Array, Nodes, nodes_within
 from sim_instruments.world.table import Table, earth_rate_rad_per_s
-
-Array = npt.NDArray[np.float64]
-
 
 Switches = npt.NDArray[np.bool_]
 

@@ -12,9 +12,8 @@ from collections.abc import Iterator
 import numpy as np
 import numpy.typing as npt
 
-from sim_instruments.world.piecewise import lengths_of
+from sim_instruments.world.piecewise import Array, lengths_of
 
-Array = npt.NDArray[np.float64]
 BLOCK = 1024
 BLOCKS_KEPT = 8
 

@@ -14,6 +14,9 @@ Array = npt.NDArray[np.float64]
 
 Indices = npt.NDArray[np.int64]
 
+LONG_AGO_S = -1e6
+"""Before anything happens."""
+
 
 class Nodes(NamedTuple):
     """Times at which to evaluate, the interval each belongs to, and its weight there."""
@@ -118,5 +121,5 @@ class Rows:
 
     def at(self, values: Array) -> npt.NDArray[np.int64]:
         """Return the last row whose first column is at most each value; the first one at least."""
-        found = self.first.searchsorted(values, side="right") - 1
-        return np.asarray(np.maximum(found, 0))
+        rows = self.first.searchsorted(values, side="right") - 1
+        return np.asarray(np.maximum(rows, 0))

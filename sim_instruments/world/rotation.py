@@ -13,17 +13,12 @@ from bisect import bisect_left, bisect_right
 from collections.abc import Callable
 
 import numpy as np
-import numpy.typing as npt
 
-from sim_instruments.world.piecewise import Rows
-
-Array = npt.NDArray[np.float64]
-
-LONG_AGO_S = -1e6
+from sim_instruments.world.piecewise import LONG_AGO_S, Array, Rows
 
 
-def nobody() -> None:
-    """Tell nobody."""
+def ignore_change() -> None:
+    """Do nothing on a change."""
 
 
 class RotationHistory:
@@ -33,7 +28,7 @@ class RotationHistory:
     time before the last command's counts as that. `changed` is called after each.
     """
 
-    def __init__(self, angle_deg: float = 0.0, changed: Callable[[], None] = nobody) -> None:
+    def __init__(self, angle_deg: float = 0.0, changed: Callable[[], None] = ignore_change) -> None:
         self._changed = changed
         self._start_s = [LONG_AGO_S]
         self._angle = [angle_deg]

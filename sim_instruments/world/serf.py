@@ -5,17 +5,15 @@ from __future__ import annotations
 from typing import ClassVar
 
 import numpy as np
-import numpy.typing as npt
 
 from sim_instruments.truth import Truth
 from sim_instruments.world.base import TriggerLine, World, nothing
 from sim_instruments.world.coils import AXES
 from sim_instruments.world.noise import InstantNoise, generator
+from sim_instruments.world.piecewise import Array
 from sim_instruments.world.serf_cell import Cell, Nuclei, axis_of
 from sim_instruments.world.serf_coils import CellCoils, VoltageHistory
 from sim_instruments.world.serf_trajectory import Physics, Residual, SpinTrajectory, Switches
-
-Array = npt.NDArray[np.float64]
 
 
 class Detector:

@@ -21,12 +21,10 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from sim_instruments.truth import SimulationError, Truth
 from sim_instruments.world.coils import AXES
-
-Array = npt.NDArray[np.float64]
+from sim_instruments.world.piecewise import Array
 
 GAMMA_RAD_PER_S_NT = 2.0 * np.pi * 28.02495
 

@@ -8,14 +8,11 @@ from __future__ import annotations
 from bisect import bisect_left, bisect_right
 
 import numpy as np
-import numpy.typing as npt
 
 from sim_instruments.truth import SimulationError, Truth
 from sim_instruments.world.coils import AXES
+from sim_instruments.world.piecewise import LONG_AGO_S, Array
 
-Array = npt.NDArray[np.float64]
-
-LONG_AGO_S = -1e6
 GRADIENT = "gradient"
 NAMES = (*AXES, GRADIENT)
 
@@ -111,8 +108,8 @@ class CellCoils:
 
     def changes(self, last_s: float) -> Array:
         """Return when any voltage changes before a time, in order, each once."""
-        found = [one.breakpoints(LONG_AGO_S, last_s) for one in self._drives.values()]
-        return np.unique(np.concatenate(found)) if found else np.empty(0)
+        times = [one.breakpoints(LONG_AGO_S, last_s) for one in self._drives.values()]
+        return np.unique(np.concatenate(times)) if times else np.empty(0)
 
     def voltages_V(self, time_s: Array) -> Array:
         """Return the voltages at x, y, z and the gradient coil, shape (n, 4)."""

@@ -15,11 +15,10 @@ from functools import partial
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
+from sim_instruments.world.piecewise import Array
 from sim_instruments.world.serf_cell import GAMMA_RAD_PER_S_NT, Cell, Rates
 
-Array = npt.NDArray[np.float64]
 Field = Callable[[Array], Array]
 State = tuple[float, complex, float]
 

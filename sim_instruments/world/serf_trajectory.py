@@ -13,11 +13,11 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from sim_instruments.world.piecewise import LONG_AGO_S, Array
 from sim_instruments.world.serf_cell import Cell, Nuclei
-from sim_instruments.world.serf_coils import GRADIENT, LONG_AGO_S, NAMES, CellCoils
+from sim_instruments.world.serf_coils import GRADIENT, NAMES, CellCoils
 from sim_instruments.world.serf_integrator import Integrator
 
-Array = npt.NDArray[np.float64]
 Row = npt.NDArray[np.float64]
 
 AHEAD_S = 1.0
@@ -240,11 +240,11 @@ class SpinTrajectory:
         """Return the stretches that times lie in, and which of the times lie in each."""
         if time_s.size == 0:
             return []
-        self._look(float(time_s.max()))
+        self._extend_to(float(time_s.max()))
         owner = np.maximum(np.searchsorted(self._rows[:, 0], time_s, side="right") - 1, 0)
         return [(self._stretches[k], owner == k) for k in np.unique(owner).tolist()]
 
-    def _look(self, last_s: float) -> None:
+    def _extend_to(self, last_s: float) -> None:
         """Know the stretches up to a time, and again those that have become others."""
         self._known_until_s = max(self._known_until_s, last_s + AHEAD_S)
         until_s = self._known_until_s

@@ -13,16 +13,14 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from sim_instruments.truth import SimulationError, Truth
-from sim_instruments.world.chamber import tell_nobody
+from sim_instruments.world.chamber import ignore_change
 from sim_instruments.world.coils import AXES
 from sim_instruments.world.laser_gyro import EARTH_RATE_DEG_PER_H
 from sim_instruments.world.noise import Wander
+from sim_instruments.world.piecewise import Array
 from sim_instruments.world.rotation import RotationHistory
-
-Array = npt.NDArray[np.float64]
 
 RINGS = ("outer", "middle", "inner")
 WANDER_CELL_S = 10.0
@@ -85,7 +83,7 @@ class Table:
         self,
         truth: Truth,
         rng: np.random.Generator,
-        changed: Callable[[float], None] = tell_nobody,
+        changed: Callable[[float], None] = ignore_change,
     ) -> None:
         self._changed = changed
         self._rings = [

@@ -1,1 +1,0 @@
-"""The physical truth that the simulated instruments share."""
