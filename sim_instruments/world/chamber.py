@@ -24,7 +24,7 @@ REACHES_K = 0.5
 
 
 def ignore_change(time_s: float) -> None:
-    """Tell nobody that something changes from a time on."""
+    """Do nothing on a change from a time on."""
 
 
 class Chamber:
