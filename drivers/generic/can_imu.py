@@ -60,9 +60,9 @@ class CanImu(NineAxisSource):
 
     def __init__(self, place: Place) -> None:
         super().__init__(place)
-        self._messages = CanMessages(place, "nine_axis", ANSWERS, OUTPUT)
-        self._commands = Commands(place, self._messages, self._send, REFUSALS, WHEN_SILENT)
-        parts = enumerate(self._messages.signals)
+        self._line = CanMessages(place, "nine_axis", ANSWERS, OUTPUT)
+        self._commands = Commands(place, self._line, self._send, REFUSALS, WHEN_SILENT)
+        parts = enumerate(self._line.signals)
         self._places = {name: (k, names.index(name)) for k, names in parts for name in names}
 
     def identify(self) -> Identity:
@@ -90,11 +90,11 @@ class CanImu(NineAxisSource):
         self.stop()
         self._commands.start_at(rate_Hz, RATE_STEP_HZ, rate=rate_Hz)
         self._begin(rate_Hz)
-        self._messages.outputs()
+        self._line.outputs()
 
     def stop(self) -> None:
         """End the output; what came before can still be drained."""
-        self._watch.end()
+        self._streams = False
         self._commands.command("stop")
 
     def status(self) -> SensorStatus:
@@ -103,20 +103,16 @@ class CanImu(NineAxisSource):
         wrong = [bit for bit in range(16) if bits >> bit & 1]
         return SensorStatus(tuple(FAULTS.get(bit, f"status bit {bit}") for bit in wrong))
 
-    def close(self) -> None:
-        """Close the connection; the sensor goes on as it is."""
-        self._messages.close()
-
     def _take(self) -> NDArray[np.void]:
-        return self._rows(self._messages.outputs())
+        return self._rows(self._line.outputs())
 
     def _newest(self) -> NDArray[np.void]:
-        found = self._messages.newest()
+        found = self._line.newest()
         return self._rows([] if found is None else [found])
 
     def _send(self, command: str, number: int, values: Mapping[str, float]) -> None:
         told = {"command": command, "request_id": number, "rate": values.get("rate", 0.0)}
-        self._messages.send("IMU_COMMAND", told)
+        self._line.send("IMU_COMMAND", told)
 
     def _rows(self, outputs: Sequence[Parts]) -> NDArray[np.void]:
         """Return outputs of ROW."""

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import ClassVar
 
-from drivers.generic.navigator import InertialNavigator, Output, Request
+from drivers.generic.navigator import InertialNavigator, Output
 from drivers.transport.can_messages import CanMessages, Parts
 from station.roles import Place
 
@@ -23,42 +23,6 @@ OUTPUT = ("NAV_HEADING", "NAV_ROLL", "NAV_TEMPERATURES")
 """The messages of an output, in the order in which they come."""
 
 
-class CanNavigatorLine:
-    """The navigator's messages on a CAN bus."""
-
-    def __init__(self, place: Place) -> None:
-        self.answers = self._messages = CanMessages(place, "navigator", ANSWERS, OUTPUT)
-
-    def send(self, request: Request) -> None:
-        """Put a command on the bus."""
-        values = {
-            "command": request.command,
-            "rate": request.rate_Hz,
-            "request_id": request.number,
-            "latitude": request.latitude_deg,
-        }
-        self._messages.send("NAV_COMMAND", values)
-
-    def outputs(self) -> list[Output]:
-        """Return the complete outputs that came since the last call."""
-        return [output(one) for one in self._messages.outputs()]
-
-    def newest(self) -> Output | None:
-        """Return the last complete output that nobody has taken yet, and keep it."""
-        found = self._messages.newest()
-        return None if found is None else output(found)
-
-    def close(self) -> None:
-        """Close the connection."""
-        self._messages.close()
-
-
-def output(parts: Parts) -> Output:
-    """Return an output in its units."""
-    (counter, heading, pitch), (_, roll, status), (_, x, y, z) = parts.values
-    return Output(int(counter), heading, pitch, roll, x, y, z, int(status), parts.arrival_s)
-
-
 class CanNavigator(InertialNavigator):
     """A navigator that outputs heading, attitude and the temperatures of its gyros on a CAN bus."""
 
@@ -66,4 +30,27 @@ class CanNavigator(InertialNavigator):
     """Where a scan of served instruments may ask `identify`; a bus gives no `*IDN?` to go by."""
 
     def __init__(self, place: Place) -> None:
-        super().__init__(place, CanNavigatorLine(place))
+        self._line = CanMessages(place, "navigator", ANSWERS, OUTPUT)
+        super().__init__(place, self._line)
+
+    def _send(self, command: str, number: int, values: Mapping[str, float]) -> None:
+        told = {
+            "command": command,
+            "rate": values.get("rate_Hz", 0.0),
+            "request_id": number,
+            "latitude": values.get("latitude_deg", 0.0),
+        }
+        self._line.send("NAV_COMMAND", told)
+
+    def _outputs(self) -> list[Output]:
+        return [output(one) for one in self._line.outputs()]
+
+    def _newest(self) -> Output | None:
+        found = self._line.newest()
+        return None if found is None else output(found)
+
+
+def output(parts: Parts) -> Output:
+    """Return an output in its units."""
+    (counter, heading, pitch), (_, roll, status), (_, x, y, z) = parts.values
+    return Output(int(counter), heading, pitch, roll, x, y, z, int(status), parts.arrival_s)

@@ -21,53 +21,6 @@ SHORTEST_INTERVAL_S = 0.001
 """What a command holds that has no interval; the message file knows none below."""
 
 
-class CanPulseLine:
-    """The board's messages on a CAN bus; each sample is a message of its own."""
-
-    further: Mapping[str, str] = {}
-
-    def __init__(self, place: Place) -> None:
-        self.answers = self._messages = CanMessages(place, "pulse_board", ANSWERS, ())
-        self._counts = "GYRO_COUNTS_1"
-
-    def send(self, command: str, number: int, values: Mapping[str, float]) -> None:
-        """Put a command on the bus."""
-        interval_s = values.get("sample_interval_s", SHORTEST_INTERVAL_S)
-        told = {
-            "command": command,
-            "channel_mask": int(values.get("channel_mask", 0)),
-            "sample_interval": interval_s * ENCODED_INTERVAL_PER_S,
-            "request_id": number,
-        }
-        self._messages.send("BOARD_COMMAND", told)
-
-    def begin(self, channel: int, sample_interval_s: float) -> None:
-        """Forget what came of a channel, whose samples begin anew."""
-        self._counts = f"GYRO_COUNTS_{channel}"
-        self._messages.take_single(self._counts)
-
-    def samples(self) -> Sequence[Sample]:
-        """Return the samples that came since the last call."""
-        return [sample(one) for one in self._messages.take_single(self._counts)]
-
-    def newest(self) -> Sample | None:
-        """Return the last sample that nobody has taken yet, and keep it."""
-        found = self._messages.newest_single(self._counts)
-        return None if found is None else sample(found)
-
-    def close(self) -> None:
-        """Close the connection."""
-        self._messages.close()
-
-
-def sample(parts: Parts) -> Sample:
-    """Return a sample in its units."""
-    ((sequence, counts, temperature_degC),) = parts.values
-    if temperature_degC <= NO_SENSOR_DEGC + 0.005:
-        temperature_degC = math.nan
-    return Sample(int(sequence), int(counts), temperature_degC, True, parts.arrival_s)
-
-
 class CanPulseBoard(PulseBoard):
     """A board that counts the pulses of up to three laser gyros, on a CAN bus."""
 
@@ -76,4 +29,35 @@ class CanPulseBoard(PulseBoard):
     """Where a scan of served instruments may ask `identify`; a bus gives no `*IDN?` to go by."""
 
     def __init__(self, place: Place) -> None:
-        super().__init__(place, CanPulseLine(place))
+        self._line = CanMessages(place, "pulse_board", ANSWERS, ())
+        self._counts = "GYRO_COUNTS_1"
+        super().__init__(place, self._line)
+
+    def _send(self, command: str, number: int, values: Mapping[str, float]) -> None:
+        interval_s = values.get("sample_interval_s", SHORTEST_INTERVAL_S)
+        told = {
+            "command": command,
+            "channel_mask": int(values.get("channel_mask", 0)),
+            "sample_interval": interval_s * ENCODED_INTERVAL_PER_S,
+            "request_id": number,
+        }
+        self._line.send("BOARD_COMMAND", told)
+
+    def _begin(self, channel: int, sample_interval_s: float) -> None:
+        self._counts = f"GYRO_COUNTS_{channel}"
+        self._line.take_single(self._counts)
+
+    def _samples(self) -> Sequence[Sample]:
+        return [sample(one) for one in self._line.take_single(self._counts)]
+
+    def _newest(self) -> Sample | None:
+        found = self._line.newest_single(self._counts)
+        return None if found is None else sample(found)
+
+
+def sample(parts: Parts) -> Sample:
+    """Return a sample in its units."""
+    ((sequence, counts, temperature_degC),) = parts.values
+    if temperature_degC <= NO_SENSOR_DEGC + 0.005:
+        temperature_degC = math.nan
+    return Sample(int(sequence), int(counts), temperature_degC, True, parts.arrival_s)

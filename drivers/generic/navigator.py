@@ -7,15 +7,16 @@ it is off, before the device under test is switched on.
 from __future__ import annotations
 
 import math
+from abc import abstractmethod
 from collections.abc import Mapping
-from typing import ClassVar, NamedTuple, Protocol
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
 from drivers.transport.retry import Repeatable
-from drivers.transport.streaming import AnswerLine, Commands, StreamWatch
+from drivers.transport.streaming import AnswerLine, Commands, StreamingDriver
 from station.errors import InputError
-from station.roles import Block, Driver, Identity, NavigatorStatus, Place
+from station.roles import Block, Identity, NavigatorStatus, Place
 
 NO_SENSOR_DEGC = -327.68
 ALIGNED, ALIGNING = 1, 2
@@ -77,45 +78,6 @@ class Output(NamedTuple):
         return math.nan if min(found) <= NO_SENSOR_DEGC + 0.005 else max(found)
 
 
-class Request(NamedTuple):
-    """A command as it goes to the navigator."""
-
-    command: str
-    number: int
-    rate_Hz: float = 0.0
-    latitude_deg: float = 0.0
-
-
-class NavigatorLine(Protocol):
-    """The messages of a navigator on one kind of line.
-
-    Answers are `acknowledgement` (`request_id`, `result`, `rate`), `status` (`status`,
-    `aligning_for`) and `identity` (`serial_number`, `firmware_major`, `firmware_minor`). All raise
-    InstrumentError when the line is gone, or for a message that is none of the navigator's.
-    """
-
-    @property
-    def answers(self) -> AnswerLine:
-        """The instrument's answers."""
-        ...
-
-    def send(self, request: Request) -> None:
-        """Put a command on the line."""
-        ...
-
-    def outputs(self) -> list[Output]:
-        """Return the complete outputs that came since the last call."""
-        ...
-
-    def newest(self) -> Output | None:
-        """Return the last complete output that nobody has taken yet, and keep it."""
-        ...
-
-    def close(self) -> None:
-        """Give the line back."""
-        ...
-
-
 def fault_words(bits: int) -> tuple[str, ...]:
     """Return in words what a status says is wrong."""
     wrong = [1 << number for number in range(16) if bits >> number & 1]
@@ -131,26 +93,37 @@ SLOWEST_HZ, FASTEST_HZ = 1.0, 10.0
 RATE_STEP_HZ = 0.1
 
 
-class InertialNavigator(Driver):
+class InertialNavigator(StreamingDriver):
     """The verbs of a navigator, on any line that carries its messages."""
 
     roles = ("navigator",)
     """It has the verbs of a nine-axis sensor, too, and none of its columns."""
     source = "navigator"
+    whose = "gyros'"
+    when_quiet = "check that the device under test is on, and the navigator's cable"
     columns: Mapping[str, str] = COLUMNS
     repeatable: ClassVar[Repeatable] = Repeatable("stop", "identify", "status")
     """Not the start, which sets the counter back, nor the alignment, which begins again."""
 
-    def __init__(self, place: Place, line: NavigatorLine) -> None:
-        self.place = place
-        self._line = line
-        self._commands = Commands(place, line.answers, self._send, REFUSALS, WHEN_SILENT)
-        self._watch = StreamWatch(
-            place,
-            "gyros'",
-            "output",
-            "check that the device under test is on, and the navigator's cable",
-        )
+    def __init__(self, place: Place, answers: AnswerLine) -> None:
+        super().__init__(place)
+        self._commands = Commands(place, answers, self._send, REFUSALS, WHEN_SILENT)
+
+    @abstractmethod
+    def _send(self, command: str, number: int, values: Mapping[str, float]) -> None:
+        """Put a command on the line; its values are `rate_Hz` and `latitude_deg`, 0 unless given.
+
+        Answers are `acknowledgement` (`request_id`, `result`, `rate`), `status` (`status`,
+        `aligning_for`) and `identity` (`serial_number`, `firmware_major`, `firmware_minor`).
+        """
+
+    @abstractmethod
+    def _outputs(self) -> list[Output]:
+        """Return the complete outputs that came since the last call."""
+
+    @abstractmethod
+    def _newest(self) -> Output | None:
+        """Return the last complete output that nobody has taken yet, and keep it."""
 
     def identify(self) -> Identity:
         """Ask the interface for the navigator's identity."""
@@ -171,13 +144,13 @@ class InertialNavigator(Driver):
             )
         self.stop()
         self._commands.start_at(rate_Hz, RATE_STEP_HZ, rate_Hz=rate_Hz)
-        self._watch.begin(1 / rate_Hz)
+        self._begin_to_hear(1 / rate_Hz)
         self.columns = {**COLUMNS, "counter": f"{COLUMNS['counter']}, every {1 / rate_Hz:.9g} s"}
-        self._line.outputs()
+        self._outputs()
 
     def stop(self) -> None:
         """End the output; what came before can still be drained."""
-        self._watch.end()
+        self._streams = False
         self._commands.command("stop")
 
     def align(self, latitude_deg: float) -> None:
@@ -200,26 +173,13 @@ class InertialNavigator(Driver):
 
     def drain(self) -> Block:
         """Return the outputs that came since the last call; one that lacks a part is left out."""
-        found = self._line.outputs()
+        found = self._outputs()
         if found:
-            self._watch.hear(found[-1].arrival_s, found[-1].warmest_degC)
+            self._hear(found[-1].arrival_s, found[-1].warmest_degC)
         rows = np.array(found, dtype=ROW)
         return Block({name: rows[name] for name in COLUMNS}, rows["arrival_s"])
 
-    def _temperature_degC(self) -> float | None:
-        """Return the temperature of the warmest gyro; None while nothing is output.
-
-        Outputs are looked at and left where they are, for whoever drains them. Raises
-        InstrumentError when none has come for a while, or a gyro has no sensor.
-        """
-        if not self._watch.runs:
-            return None
-        newest = self._line.newest()
+    def _look(self) -> None:
+        newest = self._newest()
         if newest is not None:
-            self._watch.hear(newest.arrival_s, newest.warmest_degC)
-        return self._watch.temperature_degC()
-
-    quantities: ClassVar = {"temperature": _temperature_degC}
-
-    def _send(self, command: str, number: int, values: Mapping[str, float]) -> None:
-        self._line.send(Request(command, number, **values))
+            self._hear(newest.arrival_s, newest.warmest_degC)

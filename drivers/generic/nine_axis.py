@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Mapping
-from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.transport.streaming import StreamWatch
-from station.roles import Block, Driver, Place
+from drivers.transport.streaming import StreamingDriver
+from station.roles import Block, Place
 
 AXES = ("x", "y", "z")
 GYROS = tuple(f"gyro_{axis}_deg_per_s" for axis in AXES)
@@ -42,20 +41,16 @@ ROW = np.dtype(
 """Columns and arrival of an output."""
 
 
-class NineAxisSource(Driver, ABC):
+class NineAxisSource(StreamingDriver):
     """The outputs of a sensor, and its temperature for interlocks."""
 
     source = "imu"
+    whose = "sensor's"
+    when_quiet = "check that the device under test is on, and its cable"
 
     def __init__(self, place: Place) -> None:
-        self.place = place
+        super().__init__(place)
         self.columns: Mapping[str, str] = COLUMNS
-        self._watch = StreamWatch(
-            place,
-            "sensor's",
-            "output",
-            "check that the device under test is on, and its cable",
-        )
 
     @abstractmethod
     def _take(self) -> NDArray[np.void]:
@@ -71,22 +66,12 @@ class NineAxisSource(Driver, ABC):
         self._heard(rows)
         return Block({name: rows[name] for name in COLUMNS}, rows["arrival_s"])
 
-    def _temperature_degC(self) -> float | None:
-        """Return the sensor's temperature; None while nothing is output.
-
-        Outputs are looked at and left where they are, for whoever drains them. Raises
-        InstrumentError when none has come for a while.
-        """
-        if not self._watch.runs:
-            return None
+    def _look(self) -> None:
         self._heard(self._newest())
-        return self._watch.temperature_degC()
-
-    quantities: ClassVar = {"temperature": _temperature_degC}
 
     def _begin(self, rate_Hz: float) -> None:
         """Take note that outputs begin, every so often by the sensor's clock."""
-        self._watch.begin(1 / rate_Hz)
+        self._begin_to_hear(1 / rate_Hz)
         self.columns = {**COLUMNS, "counter": f"{COLUMNS['counter']}, every {1 / rate_Hz:.9g} s"}
 
     def _heard(self, rows: NDArray[np.void]) -> None:
@@ -96,4 +81,4 @@ class NineAxisSource(Driver, ABC):
         warm = rows["temperature_degC"]
         told = warm[np.isfinite(warm)]
         newest_degC = float(told[-1]) if len(told) else None
-        self._watch.hear(float(rows["arrival_s"][-1]), newest_degC)
+        self._hear(float(rows["arrival_s"][-1]), newest_degC)

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from collections.abc import Mapping, Sequence
-from typing import Any, ClassVar, NamedTuple, Protocol
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
 from drivers.transport.retry import Repeatable
-from drivers.transport.streaming import AnswerLine, Commands, StreamWatch
+from drivers.transport.streaming import AnswerLine, Commands, StreamingDriver
 from station.errors import InstrumentError
-from station.roles import Block, Driver, Identity, Place
+from station.roles import Block, Identity, Place
 
 NO_SUCH_PARAMETERS = "compare the plan's sample interval and channel with the board's ranges"
 REFUSALS: Mapping[str, str] = {
@@ -39,58 +40,44 @@ class Sample(NamedTuple):
     """Values of the line's further columns."""
 
 
-class PulseLine(Protocol):
-    """A line that carries a board's messages; `status` has `gyro_present` and `laser_on`, bits."""
-
-    @property
-    def answers(self) -> AnswerLine:
-        """The instrument's answers."""
-        ...
-
-    further: Mapping[str, str]
-    """Columns besides those of every board, to unit and meaning."""
-
-    def send(self, command: str, number: int, values: Mapping[str, float]) -> None:
-        """Put a command on the line: `channel_mask` and `sample_interval_s` are its values."""
-        ...
-
-    def begin(self, channel: int, sample_interval_s: float) -> None:
-        """Take note that the samples of a channel begin anew; what came before is forgotten."""
-        ...
-
-    def samples(self) -> Sequence[Sample]:
-        """Return the samples that came since the last call."""
-        ...
-
-    def newest(self) -> Sample | None:
-        """Return the last sample that nobody has taken yet, and keep it."""
-        ...
-
-    def close(self) -> None:
-        """Close the line."""
-        ...
-
-
-class PulseBoard(Driver):
+class PulseBoard(StreamingDriver):
     """A board that counts the pulses of up to three laser gyros against its own clock."""
 
     source = "gyro_acquisition"
+    whose, output = "gyro's", "sample"
+    when_quiet = "check the board's power, its line and that the device under test is on"
     model: ClassVar[str]
     repeatable: ClassVar[Repeatable] = Repeatable("stop", "identify", "status")
     """Not the start: counters would begin again at zero, or a board that runs refuse it."""
 
-    def __init__(self, place: Place, line: PulseLine) -> None:
-        self.place = place
-        self._line = line
-        self._commands = Commands(place, line.answers, line.send, REFUSALS, WHEN_SILENT)
-        self.columns: Mapping[str, str] = {**COLUMNS, **line.further}
+    further: ClassVar[Mapping[str, str]] = {}
+    """Columns besides those of every board, to unit and meaning."""
+
+    def __init__(self, place: Place, answers: AnswerLine) -> None:
+        super().__init__(place)
+        self._answers = answers
+        self._commands = Commands(place, answers, self._send, REFUSALS, WHEN_SILENT)
+        self.columns: Mapping[str, str] = {**COLUMNS, **self.further}
         self._channel: int | None = None
-        self._watch = StreamWatch(
-            place,
-            "gyro's",
-            "sample",
-            "check the board's power, its line and that the device under test is on",
-        )
+
+    @abstractmethod
+    def _send(self, command: str, number: int, values: Mapping[str, float]) -> None:
+        """Put a command on the line: `channel_mask` and `sample_interval_s` are its values.
+
+        Of the answers, `status` has `gyro_present` and `laser_on`, bits.
+        """
+
+    @abstractmethod
+    def _begin(self, channel: int, sample_interval_s: float) -> None:
+        """Take note that the samples of a channel begin anew; what came before is forgotten."""
+
+    @abstractmethod
+    def _samples(self) -> Sequence[Sample]:
+        """Return the samples that came since the last call."""
+
+    @abstractmethod
+    def _newest(self) -> Sample | None:
+        """Return the last sample that nobody has taken yet, and keep it."""
 
     def identify(self) -> Identity:
         """Ask for the board's identity."""
@@ -100,24 +87,24 @@ class PulseBoard(Driver):
         """Begin to sample one channel; raises InstrumentError when the board sees no lit gyro."""
         self._commands.command("stop")
         self._channel = channel
-        self._watch.begin(sample_interval_s)
+        self._begin_to_hear(sample_interval_s)
         told = self._commands.ask("status", "status", "asked for its status")
         self._check_gyro(told, "start")
         bit = 1 << (channel - 1)
         self._commands.command("start", channel_mask=bit, sample_interval_s=sample_interval_s)
         # What was still on its way from before has come before the acknowledgement.
-        self._line.begin(channel, sample_interval_s)
+        self._begin(channel, sample_interval_s)
         interval = f"{COLUMNS['sequence']}, every {sample_interval_s:.9g} s"
         self.columns = {**self.columns, "sequence": interval}
 
     def drain(self) -> Block:
         """Return the samples that came since the last call."""
-        samples = self._line.samples()
-        for told in self._line.answers.take("status"):
+        samples = self._samples()
+        for told in self._answers.take("status"):
             self._check_gyro(told, "record")
         if samples:
             self._heard(samples[-1])
-        further = list(self._line.further)
+        further = list(self.further)
         more = np.array([one.more for one in samples], dtype=float)
         more = more.reshape(len(samples), len(further))
         return Block(
@@ -132,32 +119,22 @@ class PulseBoard(Driver):
             np.array([one.arrival_s for one in samples], dtype=float),
         )
 
-    def _temperature_degC(self) -> float | None:
-        """Return the gyro's temperature of the newest sample; None where none can be.
-
-        Samples are looked at and left where they are, for whoever drains them. Raises
-        InstrumentError when the board samples and none has come for a while, or none has one.
-        """
-        if not self._watch.runs:
-            return None
-        newest = self._line.newest()
-        if newest is not None:
-            self._heard(newest)
-        return self._watch.temperature_degC()
-
-    quantities: ClassVar = {"temperature": _temperature_degC}
-
     def stop(self) -> None:
         """End the sampling."""
         self._channel = None
-        self._watch.end()
+        self._streams = False
         self._commands.command("stop")
+
+    def _look(self) -> None:
+        newest = self._newest()
+        if newest is not None:
+            self._heard(newest)
 
     def _heard(self, sample: Sample) -> None:
         """Take note of the newest sample."""
         if not sample.lit and self._channel is not None:
             raise self._dark("record")
-        self._watch.hear(sample.arrival_s, sample.temperature_degC)
+        self._hear(sample.arrival_s, sample.temperature_degC)
 
     def _check_gyro(self, status: Mapping[str, Any], attempted: str) -> None:
         """Raise InstrumentError when the board sees no lit gyro on the channel in use."""

@@ -41,7 +41,7 @@ import struct
 from collections.abc import Mapping
 from typing import Any, ClassVar
 
-from drivers.generic.navigator import COMMANDS, RESULTS, InertialNavigator, Output, Request
+from drivers.generic.navigator import COMMANDS, RESULTS, InertialNavigator, Output
 from drivers.transport.serial_port import BaudRate, SerialSettings
 from drivers.transport.serial_stream import (
     SerialStream,
@@ -112,31 +112,32 @@ ANSWERS: Mapping[str, int] = {
 }
 
 
-class SerialNavigatorLine:
-    """The navigator's messages in frames on a serial line."""
+class SerialNavigator(InertialNavigator):
+    """A navigator that outputs heading, attitude and the temperatures of its gyros on RS-422."""
 
-    def __init__(self, place: Place, settings: SerialSettings) -> None:
-        self._stream = SerialStream(place, settings, split)
-        self.answers = StreamAnswers(self._stream, ANSWERS, decoded)
+    class Settings(SerialSettings):
+        """Its line."""
 
-    def send(self, request: Request) -> None:
-        """Put a command on the line."""
-        steps = request.rate_Hz / RATE_HZ + request.latitude_deg / ANGLE_DEG
-        payload = COMMAND_PAYLOAD.pack(COMMANDS[request.command], request.number, round(steps))
-        self._stream.send(frame(COMMAND, payload))
+        baud_rate: BaudRate = 115200
 
-    def outputs(self) -> list[Output]:
-        """Return the outputs that came since the last call."""
-        return [output(one) for one in self._stream.take(OUTPUT)]
+    identifies_on: ClassVar[str] = "socket"
+    """Where a scan of served instruments may ask `identify`; it knows no `*IDN?`."""
 
-    def newest(self) -> Output | None:
-        """Return the last output that nobody has taken yet, and keep it."""
-        found = self._stream.newest(OUTPUT)
+    def __init__(self, place: Place) -> None:
+        self._line = SerialStream(place, self.Settings.of(place), split)
+        super().__init__(place, StreamAnswers(self._line, ANSWERS, decoded))
+
+    def _send(self, command: str, number: int, values: Mapping[str, float]) -> None:
+        steps = values.get("rate_Hz", 0.0) / RATE_HZ + values.get("latitude_deg", 0.0) / ANGLE_DEG
+        payload = COMMAND_PAYLOAD.pack(COMMANDS[command], number, round(steps))
+        self._line.send(frame(COMMAND, payload))
+
+    def _outputs(self) -> list[Output]:
+        return [output(one) for one in self._line.take(OUTPUT)]
+
+    def _newest(self) -> Output | None:
+        found = self._line.newest(OUTPUT)
         return None if found is None else output(found)
-
-    def close(self) -> None:
-        """Close the line."""
-        self._stream.close()
 
 
 def output(received: StreamFrame) -> Output:
@@ -167,18 +168,3 @@ def decoded(received: StreamFrame) -> Mapping[str, Any]:
         return {"status": status, "aligning_for": aligning * TIME_S}
     serial, major, minor, _, _ = values
     return {"serial_number": serial, "firmware_major": major, "firmware_minor": minor}
-
-
-class SerialNavigator(InertialNavigator):
-    """A navigator that outputs heading, attitude and the temperatures of its gyros on RS-422."""
-
-    class Settings(SerialSettings):
-        """Its line."""
-
-        baud_rate: BaudRate = 115200
-
-    identifies_on: ClassVar[str] = "socket"
-    """Where a scan of served instruments may ask `identify`; it knows no `*IDN?`."""
-
-    def __init__(self, place: Place) -> None:
-        super().__init__(place, SerialNavigatorLine(place, self.Settings.of(place)))

@@ -113,42 +113,48 @@ INTERVAL_S, TEMPERATURE_DEGC, LATENCY_S = 1e-4, 2.0**-8, 1e-6
 COUNTER_MODULUS, COUNTS_MODULUS, SHOWN_MODULUS = 2**8, 2**24, 2**32
 
 
-class SerialPulseLine:
-    """The board's messages in datagrams on a serial line.
+class SerialPulseBoard(PulseBoard):
+    """A board that counts the pulses of up to three laser gyros, on RS-422.
 
     Its numbers are continued beyond their few bits: the counter to 16, by the arrivals where whole
     rounds of it are lost, and the pulses to 32.
     """
 
-    further: Mapping[str, str] = {
+    class Settings(SerialSettings):
+        """Its line."""
+
+        baud_rate: BaudRate = 921600
+
+    model = "serial pulse board"
+    identifies_on: ClassVar[str] = "socket"
+    """Where a scan of served instruments may ask `identify`; it knows no `*IDN?`."""
+    further: ClassVar[Mapping[str, str]] = {
         "latency_s": "s from the end of the interval to the first bit of its datagram"
     }
 
-    def __init__(self, place: Place, settings: SerialSettings) -> None:
-        self._stream = SerialStream(place, settings, split)
-        self.answers = StreamAnswers(self._stream, ANSWERS, decoded)
-        self._channel = 1
+    def __init__(self, place: Place) -> None:
+        self._line = SerialStream(place, self.Settings.of(place), split)
+        self._read_channel = 1
         self._numbering = Numbering(1.0, COUNTER_MODULUS)
         self._raw_counts = self._counts = 0
+        super().__init__(place, StreamAnswers(self._line, ANSWERS, decoded))
 
-    def send(self, command: str, number: int, values: Mapping[str, float]) -> None:
-        """Put a command on the line."""
+    def _send(self, command: str, number: int, values: Mapping[str, float]) -> None:
         steps = round(values.get("sample_interval_s", 0.0) / INTERVAL_S)
         mask = int(values.get("channel_mask", 0))
         payload = COMMAND_PAYLOAD.pack(COMMANDS[command], mask, steps, number)
-        self._stream.send(frame(COMMAND, payload))
+        self._line.send(frame(COMMAND, payload))
 
-    def begin(self, channel: int, sample_interval_s: float) -> None:
-        """Number and count from the beginning; what came before is forgotten."""
-        self._channel = channel
+    def _begin(self, channel: int, sample_interval_s: float) -> None:
+        self._read_channel = channel
         self._numbering = Numbering(sample_interval_s, COUNTER_MODULUS)
         self._raw_counts = self._counts = 0
-        self._stream.take(OUTPUT)
+        self._line.take(OUTPUT)
 
-    def samples(self) -> Sequence[Sample]:
+    def _samples(self) -> Sequence[Sample]:
         """Return the samples that came since the last call; one that came twice is left out."""
-        frames = self._stream.take(OUTPUT)
-        outputs = [output(one, self._channel) for one in frames]
+        frames = self._line.take(OUTPUT)
+        outputs = [output(one, self._read_channel) for one in frames]
         numbers, new = self._numbering.numbers(
             np.array([one.sequence for one in outputs], dtype=np.uint8),
             np.array([one.arrival_s for one in outputs], dtype=np.float64),
@@ -159,14 +165,10 @@ class SerialPulseLine:
             if is_new
         ]
 
-    def newest(self) -> Sample | None:
-        """Return the last sample that nobody has taken yet, by its own numbers, and keep it."""
-        found = self._stream.newest(OUTPUT)
-        return None if found is None else output(found, self._channel)
-
-    def close(self) -> None:
-        """Close the line."""
-        self._stream.close()
+    def _newest(self) -> Sample | None:
+        """Return the last sample that nobody has taken yet, by its own numbers."""
+        found = self._line.newest(OUTPUT)
+        return None if found is None else output(found, self._read_channel)
 
     def _continued(self, raw: int) -> int:
         """Return pulses of 24 bits continued to 32; between two samples come less than 2^23."""
@@ -206,19 +208,3 @@ def decoded(received: StreamFrame) -> Mapping[str, Any]:
     if received.kind == STATUS:
         return {"gyro_present": values[3], "laser_on": values[4]}
     return dict(zip(("serial_number", "firmware_major", "firmware_minor"), values[:3], strict=True))
-
-
-class SerialPulseBoard(PulseBoard):
-    """A board that counts the pulses of up to three laser gyros, on RS-422."""
-
-    class Settings(SerialSettings):
-        """Its line."""
-
-        baud_rate: BaudRate = 921600
-
-    model = "serial pulse board"
-    identifies_on: ClassVar[str] = "socket"
-    """Where a scan of served instruments may ask `identify`; it knows no `*IDN?`."""
-
-    def __init__(self, place: Place) -> None:
-        super().__init__(place, SerialPulseLine(place, self.Settings.of(place)))

@@ -154,7 +154,7 @@ class Kvh1775(NineAxisSource):
     def identify(self) -> Identity:
         """Ask for serial number and firmware; a unit that streams is not disturbed twice."""
         if self._identity is None:
-            runs = self._watch.runs
+            runs = self._streams
             self._configure()
             serial, firmware = self._ask("?is", "IS"), self._ask("?ws", "WS")
             self._identity = Identity("KVH", "1775", serial, firmware)
@@ -190,7 +190,7 @@ class Kvh1775(NineAxisSource):
 
     def stop(self) -> None:
         """End the output; what came before can still be drained."""
-        self._watch.end()
+        self._streams = False
         self._configure()
 
     def status(self) -> SensorStatus:

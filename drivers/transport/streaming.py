@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, Protocol
+from typing import Any, ClassVar, Protocol
 
 from station.errors import InstrumentError, InstrumentTimeout
-from station.roles import Identity, Place
+from station.roles import Driver, Identity, Place
 
 ANSWER_WITHIN_S = 0.5
 
@@ -114,59 +115,63 @@ SHORTEST_SILENCE_S = 3.0
 SILENT_INTERVALS = 3
 
 
-class StreamWatch:
-    """When a stream was last heard, and the temperature that it told.
+class StreamingDriver(Driver, ABC):
+    """A device that streams; its temperature, for interlocks, is that of its newest output.
 
-    `whose` temperature it is and what an `output` is called stand in what is said of a fault;
-    `when_silent` is what to do then.
+    `whose` temperature it is and what an `output` is called stand in the message of a fault;
+    `when_quiet` is what to do then.
     """
 
-    def __init__(self, place: Place, whose: str, output: str, when_silent: str) -> None:
-        self._place = place
-        self._whose, self._output, self._when_silent = whose, output, when_silent
-        self.runs = False
+    whose: ClassVar[str]
+    output: ClassVar[str] = "output"
+    when_quiet: ClassVar[str]
+
+    def __init__(self, place: Place) -> None:
+        self.place = place
+        self._streams = False
         self._heard_s = 0.0
-        self._silent_after_s = SHORTEST_SILENCE_S
-        self._temperature_degC: float | None = None
+        self._quiet_after_s = SHORTEST_SILENCE_S
+        self._newest_degC: float | None = None
 
-    def begin(self, interval_s: float) -> None:
+    @abstractmethod
+    def _look(self) -> None:
+        """Hear the newest output that nobody has taken yet, and leave it to whoever drains."""
+
+    def _begin_to_hear(self, interval_s: float) -> None:
         """Take note that outputs begin, one every interval."""
-        self._silent_after_s = max(SHORTEST_SILENCE_S, SILENT_INTERVALS * interval_s)
-        self._heard_s, self._temperature_degC = self._place.clock.now(), None
-        self.runs = True
+        self._quiet_after_s = max(SHORTEST_SILENCE_S, SILENT_INTERVALS * interval_s)
+        self._heard_s, self._newest_degC = self.place.clock.now(), None
+        self._streams = True
 
-    def end(self) -> None:
-        """Take note that no output is expected any more."""
-        self.runs = False
-
-    def hear(self, arrival_s: float, temperature_degC: float | None) -> None:
+    def _hear(self, arrival_s: float, temperature_degC: float | None) -> None:
         """Take note of the newest output: NaN where a sensor is missing, None where it has none."""
         self._heard_s = max(self._heard_s, arrival_s)
         if temperature_degC is None:
             return
-        self._temperature_degC = temperature_degC
+        self._newest_degC = temperature_degC
         if not math.isnan(temperature_degC):
-            self._place.publish("temperature", temperature_degC, "degC")
+            self.place.publish("temperature", temperature_degC, "degC")
 
-    def temperature_degC(self) -> float | None:
-        """Return the temperature of the newest output; None while none has told it.
+    def _temperature_degC(self) -> float | None:
+        """Return the temperature of the newest output; None while nothing is output, or told it.
 
-        Raises InstrumentError when none has come for a while, or a sensor is missing.
+        Raises InstrumentError when no output has come for a while, or a sensor is missing.
         """
-        attempted = f"looked for the {self._whose} temperature"
-        silent_s = self._place.clock.now() - self._heard_s
-        if silent_s > self._silent_after_s:
-            raise InstrumentError(
-                self._place.name,
+        if not self._streams:
+            return None
+        self._look()
+        attempted = f"looked for the {self.whose} temperature"
+        quiet_s = self.place.clock.now() - self._heard_s
+        if quiet_s > self._quiet_after_s:
+            came_back = f"no {self.output} came for {quiet_s:.3g} s"
+            raise self.error(attempted, came_back, self.when_quiet)
+        if self._newest_degC is not None and math.isnan(self._newest_degC):
+            raise self.error(
                 attempted,
-                f"no {self._output} came for {silent_s:.3g} s",
-                self._when_silent,
-            )
-        if self._temperature_degC is not None and math.isnan(self._temperature_degC):
-            raise InstrumentError(
-                self._place.name,
-                attempted,
-                f"the {self._output}s say that a sensor is missing",
+                f"the {self.output}s say that a sensor is missing",
                 "check the sensor's cable, or take that interlock out of the bench file",
             )
-        return self._temperature_degC
+        return self._newest_degC
+
+    # It is published when it is heard, and not again when it is asked for.
+    quantities: ClassVar = {"temperature": _temperature_degC}

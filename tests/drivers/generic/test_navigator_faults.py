@@ -7,7 +7,6 @@ import pytest
 from navigator_stand import KINDS, NAME, navigator
 from stand import recorded, said_of_a_line_that_is_gone
 
-from drivers.generic.navigator import Request
 from station.errors import InstrumentTimeout
 from station.roles import NavigatorStatus
 
@@ -79,10 +78,10 @@ def test_a_line_that_ends_is_told_clearly(kind: str) -> None:
 @pytest.mark.parametrize("rate_Hz", [0.9, 10.1])
 def test_the_navigator_itself_refuses_too(kind: str, rate_Hz: float) -> None:
     with navigator(kind) as (stand, driver):
-        driver._line.send(Request("start", 7, rate_Hz=rate_Hz))
-        (answer,) = driver._line.answers.wait_for("acknowledgement", stand.clock.now() + 0.5)
+        driver._send("start", 7, {"rate_Hz": rate_Hz})
+        (answer,) = driver._commands._line.wait_for("acknowledgement", stand.clock.now() + 0.5)
         assert (answer["request_id"], str(answer["result"])) == (7, "bad_rate")
         driver.start(1.0)
-        driver._line.send(Request("start", 8, rate_Hz=1.0))
-        (answer,) = driver._line.answers.wait_for("acknowledgement", stand.clock.now() + 0.5)
+        driver._send("start", 8, {"rate_Hz": 1.0})
+        (answer,) = driver._commands._line.wait_for("acknowledgement", stand.clock.now() + 0.5)
         assert str(answer["result"]) == "already_running"
