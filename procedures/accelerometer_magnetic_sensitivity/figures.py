@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import matplotlib as mpl
 import numpy as np
 
 from station.findings import Findings, combination_text
-from station.report.drawing import STYLE
 from station.report.numbers import (
     NOTHING,
     format_limit,
@@ -14,14 +12,12 @@ from station.report.numbers import (
     format_result,
     format_with_uncertainty,
 )
-from station.report.parts import Part, Plot, Table
+from station.report.parts import Part, Plot, Table, first_rows
 from station.results import ResultDocument
 
 from . import plots
 from .dataset import AccelerometerAnalysis, AccelerometerDataset
 from .model import COEFFICIENTS, describe
-
-MOST_ROWS = 40
 
 
 def draw_parts(findings: Findings, document: ResultDocument) -> tuple[Part, ...]:
@@ -29,51 +25,50 @@ def draw_parts(findings: Findings, document: ResultDocument) -> tuple[Part, ...]
     analysis: AccelerometerAnalysis = findings.detail.analysis
     dataset: AccelerometerDataset = findings.detail.dataset
     parts: list[Part] = [_coefficients(analysis, document)]
-    with mpl.rc_context(STYLE):
-        if bool(analysis.used.any()):
-            parts.append(
-                Plot(
-                    "Output against field at each angle",
-                    "What the field adds to the output, one colour for each angle: measured "
-                    "points and the solution. The part without field is taken off; field as "
-                    "measured. Lines that fan out are the coupling Kim, Kom, Kpm, their common "
-                    "slope is Km, their curvature Kmm.",
-                    plots.output_by_field(dataset, analysis),
-                )
+    if bool(analysis.used.any()):
+        parts.append(
+            Plot(
+                "Output against field at each angle",
+                "What the field adds to the output, one colour for each angle: measured "
+                "points and the solution. The part without field is taken off; field as "
+                "measured. Lines that fan out are the coupling Kim, Kom, Kpm, their common "
+                "slope is Km, their curvature Kmm.",
+                plots.output_by_field(dataset, analysis),
             )
-            parts.append(
-                Plot(
-                    "What the solution leaves",
-                    "Residuals over angle and field (their mean where a point was measured "
-                    "again), and in the order of time: noise without a shape where the model is "
-                    "right. Triangles: rows that were left out, at the edge where they lie beyond "
-                    "it.",
-                    plots.residual_map(dataset, analysis),
-                )
+        )
+        parts.append(
+            Plot(
+                "What the solution leaves",
+                "Residuals over angle and field (their mean where a point was measured "
+                "again), and in the order of time: noise without a shape where the model is "
+                "right. Triangles: rows that were left out, at the edge where they lie beyond "
+                "it.",
+                plots.residual_map(dataset, analysis),
             )
-        if analysis.path is not None and analysis.noise_V is not None:
-            parts.append(
-                Plot(
-                    "Convergence of the finite-memory solution",
-                    "The published recursion after each row, as its distance from the full-data "
-                    "solution in standard uncertainties of that. It begins where the rows first "
-                    "determine all columns; from the dashed line on a row is forgotten for each "
-                    f"new one (memory {analysis.path.window} rows). It knows no nuisance terms "
-                    "and rejects no row.",
-                    plots.convergence(analysis),
-                )
+        )
+    if analysis.path is not None and analysis.noise_V is not None:
+        parts.append(
+            Plot(
+                "Convergence of the finite-memory solution",
+                "The published recursion after each row, as its distance from the full-data "
+                "solution in standard uncertainties of that. It begins where the rows first "
+                "determine all columns; from the dashed line on a row is forgotten for each "
+                f"new one (memory {analysis.path.window} rows). It knows no nuisance terms "
+                "and rejects no row.",
+                plots.convergence(analysis),
             )
-        if len(analysis.covariance):
-            names = analysis.identifiability.kept
-            parts.append(
-                Plot(
-                    "Correlation of the coefficients",
-                    "Of the determined coefficients, or combinations, in the full-data solution. "
-                    "Condition number of all its columns, scaled: "
-                    f"{format_number(analysis.condition, 3)}.",
-                    plots.correlation(names, analysis.covariance),
-                )
+        )
+    if len(analysis.covariance):
+        names = analysis.identifiability.kept
+        parts.append(
+            Plot(
+                "Correlation of the coefficients",
+                "Of the determined coefficients, or combinations, in the full-data solution. "
+                "Condition number of all its columns, scaled: "
+                f"{format_number(analysis.condition, 3)}.",
+                plots.correlation(names, analysis.covariance),
             )
+        )
     if analysis.nuisances or analysis.not_separable:
         parts.append(_nuisances(analysis, dataset))
     if analysis.left_out:
@@ -142,7 +137,7 @@ def _nuisances(analysis: AccelerometerAnalysis, dataset: AccelerometerDataset) -
 
 def _left_out(analysis: AccelerometerAnalysis, dataset: AccelerometerDataset) -> Table:
     rows = []
-    for one in analysis.left_out[:MOST_ROWS]:
+    for one in analysis.left_out:
         left = float(analysis.residual_V[one.row])
         rows.append(
             [
@@ -154,10 +149,9 @@ def _left_out(analysis: AccelerometerAnalysis, dataset: AccelerometerDataset) ->
                 one.reason,
             ]
         )
-    more = len(analysis.left_out) - len(rows)
-    return Table(
+    return first_rows(
         "Rows left out",
-        "Counted from 0." + (f" {more} more are not shown." if more > 0 else ""),
+        "Counted from 0.",
         ["row", "plane", "angle, deg", "field, mT", "output − fit, µV", "why"],
         rows,
     )

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from procedures.estimation.flags import excitation_flags
+from procedures.estimation.flags import excitation_flags, gaps_of
 from station.findings import Estimate, Flag, combination_text
 
 from .dataset import AccelerometerDataset, AnalysisSettings, LeftOut
@@ -96,17 +97,9 @@ def _gap(dataset: AccelerometerDataset, settings: AnalysisSettings) -> list[Flag
         return []
     steps_s = np.diff(dataset.time_s)
     nominal_s = float(np.median(steps_s))
-    gaps = int(np.sum(steps_s > settings.gap * nominal_s))
-    if not gaps:
-        return []
-    longest_s = float(steps_s.max())
     missing = int(np.sum(np.rint(steps_s / nominal_s) - 1.0))
-    gaps_said = (
-        f"The rows have {gaps} gap{'s' if gaps > 1 else ''}, the longest {longest_s:g} s for a "
-        f"nominal interval of {nominal_s:g} s; the solution does not mind."
-    )
-    details = {"count": gaps, "missing_samples": missing, "longest_s": longest_s}
-    return [Flag("gap", gaps_said, details=details)]
+    gaps = replace(gaps_of(dataset.time_s, nominal_s, settings.gap), missing=missing)
+    return gaps.flags("The rows have", nominal_s, "the solution does not mind")
 
 
 def _field(

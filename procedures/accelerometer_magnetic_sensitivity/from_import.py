@@ -8,10 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from station.dataset_reading import MOST_FAULTS, Table, check_ascending, read_table
+from station.dataset_reading import Table, refuse
 from station.fields import StrictModel, Unit
-from station.files.faults import Fault, FaultList, listed, nearest
-from station.files.validation import validate_model
+from station.files.faults import FaultList
 
 from .dataset import AccelerometerDataset
 from .model import PLANES
@@ -43,12 +42,10 @@ class Conditions(StrictModel):
 
 def dataset_of_import(raw: RawDataset) -> AccelerometerDataset:
     """Return the rows of an imported folder; FaultList names file, row and reason."""
-    conditions = validate_model(raw.document, Conditions, at=("conditions",))
+    conditions = raw.conditions(Conditions)
     raw.require_files(("samples",))
-    path = raw.file("samples")
-    table = read_table(path, COLUMNS, (TEMPERATURE,), text=("plane",))
-    check_ascending(path, table, "t_s")
-    _check_planes(table)
+    table = raw.read_table("samples", COLUMNS, (TEMPERATURE,), text=("plane",), rising="t_s")
+    refuse(table.unknown_words("plane", PLANES))
     _check_fields(table)
     plane = np.array([str(name).strip() for name in table["plane"]])
     time_s = np.asarray(table["t_s"], dtype=np.float64)
@@ -89,19 +86,7 @@ def _check_fields(table: Table) -> None:
     if len(wrong):
         row = int(wrong[0])
         what = f"{commanded_T[row]:g} T is no field of a coil; the column is in T"
-        raise FaultList([Fault(str(table.path), table.lines[row], 1, "field_commanded_T", what)])
-
-
-def _check_planes(table: Table) -> None:
-    faults = []
-    for line, name in zip(table.lines, table["plane"], strict=True):
-        plane = str(name).strip()
-        if plane not in PLANES:
-            hint = nearest(plane, PLANES)
-            what = f"there is no plane '{plane}'; there are {listed(PLANES)}"
-            faults.append(Fault(str(table.path), line, 1, "plane", what, hint and f"'{hint}'"))
-    if faults:
-        raise FaultList(faults[:MOST_FAULTS])
+        raise FaultList([table.fault(row, "field_commanded_T", what)])
 
 
 def nominal_angles(theta_deg: Array) -> Array:

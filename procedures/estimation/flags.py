@@ -39,6 +39,11 @@ class Gaps:
             max(self.longest_s, other.longest_s),
         )
 
+    @property
+    def details(self) -> dict[str, object]:
+        """What stands beside the flag of the gaps."""
+        return {"count": self.count, "missing_samples": self.missing, "longest_s": self.longest_s}
+
     def flags(
         self, subject: str, nominal_s: float, consequence: str, axis: str | None = None
     ) -> list[Flag]:
@@ -49,12 +54,7 @@ class Gaps:
             f"{subject} {counted(self.count, 'gap')}, the longest {self.longest_s:g} s for a "
             f"nominal interval of {nominal_s:g} s; {consequence}."
         )
-        details = {
-            "count": self.count,
-            "missing_samples": self.missing,
-            "longest_s": self.longest_s,
-        }
-        return [Flag("gap", gap_said, axis, details)]
+        return [Flag("gap", gap_said, axis, self.details)]
 
 
 def gaps_of(time_s: NDArray[np.float64], nominal_s: float, wider: float) -> Gaps:

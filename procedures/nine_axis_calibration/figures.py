@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -15,7 +14,6 @@ from station.report.drawing import (
     GREY,
     INK,
     ORANGE,
-    STYLE,
     VERMILION,
     label_above,
     new_figure,
@@ -42,36 +40,35 @@ def draw_parts(findings: Findings, document: ResultDocument) -> tuple[Part, ...]
     parts: list[Part] = []
     if analysis.static:
         parts.append(_poses(analysis))
-    with mpl.rc_context(STYLE):
-        if analysis.static:
-            parts.append(
-                Plot(
-                    "Pose check",
-                    "Left: accelerometer means less gravity in the ideal position. Right: what "
-                    "the solution of all gyro means leaves. Red: a position that was refused.",
-                    pose_check(analysis),
-                )
+    if analysis.static:
+        parts.append(
+            Plot(
+                "Pose check",
+                "Left: accelerometer means less gravity in the ideal position. Right: what "
+                "the solution of all gyro means leaves. Red: a position that was refused.",
+                pose_check(analysis),
             )
-            parts.append(
-                Plot(
-                    "Static records and Allan deviation",
-                    "Each gyro at rest, one position after the other. Where the Allan deviation "
-                    "no longer falls, a longer record does not make the bias better. N: angle "
-                    "random walk; B: bias instability where it is more than noise, both of all "
-                    "the longest records.",
-                    static_records(analysis, dataset),
-                )
+        )
+        parts.append(
+            Plot(
+                "Static records and Allan deviation",
+                "Each gyro at rest, one position after the other. Where the Allan deviation "
+                "no longer falls, a longer record does not make the bias better. N: angle "
+                "random walk; B: bias instability where it is more than noise, both of all "
+                "the longest records.",
+                static_records(analysis, dataset),
             )
-        if any(one is not None for one in analysis.axes.values()):
-            parts.append(
-                Plot(
-                    "Scale factor rate by rate",
-                    "K of each rate, true rates from the encoder, less K; bars are 2 u, the band "
-                    "is 2 u of K. Rates that differ by noise alone are weighted, others count "
-                    "alike.",
-                    rate_residuals(analysis),
-                )
+        )
+    if any(one is not None for one in analysis.axes.values()):
+        parts.append(
+            Plot(
+                "Scale factor rate by rate",
+                "K of each rate, true rates from the encoder, less K; bars are 2 u, the band "
+                "is 2 u of K. Rates that differ by noise alone are weighted, others count "
+                "alike.",
+                rate_residuals(analysis),
             )
+        )
     if np.isfinite(analysis.gain).any():
         parts.append(_gain(analysis))
     correction = correction_of(analysis)

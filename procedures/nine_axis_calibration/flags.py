@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from procedures.estimation.flags import Gaps, counted, gaps_of
 from station.findings import Estimate, Flag, Published
 
 from .attitude import BiasSolution
@@ -128,24 +129,18 @@ def _outliers(
 
 
 def _gaps(dataset: NineAxisDataset, settings: AnalysisSettings) -> list[Flag]:
-    gaps, missing, longest_s = 0, 0, 0.0
+    gaps = Gaps()
     for records in (dataset.static, dataset.turns):
         times = [one.time_s for one in records]
         nominal_s = interval_of(times)
-        for time_s in times:
-            steps = np.diff(time_s)
-            wide = steps[steps > settings.gap * nominal_s]
-            gaps += len(wide)
-            missing += int(np.sum(np.rint(wide / nominal_s) - 1.0))
-            longest_s = max(longest_s, float(wide.max())) if len(wide) else longest_s
-    if not gaps:
+        gaps = sum((gaps_of(time_s, nominal_s, settings.gap) for time_s in times), gaps)
+    if not gaps.count:
         return []
     gap_said = (
-        f"The records have {gaps} gap{'s' if gaps > 1 else ''}, the longest {longest_s:g} s, with "
-        f"{missing} samples missing; the means do not mind."
+        f"The records have {counted(gaps.count, 'gap')}, the longest {gaps.longest_s:g} s, with "
+        f"{gaps.missing} samples missing; the means do not mind."
     )
-    details = {"count": gaps, "missing_samples": missing, "longest_s": longest_s}
-    return [Flag("gap", gap_said, None, details)]
+    return [Flag("gap", gap_said, None, gaps.details)]
 
 
 def _rates(axis: int, means: AxisMeans) -> list[Flag]:

@@ -8,10 +8,9 @@ from typing import TYPE_CHECKING, Annotated
 import numpy as np
 from pydantic import Field
 
-from station.dataset_reading import MOST_FAULTS, Table, read_table
+from station.dataset_reading import Table, refuse
 from station.fields import StrictModel, Unit
-from station.files.faults import Fault, FaultList, listed, nearest
-from station.files.validation import validate_model
+from station.files.faults import Fault, listed
 
 from .dataset import AXES, Array, NineAxisDataset, StaticRecord, TurnRecord
 from .encoder import unwrap
@@ -43,10 +42,10 @@ class Conditions(StrictModel):
 
 def dataset_of_import(raw: RawDataset) -> NineAxisDataset:
     """Return the records of an imported folder; FaultList names file, row and reason."""
-    conditions = validate_model(raw.document, Conditions, at=("conditions",))
+    conditions = raw.conditions(Conditions)
     raw.require_files(("static", "rate"))
-    static = read_table(raw.file("static"), STATIC_COLUMNS)
-    rate = read_table(raw.file("rate"), RATE_COLUMNS, (RATE, *ALL_THREE), text=("axis",))
+    static = raw.read_table("static", STATIC_COLUMNS)
+    rate = raw.read_table("rate", RATE_COLUMNS, (RATE, *ALL_THREE), text=("axis",))
     _check_positions(static)
     _check_turns(rate)
     return NineAxisDataset(
@@ -83,8 +82,7 @@ def _turn_records(table: Table) -> Iterator[TurnRecord]:
         record = TurnRecord(axis, commanded, time_s, rate, _numbers(table, ENCODER, rows))
         faults += _against(table, rows.start, record)
         records.append(record)
-    if faults:
-        raise FaultList(faults[:MOST_FAULTS])
+    refuse(faults)
     yield from records
 
 
@@ -100,7 +98,7 @@ def _against(table: Table, row: int, record: TurnRecord) -> Iterator[Fault]:
             f"{record.commanded_deg_per_s:g} deg/s were commanded; angles are positive "
             "counter-clockwise seen from above, as rates are"
         )
-        yield Fault(str(table.path), table.lines[row], 1, ENCODER, what)
+        yield table.fault(row, ENCODER, what)
 
 
 def _numbers(table: Table, column: str, rows: slice) -> Array:
@@ -116,38 +114,29 @@ def _stretches(table: Table, keys: tuple[str, ...]) -> Iterator[slice]:
         changed[1:] |= table[key][1:] != table[key][:-1]
     starts = np.flatnonzero(changed).tolist()
     time_s = np.asarray(table["t_s"], dtype=np.float64)
-    faults = [
-        Fault(
-            str(table.path),
-            table.lines[n],
-            1,
-            "t_s",
-            f"{time_s[n]:.10g} is not after {time_s[n - 1]:.10g} of the row above; times must rise",
-        )
-        for n in (np.flatnonzero(np.diff(time_s) <= 0.0) + 1).tolist()
-        if not changed[n]
-    ]
-    if faults:
-        raise FaultList(faults[:MOST_FAULTS])
+    late = (np.flatnonzero(np.diff(time_s) <= 0.0) + 1).tolist()
+    said = "{:.10g} is not after {:.10g} of the row above; times must rise"
+    refuse(
+        [
+            table.fault(n, "t_s", said.format(time_s[n], time_s[n - 1]))
+            for n in late
+            if not changed[n]
+        ]
+    )
     for start, stop in zip(starts, [*starts[1:], count], strict=True):
         yield slice(start, stop)
 
 
 def _check_positions(table: Table) -> None:
     known = [str(one) for one in ATTITUDES]
-    faults = [
-        Fault(
-            str(table.path),
-            line,
-            1,
-            "position",
-            f"there is no position {value:g}; there are {listed(known)}",
-        )
-        for line, value in zip(table.lines, table["position"], strict=True)
-        if float(value) not in ATTITUDES
-    ]
-    if faults:
-        raise FaultList(faults[:MOST_FAULTS])
+    said = f"there is no position {{:g}}; there are {listed(known)}"
+    refuse(
+        [
+            table.fault(row, "position", said.format(value))
+            for row, value in enumerate(table["position"].tolist())
+            if value not in ATTITUDES
+        ]
+    )
 
 
 def _check_turns(table: Table) -> None:
@@ -159,15 +148,7 @@ def _check_turns(table: Table) -> None:
     elif gyros and len(gyros) < len(ALL_THREE):
         lacking = next(one for one in ALL_THREE if one not in table)
         faults.append(Fault(str(table.path), 1, 1, lacking, "the column is missing"))
-    for line, name, rate in zip(
-        table.lines, table["axis"], table["commanded_deg_per_s"], strict=True
-    ):
-        if str(name) not in AXES:
-            hint = nearest(str(name), AXES)
-            what = f"there is no axis '{name}'; there are {listed(AXES)}"
-            faults.append(Fault(str(table.path), line, 1, "axis", what, hint and f"'{hint}'"))
-        if float(rate) == 0.0:
-            what = "a record at rest determines no scale factor"
-            faults.append(Fault(str(table.path), line, 1, "commanded_deg_per_s", what))
-    if faults:
-        raise FaultList(faults[:MOST_FAULTS])
+    what = "a record at rest determines no scale factor"
+    at_rest = np.flatnonzero(table["commanded_deg_per_s"] == 0.0).tolist()
+    faults += [table.fault(row, "commanded_deg_per_s", what) for row in at_rest]
+    refuse([*faults, *table.unknown_words("axis", AXES)])

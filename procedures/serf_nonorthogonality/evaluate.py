@@ -65,11 +65,13 @@ def bench_inputs(
     """Yield coil constants, sample clock, trigger delay, and the residual field of a run."""
     if dataset.constants_known:
         for coil in AXES:
-            yield from _coil(coil, bench)
+            generator = CHANNELS[coil][0]
+            about = f"coil constant of {coil} ({generator})"
+            yield from bench.stated_input((generator, "scale", 1.0, "1"), f"coil_{coil}", about)
     rate_Hz = parameters.sample_rate_Hz
-    if stated := bench.stated(DIGITIZER, "frequency", rate_Hz, "Hz"):
-        about = "sample clock of the digitizer"
-        yield InputQuantity("sample_clock", about, stated[0] / rate_Hz, "1", stated[1])
+    clock = (DIGITIZER, "frequency", rate_Hz, "Hz")
+    about = "sample clock of the digitizer"
+    yield from bench.stated_input(clock, "sample_clock", about, relative=True)
     yield from _delay(rate_Hz, bench)
     for axis in AXES:
         yield InputQuantity(
@@ -79,13 +81,6 @@ def bench_inputs(
             "nT",
             "nulling.tolerance of the plan",
         )
-
-
-def _coil(coil: str, bench: Bench) -> Iterator[InputQuantity]:
-    generator = CHANNELS[coil][0]
-    if stated := bench.stated(generator, "scale", 1.0, "1"):
-        said = f"coil constant of {coil} ({generator})"
-        yield InputQuantity(f"coil_{coil}", said, stated[0], "1", stated[1])
 
 
 def _delay(rate_Hz: float, bench: Bench) -> Iterator[InputQuantity]:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -18,7 +17,6 @@ from station.report.drawing import (
     GREEN,
     GREY,
     INK,
-    STYLE,
     VERMILION,
     label_above,
     label_outer,
@@ -56,42 +54,41 @@ def draw_parts(findings: Findings, document: ResultDocument) -> tuple[Part, ...]
     if analysis.checks:
         parts.append(_checks(analysis))
     shots = drawn_shots(analysis, dataset)
-    with mpl.rc_context(STYLE):
-        if shots:
-            said = "The fit is a decaying tone with decaying baseline and offset"
-            if analysis.joint is not None:
-                said = "The fit is that of all shots, whose frequency falls as their spins fade"
-            parts += [
-                Plot(
-                    "Shots and their fits",
-                    f"Samples (dots) and fit (line) over the first {DECAYS_SHOWN:g} 1/e "
-                    f"times. {said}; where the field lies between pump and probe the baseline is "
-                    "as large as the tone.",
-                    signals(shots),
-                ),
-                Plot(
-                    "What the fits leave",
-                    "Residuals over the standard deviation of a sample: noise without a shape "
-                    "where the model is right.",
-                    residuals(shots),
-                ),
-                Plot(
-                    "Spectra",
-                    "Amplitude of signal (blue) and residual (green); dashed, the fitted "
-                    "frequency. The highest point of a spectrum is not it: lines are as wide as "
-                    "they fade, and the baseline leaks into them.",
-                    spectra(shots),
-                ),
-            ]
-        if any(shot.used and np.isfinite(shot.misfit) for shot in analysis.shots):
-            parts.append(
-                Plot(
-                    "Shots against the solution",
-                    "Frequency of each shot less that of angles, factors and residual field as "
-                    "solved, over its uncertainty. With as many shots as unknowns all are zero.",
-                    misfit(analysis),
-                )
+    if shots:
+        said = "The fit is a decaying tone with decaying baseline and offset"
+        if analysis.joint is not None:
+            said = "The fit is that of all shots, whose frequency falls as their spins fade"
+        parts += [
+            Plot(
+                "Shots and their fits",
+                f"Samples (dots) and fit (line) over the first {DECAYS_SHOWN:g} 1/e "
+                f"times. {said}; where the field lies between pump and probe the baseline is "
+                "as large as the tone.",
+                signals(shots),
+            ),
+            Plot(
+                "What the fits leave",
+                "Residuals over the standard deviation of a sample: noise without a shape "
+                "where the model is right.",
+                residuals(shots),
+            ),
+            Plot(
+                "Spectra",
+                "Amplitude of signal (blue) and residual (green); dashed, the fitted "
+                "frequency. The highest point of a spectrum is not it: lines are as wide as "
+                "they fade, and the baseline leaks into them.",
+                spectra(shots),
+            ),
+        ]
+    if any(shot.used and np.isfinite(shot.misfit) for shot in analysis.shots):
+        parts.append(
+            Plot(
+                "Shots against the solution",
+                "Frequency of each shot less that of angles, factors and residual field as "
+                "solved, over its uncertainty. With as many shots as unknowns all are zero.",
+                misfit(analysis),
             )
+        )
     return (*parts, _shots(analysis))
 
 

@@ -7,10 +7,9 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import numpy as np
 from pydantic import Field, ValidationInfo, field_validator
 
-from station.dataset_reading import Table, check_ascending, read_table
+from station.dataset_reading import Table
 from station.fields import StrictModel, Unit
-from station.files.faults import Fault, FaultList
-from station.files.validation import validate_model
+from station.files.faults import FaultList
 
 from .dataset import SerfDataset, Shot
 from .shots import GAMMA_HZ_PER_NT, Axis, Wanted, known_spin, not_along_pump, why_without_signal
@@ -91,11 +90,9 @@ class Conditions(StrictModel):
 
 def dataset_of_import(raw: RawDataset) -> SerfDataset:
     """Return the shots of an imported folder; FaultList names file, row and reason."""
-    conditions = validate_model(raw.document, Conditions, at=("conditions",))
+    conditions = raw.conditions(Conditions)
     raw.require_files(("shots",))
-    path = raw.file("shots")
-    table = read_table(path, (TIME, *(shot.id for shot in conditions.shots)))
-    check_ascending(path, table, TIME)
+    table = raw.read_table("shots", (TIME, *(shot.id for shot in conditions.shots)), rising=TIME)
     _check_rate(raw, table, conditions.sample_rate_Hz)
     return SerfDataset(
         shots=[
@@ -116,7 +113,7 @@ def _check_rate(raw: RawDataset, table: Table, rate_Hz: float) -> None:
     """Refuse too few rows, and times that contradict the sample rate."""
     if len(table.lines) < LEAST_SAMPLES:
         what = f"{len(table.lines)} rows are too few for a fit; at least {LEAST_SAMPLES} are needed"
-        raise FaultList([Fault(str(table.path), table.lines[-1], 1, TIME, what)])
+        raise FaultList([table.fault(-1, TIME, what)])
     interval_s = float(np.median(np.diff(table[TIME])))
     if abs(interval_s * rate_Hz - 1.0) > RATE_TOLERANCE:
         what = (
