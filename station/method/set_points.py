@@ -10,15 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import (
-    TYPE_CHECKING,
-    Any,
-    Generic,
-    Protocol,
-    Self,
-    TypedDict,
-    TypeVar,
-)
+from typing import TYPE_CHECKING, Any, Generic, Protocol, Self, TypedDict, TypeVar
 
 from station.errors import InputError
 
@@ -191,7 +183,7 @@ class Envelope:
         for name, (low, high) in asked.items():
             least, most = declared.get(name, (math.inf, -math.inf))
             slack = SLACK * max(abs(low), abs(high))
-            if low < least - slack or high > most + slack:
+            if not (low >= least - slack and high <= most + slack):  # nor one that is no number
                 raise InputError(
                     f"{command.instrument}: a step commands {command.words(bench)}, which is "
                     "beyond what the procedure declares of its work; it is not sent"

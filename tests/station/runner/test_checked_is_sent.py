@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import re
 import sys
 from pathlib import Path
 from typing import Any
@@ -31,6 +32,30 @@ ENERGISING = {
 SUPPLY = "coil_supply.x"
 
 
+ON_THE_WIRE = {
+    r"(?:^|:)(?:LIST:)?CURR ([-+\d.,E]+)": "current_A",
+    r"SOUR\d:VOLT:OFFS ([-+\d.E]+)": "voltage_V",
+    r":Demand:Rate \d,([-+\d.E]+)": "rate_deg_per_s",
+    r":Demand:Position \d,([-+\d.E]+)": "angle_deg",
+}
+"""What sets a quantity, as supplies, generators and tables are told it on their lines."""
+RESOLUTION = 2e-4
+"""In A, V, deg and deg/s: the last digit that is sent, twice."""
+
+
+def on_the_wire(folder: Path) -> dict[tuple[str, str], list[float]]:
+    """Return what a traced run sent, by instrument and quantity; magnitudes but for angles."""
+    found: dict[tuple[str, str], list[float]] = {}
+    for path in sorted(folder.glob("*.txt")):
+        for line in path.read_text(encoding="utf-8").splitlines():
+            for pattern, quantity in ON_THE_WIRE.items():
+                for given in re.findall(pattern, line[16:]) if line[14:15] == ">" else ():
+                    values = [float(one) for one in given.split(",")]
+                    sized = values if quantity == "angle_deg" else [abs(one) for one in values]
+                    found.setdefault((path.stem, quantity), []).extend(sized)
+    return found
+
+
 def bench() -> Bench:
     return read_bench(find(BENCHES, "sim"), registry.names(registry.DRIVERS))
 
@@ -56,7 +81,7 @@ def test_a_run_sends_what_its_procedure_declares_in_order_and_nothing_beyond(
 
     monkeypatch.setattr(Run, "apply", noted)
     plan = read_plan(find(PLANS, name), Procedures(), SHORT_FORMS[name])
-    outcome = execute(Request(plan, bench(), tmp_path, quiet=True, report=False))
+    outcome = execute(Request(plan, bench(), tmp_path, quiet=True, report=False, trace=True))
     assert outcome.exit_code == 0, outcome.error
     procedure = procedure_of(plan.procedure)
     work = list(procedure.work(plan.parameters))
@@ -70,6 +95,11 @@ def test_a_run_sends_what_its_procedure_declares_in_order_and_nothing_beyond(
     assert envelope is not None
     for command in beside:  # such as the alternating field that degausses a coil
         envelope.require(command, bench())
+    for (instrument, quantity), values in on_the_wire(outcome.folder / "trace").items():
+        low, high = envelope.ranges[instrument][quantity]
+        assert low - RESOLUTION <= min(values) <= max(values) <= high + RESOLUTION, instrument
+        if quantity == "current_A":
+            assert max(values) == pytest.approx(high, abs=RESOLUTION), instrument
     folder = RunFolder(outcome.folder)
     assert set(folder.finished_units()) == set(procedure.units(plan.parameters))
     held = procedure.forecast(plan.parameters, bench()).set_points
