@@ -28,6 +28,6 @@ the tests' own on the loopback interface, so a line that is neither `TCPIP::…:
 `socketcand://`, `modbus-tcp://` nor `socket://` is not tried with them.
 
 The package is part of `station`, because it reads benches and opens instruments as a run does. It
-knows no driver: roles come by the entry points of `station.roles`, and a role's Protocol says which
-verbs to look for.
+knows no driver: roles come by the entry points of `station.roles`, a role's Protocol says which
+verbs to look for, and its `start_samples` how a source of samples is started.
 """

@@ -89,6 +89,18 @@ def test_a_room_imports_only_what_it_may(path: Path) -> None:
     assert not broken, f"{importer} may not import {broken}"
 
 
+ROLE_FILES = [path for path in SOURCES if within(module_of(path), "station.roles")]
+
+
+@pytest.mark.parametrize("path", ROLE_FILES, ids=module_of)
+def test_a_role_knows_little_of_the_engine(path: Path) -> None:
+    """Drivers import roles, and may know no more of the engine than this."""
+    known = ("roles", "clock", "errors", "fields", "units", "registry")
+    for name in imports(path, typing_too=False, deep=True):
+        assert not within(name, *ROOMS) or within(name, *(f"station.{one}" for one in known)), name
+        assert not within(name, "numpy", "scipy"), f"{name} is loaded whenever a driver is"
+
+
 def package_of(module: str) -> str:
     """Return the part of the engine that a module belongs to, or its room, or its procedure."""
     parts = module.split(".")
