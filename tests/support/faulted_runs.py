@@ -6,7 +6,7 @@ import json
 from pathlib import Path
 from typing import Any
 
-from test_run_rlg import short_run
+from rlg_runs import short_run
 
 from station.runner.outcome import Outcome
 
