@@ -42,28 +42,22 @@ class NavigatorWorld(Protocol):
     @property
     def version(self) -> int:
         """A number that rises with every change of what the future holds."""
-        ...
 
     @property
     def dut_powered(self) -> bool:
         """Whether the navigator is switched on now."""
-        ...
 
     def align(self, time_s: float, latitude_deg: float) -> None:
         """Begin an alignment."""
-        ...
 
     def aligned(self, time_s: float) -> bool:
         """Return whether the navigator is aligned at a time."""
-        ...
 
     def navigator_attitude(self, times_s: Array) -> Array:
         """Return heading, pitch and roll as the navigator computes them, deg, (times, 3)."""
-        ...
 
     def gyro_temperature_degC(self, times_s: Array) -> Array:
         """Return what the thermometers in the gyros x, y, z read, (times, 3)."""
-        ...
 
 
 class Output(NamedTuple):

@@ -34,21 +34,17 @@ class SensorWorld(Protocol):
     @property
     def version(self) -> int:
         """A number that rises with every change of what the future holds."""
-        ...
 
     @property
     def dut_powered(self) -> bool:
         """Whether the sensor is switched on now."""
-        ...
 
     @property
     def range_deg_per_s(self) -> float:
         """The rate at which a gyro saturates."""
-        ...
 
     def nine_axis_means(self, edges_s: Array) -> Means:
         """Return what the sensor measures between neighbouring times."""
-        ...
 
 
 class Shelf:

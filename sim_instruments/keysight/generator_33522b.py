@@ -85,7 +85,6 @@ class CoilWorld(Protocol):
 
     def drive(self, coil: str, history: VoltageHistory) -> None:
         """Have a coil driven by a voltage, now and in all time."""
-        ...
 
 
 class WordedErrors(ErrorQueue):

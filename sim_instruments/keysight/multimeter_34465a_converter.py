@@ -35,7 +35,6 @@ class AccelerometerWorld(Protocol):
 
     def mean_output_V(self, edges_s: Array) -> Array:
         """Return the mean voltage between neighbouring times, shape (intervals,)."""
-        ...
 
 
 @runtime_checkable
@@ -44,7 +43,6 @@ class Pt100World(Protocol):
 
     def mean_pt100_ohm(self, edges_s: Array) -> Array:
         """Return the mean resistance between neighbouring times, shape (intervals,)."""
-        ...
 
 
 @dataclass

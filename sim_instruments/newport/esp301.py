@@ -15,6 +15,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable
+from functools import partial
 from typing import ClassVar
 
 from sim_instruments.faults.lasting import EmergencyStop, EncoderJump, FollowingError, Stuck
@@ -29,6 +30,19 @@ LONGEST_LINE = 80
 AXES = 3
 DEGREES = 7
 COMMAND = re.compile(r"(\d*)\s*([A-Z]{2})\s*(.*)", re.DOTALL)
+HELD = {
+    "VA": "rate",
+    "VU": "largest_rate",
+    "AC": "acceleration",
+    "AG": "deceleration",
+    "AU": "largest_acceleration",
+    "SL": "low_deg",
+    "SR": "high_deg",
+    "OH": "home_rate",
+    "OL": "home_slow_rate",
+    "SH": "home_deg",
+}
+"""What each query of a setting shows of the axis."""
 Act = Callable[[str], str | None]
 
 
@@ -105,61 +119,50 @@ class NewportEsp301(LineInstrument):
         return self._of_axis[key](parameter)
 
     def _general_commands(self) -> dict[str, Act]:
-        axis = self._axis
         return {
-            "VE?": lambda _: VERSION,
-            "VE": lambda _: VERSION,
-            "TE?": self._take_code,
-            "TE": self._take_code,
-            "TB?": self._take_text,
-            "TB": self._take_text,
-            "ST": done(axis.stop),
-            "AB": done(axis.switch_off),
+            **asked({"VE": lambda _: VERSION, "TE": self._take_code, "TB": self._take_text}),
+            "ST": done(self._axis.stop),
+            "AB": done(self._axis.switch_off),
         }
 
     def _axis_commands(self) -> dict[str, Act]:
         axis = self._axis
         return {
-            "ID?": lambda _: f"{STAGE}, SN{self._serial}",
-            "ID": lambda _: f"{STAGE}, SN{self._serial}",
+            **asked(
+                {
+                    "ID": lambda _: f"{STAGE}, SN{self._serial}",
+                    "TP": lambda _: decimal(axis.position_deg()),
+                    "TV": lambda _: decimal(axis.velocity_deg_per_s()),
+                }
+            ),
+            **{f"{name}?": partial(self._shown, held) for name, held in HELD.items()},
             "MO": done(axis.switch_on),
             "MF": done(axis.switch_off),
             "MO?": lambda _: str(int(axis.motor_on)),
             "MF?": lambda _: str(int(axis.motor_on)),
             "PA": lambda text: axis.move_to(number(text)),
             "PR": lambda text: axis.move_by(number(text)),
-            "TP": lambda _: decimal(axis.position_deg()),
-            "TP?": lambda _: decimal(axis.position_deg()),
             "DP?": lambda _: decimal(axis.desired_deg()),
-            "TV": lambda _: decimal(axis.velocity_deg_per_s()),
-            "TV?": lambda _: decimal(axis.velocity_deg_per_s()),
             "MD?": lambda _: str(int(axis.is_done())),
             "ST": done(axis.stop),
             "OR": self._search_home,
             "DH": lambda text: axis.define_home(number(text or "0")),
             "SN": self._set_unit,
             "SN?": lambda _: str(DEGREES),
-            "VA": self._set_rate,
+            "VA": lambda text: setattr(axis, "rate", self._rate(text)),
             "VU": self._set_largest_rate,
             "AC": self._set_acceleration,
-            "AG": self._set_deceleration,
+            "AG": lambda text: setattr(axis, "deceleration", self._acceleration(text)),
             "AU": self._set_largest_acceleration,
             "SL": self._set_low,
             "SR": self._set_high,
             "OH": lambda text: setattr(axis, "home_rate", self._rate(text)),
             "OL": lambda text: setattr(axis, "home_slow_rate", self._rate(text)),
             "SH": lambda text: setattr(axis, "home_deg", number(text)),
-            "VA?": lambda _: decimal(axis.rate),
-            "VU?": lambda _: decimal(axis.largest_rate),
-            "AC?": lambda _: decimal(axis.acceleration),
-            "AG?": lambda _: decimal(axis.deceleration),
-            "AU?": lambda _: decimal(axis.largest_acceleration),
-            "SL?": lambda _: decimal(axis.low_deg),
-            "SR?": lambda _: decimal(axis.high_deg),
-            "OH?": lambda _: decimal(axis.home_rate),
-            "OL?": lambda _: decimal(axis.home_slow_rate),
-            "SH?": lambda _: decimal(axis.home_deg),
         }
+
+    def _shown(self, held: str, parameter: str) -> str:
+        return decimal(getattr(self._axis, held))
 
     def _take_code(self, parameter: str) -> str:
         code, _ = self._axis.errors.pop(self._clock.now())
@@ -196,9 +199,6 @@ class NewportEsp301(LineInstrument):
             raise EspError(100 * AXIS + 11)
         return value
 
-    def _set_rate(self, text: str) -> None:
-        self._axis.rate = self._rate(text)
-
     def _set_largest_rate(self, text: str) -> None:
         axis, value = self._axis, positive(text)
         self._not_protected(value, axis.stage_rate)
@@ -207,9 +207,6 @@ class NewportEsp301(LineInstrument):
 
     def _set_acceleration(self, text: str) -> None:
         self._axis.acceleration = self._axis.deceleration = self._acceleration(text)
-
-    def _set_deceleration(self, text: str) -> None:
-        self._axis.deceleration = self._acceleration(text)
 
     def _set_largest_acceleration(self, text: str) -> None:
         axis, value = self._axis, positive(text)
@@ -235,6 +232,11 @@ class NewportEsp301(LineInstrument):
         if value <= self._axis.low_deg:
             raise EspError(100 * AXIS + 1)
         self._axis.high_deg = value
+
+
+def asked(queries: dict[str, Act]) -> dict[str, Act]:
+    """Return queries that are the same with a question mark and without."""
+    return {**queries, **{f"{name}?": act for name, act in queries.items()}}
 
 
 def done(act: Callable[[], None]) -> Act:

@@ -109,7 +109,6 @@ class DetectorWorld(Protocol):
 
     def detector_V(self, times_s: Array) -> Array:
         """Return the detector's voltage at each time, same shape."""
-        ...
 
 
 class RedPitaya(ScpiDevice):

@@ -12,6 +12,7 @@ enabled shutter is open.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import ClassVar, Protocol, runtime_checkable
 
 from sim_instruments.faults.lasting import InterlockOpen, LastingFault, StuckOpen
@@ -46,7 +47,6 @@ class PumpWorld(Protocol):
 
     def pump(self, time_s: float, on: bool) -> None:
         """Let the light pass, or block it, from a time on."""
-        ...
 
 
 class ThorlabsSc10(LineInstrument):
@@ -73,6 +73,13 @@ class ThorlabsSc10(LineInstrument):
         self._wire = setting.world.find(TriggerLine) or TriggerLine()
         self._wire.listen(self._move_blade, self._move_blade)
         self._values = dict(AT_POWER_ON)
+        self._commands: dict[str, Callable[[], str | None]] = {
+            "id?": lambda: IDENTITY,
+            "ens?": lambda: str(int(self._enabled)),
+            "closed?": lambda: str(int(self._is_closed(self._clock.now()))),
+            "interlock?": lambda: str(int(self._tripped())),
+            "ens": self._toggle,
+        }
         self._enabled = False
         self._open_since_s: float | None = None
         """From when on the light passes; None for a blade that is, or goes, before it."""
@@ -132,18 +139,8 @@ class ThorlabsSc10(LineInstrument):
         return "\r".join([*parts, ""]).encode("ascii", "replace") + PROMPT
 
     def _carry_out(self, text: str) -> str | None:
-        if text == "id?":
-            return IDENTITY
-        if text == "ens?":
-            return str(int(self._enabled))
-        if text == "closed?":
-            return str(int(self._is_closed(self._clock.now())))
-        if text == "interlock?":
-            return str(int(self._tripped()))
-        if text == "ens":
-            self._enabled = not self._enabled and not self._tripped()
-            self._move_blade(self._clock.now())
-            return None
+        if text in self._commands:
+            return self._commands[text]()
         name, equals, value = text.partition("=")
         if equals and name in RANGES:
             self._set(name, value)
@@ -151,6 +148,10 @@ class ThorlabsSc10(LineInstrument):
         if text.removesuffix("?") in RANGES and text.endswith("?"):
             return str(self._values[text[:-1]])
         raise RefusedCommand("CMD_NOT_DEFINED")
+
+    def _toggle(self) -> None:
+        self._enabled = not self._enabled and not self._tripped()
+        self._move_blade(self._clock.now())
 
     def _set(self, name: str, value: str) -> None:
         low, high = RANGES[name]

@@ -215,11 +215,9 @@ class Gyros(Protocol):
 
     def errors_rad_per_s(self, time_s: Array, rate_rad_per_s: Array) -> Array:
         """Return measured less true rate, noise aside, for true rates along x, y, z, (times, 3)."""
-        ...
 
     def noise_rad(self, time_s: Array) -> Array:
         """Return the integral of the white noise from 0 s to each time, (times, 3)."""
-        ...
 
 
 class Navigator:
