@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from station import registry
-from station.conformance.stand import Stand, standing
+from station.conformance.fixture import Fixture, fixture_of
 from station.errors import StationError
 from station.files.lookup import BENCHES, find
 from station.instruments.bench import Bench, read_bench
@@ -87,30 +87,30 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 
 
 @pytest.fixture
-def stand(request: pytest.FixtureRequest) -> Iterator[Stand]:
+def fixture(request: pytest.FixtureRequest) -> Iterator[Fixture]:
     """Give the instrument under test, not yet opened."""
     bench, name = request.config.stash[UNDER_TEST]
     real = bench.simulation is None
     marked = request.node.get_closest_marker("energises")
     if real and marked and not request.config.getoption("--station-energise"):
         pytest.skip("current would flow on a real bench; give --station-energise to allow it")
-    with standing(bench, name, request.config.getoption("--station-procedure")) as stand:
-        yield stand
+    with fixture_of(bench, name, request.config.getoption("--station-procedure")) as fixture:
+        yield fixture
 
 
 @pytest.fixture
-def role(stand: Stand) -> Role:
+def role(fixture: Fixture) -> Role:
     """Give the role of the instrument under test."""
-    found = roles().get(stand.role)
+    found = roles().get(fixture.role)
     if found is None:
-        pytest.skip(f"no installed package says what a {stand.role} can do")
+        pytest.skip(f"no installed package says what a {fixture.role} can do")
     return found
 
 
 @pytest.fixture
-def instrument(stand: Stand) -> Any:
+def instrument(fixture: Fixture) -> Any:
     """Give the instrument under test, opened."""
-    return stand.open()
+    return fixture.open()
 
 
 # The names by which a test says whom it concerns.

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from station.conformance.stand import Stand
+from station.conformance.fixture import Fixture
 from station.errors import InstrumentError
 
 pytestmark = pytest.mark.energises
@@ -29,41 +29,41 @@ BEYOND_ANY_RATE_HZ = 1e15
 BEYOND_ANY_MEMORY_S = 1e9
 
 
-def fired(stand: Stand, digitizer: Any) -> None:
+def fired(fixture: Fixture, digitizer: Any) -> None:
     """Give a trigger, with its record under way."""
     digitizer.prepare(RATE_HZ, DURATION_S, FULL_SCALE_V)
     digitizer.fire()
 
 
-def record(stand: Stand, digitizer: Any) -> Any:
+def record(fixture: Fixture, digitizer: Any) -> Any:
     """Return the block of the record that was fired."""
-    until_s = stand.clock.now() + RECORD_WITHIN_S
+    until_s = fixture.clock.now() + RECORD_WITHIN_S
     while True:
-        began_s = stand.clock.now()
+        began_s = fixture.clock.now()
         block = digitizer.fetch()
-        assert stand.clock.now() - began_s <= AT_ONCE_S, "fetch waits instead of saying None"
+        assert fixture.clock.now() - began_s <= AT_ONCE_S, "fetch waits instead of saying None"
         if block is not None:
             return block
-        assert stand.clock.now() < until_s, f"no record after {RECORD_WITHIN_S:g} s"
-        stand.clock.sleep(POLL_S)
+        assert fixture.clock.now() < until_s, f"no record after {RECORD_WITHIN_S:g} s"
+        fixture.clock.sleep(POLL_S)
 
 
-def recorded(stand: Stand, digitizer: Any) -> None:
+def recorded(fixture: Fixture, digitizer: Any) -> None:
     """Fetch a record, and leave the trigger as it is."""
-    fired(stand, digitizer)
-    record(stand, digitizer)
+    fired(fixture, digitizer)
+    record(fixture, digitizer)
 
 
-def refused(stand: Stand, digitizer: Any) -> None:
+def refused(fixture: Fixture, digitizer: Any) -> None:
     """Ask for what cannot be, while a trigger stands."""
-    fired(stand, digitizer)
+    fired(fixture, digitizer)
     with pytest.raises(InstrumentError):
         digitizer.prepare(RATE_HZ, DURATION_S, BEYOND_ANY_RANGE_V)
 
 
-STATES: dict[str, Callable[[Stand, Any], None]] = {
-    "just-opened": lambda stand, digitizer: None,
-    "prepared": lambda stand, digitizer: digitizer.prepare(RATE_HZ, DURATION_S, FULL_SCALE_V),
+STATES: dict[str, Callable[[Fixture, Any], None]] = {
+    "just-opened": lambda fixture, digitizer: None,
+    "prepared": lambda fixture, digitizer: digitizer.prepare(RATE_HZ, DURATION_S, FULL_SCALE_V),
     "fired": fired,
     "recorded": recorded,
     "a-request-refused": refused,
@@ -100,12 +100,12 @@ def test_nothing_is_fired_or_fetched_before_it_is_prepared(digitizer: Any) -> No
         digitizer.fetch()
 
 
-def test_each_trigger_brings_one_whole_record(stand: Stand, digitizer: Any) -> None:
+def test_each_trigger_brings_one_whole_record(fixture: Fixture, digitizer: Any) -> None:
     """Equal steps from a little before the trigger to the end of what was asked for, twice."""
     rate_Hz = digitizer.prepare(RATE_HZ, DURATION_S, FULL_SCALE_V)
     for _ in range(2):
         digitizer.fire()
-        block = record(stand, digitizer)
+        block = record(fixture, digitizer)
         digitizer.release()
         assert list(block.columns) == list(digitizer.columns)
         for name, values in block.columns.items():
@@ -116,14 +116,16 @@ def test_each_trigger_brings_one_whole_record(stand: Stand, digitizer: Any) -> N
         assert np.diff(time_s) == pytest.approx(1 / rate_Hz, rel=1e-6)
         assert -EARLIEST_SHARE * DURATION_S <= time_s[0] < 0.0, "it does not begin before zero"
         assert time_s[-1] >= DURATION_S * (1 - 1e-9), "its end is missing"
-        assert (block.arrival_time_s <= stand.clock.now()).all()
+        assert (block.arrival_time_s <= fixture.clock.now()).all()
         with pytest.raises(InstrumentError):
             digitizer.fetch()
 
 
-def test_a_trigger_that_was_not_released_is_not_given_again(stand: Stand, digitizer: Any) -> None:
+def test_a_trigger_that_was_not_released_is_not_given_again(
+    fixture: Fixture, digitizer: Any
+) -> None:
     """An output that is on already has no edge: nothing would start."""
-    recorded(stand, digitizer)
+    recorded(fixture, digitizer)
     with pytest.raises(InstrumentError):
         digitizer.fire()
     digitizer.release()
@@ -132,18 +134,18 @@ def test_a_trigger_that_was_not_released_is_not_given_again(stand: Stand, digiti
 
 @pytest.mark.parametrize("state", STATES)
 def test_its_trigger_output_comes_to_rest_from_any_state(
-    stand: Stand, digitizer: Any, state: str
+    fixture: Fixture, digitizer: Any, state: str
 ) -> None:
     """`make_safe` takes it back before its deadline, and reading back says so."""
-    STATES[state](stand, digitizer)
-    deadline_s = stand.clock.now() + stand.within_s
+    STATES[state](fixture, digitizer)
+    deadline_s = fixture.clock.now() + fixture.within_s
     digitizer.make_safe(deadline_s)
-    assert stand.clock.now() <= deadline_s
+    assert fixture.clock.now() <= deadline_s
     reading = digitizer.read_safety()
     assert reading.safe, reading.read_back
 
 
-def test_a_trigger_that_stands_reads_back_as_unsafe(stand: Stand, digitizer: Any) -> None:
+def test_a_trigger_that_stands_reads_back_as_unsafe(fixture: Fixture, digitizer: Any) -> None:
     """Nothing is assumed from what was commanded."""
-    fired(stand, digitizer)
+    fired(fixture, digitizer)
     assert not digitizer.read_safety().safe

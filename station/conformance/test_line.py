@@ -9,8 +9,8 @@ from typing import Any
 
 import pytest
 
-from station.conformance.hostile import HostileServer, closed_port, is_can, moved_to
-from station.conformance.stand import Stand
+from station.conformance.faulty_server import FaultyServer, closed_port, is_can, moved_to
+from station.conformance.fixture import Fixture
 from station.driver_checks import settings_of
 from station.errors import InstrumentError
 from station.fields import StrictModel
@@ -45,27 +45,27 @@ def hang_up(data: bytes) -> None:
     """Close the connection in place of an answer."""
 
 
-def need_port(stand: Stand) -> None:
+def need_port(fixture: Fixture) -> None:
     """Skip a test that has to take the instrument's place on the wire."""
-    if not stand.address:
+    if not fixture.address:
         pytest.skip("it has no line")
-    if moved_to(stand.address, 1) is None:
-        pytest.skip(f"the tests cannot take the place of {stand.address}")
+    if moved_to(fixture.address, 1) is None:
+        pytest.skip(f"the tests cannot take the place of {fixture.address}")
 
 
-def error_of(stand: Stand, port: int) -> InstrumentError:
+def error_of(fixture: Fixture, port: int) -> InstrumentError:
     """Return the error of opening and identifying an instrument at a port; it must be a clear one.
 
     Clear is one sentence: instrument, what was attempted, what came back, what to do now.
     """
-    began_s = stand.clock.now()
+    began_s = fixture.clock.now()
     with pytest.raises(InstrumentError) as raised:
-        stand.open(port=port).identify()
-    took_s = stand.clock.now() - began_s
+        fixture.open(port=port).identify()
+    took_s = fixture.clock.now() - began_s
     assert took_s <= ANSWERS_WITHIN_S, f"the error came after {took_s:.3g} s"
     error, text = raised.value, str(raised.value)
     what, _, do_now = text.rpartition("; ")
-    assert error.instrument == stand.name, "the error names another instrument"
+    assert error.instrument == fixture.name, "the error names another instrument"
     assert len(what.split(": ")) >= 3, f"what was attempted, and what came back? {text}"
     assert do_now.strip(), f"what should the operator do? {text}"
     assert "\n" not in text, f"more than a sentence: {text}"
@@ -77,37 +77,37 @@ def no_thread_left() -> Iterator[None]:
     """Prove that what is done inside leaves no thread behind."""
     before = set(threading.enumerate())
     yield
-    started = [one for one in set(threading.enumerate()) - before if "hostile" not in one.name]
+    started = [one for one in set(threading.enumerate()) - before if "faulty" not in one.name]
     for thread in started:
         thread.join(2.0)
     left = [thread.name for thread in started if thread.is_alive()]
     assert not left, f"threads go on after close(): {left}"
 
 
-def test_it_has_the_verbs_of_its_role(stand: Stand, role: Role, instrument: Any) -> None:
+def test_it_has_the_verbs_of_its_role(fixture: Fixture, role: Role, instrument: Any) -> None:
     """A step finds every verb and attribute of the role it asks for."""
     assert not list(role.missing_verbs(instrument))
     assert not role.missing_attributes(instrument)
 
 
-def test_it_declares_its_settings_and_what_it_reads(stand: Stand, instrument: Any) -> None:
+def test_it_declares_its_settings_and_what_it_reads(fixture: Fixture, instrument: Any) -> None:
     """A bench file is held against that before anything is energised."""
     declared = getattr(instrument, "Settings", StrictModel)
     assert settings_of(instrument) is declared, "its Settings is no model"
     assert issubclass(declared, StrictModel), "its Settings takes keys that it does not know"
-    unknown = set(getattr(instrument, "quantities", {})) - set(quantities_of(stand.name))
+    unknown = set(getattr(instrument, "quantities", {})) - set(quantities_of(fixture.name))
     assert not unknown, f"an interlock on its role cannot name {', '.join(sorted(unknown))}"
     for quantity, read in getattr(instrument, "quantities", {}).items():
         assert callable(read), f"nothing reads {quantity}"
 
 
-def test_it_says_who_is_there(stand: Stand, instrument: Any) -> None:
+def test_it_says_who_is_there(fixture: Fixture, instrument: Any) -> None:
     """The serial number is what proves that the right unit is connected."""
     identity = instrument.identify()
-    if stand.address:
+    if fixture.address:
         assert identity.serial, "the identity holds no serial number"
         assert identity.model, "the identity holds no model"
-    expected = stand.bench.instruments[stand.name].serial
+    expected = fixture.bench.instruments[fixture.name].serial
     assert not expected or identity.serial == expected
     assert instrument.identify() == identity, "asked twice it is somebody else"
 
@@ -119,56 +119,62 @@ def test_closing_twice_does_no_harm(instrument: Any) -> None:
     instrument.close()
 
 
-def test_a_closed_port_is_told_clearly(stand: Stand) -> None:
+def test_a_closed_port_is_told_clearly(fixture: Fixture) -> None:
     """Nobody listens: the instrument is off, or the address is wrong."""
-    need_port(stand)
+    need_port(fixture)
     with no_thread_left():
-        error_of(stand, closed_port())
-        stand.close()
+        error_of(fixture, closed_port())
+        fixture.close()
 
 
 @pytest.mark.parametrize("greets", [True, False], ids=["silent", "silent-from-the-start"])
-def test_silence_is_told_clearly_and_in_time(stand: Stand, greets: bool) -> None:
+def test_silence_is_told_clearly_and_in_time(fixture: Fixture, greets: bool) -> None:
     """The connection stands and no answer ever comes."""
-    need_port(stand)
-    can = is_can(stand.address)
-    server = HostileServer(stand.clock, silent, can=can, greets=greets)
+    need_port(fixture)
+    can = is_can(fixture.address)
+    server = FaultyServer(fixture.clock, silent, can=can, greets=greets)
     with server, no_thread_left():
-        error_of(stand, server.port)
-        stand.close()
+        error_of(fixture, server.port)
+        fixture.close()
 
 
-def test_a_partner_that_hangs_up_is_told_clearly(stand: Stand) -> None:
+def test_a_partner_that_hangs_up_is_told_clearly(fixture: Fixture) -> None:
     """The connection is closed in the middle of an exchange."""
-    need_port(stand)
-    with HostileServer(stand.clock, hang_up, can=is_can(stand.address)) as server, no_thread_left():
-        error_of(stand, server.port)
-        stand.close()
+    need_port(fixture)
+    with (
+        FaultyServer(fixture.clock, hang_up, can=is_can(fixture.address)) as server,
+        no_thread_left(),
+    ):
+        error_of(fixture, server.port)
+        fixture.close()
 
 
 @pytest.mark.parametrize("kind", [*dict.fromkeys([*NONSENSE, *NONSENSE_ON_CAN])])
-def test_nonsense_is_told_clearly(stand: Stand, kind: str) -> None:
+def test_nonsense_is_told_clearly(fixture: Fixture, kind: str) -> None:
     """Whatever comes back, an answer that is none never becomes an identity."""
-    need_port(stand)
-    known = NONSENSE_ON_CAN if is_can(stand.address) else NONSENSE
+    need_port(fixture)
+    known = NONSENSE_ON_CAN if is_can(fixture.address) else NONSENSE
     if kind not in known:
         pytest.skip("not on this kind of line")
     answer: Callable[[bytes], bytes] = lambda data: known[kind]  # noqa: E731
-    with HostileServer(stand.clock, answer, can=is_can(stand.address)) as server, no_thread_left():
-        error_of(stand, server.port)
-        stand.close()
+    with (
+        FaultyServer(fixture.clock, answer, can=is_can(fixture.address)) as server,
+        no_thread_left(),
+    ):
+        error_of(fixture, server.port)
+        fixture.close()
 
 
 @pytest.mark.parametrize("where", ["ahead", "before", "behind", "after"])
 def test_a_line_that_nobody_asked_for_is_no_answer(
-    stand: Stand, instrument: Any, where: str
+    fixture: Fixture, instrument: Any, where: str
 ) -> None:
     """One stray line makes nobody else of the instrument, nor does it stay on the line."""
     known = instrument.identify()
-    if not stand.stray(where, "0"):
+    if not fixture.stray(where, "0"):
         pytest.skip("its simulator sends no stray lines")
     for _ in range(3):
         with suppress(InstrumentError):
             assert instrument.identify() == known, "a stray line is taken for its identity"
-        stand.clock.sleep(SETTLES_S)
+        fixture.clock.sleep(SETTLES_S)
     assert instrument.identify() == known, "the line does not come into step again"

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from station.conformance.stand import Stand
+from station.conformance.fixture import Fixture
 from station.errors import InstrumentError
 
 LARGEST_V = 1.0
@@ -22,21 +22,21 @@ OVERLOAD = 1e30
 COLDEST_DEGC, HOTTEST_DEGC = -273.15, 1000.0
 
 
-def burst(stand: Stand, meter: Any, readings: int) -> Any:
+def burst(fixture: Fixture, meter: Any, readings: int) -> Any:
     """Start a burst and return its block."""
-    until_s = stand.clock.now() + BURST_WITHIN_S
+    until_s = fixture.clock.now() + BURST_WITHIN_S
     meter.start(readings)
     while True:
-        began_s = stand.clock.now()
+        began_s = fixture.clock.now()
         block = meter.fetch()
-        assert stand.clock.now() - began_s <= AT_ONCE_S, "fetch waits instead of saying None"
+        assert fixture.clock.now() - began_s <= AT_ONCE_S, "fetch waits instead of saying None"
         if block is not None:
             return block
-        assert stand.clock.now() < until_s, f"no burst of {readings} after {BURST_WITHIN_S:g} s"
-        stand.clock.sleep(POLL_S)
+        assert fixture.clock.now() < until_s, f"no burst of {readings} after {BURST_WITHIN_S:g} s"
+        fixture.clock.sleep(POLL_S)
 
 
-def check_columns(stand: Stand, meter: Any, block: Any, readings: int) -> None:
+def check_columns(fixture: Fixture, meter: Any, block: Any, readings: int) -> None:
     """Names, units and lengths agree, and nothing arrives in the future."""
     assert list(block.columns) == list(meter.columns)
     assert len(block) == readings
@@ -45,7 +45,7 @@ def check_columns(stand: Stand, meter: Any, block: Any, readings: int) -> None:
         assert values.shape == (readings,), name
         assert values.dtype.kind in "iuf", f"{name} holds no numbers"
         assert np.isfinite(values).all(), name
-    assert (block.arrival_time_s <= stand.clock.now()).all()
+    assert (block.arrival_time_s <= fixture.clock.now()).all()
 
 
 def test_the_range_holds_what_was_asked_for(multimeter: Any) -> None:
@@ -62,32 +62,32 @@ def test_a_voltage_beyond_every_range_is_refused(multimeter: Any) -> None:
         multimeter.configure(BEYOND_ANY_RANGE_V, CYCLES)
 
 
-def test_a_burst_of_volts_comes_once_and_whole(stand: Stand, multimeter: Any) -> None:
+def test_a_burst_of_volts_comes_once_and_whole(fixture: Fixture, multimeter: Any) -> None:
     """Start returns at once; the burst has every reading, and marks those beyond the range."""
     multimeter.configure(LARGEST_V, CYCLES)
-    began_s = stand.clock.now()
+    began_s = fixture.clock.now()
     multimeter.start(READINGS)
-    assert stand.clock.now() - began_s <= AT_ONCE_S, "start waits for the burst"
-    block = burst(stand, multimeter, READINGS)
-    check_columns(stand, multimeter, block, READINGS)
+    assert fixture.clock.now() - began_s <= AT_ONCE_S, "start waits for the burst"
+    block = burst(fixture, multimeter, READINGS)
+    check_columns(fixture, multimeter, block, READINGS)
     assert block.columns["reading"].tolist() == list(range(READINGS))
     beyond = np.abs(block.columns["voltage_V"]) > OVERLOAD
     assert (block.columns["overload"] == beyond).all()
 
 
-def test_another_burst_forgets_the_one_before(stand: Stand, multimeter: Any) -> None:
+def test_another_burst_forgets_the_one_before(fixture: Fixture, multimeter: Any) -> None:
     """What was started and never fetched is no part of what is started next."""
     multimeter.configure(LARGEST_V, CYCLES)
     multimeter.start(10 * READINGS)
-    assert len(burst(stand, multimeter, READINGS)) == READINGS
-    assert len(burst(stand, multimeter, 1)) == 1
+    assert len(burst(fixture, multimeter, READINGS)) == READINGS
+    assert len(burst(fixture, multimeter, 1)) == 1
 
 
-def test_a_burst_of_degrees_comes_once_and_whole(stand: Stand, thermometer: Any) -> None:
+def test_a_burst_of_degrees_comes_once_and_whole(fixture: Fixture, thermometer: Any) -> None:
     """The device's temperature is one, its resistance belongs to it, and bursts do not mix."""
     for readings in (READINGS, 1):
-        block = burst(stand, thermometer, readings)
-        check_columns(stand, thermometer, block, readings)
+        block = burst(fixture, thermometer, readings)
+        check_columns(fixture, thermometer, block, readings)
         temperature_degC = block.columns["temperature_degC"]
         assert (temperature_degC > COLDEST_DEGC).all()
         assert (temperature_degC < HOTTEST_DEGC).all()

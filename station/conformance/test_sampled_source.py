@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from station.conformance.stand import Stand
+from station.conformance.fixture import Fixture
 from station.method.work import POLL_S
 from station.record.raw import ARRIVAL
 from station.roles.role import role
@@ -20,20 +20,20 @@ LARGEST_GAP = 1.5
 """In sample intervals; what the analysis calls a gap."""
 
 
-def start(stand: Stand, source: Any) -> None:
+def start(fixture: Fixture, source: Any) -> None:
     """Start a source as its role does."""
-    declared = role(stand.role)
+    declared = role(fixture.role)
     if declared is None or declared.start_samples is None:
-        pytest.skip(f"the role {stand.role} does not say how its samples are started")
+        pytest.skip(f"the role {fixture.role} does not say how its samples are started")
     declared.start_samples(source)
 
 
-def record(stand: Stand, source: Any, seconds: float) -> NDArray[Any]:
+def record(fixture: Fixture, source: Any, seconds: float) -> NDArray[Any]:
     """Drain a source as an acquisition does; return its rows, shape (rows,)."""
-    until_s = stand.clock.now() + seconds
+    until_s = fixture.clock.now() + seconds
     blocks = []
-    while stand.clock.now() < until_s:
-        stand.clock.sleep(POLL_S)
+    while fixture.clock.now() < until_s:
+        fixture.clock.sleep(POLL_S)
         blocks.append(to_rows(source.drain()))
     return np.concatenate(blocks)
 
@@ -53,12 +53,12 @@ def steps_of(source: Any, rows: NDArray[Any]) -> dict[str, NDArray[Any]]:
     return steps
 
 
-def test_it_delivers_the_columns_it_describes(stand: Stand, sampled_source: Any) -> None:
+def test_it_delivers_the_columns_it_describes(fixture: Fixture, sampled_source: Any) -> None:
     """Names, units and lengths agree, and no row arrives before the one before it."""
-    start(stand, sampled_source)
+    start(fixture, sampled_source)
     block = None
     for _ in range(10):
-        stand.clock.sleep(POLL_S)
+        fixture.clock.sleep(POLL_S)
         block = sampled_source.drain()
         if len(block):
             break
@@ -74,14 +74,14 @@ def test_it_delivers_the_columns_it_describes(stand: Stand, sampled_source: Any)
         assert meaning.strip(), f"{name}: unit and meaning are missing"
     arrival_s = block.arrival_time_s
     assert (np.diff(arrival_s) >= 0).all()
-    assert arrival_s[-1] <= stand.clock.now()
+    assert arrival_s[-1] <= fixture.clock.now()
 
 
-def test_nothing_is_lost_in_a_minute(stand: Stand, sampled_source: Any) -> None:
+def test_nothing_is_lost_in_a_minute(fixture: Fixture, sampled_source: Any) -> None:
     """Its own counter or time stamps ascend in equal steps, from the first row to the last."""
-    start(stand, sampled_source)
+    start(fixture, sampled_source)
     sampled_source.drain()
-    rows = record(stand, sampled_source, RECORDED_S)
+    rows = record(fixture, sampled_source, RECORDED_S)
     assert len(rows) > 1
     assert (np.diff(rows[ARRIVAL]) >= 0).all()
     steps = steps_of(sampled_source, rows)
@@ -91,23 +91,23 @@ def test_nothing_is_lost_in_a_minute(stand: Stand, sampled_source: Any) -> None:
         assert (differences < LARGEST_GAP).all(), f"{name} leaves samples out"
 
 
-def test_it_can_be_started_again(stand: Stand, sampled_source: Any) -> None:
+def test_it_can_be_started_again(fixture: Fixture, sampled_source: Any) -> None:
     """A second start forgets what the first one left."""
     for _ in range(2):
-        start(stand, sampled_source)
-        rows = record(stand, sampled_source, 5.0)
+        start(fixture, sampled_source)
+        rows = record(fixture, sampled_source, 5.0)
         for name, differences in steps_of(sampled_source, rows).items():
             assert (differences > 0).all(), f"{name} does not ascend after another start"
 
 
-def test_it_is_quiet_once_stopped(stand: Stand, sampled_source: Any) -> None:
+def test_it_is_quiet_once_stopped(fixture: Fixture, sampled_source: Any) -> None:
     """What came before the stop can be drained; nothing comes after it."""
     if not hasattr(sampled_source, "stop"):
         pytest.skip("its role knows no stop")
-    start(stand, sampled_source)
-    stand.clock.sleep(QUIET_S)
+    start(fixture, sampled_source)
+    fixture.clock.sleep(QUIET_S)
     sampled_source.stop()
     assert len(sampled_source.drain()), "what came before the stop is lost"
-    stand.clock.sleep(QUIET_S)
+    fixture.clock.sleep(QUIET_S)
     assert not len(sampled_source.drain()), "samples come after the stop"
     sampled_source.stop()

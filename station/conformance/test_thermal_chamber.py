@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from station.conformance.stand import Stand
+from station.conformance.fixture import Fixture
 from station.errors import InstrumentError
 
 pytestmark = pytest.mark.energises
@@ -23,49 +23,49 @@ BEYOND_ANY_RATING_DEGC = 5000.0
 COOLS_WITHIN_S = 3600.0
 
 
-def inward(stand: Stand, here_degC: float, by_K: float = RAMP_K) -> float:
+def inward(fixture: Fixture, here_degC: float, by_K: float = RAMP_K) -> float:
     """Return a temperature that is `by_K` from another, on the side where the bench allows more."""
-    middle = (stand.limits["temperature_low"] + stand.limits["temperature_high"]) / 2
+    middle = (fixture.limits["temperature_low"] + fixture.limits["temperature_high"]) / 2
     return here_degC + (by_K if here_degC < middle else -by_K)
 
 
-def on(stand: Stand, chamber: Any) -> None:
+def on(fixture: Fixture, chamber: Any) -> None:
     """Let the chamber hold the temperature it has."""
     chamber.programme_limits()
     chamber.switch_on()
 
 
-def ramping(stand: Stand, chamber: Any) -> None:
+def ramping(fixture: Fixture, chamber: Any) -> None:
     """Let the chamber be in the middle of a ramp."""
-    on(stand, chamber)
-    chamber.ramp_to(inward(stand, chamber.set_point_degC()), RATE_K_PER_MIN)
-    stand.clock.sleep(LOOK_S)
+    on(fixture, chamber)
+    chamber.ramp_to(inward(fixture, chamber.set_point_degC()), RATE_K_PER_MIN)
+    fixture.clock.sleep(LOOK_S)
     assert chamber.is_ramping()
 
 
-def holding(stand: Stand, chamber: Any) -> None:
+def holding(fixture: Fixture, chamber: Any) -> None:
     """Let the chamber hold where a ramp was ended."""
-    ramping(stand, chamber)
+    ramping(fixture, chamber)
     chamber.hold()
 
 
-def going(stand: Stand, chamber: Any) -> None:
+def going(fixture: Fixture, chamber: Any) -> None:
     """Let the chamber go to a temperature as fast as it can."""
-    on(stand, chamber)
-    chamber.set_temperature(inward(stand, chamber.set_point_degC(), 10.0))
-    stand.clock.sleep(LOOK_S)
+    on(fixture, chamber)
+    chamber.set_temperature(inward(fixture, chamber.set_point_degC(), 10.0))
+    fixture.clock.sleep(LOOK_S)
 
 
-def refused(stand: Stand, chamber: Any) -> None:
+def refused(fixture: Fixture, chamber: Any) -> None:
     """Ask for a temperature that the bench forbids, on a ramp."""
-    ramping(stand, chamber)
+    ramping(fixture, chamber)
     with pytest.raises(InstrumentError):
-        chamber.set_temperature(stand.limits["temperature_high"] + 1.0)
+        chamber.set_temperature(fixture.limits["temperature_high"] + 1.0)
 
 
-STATES: dict[str, Callable[[Stand, Any], None]] = {
-    "just-opened": lambda stand, chamber: None,
-    "limits-programmed": lambda stand, chamber: chamber.programme_limits(),
+STATES: dict[str, Callable[[Fixture, Any], None]] = {
+    "just-opened": lambda fixture, chamber: None,
+    "limits-programmed": lambda fixture, chamber: chamber.programme_limits(),
     "on": on,
     "ramping": ramping,
     "holding": holding,
@@ -74,36 +74,36 @@ STATES: dict[str, Callable[[Stand, Any], None]] = {
 }
 
 
-def test_the_limits_go_into_the_controller(stand: Stand, thermal_chamber: Any) -> None:
+def test_the_limits_go_into_the_controller(fixture: Fixture, thermal_chamber: Any) -> None:
     """The controller's own limits hold when the program does not, and nothing is on by then."""
     thermal_chamber.identify()
-    assert stand.heard, "the driver tells its place's `trace` nothing"
-    stand.heard.clear()
+    assert fixture.heard, "the driver tells its place's `trace` nothing"
+    fixture.heard.clear()
     thermal_chamber.programme_limits()
-    sent = [data for _, direction, data in stand.heard if direction == ">"]
+    sent = [data for _, direction, data in fixture.heard if direction == ">"]
     assert sent, "programme_limits sends nothing"
     assert thermal_chamber.read_safety().safe
 
 
 @pytest.mark.parametrize("limit", ["temperature_low", "temperature_high"])
 def test_a_limit_beyond_the_rating_is_refused(
-    stand: Stand, thermal_chamber: Any, limit: str
+    fixture: Fixture, thermal_chamber: Any, limit: str
 ) -> None:
     """A bench file that allows more than the chamber can do is wrong."""
     thermal_chamber.close()  # some controllers take one client at a time
     sign = 1 if limit.endswith("high") else -1
-    chamber = stand.open(limits={**stand.limits, limit: sign * BEYOND_ANY_RATING_DEGC})
+    chamber = fixture.open(limits={**fixture.limits, limit: sign * BEYOND_ANY_RATING_DEGC})
     with pytest.raises(InstrumentError):
         chamber.programme_limits()
 
 
-def test_a_temperature_beyond_the_limits_is_refused(stand: Stand, thermal_chamber: Any) -> None:
+def test_a_temperature_beyond_the_limits_is_refused(fixture: Fixture, thermal_chamber: Any) -> None:
     """Gone to or ramped to: what the bench file forbids is not tried."""
-    on(stand, thermal_chamber)
+    on(fixture, thermal_chamber)
     before_degC = thermal_chamber.set_point_degC()
     for beyond in (
-        stand.limits["temperature_low"] - 0.5,
-        stand.limits["temperature_high"] + 0.5,
+        fixture.limits["temperature_low"] - 0.5,
+        fixture.limits["temperature_high"] + 0.5,
         float("nan"),
     ):
         for verb, *rate in (
@@ -112,104 +112,108 @@ def test_a_temperature_beyond_the_limits_is_refused(stand: Stand, thermal_chambe
         ):
             with pytest.raises(InstrumentError) as raised:
                 verb(beyond, *rate)
-            assert raised.value.instrument == stand.name
+            assert raised.value.instrument == fixture.name
     assert not thermal_chamber.is_ramping()
     assert abs(thermal_chamber.set_point_degC() - before_degC) <= AGREES_K
 
 
 @pytest.mark.parametrize("rate", [0.0, -RATE_K_PER_MIN, float("nan"), float("inf")])
-def test_a_ramp_without_a_rate_is_refused(stand: Stand, thermal_chamber: Any, rate: float) -> None:
+def test_a_ramp_without_a_rate_is_refused(
+    fixture: Fixture, thermal_chamber: Any, rate: float
+) -> None:
     """A ramp that never ends, or takes no time, is none."""
-    on(stand, thermal_chamber)
-    target_degC = inward(stand, thermal_chamber.set_point_degC())
+    on(fixture, thermal_chamber)
+    target_degC = inward(fixture, thermal_chamber.set_point_degC())
     with pytest.raises(InstrumentError):
         thermal_chamber.ramp_to(target_degC, rate)
     assert not thermal_chamber.is_ramping()
 
 
-def test_nothing_is_gone_to_while_the_control_is_off(stand: Stand, thermal_chamber: Any) -> None:
+def test_nothing_is_gone_to_while_the_control_is_off(
+    fixture: Fixture, thermal_chamber: Any
+) -> None:
     """A set-point that nobody controls to would be waited for in vain."""
     thermal_chamber.programme_limits()
-    target_degC = inward(stand, thermal_chamber.temperature_degC())
+    target_degC = inward(fixture, thermal_chamber.temperature_degC())
     with pytest.raises(InstrumentError):
         thermal_chamber.set_temperature(target_degC)
     with pytest.raises(InstrumentError):
         thermal_chamber.ramp_to(target_degC, RATE_K_PER_MIN)
 
 
-def test_it_is_switched_on_where_it_stands(stand: Stand, thermal_chamber: Any) -> None:
+def test_it_is_switched_on_where_it_stands(fixture: Fixture, thermal_chamber: Any) -> None:
     """Switching on moves the temperature of the device nowhere."""
     thermal_chamber.programme_limits()
     air_degC = thermal_chamber.temperature_degC()
     thermal_chamber.switch_on()
-    if stand.limits["temperature_low"] <= air_degC <= stand.limits["temperature_high"]:
+    if fixture.limits["temperature_low"] <= air_degC <= fixture.limits["temperature_high"]:
         assert abs(thermal_chamber.set_point_degC() - air_degC) <= 1.0
     assert not thermal_chamber.is_ramping()
     assert not thermal_chamber.read_safety().safe
 
 
-def test_a_ramp_is_even_and_ends_at_its_target(stand: Stand, thermal_chamber: Any) -> None:
+def test_a_ramp_is_even_and_ends_at_its_target(fixture: Fixture, thermal_chamber: Any) -> None:
     """Looked at now and then, the set-point is where its rate has brought it."""
-    on(stand, thermal_chamber)
+    on(fixture, thermal_chamber)
     start_degC = thermal_chamber.set_point_degC()
-    target_degC = inward(stand, start_degC)
-    began_s = stand.clock.now()
+    target_degC = inward(fixture, start_degC)
+    began_s = fixture.clock.now()
     thermal_chamber.ramp_to(target_degC, RATE_K_PER_MIN)
-    assert stand.clock.now() - began_s <= 5.0, "ramp_to waits for the end of the ramp"
-    seen = [(stand.clock.now(), start_degC)]
+    assert fixture.clock.now() - began_s <= 5.0, "ramp_to waits for the end of the ramp"
+    seen = [(fixture.clock.now(), start_degC)]
     while thermal_chamber.is_ramping():
-        assert stand.clock.now() - began_s < 2 * 60 * RAMP_K / RATE_K_PER_MIN, "it never ends"
-        stand.clock.sleep(LOOK_S)
-        seen.append((stand.clock.now(), thermal_chamber.set_point_degC()))
+        assert fixture.clock.now() - began_s < 2 * 60 * RAMP_K / RATE_K_PER_MIN, "it never ends"
+        fixture.clock.sleep(LOOK_S)
+        seen.append((fixture.clock.now(), thermal_chamber.set_point_degC()))
     assert abs(thermal_chamber.set_point_degC() - target_degC) <= AGREES_K
-    took_s = stand.clock.now() - began_s
+    took_s = fixture.clock.now() - began_s
     assert abs(took_s - 60 * RAMP_K / RATE_K_PER_MIN) <= 2 * LOOK_S
     for (before_s, before_degC), (after_s, after_degC) in pairwise(seen):
         most_K = RATE_K_PER_MIN / 60 * (after_s - before_s) + 2 * AGREES_K
         assert abs(after_degC - before_degC) <= most_K, "the set-point jumps"
 
 
-def test_the_air_follows_the_set_point(stand: Stand, thermal_chamber: Any) -> None:
+def test_the_air_follows_the_set_point(fixture: Fixture, thermal_chamber: Any) -> None:
     """What is set is what comes, in the time that a chamber takes."""
-    on(stand, thermal_chamber)
-    target_degC = inward(stand, thermal_chamber.set_point_degC(), 5.0)
+    on(fixture, thermal_chamber)
+    target_degC = inward(fixture, thermal_chamber.set_point_degC(), 5.0)
     thermal_chamber.set_temperature(target_degC)
-    until_s = stand.clock.now() + COOLS_WITHIN_S
+    until_s = fixture.clock.now() + COOLS_WITHIN_S
     while abs(thermal_chamber.temperature_degC() - target_degC) > NEAR_K:
-        assert stand.clock.now() < until_s, "the temperature does not come near its set-point"
-        stand.clock.sleep(LOOK_S)
+        assert fixture.clock.now() < until_s, "the temperature does not come near its set-point"
+        fixture.clock.sleep(LOOK_S)
     assert abs(thermal_chamber.set_point_degC() - target_degC) <= AGREES_K
 
 
-def test_a_ramp_that_is_held_stays(stand: Stand, thermal_chamber: Any) -> None:
+def test_a_ramp_that_is_held_stays(fixture: Fixture, thermal_chamber: Any) -> None:
     """In the middle of a ramp, and twice."""
-    ramping(stand, thermal_chamber)
+    ramping(fixture, thermal_chamber)
     for _ in range(2):
         thermal_chamber.hold()
         held_degC = thermal_chamber.set_point_degC()
-        stand.clock.sleep(STAYS_S)
+        fixture.clock.sleep(STAYS_S)
         assert not thermal_chamber.is_ramping()
         assert abs(thermal_chamber.set_point_degC() - held_degC) <= AGREES_K
 
 
 @pytest.mark.parametrize("state", STATES)
-def test_it_is_off_from_any_state(stand: Stand, thermal_chamber: Any, state: str) -> None:
+def test_it_is_off_from_any_state(fixture: Fixture, thermal_chamber: Any, state: str) -> None:
     """`make_safe` switches heater and compressor off before its deadline and can prove it."""
-    STATES[state](stand, thermal_chamber)
-    deadline_s = stand.clock.now() + stand.within_s
+    STATES[state](fixture, thermal_chamber)
+    deadline_s = fixture.clock.now() + fixture.within_s
     thermal_chamber.make_safe(deadline_s)
-    assert stand.clock.now() <= deadline_s, "it came to rest after its deadline"
+    assert fixture.clock.now() <= deadline_s, "it came to rest after its deadline"
     reading = thermal_chamber.read_safety()
     assert reading.safe, reading.read_back
-    stand.clock.sleep(STAYS_S)
+    fixture.clock.sleep(STAYS_S)
     thermal_chamber.temperature_degC()
     assert thermal_chamber.read_safety().safe, "a look switches it on again"
 
 
 @pytest.mark.parametrize("state", ["on", "ramping"])
 def test_a_chamber_that_controls_reads_back_as_unsafe(
-    stand: Stand, thermal_chamber: Any, state: str
+    fixture: Fixture, thermal_chamber: Any, state: str
 ) -> None:
     """Nothing is assumed from what was commanded."""
-    STATES[state](stand, thermal_chamber)
+    STATES[state](fixture, thermal_chamber)
     assert not thermal_chamber.read_safety().safe

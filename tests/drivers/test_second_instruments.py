@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
-from navigator_stand import bitwise_crc
+from navigator_fixture import bitwise_crc
 from plan_runs import run_of, shipped_bench, shipped_plan
 
 from drivers.generic.serial_pulse_board import IDENTITY, OUTPUT, frame, split
@@ -23,7 +23,7 @@ from drivers.kepco.bop_1kw import KepcoBop1kW
 from sim_instruments.wire.frames import crc32
 from station import registry
 from station.cli.validating import read_plan_for
-from station.conformance.stand import Stand, standing
+from station.conformance.fixture import Fixture, fixture_of
 from station.errors import InstrumentError
 from station.files.faults import FaultList
 from station.instruments.bench import read_bench
@@ -36,44 +36,44 @@ PROCEDURE = "rlg-magnetic-sensitivity"
 @contextmanager
 def stood(
     folder: Path, name: str, *faults: dict[str, Any], **gyro: str
-) -> Iterator[tuple[Stand, Any]]:
+) -> Iterator[tuple[Fixture, Any]]:
     """Put an instrument of the alternate bench on the stand, with faults and another gyro."""
     data = shipped_bench("sim-alternate")
     data["simulation"]["faults"] = [{"instrument": name, **one} for one in faults]
     data["simulation"]["gyro"] |= gyro
     path = folder / "bench.yaml"
     path.write_text(yaml.safe_dump(data), encoding="utf-8")
-    with standing(read_bench(path, registry.names(registry.DRIVERS)), name, PROCEDURE) as stand:
-        yield stand, stand.open()
+    with fixture_of(read_bench(path, registry.names(registry.DRIVERS)), name, PROCEDURE) as fixture:
+        yield fixture, fixture.open()
 
 
-def recorded(stand: Stand, source: Any, seconds: float) -> dict[str, np.ndarray]:
+def recorded(fixture: Fixture, source: Any, seconds: float) -> dict[str, np.ndarray]:
     """Return the columns of a source that is drained as an acquisition does."""
-    until_s, blocks = stand.clock.now() + seconds, []
-    while stand.clock.now() < until_s:
-        stand.clock.sleep(POLL_S)
+    until_s, blocks = fixture.clock.now() + seconds, []
+    while fixture.clock.now() < until_s:
+        fixture.clock.sleep(POLL_S)
         blocks.append(source.drain().columns)
     return {name: np.concatenate([one[name] for one in blocks]) for name in source.columns}
 
 
 def test_the_probe_is_turned_once_and_only_its_axis_has_readings(tmp_path: Path) -> None:
-    with stood(tmp_path, "gaussmeter") as (stand, meter):
+    with stood(tmp_path, "gaussmeter") as (fixture, meter):
         meter.turn_to("y")
         meter.turn_to("y")
-        assert stand.asked == ["turn-probe-y"]
+        assert fixture.asked == ["turn-probe-y"]
         meter.start(1.5)
-        rows = recorded(stand, meter, 5.0)
+        rows = recorded(fixture, meter, 5.0)
         assert np.isfinite(rows["y_T"]).all()
         assert np.isnan(rows["x_T"]).all() and np.isnan(rows["z_T"]).all()
         assert rows["y_T"] * 1e3 == pytest.approx(-0.004, abs=0.01)  # the ambient field
 
 
 def test_the_gaussmeter_is_left_alone_for_30_ms_after_each_line(tmp_path: Path) -> None:
-    with stood(tmp_path, "gaussmeter") as (stand, meter):
+    with stood(tmp_path, "gaussmeter") as (fixture, meter):
         meter.start(1.5)
         meter.drain()
-        times_s = [time_s for time_s, direction, _ in stand.heard if direction in "<>"]
-        sent_s = [time_s for time_s, direction, _ in stand.heard if direction == ">"]
+        times_s = [time_s for time_s, direction, _ in fixture.heard if direction in "<>"]
+        sent_s = [time_s for time_s, direction, _ in fixture.heard if direction == ">"]
         assert len(sent_s) > 8
         for one_s in sent_s[1:]:
             assert one_s - max(time_s for time_s in times_s if time_s < one_s) > 0.0299
@@ -90,9 +90,9 @@ def test_an_answer_of_before_is_told_and_so_is_a_turned_knob(tmp_path: Path) -> 
 
 
 def test_a_reading_beyond_the_range_is_marked(tmp_path: Path) -> None:
-    with stood(tmp_path, "gaussmeter", {"fault": "overload", "at": "2 s"}) as (stand, meter):
+    with stood(tmp_path, "gaussmeter", {"fault": "overload", "at": "2 s"}) as (fixture, meter):
         meter.start(1.5)
-        rows = recorded(stand, meter, 5.0)
+        rows = recorded(fixture, meter, 5.0)
         assert rows["state"].tolist() == [0.0, 1.0, 1.0, 1.0, 1.0]
         assert meter.read_quantity("field") == np.inf
 
@@ -107,15 +107,15 @@ def test_a_supply_of_the_1_kw_family_is_told_from_a_card() -> None:
 
 def test_a_sine_left_at_any_moment_ends_without_a_step(tmp_path: Path) -> None:
     """The list is left near a zero, whatever FIX does there; what remains is ramped."""
-    with stood(tmp_path, "coil_supply.x") as (stand, supply):
+    with stood(tmp_path, "coil_supply.x") as (fixture, supply):
         for wait_s in (0.4, 3.1):
             supply.programme_limits()
             assert supply.load_sine(0.1, 5.0) == 0.1
             supply.start_sine()
-            stand.clock.sleep(wait_s)
+            fixture.clock.sleep(wait_s)
             supply.stop()
             assert supply.read_safety().safe
-        coil = stand.simulation.simulation_report()["coils"]["x"]
+        coil = fixture.simulation.simulation_report()["coils"]["x"]
         assert coil["largest_current_A"] > 1.0
         assert coil["largest_slew_A_per_s"] * coil["time_constant_s"] < 0.25
 
@@ -148,9 +148,9 @@ def test_datagrams_are_found_among_bytes_that_are_none() -> None:
 def test_counts_go_on_beyond_their_24_bits_and_say_how_long_they_were_on_their_way(
     tmp_path: Path,
 ) -> None:
-    with stood(tmp_path, "gyro_acquisition", pulse_weight="0.00001 arcsec") as (stand, board):
+    with stood(tmp_path, "gyro_acquisition", pulse_weight="0.00001 arcsec") as (fixture, board):
         board.start(0.1, 1)
-        rows = recorded(stand, board, 60.0)
+        rows = recorded(fixture, board, 60.0)
         steps = np.diff(rows["counts"].astype(np.int64))
         assert abs(int(rows["counts"][-1])) > 2**24
         assert np.abs(steps - np.median(steps)).max() < 0.4 * abs(np.median(steps))
@@ -161,17 +161,17 @@ def test_counts_go_on_beyond_their_24_bits_and_say_how_long_they_were_on_their_w
 def test_a_silent_board_leaves_a_gap_in_the_sequence(seconds: int, tmp_path: Path) -> None:
     """Also one that is longer than a round of the counter of 8 bits."""
     fault = {"fault": "silent", "at": "10 s", "for": f"{seconds} s"}
-    with stood(tmp_path, "gyro_acquisition", fault) as (stand, board):
+    with stood(tmp_path, "gyro_acquisition", fault) as (fixture, board):
         board.start(0.1, 1)
-        steps = np.diff(recorded(stand, board, 60.0)["sequence"].astype(int))
+        steps = np.diff(recorded(fixture, board, 60.0)["sequence"].astype(int))
         assert sorted(set(steps.tolist())) == [1, 10 * seconds + 1]
 
 
 def test_a_gyro_that_goes_dark_is_told_by_its_samples(tmp_path: Path) -> None:
-    with stood(tmp_path, "gyro_acquisition", {"fault": "dark", "at": "5 s"}) as (stand, board):
+    with stood(tmp_path, "gyro_acquisition", {"fault": "dark", "at": "5 s"}) as (fixture, board):
         board.start(0.1, 1)
         with pytest.raises(InstrumentError, match="record channel 1: the board sees no lit gyro"):
-            recorded(stand, board, 10.0)
+            recorded(fixture, board, 10.0)
 
 
 def test_the_same_plan_runs_on_both_benches_and_recovers_the_truth(tmp_path: Path) -> None:

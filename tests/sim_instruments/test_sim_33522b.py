@@ -6,9 +6,9 @@ from collections.abc import Iterator
 
 import numpy as np
 import pytest
-from generator_stand import LATENCY_S, Room, Stand, standing
+from fixture import EmptyRoom
+from generator_fixture import LATENCY_S, Fixture, Room, standing
 from sim_bench import Line
-from stand import EmptyRoom
 
 from sim_instruments.truth import SimulationError
 from sim_instruments.world.base import TriggerLine
@@ -18,14 +18,14 @@ CLEAN = '+0,"No error"'
 
 
 @pytest.fixture
-def stand() -> Iterator[Stand]:
-    with standing() as stand:
-        yield stand
+def fixture() -> Iterator[Fixture]:
+    with standing() as fixture:
+        yield fixture
 
 
 @pytest.fixture
-def line(stand: Stand) -> Iterator[Line]:
-    with stand.line() as line:
+def line(fixture: Fixture) -> Iterator[Line]:
+    with fixture.line() as line:
         yield line
 
 
@@ -82,32 +82,34 @@ def test_it_says_who_it_is_and_starts_at_50_ohm_with_outputs_off(line: Line) -> 
     assert line.ask("OUTP:LOAD INF;LOAD?") == "+9.9000000000000E+37"
 
 
-def test_what_is_programmed_for_50_ohm_is_doubled_at_an_open_end(stand: Stand, line: Line) -> None:
+def test_what_is_programmed_for_50_ohm_is_doubled_at_an_open_end(
+    fixture: Fixture, line: Line
+) -> None:
     quiet(line, "SOUR1:FUNC DC;:SOUR1:VOLT:OFFS 1.5;:OUTP1 ON")
     quiet(line, "OUTP2:LOAD INF;:SOUR2:FUNC DC;:SOUR2:VOLT:OFFS 1.5;:OUTP2 ON")
-    now_s = stand.clock.now()
-    assert stand.room.volts("x", now_s) == [3.0]
-    assert stand.room.volts("y", now_s) == [1.5]
+    now_s = fixture.clock.now()
+    assert fixture.room.volts("x", now_s) == [3.0]
+    assert fixture.room.volts("y", now_s) == [1.5]
     # The setting changes what is shown, not what comes out.
     assert float(line.ask("OUTP1:LOAD INF;:SOUR1:VOLT:OFFS?")) == 3.0
-    assert stand.room.volts("x", stand.clock.now()) == [3.0]
-    stand.clock.sleep(1.0)
+    assert fixture.room.volts("x", fixture.clock.now()) == [3.0]
+    fixture.clock.sleep(1.0)
     quiet(line, "OUTP1 OFF")
-    assert stand.room.volts("x", now_s, stand.clock.now()) == [3.0, 0.0]
+    assert fixture.room.volts("x", now_s, fixture.clock.now()) == [3.0, 0.0]
 
 
 def test_each_channel_has_errors_of_its_own() -> None:
     with (
-        standing(gain_error={1: "1 %", 2: "-1 %"}, offset={1: "3 mV", 2: "-1 mV"}) as stand,
-        stand.line() as line,
+        standing(gain_error={1: "1 %", 2: "-1 %"}, offset={1: "3 mV", 2: "-1 mV"}) as fixture,
+        fixture.line() as line,
     ):
         quiet(line, "OUTP1:LOAD INF;:OUTP2:LOAD INF;:SOUR1:FUNC DC;:SOUR2:FUNC DC")
         quiet(line, "SOUR1:VOLT:OFFS 2;:SOUR2:VOLT:OFFS 2;:OUTP1 ON")
-        now_s = stand.clock.now()
-        assert stand.room.volts("x", now_s) == pytest.approx([2.023])
-        assert stand.room.volts("y", now_s) == [0.0]  # off is off
+        now_s = fixture.clock.now()
+        assert fixture.room.volts("x", now_s) == pytest.approx([2.023])
+        assert fixture.room.volts("y", now_s) == [0.0]  # off is off
         quiet(line, "OUTP2 ON")
-        assert stand.room.volts("y", stand.clock.now()) == pytest.approx([1.979])
+        assert fixture.room.volts("y", fixture.clock.now()) == pytest.approx([1.979])
 
 
 @pytest.mark.parametrize(
@@ -186,76 +188,78 @@ PULSE = (
 )
 
 
-def test_a_burst_waits_low_and_plays_once_for_each_edge(stand: Stand, line: Line) -> None:
+def test_a_burst_waits_low_and_plays_once_for_each_edge(fixture: Fixture, line: Line) -> None:
     quiet(line, PULSE.format(1))
     quiet(line, PULSE.format(2) + ";:OUTP2:POL INV")
-    at_s = stand.rise()
-    assert at_s == stand.clock.now()
+    at_s = fixture.rise()
+    assert at_s == fixture.clock.now()
     around_s = [at_s, at_s + 0.5 * LATENCY_S, at_s + 2 * LATENCY_S, at_s + 0.19, at_s + 0.21]
-    assert stand.room.volts("x", *around_s) == [1.0, 1.0, 3.0, 3.0, 1.0]
-    assert stand.room.volts("y", *around_s) == [3.0, 3.0, 1.0, 1.0, 3.0]
-    edges_s = stand.room.coils["x"].breakpoints(at_s, at_s + 10.0)
+    assert fixture.room.volts("x", *around_s) == [1.0, 1.0, 3.0, 3.0, 1.0]
+    assert fixture.room.volts("y", *around_s) == [3.0, 3.0, 1.0, 1.0, 3.0]
+    edges_s = fixture.room.coils["x"].breakpoints(at_s, at_s + 10.0)
     assert edges_s - at_s == pytest.approx([LATENCY_S, 0.2 + LATENCY_S], abs=1e-12)
-    stand.clock.sleep(0.5)
-    stand.room.trigger.fall(stand.clock.now())
-    stand.rise()  # before the period of the first one is over
-    assert stand.room.volts("x", stand.clock.now() + 0.1) == [1.0]
-    stand.clock.sleep(1.0)
-    stand.room.trigger.fall(stand.clock.now())
-    assert stand.room.volts("x", stand.rise() + 0.1) == [3.0]
+    fixture.clock.sleep(0.5)
+    fixture.room.trigger.fall(fixture.clock.now())
+    fixture.rise()  # before the period of the first one is over
+    assert fixture.room.volts("x", fixture.clock.now() + 0.1) == [1.0]
+    fixture.clock.sleep(1.0)
+    fixture.room.trigger.fall(fixture.clock.now())
+    assert fixture.room.volts("x", fixture.rise() + 0.1) == [3.0]
 
 
-def test_an_output_that_is_off_is_not_switched_on_by_a_trigger(stand: Stand, line: Line) -> None:
+def test_an_output_that_is_off_is_not_switched_on_by_a_trigger(
+    fixture: Fixture, line: Line
+) -> None:
     quiet(line, PULSE.format(1) + ";:OUTP1 OFF")
-    assert stand.room.volts("x", stand.rise() + 0.1) == [0.0]
+    assert fixture.room.volts("x", fixture.rise() + 0.1) == [0.0]
 
 
-def test_two_channels_start_together_by_a_bus_trigger(stand: Stand, line: Line) -> None:
+def test_two_channels_start_together_by_a_bus_trigger(fixture: Fixture, line: Line) -> None:
     for channel in (1, 2):
         quiet(line, PULSE.format(channel) + f";:TRIG{channel}:SOUR BUS")
-    stand.rise()
-    assert stand.room.volts("x", stand.clock.now() + 0.1) == [1.0]
+    fixture.rise()
+    assert fixture.room.volts("x", fixture.clock.now() + 0.1) == [1.0]
     quiet(line, "*TRG")
-    at_s = stand.clock.now()
-    assert stand.room.volts("x", at_s + 0.1) == stand.room.volts("y", at_s + 0.1) == [3.0]
+    at_s = fixture.clock.now()
+    assert fixture.room.volts("x", at_s + 0.1) == fixture.room.volts("y", at_s + 0.1) == [3.0]
 
 
-def test_what_is_changed_in_the_middle_of_a_burst_ends_it(stand: Stand, line: Line) -> None:
+def test_what_is_changed_in_the_middle_of_a_burst_ends_it(fixture: Fixture, line: Line) -> None:
     quiet(line, PULSE.format(1))
-    at_s = stand.rise()
-    stand.clock.sleep(0.1)
+    at_s = fixture.rise()
+    fixture.clock.sleep(0.1)
     quiet(line, "SOUR1:BURS:STAT OFF;:SOUR1:FUNC DC;:SOUR1:VOLT:OFFS 0.5")
-    volts = stand.room.volts("x", at_s + 0.05, at_s + 0.11, at_s + 0.3)
+    volts = fixture.room.volts("x", at_s + 0.05, at_s + 0.11, at_s + 0.3)
     assert volts == [3.0, 0.5, 0.5]
 
 
-def test_an_arbitrary_waveform_is_played_point_by_point(stand: Stand, line: Line) -> None:
+def test_an_arbitrary_waveform_is_played_point_by_point(fixture: Fixture, line: Line) -> None:
     quiet(line, "OUTP1:LOAD INF;:VOLT:HIGH 2;LOW -2;:DATA:ARB steps,-1,-1,-1,0,0,0.5,1,-1")
     quiet(line, "FUNC:ARB steps;:FUNC:ARB:SRAT 10;:FUNC ARB;:BURS:STAT ON;:TRIG:SOUR EXT;:OUTP ON")
-    at_s = stand.rise() + LATENCY_S
+    at_s = fixture.rise() + LATENCY_S
     times_s = at_s + 0.05 + 0.1 * np.arange(9)
-    assert stand.room.volts("x", *times_s) == [-2, -2, -2, 0, 0, 1, 2, -2, -2]
+    assert fixture.room.volts("x", *times_s) == [-2, -2, -2, 0, 0, 1, 2, -2, -2]
 
 
-def test_a_waveform_that_runs_reaches_the_coil_with_its_mean(stand: Stand, line: Line) -> None:
+def test_a_waveform_that_runs_reaches_the_coil_with_its_mean(fixture: Fixture, line: Line) -> None:
     quiet(line, "OUTP1:LOAD INF;:FUNC SQU;:VOLT:HIGH 2;LOW 1;:OUTP ON")
-    assert stand.room.volts("x", stand.clock.now()) == pytest.approx([1.5])
+    assert fixture.room.volts("x", fixture.clock.now()) == pytest.approx([1.5])
     quiet(line, "FUNC PULS;:FUNC:PULS:PER 1;WIDT 0.25")
-    assert stand.room.volts("x", stand.clock.now()) == pytest.approx([1.25])
+    assert fixture.room.volts("x", fixture.clock.now()) == pytest.approx([1.25])
 
 
-def test_a_reset_switches_off_and_forgets(stand: Stand, line: Line) -> None:
+def test_a_reset_switches_off_and_forgets(fixture: Fixture, line: Line) -> None:
     quiet(line, PULSE.format(1) + ";*RST")
     assert line.ask("OUTP1?;:FUNC?;:BURS:STAT?;:TRIG1:SOUR?;:VOLT?") == (
         "0;SIN;0;IMM;+1.0000000000000E-01"
     )
-    assert stand.room.volts("x", stand.clock.now()) == [0.0]
+    assert fixture.room.volts("x", fixture.clock.now()) == [0.0]
 
 
 def test_it_serves_where_there_is_nothing_to_drive() -> None:
-    with standing(room=EmptyRoom()) as stand, stand.line() as line:
+    with standing(room=EmptyRoom()) as fixture, fixture.line() as line:
         quiet(line, PULSE.format(1))
-        assert stand.simulator.energised()
+        assert fixture.simulator.energised()
 
 
 def test_a_coil_that_no_world_has_is_told() -> None:
@@ -267,6 +271,6 @@ def test_a_coil_that_no_world_has_is_told() -> None:
 def test_keys_that_came_by_json_are_numbers_still() -> None:
     keys = {key: {"1": "0 V", "2": "0 V"} for key in ("offset",)}
     keys |= {"gain_error": {"1": "0 %", "2": "0 %"}, "coils": {"1": "y", "2": "none"}}
-    with standing(**keys) as stand:
-        assert list(stand.room.coils) == ["y"]
-        assert isinstance(stand.room, Room)
+    with standing(**keys) as fixture:
+        assert list(fixture.room.coils) == ["y"]
+        assert isinstance(fixture.room, Room)

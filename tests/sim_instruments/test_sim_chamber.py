@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from fog_stand import BENCH, fog_world
+from fog_fixture import BENCH, fog_world
 
 from sim_instruments.truth import Truth
 from sim_instruments.world.chamber import Chamber

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from fog_stand import (
+from fog_fixture import (
     AXES,
     BENCH,
     INNER,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from fog_stand import (
+from fog_fixture import (
     AXES,
     BENCH,
     EARTH_DEG_PER_S,

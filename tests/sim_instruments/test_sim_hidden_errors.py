@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 from fault_truths import TRUTHS
-from fog_stand import BENCH
-from keysight_stand import standing
+from fog_fixture import BENCH
+from keysight_fixture import standing
 from plan_runs import run_of, shipped_bench, shipped_plan
 from stage_bench import stage_bench
 
@@ -175,8 +175,8 @@ def test_the_stage_graduation_comes_back_every_turn() -> None:
 def test_the_voltmeter_bows_between_the_ends_of_its_range() -> None:
     for volts, off in ((0.0, 20e-6), (0.5, 15e-6), (1.0, 0.0)):
         with (
-            standing(volts=volts, noise="0 ppm", linearity="20 ppm") as stand,
-            stand.line() as line,
+            standing(volts=volts, noise="0 ppm", linearity="20 ppm") as fixture,
+            fixture.line() as line,
         ):
             reading = float(line.ask("MEAS:VOLT:DC? 1"))
         assert reading - volts == pytest.approx(off, abs=1e-7)

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from fog_stand import BENCH, EARTH_DEG_PER_S, IDEAL, INNER, LATITUDE_DEG, MIDDLE, OUTER
+from fog_fixture import BENCH, EARTH_DEG_PER_S, IDEAL, INNER, LATITUDE_DEG, MIDDLE, OUTER
 
 from procedures.nine_axis_calibration.pose import ATTITUDES
 from procedures.nine_axis_calibration.work import POSES_DEG, UP_DEG

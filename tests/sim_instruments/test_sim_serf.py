@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 import pytest
-from cell_stand import GAMMA, SHOTS, R, Stand, across, turned
+from cell_fixture import GAMMA, SHOTS, Fixture, R, across, turned
 from scipy.integrate import solve_ivp
 
 from sim_instruments.world.serf_cell import slowing_down
@@ -36,10 +36,10 @@ def test_the_slowing_down_factor_falls_from_unpolarised_to_polarised(
 
 @pytest.mark.parametrize("spin", ["3/2", "5/2", "7/2"])
 def test_the_phase_follows_the_logarithm_of_the_polarisation(spin: str) -> None:
-    stand = Stand(cell__nuclear_spin=spin, pump__rate="360 Hz")
-    stand.shoot(5.0, (50.0, 0.0, 0.0))
+    fixture = Fixture(cell__nuclear_spin=spin, pump__rate="360 Hz")
+    fixture.shoot(5.0, (50.0, 0.0, 0.0))
     times = 5.000001 + np.arange(1000) * 1e-4
-    spins = stand.spins(times)
+    spins = fixture.spins(times)
     size = np.linalg.norm(spins, axis=1)
     assert size[0] == pytest.approx(0.6, abs=1e-4)
     phase = turned(spins, np.array([1.0, 0.0, 0.0]))
@@ -52,10 +52,10 @@ def test_the_phase_follows_the_logarithm_of_the_polarisation(spin: str) -> None:
 
 
 def test_a_positive_field_along_x_turns_spins_from_z_to_minus_y() -> None:
-    stand = Stand()
-    stand.shoot(5.0, (50.0, 0.0, 0.0))
-    assert stand.seen(5.0002)[0] < -0.01
-    assert stand.spins(5.0002)[0] == pytest.approx([0.0, -0.0284, 0.0969], abs=2e-3)
+    fixture = Fixture()
+    fixture.shoot(5.0, (50.0, 0.0, 0.0))
+    assert fixture.seen(5.0002)[0] < -0.01
+    assert fixture.spins(5.0002)[0] == pytest.approx([0.0, -0.0284, 0.0969], abs=2e-3)
 
 
 @pytest.mark.parametrize(
@@ -72,17 +72,17 @@ def test_a_positive_field_along_x_turns_spins_from_z_to_minus_y() -> None:
 def test_the_swing_is_that_of_both_angles_and_a_baseline_decays_beside_it(
     shot: tuple[int, int, int], swing: float
 ) -> None:
-    stand = Stand()
-    stand.shoot(5.0, 50.0 * np.array(shot))
+    fixture = Fixture()
+    fixture.shoot(5.0, 50.0 * np.array(shot))
     times = 5.00001 + np.arange(1000) * 1e-4
-    size = np.linalg.norm(stand.spins(times), axis=1)
+    size = np.linalg.norm(fixture.spins(times), axis=1)
     phase = GAMMA * 50.0 * np.linalg.norm(shot) / R * np.log(size[0] / size)
     design = np.column_stack([np.cos(phase), np.sin(phase), np.ones(1000)])
-    fit, *_ = np.linalg.lstsq(design, stand.seen(times) / size, rcond=None)
+    fit, *_ = np.linalg.lstsq(design, fixture.seen(times) / size, rcond=None)
     along = np.array(shot) / np.linalg.norm(shot)
     assert np.hypot(*fit[:2]) == pytest.approx(swing, abs=1e-6)
     assert fit[2] == pytest.approx(along[1] * along[2], abs=1e-6)
-    np.testing.assert_allclose(design @ fit, stand.seen(times) / size, atol=1e-6)
+    np.testing.assert_allclose(design @ fit, fixture.seen(times) / size, atol=1e-6)
 
 
 @pytest.mark.parametrize(
@@ -92,12 +92,12 @@ def test_spin_exchange_pulls_and_broadens_as_two_coupled_levels_do(
     spin: str, q: float, levels: int
 ) -> None:
     exchange, field = 5e5, 200.0
-    stand = Stand(
+    fixture = Fixture(
         cell__nuclear_spin=spin, cell__exchange_rate=f"{exchange} Hz", pump__rate="0.24 Hz"
     )
-    stand.shoot(100.0, (field, 0.0, 0.0))
+    fixture.shoot(100.0, (field, 0.0, 0.0))
     times = 100.001 + np.linspace(0.0, 0.02, 201)
-    spins = stand.spins(times)
+    spins = fixture.spins(times)
     rate = np.polyfit(times, turned(spins, np.array([1.0, 0, 0])), 1)[0]
     fades = -np.polyfit(times, np.log(across(spins, np.array([1.0, 0, 0]))), 1)[0]
     # Two levels that precess in opposite senses and share their spins at spin temperature.
@@ -114,13 +114,13 @@ def test_spin_exchange_pulls_and_broadens_as_two_coupled_levels_do(
 
 
 def test_a_whole_shot_is_that_of_the_vector_equation_integrated_in_the_laboratory() -> None:
-    stand = Stand(ideal=False, pump__leak="3 %", detector__noise="0 V", gyro_was_running=True)
-    world = stand.world
+    fixture = Fixture(ideal=False, pump__leak="3 %", detector__noise="0 V", gyro_was_running=True)
+    world = fixture.world
     for prompt in world.preparations:
         world.act(prompt, 0.0)
-    stand.field(20.0, (1.0, 2.0, -0.5))
+    fixture.field(20.0, (1.0, 2.0, -0.5))
     start = 30.0
-    stand.shoot(start, (40.0, -50.0, 30.0))
+    fixture.shoot(start, (40.0, -50.0, 30.0))
     times = start + np.arange(1000) * 1e-4
     cell, field_now = world.cell, world.trajectory.field_nT
     q_scale = 1 + 1e-3 * 0.1 * np.sin(2 * np.pi * start / 1200)
@@ -141,17 +141,17 @@ def test_a_whole_shot_is_that_of_the_vector_equation_integrated_in_the_laborator
         turn = w * (1 + pull) * np.cross(n, p) - broad * (p - n * (n @ p))
         return turn + (pumping * (cell.pump_axis - p) - R * p) / q
 
-    first = stand.spins(start)[0]
+    first = fixture.spins(start)[0]
     options = {"rtol": 1e-9, "atol": 1e-12, "max_step": 1e-4}
     done = solve_ivp(slope, (0, 0.02), first, "DOP853", t_eval=times[:200] - start, **options)
     assert np.linalg.norm(first) == pytest.approx(0.1, rel=0.5)
-    np.testing.assert_allclose(stand.spins(times)[:200], done.y.T, atol=1e-6)
+    np.testing.assert_allclose(fixture.spins(times)[:200], done.y.T, atol=1e-6)
 
 
 def test_the_residual_field_moves_the_frequencies_as_the_expansion_says() -> None:
     angles, residual = (91.2, 88.9, 90.6), np.array([1.0, -0.6, 0.8])
     factors = 1 + np.array([1.0, -0.5, 0.8]) / 100
-    stand = Stand(
+    fixture = Fixture(
         pump__rate="0.024 Hz",
         coils__angles=dict(zip(("xy", "xz", "yz"), (f"{a} deg" for a in angles), strict=True)),
         **{
@@ -164,10 +164,10 @@ def test_the_residual_field_moves_the_frequencies_as_the_expansion_says() -> Non
     squares = {}
     for k, shot in enumerate(SHOTS):
         start = 100.0 + 2.0 * k
-        stand.shoot(start, 50.0 * np.array(shot))
+        fixture.shoot(start, 50.0 * np.array(shot))
         times = start + 1e-4 + np.arange(200) * 1e-4
         field = (50.0 * np.array(shot) * factors) @ u + residual
-        angle = turned(stand.spins(times), field)
+        angle = turned(fixture.spins(times), field)
         squares[shot] = (angle[-1] / (times[-1] - times[0])) ** 2
     a, rho = GAMMA / 6 * 50.0 * factors, GAMMA / 6 * residual
     for shot, square in squares.items():
@@ -182,28 +182,28 @@ def test_the_residual_field_moves_the_frequencies_as_the_expansion_says() -> Non
 
 
 def test_with_the_pump_on_the_detector_shows_the_steady_state_of_the_bloch_equation() -> None:
-    stand = Stand()
+    fixture = Fixture()
     for k, field in enumerate(
         [(0.0, 0.0, 0.0), (0.5, 0.0, 0.0), (2.0, -1.0, 0.7), (0.0, 3.0, 3.0)]
     ):
-        stand.field(10.0 * k + 1.0, field)
+        fixture.field(10.0 * k + 1.0, field)
         bx, by, bz = GAMMA * np.array(field)
         turn = np.array([[0.0, -bz, by], [bz, 0.0, -bx], [-by, bx, 0.0]])
         steady = np.linalg.solve((R + 27.0) * np.eye(3) - turn, [0.0, 0.0, 27.0])
-        seen = stand.spins([10.0 * k + 5.0, 10.0 * k + 9.0])
+        seen = fixture.spins([10.0 * k + 5.0, 10.0 * k + 9.0])
         np.testing.assert_allclose(seen, [steady, steady], atol=1e-9)
 
 
 def test_a_closed_loop_on_the_measured_response_finds_the_zero_of_the_field() -> None:
     residual = {"x": "1.2 nT", "y": "-0.9 nT", "z": "0.8 nT"}
-    stand = Stand(**{f"residual_field__{axis}": text for axis, text in residual.items()})
+    fixture = Fixture(**{f"residual_field__{axis}": text for axis, text in residual.items()})
     field, now = np.zeros(3), 0.0
 
     def response(change: Sequence[float]) -> float:
         nonlocal now
         now += 1.0
-        stand.field(now, field + change)
-        return float(stand.seen(now + 0.9)[0])
+        fixture.field(now, field + change)
+        return float(fixture.seen(now + 0.9)[0])
 
     def slope(axis: int) -> float:
         step = 0.3 * np.eye(3)[axis]

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from cell_stand import BENCH, SHOTS, R, Stand, across, turned
+from cell_fixture import BENCH, SHOTS, Fixture, R, across, turned
 from sim_bench import Frames, Line, served
 
 from sim_instruments.truth import SimulationError, Truth
@@ -19,10 +19,10 @@ PROCEDURE = "serf-nonorthogonality"
 
 
 def test_after_a_shot_the_pump_fills_the_cell_again_within_a_tenth_of_a_second() -> None:
-    stand = Stand()
-    stand.shoot(5.0, (50.0, 0.0, 0.0))
+    fixture = Fixture()
+    fixture.shoot(5.0, (50.0, 0.0, 0.0))
     after = np.array([0.0, 0.02, 0.04, 0.1, 0.5, 1.0])
-    spins = stand.spins(5.12 + after)[:, 2]
+    spins = fixture.spins(5.12 + after)[:, 2]
     full = 27.0 / (R + 27.0)
     expected = full - (full - spins[0]) * np.exp(-(R + 27.0) / 6.0 * after)
     assert spins[0] < 0.05 * full
@@ -34,64 +34,64 @@ def test_light_that_leaks_shortens_the_decay_and_shifts_the_field() -> None:
     x = np.array([1.0, 0.0, 0.0])
     sizes, angles = [], []
     for leak in ("0 %", "20 %"):
-        stand = Stand(pump__leak=leak, pump__light_shift="60 nT")
-        stand.shoot(5.0, (50.0, 0.0, 0.0))
-        spins = stand.spins(5.001 + np.arange(200) * 1e-4)
+        fixture = Fixture(pump__leak=leak, pump__light_shift="60 nT")
+        fixture.shoot(5.0, (50.0, 0.0, 0.0))
+        spins = fixture.spins(5.001 + np.arange(200) * 1e-4)
         field = np.array([50.0, 0.0, 12.0 if leak == "20 %" else 0.0])
         sizes.append(across(spins, field)[-1] / across(spins, field)[0])
         angles.append(turned(spins, field)[-1])
     assert sizes[1] / sizes[0] == pytest.approx(np.exp(-0.2 * 27 / 6 * 0.0199), rel=5e-3)
     assert angles[1] / angles[0] == pytest.approx(np.hypot(50, 12) / 50, rel=1e-3)
-    assert x @ stand.world.trajectory.field_nT(np.array([4.0]))[0] == 0.0
+    assert x @ fixture.world.trajectory.field_nT(np.array([4.0]))[0] == 0.0
 
 
 def test_the_nuclei_are_a_field_when_the_gyro_was_running_and_only_then() -> None:
     noble = {"field": {"x": "3 nT", "y": "-2 nT", "z": "160 nT"}}
     base = BENCH["simulation"]["serf"]["noble_gas"] | noble
-    assert not Stand().world.trajectory.nuclear_nT(np.array([0.0, 10.0])).any()
-    stand = Stand(gyro_was_running=True, noble_gas=base)
-    field = stand.world.trajectory.nuclear_nT(np.array([0.0, 600.0]))
+    assert not Fixture().world.trajectory.nuclear_nT(np.array([0.0, 10.0])).any()
+    fixture = Fixture(gyro_was_running=True, noble_gas=base)
+    field = fixture.world.trajectory.nuclear_nT(np.array([0.0, 600.0]))
     np.testing.assert_allclose(field[0], [3.0, -2.0, 160.0], rtol=1e-9)
     np.testing.assert_allclose(field[1], field[0] * np.exp(-600 / 2400), rtol=1e-9)
-    np.testing.assert_allclose(stand.world.trajectory.field_nT(np.array([600.0])), field[1:])
+    np.testing.assert_allclose(fixture.world.trajectory.field_nT(np.array([600.0])), field[1:])
     # About an applied field they turn by their own, negative ratio.
-    stand.field(700.0, (50.0, 0.0, 0.0))
-    turning = stand.world.trajectory.nuclear_nT(700.001 + np.linspace(0.0, 2.0, 21))
+    fixture.field(700.0, (50.0, 0.0, 0.0))
+    turning = fixture.world.trajectory.nuclear_nT(700.001 + np.linspace(0.0, 2.0, 21))
     angle = turned(turning, np.array([1.0, 0.0, 0.0]))
     assert angle[-1] == pytest.approx(-2 * np.pi * 0.003361 * 50.0 * 2.0, rel=1e-9)
 
 
 def test_a_gradient_depolarises_the_nuclei_within_a_second_and_the_electrons_at_once() -> None:
-    stand = Stand(gyro_was_running=True)
-    stand.outputs["gradient"].set(60.0, 8.0)
-    stand.outputs["gradient"].set(63.0, 0.0)
+    fixture = Fixture(gyro_was_running=True)
+    fixture.outputs["gradient"].set(60.0, 8.0)
+    fixture.outputs["gradient"].set(63.0, 0.0)
     nuclear = np.linalg.norm(
-        stand.world.trajectory.nuclear_nT(np.array([0.0, 60.0, 60.1, 61.0, 64.0])), axis=1
+        fixture.world.trajectory.nuclear_nT(np.array([0.0, 60.0, 60.1, 61.0, 64.0])), axis=1
     )
     assert nuclear[1] > 0.97 * nuclear[0]
     # Near zero field diffusion across the cell is the limit; in 300 nT the gradient is.
     assert nuclear[2] / nuclear[1] == pytest.approx(np.exp(-1.6), rel=1e-2)
     assert nuclear[3] < 1e-4 and nuclear[4] < 1e-9
     across2 = 2000.0**2 / 2 * 16 * (0.5 / np.pi) ** 2 / 300.0**2
-    decay = stand.world.nuclei.decay_per_s(300.0, 2000.0)
+    decay = fixture.world.nuclei.decay_per_s(300.0, 2000.0)
     assert decay == pytest.approx(1 / (1 / across2 + 1 / 16) + 1 / 2400, rel=1e-12)
-    spins = stand.spins([59.0, 61.0, 63.05, 65.0])
+    spins = fixture.spins([59.0, 61.0, 63.05, 65.0])
     assert np.linalg.norm(spins[1]) < 1e-3
     assert 0.05 < spins[2, 2] < spins[3, 2] == pytest.approx(27 / 267, rel=1e-3)
 
 
 def test_a_gradient_coil_off_its_centre_makes_a_field() -> None:
-    stand = Stand(coils__gradient__off_centre="0.4 mm")
-    stand.outputs["gradient"].set(5.0, 8.0)
-    field = stand.world.trajectory.field_nT(np.array([4.0, 6.0]))
+    fixture = Fixture(coils__gradient__off_centre="0.4 mm")
+    fixture.outputs["gradient"].set(5.0, 8.0)
+    field = fixture.world.trajectory.field_nT(np.array([4.0, 6.0]))
     np.testing.assert_allclose(field, [[0, 0, 0], [0, 0, 80.0]], atol=1e-12)
 
 
 def test_currents_come_with_the_time_constant_of_each_coil() -> None:
-    stand = Stand(coils__x__time_constant="20 us", coils__y__time_constant="40 us")
-    stand.field(5.0, (50.0, 30.0, 0.0))
-    stand.field(5.00003, (0.0, 30.0, 0.0))
-    field = stand.world.trajectory.field_nT(np.array([5.0, 5.00002, 5.00003, 5.00007, 5.01]))
+    fixture = Fixture(coils__x__time_constant="20 us", coils__y__time_constant="40 us")
+    fixture.field(5.0, (50.0, 30.0, 0.0))
+    fixture.field(5.00003, (0.0, 30.0, 0.0))
+    field = fixture.world.trajectory.field_nT(np.array([5.0, 5.00002, 5.00003, 5.00007, 5.01]))
     x = 50 * (1 - np.exp(-np.array([0.0, 1.0, 1.5])))
     np.testing.assert_allclose(field[:3, 0], x, atol=1e-5)
     assert field[3, 0] == pytest.approx(x[2] * np.exp(-2.0), abs=1e-5)
@@ -104,7 +104,7 @@ def test_currents_come_with_the_time_constant_of_each_coil() -> None:
 def test_a_warmer_cell_has_another_slowing_down_factor() -> None:
     angles = []
     for swing in ("0 K", "1 K"):
-        stand = Stand(
+        fixture = Fixture(
             cell__temperature={
                 "swing": swing,
                 "period": "20 min",
@@ -113,33 +113,33 @@ def test_a_warmer_cell_has_another_slowing_down_factor() -> None:
             },
             pump__rate="0.24 Hz",
         )
-        stand.shoot(300.0, (50.0, 0.0, 0.0))
-        spins = stand.spins(300.001 + np.arange(200) * 1e-4)
+        fixture.shoot(300.0, (50.0, 0.0, 0.0))
+        spins = fixture.spins(300.001 + np.arange(200) * 1e-4)
         angles.append(turned(spins, np.array([1.0, 0, 0]))[-1])
     assert angles[0] / angles[1] == pytest.approx(1.01, rel=1e-5)
 
 
-def fourteen_shots(stand: Stand, pieces: int = 1) -> np.ndarray:
+def fourteen_shots(fixture: Fixture, pieces: int = 1) -> np.ndarray:
     records = []
     for k, shot in enumerate(SHOTS):
         start = 10.0 + 2.0 * k
-        stand.shoot(start, 50.0 * np.array(shot))
+        fixture.shoot(start, 50.0 * np.array(shot))
         times = start + np.arange(1000) * 1e-4
-        records += [stand.seen(part) for part in np.array_split(times, pieces)]
+        records += [fixture.seen(part) for part in np.array_split(times, pieces)]
     return np.concatenate(records).reshape(len(SHOTS), 1000)
 
 
-def ready(**changes: Any) -> Stand:
-    stand = Stand(ideal=False, **changes)
-    for prompt in stand.world.preparations:
-        stand.world.act(prompt, 0.0)
-    return stand
+def ready(**changes: Any) -> Fixture:
+    fixture = Fixture(ideal=False, **changes)
+    for prompt in fixture.world.preparations:
+        fixture.world.act(prompt, 0.0)
+    return fixture
 
 
 def test_the_same_times_give_the_same_values_however_they_are_asked_for() -> None:
-    stand = ready()
-    records = fourteen_shots(stand)
-    again = np.array([stand.seen(10.0 + 2.0 * k + np.arange(1000) * 1e-4) for k in range(14)])
+    fixture = ready()
+    records = fourteen_shots(fixture)
+    again = np.array([fixture.seen(10.0 + 2.0 * k + np.arange(1000) * 1e-4) for k in range(14)])
     np.testing.assert_array_equal(again, records)
     np.testing.assert_array_equal(fourteen_shots(ready(), pieces=7), records)
     late = ready()
@@ -161,9 +161,9 @@ def test_another_seed_is_another_noise_and_it_is_white() -> None:
 
 
 def test_fourteen_shots_take_some_hundred_steps_each_and_idle_time_none() -> None:
-    stand = ready()
-    fourteen_shots(stand)
-    assert stand.world.trajectory.steps <= 14 * 700
+    fixture = ready()
+    fourteen_shots(fixture)
+    assert fixture.world.trajectory.steps <= 14 * 700
     idle = ready()
     for k in range(200):
         idle.shoot(100.0 + 60.0 * k, (50.0, 0.0, 0.0))
@@ -174,11 +174,11 @@ def test_fourteen_shots_take_some_hundred_steps_each_and_idle_time_none() -> Non
 
 
 def test_changes_faster_than_the_spins_follow_are_all_felt() -> None:
-    slow, fast = Stand(), Stand()
+    slow, fast = Fixture(), Fixture()
     for k in range(200):
         fast.field(5.0 + 0.001 * k, (0.4 * (-1) ** k, 0.0, 0.0))
-    for stand in (slow, fast):
-        stand.field(5.2, (0.0, 0.0, 0.0))
+    for fixture in (slow, fast):
+        fixture.field(5.2, (0.0, 0.0, 0.0))
     end = fast.spins([5.1, 5.2, 5.21])
     assert np.ptp(end[:, 1]) > 1e-4
     np.testing.assert_allclose(end[:, 2], slow.spins([5.1, 5.2, 5.21])[:, 2], rtol=1e-3)
@@ -187,52 +187,52 @@ def test_changes_faster_than_the_spins_follow_are_all_felt() -> None:
 def test_mains_are_on_the_wire_at_their_phase_and_drift_moves_the_residual_field() -> None:
     mains = {"frequency": "50 Hz", "amplitude": "20 mV", "phase": "90 deg"}
     drift = {"x": "0 nT", "y": "0 nT", "z": "2 nT"}
-    stand = Stand(detector__mains=mains, residual_field__drift_in_one_hour=drift)
-    seen = stand.seen([7200.0, 7200.005, 7200.01])
+    fixture = Fixture(detector__mains=mains, residual_field__drift_in_one_hour=drift)
+    seen = fixture.seen([7200.0, 7200.005, 7200.01])
     np.testing.assert_allclose(seen, [0.02, 0.0, -0.02], atol=1e-9)
-    field = stand.world.trajectory.field_nT(np.array([0.0, 7200.0]))
+    field = fixture.world.trajectory.field_nT(np.array([0.0, 7200.0]))
     np.testing.assert_allclose(field, [[0, 0, 0], [0, 0, 4.0]], atol=1e-9)
 
 
 def test_a_cold_cell_shows_no_spins_and_a_dark_detector_nothing() -> None:
-    stand = Stand(powered_at_start=False, detector__offset="7 mV", residual_field__x="1 nT")
-    world = stand.world
+    fixture = Fixture(powered_at_start=False, detector__offset="7 mV", residual_field__x="1 nT")
+    world = fixture.world
     assert world.preparations == ("connect-cables", "dut-power-on", "heat-cell", "gyro-at-rest")
-    assert not world.dut_powered and stand.seen(5.0)[0] == 0.0
+    assert not world.dut_powered and fixture.seen(5.0)[0] == 0.0
     assert world.act("dut-power-on", 10.0).endswith(".")
-    assert world.dut_powered and stand.seen(15.0)[0] == pytest.approx(7e-3)
+    assert world.dut_powered and fixture.seen(15.0)[0] == pytest.approx(7e-3)
     world.act("heat-cell", 20.0)
-    assert stand.seen(25.0)[0] < -0.01
+    assert fixture.seen(25.0)[0] < -0.01
     world.act("dut-power-off", 30.0)
     assert not world.dut_powered
-    np.testing.assert_allclose(stand.seen([25.0, 35.0])[1], 0.0)
+    np.testing.assert_allclose(fixture.seen([25.0, 35.0])[1], 0.0)
     world.act("dut-power-on", 40.0)
-    assert stand.seen(45.0)[0] == pytest.approx(7e-3)
+    assert fixture.seen(45.0)[0] == pytest.approx(7e-3)
 
 
 def test_a_person_who_heats_the_cell_switches_it_on() -> None:
-    stand = Stand(powered_at_start=False, pump=False)
-    stand.world.act("heat-cell", 1.0)
-    assert stand.world.dut_powered
-    assert not stand.spins(5.0).any()
-    stand.world.pump(6.0, True)
-    assert stand.spins(9.0)[0, 2] == pytest.approx(27 / 267)
+    fixture = Fixture(powered_at_start=False, pump=False)
+    fixture.world.act("heat-cell", 1.0)
+    assert fixture.world.dut_powered
+    assert not fixture.spins(5.0).any()
+    fixture.world.pump(6.0, True)
+    assert fixture.spins(9.0)[0, 2] == pytest.approx(27 / 267)
 
 
 def test_an_act_nobody_knows_is_an_error_that_names_the_known_ones() -> None:
-    stand = Stand()
+    fixture = Fixture()
     for prompt in ("mount", "heat", "mount-io"):
         with pytest.raises(SimulationError, match="gyro-at-rest"):
-            stand.world.act(prompt, 0.0)
-    assert stand.world.act("gyro-at-rest", 0.0).endswith(".")
-    assert stand.world.act("connect-cables", 0.0).endswith(".")
+            fixture.world.act(prompt, 0.0)
+    assert fixture.world.act("gyro-at-rest", 0.0).endswith(".")
+    assert fixture.world.act("connect-cables", 0.0).endswith(".")
 
 
 def test_a_command_to_the_pump_replaces_what_was_planned_after_it() -> None:
-    stand = Stand()
-    stand.world.pump(5.01, False)
-    stand.world.pump(5.005, True)
-    assert stand.spins(6.0)[0, 2] == pytest.approx(27 / 267)
+    fixture = Fixture()
+    fixture.world.pump(5.01, False)
+    fixture.world.pump(5.005, True)
+    assert fixture.spins(6.0)[0, 2] == pytest.approx(27 / 267)
 
 
 @pytest.mark.parametrize(
@@ -251,15 +251,15 @@ def test_a_command_to_the_pump_replaces_what_was_planned_after_it() -> None:
 )
 def test_a_wrong_truth_is_named_with_its_place(changes: dict[str, Any], said: str) -> None:
     with pytest.raises(SimulationError, match=said):
-        Stand(**changes)
+        Fixture(**changes)
 
 
 def test_a_coil_that_is_not_there_or_driven_twice_is_an_error() -> None:
-    stand = Stand()
+    fixture = Fixture()
     with pytest.raises(SimulationError, match="no coil 'w'"):
-        stand.world.drive("w", VoltageHistory())
+        fixture.world.drive("w", VoltageHistory())
     with pytest.raises(SimulationError, match="driven by two outputs"):
-        stand.world.drive("x", VoltageHistory())
+        fixture.world.drive("x", VoltageHistory())
 
 
 def test_the_instruments_of_the_other_benches_serve_in_this_world() -> None:

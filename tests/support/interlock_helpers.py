@@ -85,17 +85,17 @@ def watched(bench: Bench, *used: str) -> Iterator[Watched]:
             readings = Readings(clock)
             found = open_instruments(bench, needed, addresses, clock, None, None, readings)
             opened = {name: one.instrument for name, one in found.items()}
-            stand: Watched
+            fixture: Watched
             monitor = Monitor(
                 interlocks,
                 opened,
                 readings,
                 clock,
-                lambda: stand.made_safe.append(clock.now()),
+                lambda: fixture.made_safe.append(clock.now()),
             )
-            stand = Watched(clock, simulation, dict(opened), readings, monitor)
+            fixture = Watched(clock, simulation, dict(opened), readings, monitor)
             try:
-                yield stand
+                yield fixture
             finally:
                 monitor.stop()
                 monitor.wait_until_stopped()

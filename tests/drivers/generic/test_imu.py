@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from imu_stand import FIELD_NT, FORCE_G, KINDS, LATENCY_S, STRETCH, Spindle, imu
-from stand import recorded
+from fixture import recorded
+from imu_fixture import FIELD_NT, FORCE_G, KINDS, LATENCY_S, STRETCH, Spindle, imu
 
 from drivers.transport.serial_stream import Numbering
 from station.errors import InputError, InstrumentError
@@ -26,9 +26,9 @@ def test_it_is_the_role_that_procedures_ask_for(kind: str) -> None:
 @both
 @pytest.mark.parametrize("rate_Hz", [10.0, 100.0])
 def test_every_output_comes_in_the_roles_units_and_at_its_time(kind: str, rate_Hz: float) -> None:
-    with imu(kind) as (stand, driver):
+    with imu(kind) as (fixture, driver):
         driver.start(rate_Hz)
-        block = recorded(stand, driver, 20.0)
+        block = recorded(fixture, driver, 20.0)
         counter = block.columns["counter"].astype(float)
         assert counter.tolist() == list(range(1, len(counter) + 1))
         assert len(counter) == pytest.approx(20.0 * rate_Hz, abs=0.11 * rate_Hz)
@@ -51,7 +51,9 @@ def test_every_output_comes_in_the_roles_units_and_at_its_time(kind: str, rate_H
         warm = block.columns["temperature_degC"]
         read = np.isfinite(warm)
         assert np.abs(warm[read] - 20.0 - 0.01 * middle_s[read]).max() < 0.0051
-        assert driver.read_quantity("temperature") == stand.newest("temperature") == warm[read][-1]
+        assert (
+            driver.read_quantity("temperature") == fixture.newest("temperature") == warm[read][-1]
+        )
         assert not block.columns["status"].any()
 
 
@@ -59,9 +61,9 @@ def test_every_output_comes_in_the_roles_units_and_at_its_time(kind: str, rate_H
 def test_a_rate_beyond_the_range_is_cut_off_and_called_not_valid(kind: str) -> None:
     room = Spindle()
     room.turn(10.0, -500.0, 399.9985)
-    with imu(kind, room=room) as (stand, driver):
+    with imu(kind, room=room) as (fixture, driver):
         driver.start(10.0)
-        columns = recorded(stand, driver, 4.0).columns
+        columns = recorded(fixture, driver, 4.0).columns
         assert columns["gyro_y_deg_per_s"] == pytest.approx(-400.0)
         status = columns["status"]
         assert (status[:5] == 0b010).all() and (status[-5:] == 0b110).all()
@@ -69,37 +71,37 @@ def test_a_rate_beyond_the_range_is_cut_off_and_called_not_valid(kind: str) -> N
 
 @both
 def test_what_changes_on_the_bench_is_felt_in_the_next_output(kind: str) -> None:
-    with imu(kind) as (stand, driver):
+    with imu(kind) as (fixture, driver):
         driver.start(10.0)
-        stand.clock.sleep(5.0)
-        stand.room.turn(50.0, 0.0, 0.0)
-        gyro = recorded(stand, driver, 5.0).columns["gyro_x_deg_per_s"]
+        fixture.clock.sleep(5.0)
+        fixture.room.turn(50.0, 0.0, 0.0)
+        gyro = recorded(fixture, driver, 5.0).columns["gyro_x_deg_per_s"]
         turned = gyro > 25.0
         assert not turned[:48].any() and turned[51:].all()
 
 
 @both
 def test_after_a_stop_nothing_comes_and_a_start_counts_from_one(kind: str) -> None:
-    with imu(kind) as (stand, driver):
+    with imu(kind) as (fixture, driver):
         for rate_Hz in (10.0, 50.0):
             driver.start(rate_Hz)
-            stand.clock.sleep(3.0)
+            fixture.clock.sleep(3.0)
             driver.stop()
             assert driver.drain().columns["counter"][:2].tolist() == [1, 2]
-            stand.clock.sleep(3.0)
+            fixture.clock.sleep(3.0)
             assert not len(driver.drain())
             assert driver.read_quantity("temperature") is None
 
 
 @both
 def test_what_it_cannot_do_is_refused_before_anything_is_sent(kind: str) -> None:
-    with imu(kind) as (stand, driver):
+    with imu(kind) as (fixture, driver):
         for rate_Hz in (0.0, 33.33, 5000.0):
             with pytest.raises(InputError, match="sample_rate"):
                 driver.start(rate_Hz)
         with pytest.raises(InputError, match="does not read 'field'"):
             driver.read_quantity("field")
-        assert not stand.sent()
+        assert not fixture.sent()
 
 
 def test_a_sensor_that_is_off_says_so_on_can_and_nothing_on_its_own_line() -> None:
@@ -117,12 +119,12 @@ def test_a_sensor_that_is_off_says_so_on_can_and_nothing_on_its_own_line() -> No
 
 
 def test_a_kvh_that_outputs_tells_its_identity_without_a_gap() -> None:
-    with imu("kvh") as (stand, driver):
+    with imu("kvh") as (fixture, driver):
         assert driver.identify().firmware == "1775-1.04"
         driver.start(10.0)
-        stand.clock.sleep(5.0)
+        fixture.clock.sleep(5.0)
         assert driver.identify().serial == "0"
-        counter = recorded(stand, driver, 5.0).columns["counter"]
+        counter = recorded(fixture, driver, 5.0).columns["counter"]
         assert (np.diff(counter.astype(int)) == 1).all()
 
 

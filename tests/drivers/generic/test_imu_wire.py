@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 import yaml
 from conformance_runs import conformance
-from imu_stand import FIELD_NT, FORCE_G, KINDS, NAME, bench_of, imu
-from navigator_stand import RawLine, bitwise_crc
+from imu_fixture import FIELD_NT, FORCE_G, KINDS, NAME, bench_of, imu
+from navigator_fixture import RawLine, bitwise_crc
 
 from drivers.kvh.imu_1775 import OUTPUT, SELF_TEST, TEXT, split
 from drivers.transport.can_line import CanLine
@@ -28,14 +28,14 @@ def test_the_checksum_is_that_of_mpeg_2() -> None:
 
 
 def test_a_kvh_streams_from_power_up_as_its_clients_expect() -> None:
-    with imu("kvh") as (stand, driver):
+    with imu("kvh") as (fixture, driver):
         driver.close()
-        line = RawLine(stand)
+        line = RawLine(fixture)
         try:
             line.write(b"=config,1\n=rotunits,deg\n=dr,10\n")
             assert line.received.startswith(b"CONFIG,1\r\nROTUNITS,DEG\r\nDR,10\r\n")
             line.write(b"=config,0\n")
-            stand.clock.sleep(0.95)
+            fixture.clock.sleep(0.95)
             data = line.received.removeprefix(b"CONFIG,0\r\n")
         finally:
             line.close()
@@ -84,15 +84,15 @@ def test_frames_and_lines_are_found_however_the_bytes_come() -> None:
 
 def test_the_message_file_and_the_sensor_agree_on_can() -> None:
     messages = message_file("nine_axis")
-    with imu("can") as (stand, driver):
+    with imu("can") as (fixture, driver):
         driver.close()
         names = {one.frame_id: one.name for one in messages.messages}
-        line = CanLine(stand.place(), names)
+        line = CanLine(fixture.place(), names)
         try:
             command = messages.get_message_by_name("IMU_COMMAND")
             data = command.encode({"command": "start", "request_id": 7, "rate": 10.0})
             line.send(command.frame_id, data)
-            stand.clock.sleep(1.05)
+            fixture.clock.sleep(1.05)
             frames = line.take(*names)
         finally:
             line.close()

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 import yaml
 from conformance_runs import conformance
-from navigator_stand import KINDS, bench_of
+from navigator_fixture import KINDS, bench_of
 
 FOG = "fog-scale-factor-temperature"
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from navigator_stand import KINDS, NAME, navigator
-from stand import recorded, said_of_a_line_that_is_gone
+from fixture import recorded, said_of_a_line_that_is_gone
+from navigator_fixture import KINDS, NAME, navigator
 
 from station.errors import InstrumentTimeout
 from station.roles import NavigatorStatus
@@ -15,9 +15,9 @@ both = pytest.mark.parametrize("kind", KINDS)
 
 @both
 def test_a_silent_navigator_leaves_a_gap_in_the_counter(kind: str) -> None:
-    with navigator(kind, {"fault": "silent", "at": "10 s", "for": "5 s"}) as (stand, driver):
+    with navigator(kind, {"fault": "silent", "at": "10 s", "for": "5 s"}) as (fixture, driver):
         driver.start(10.0)
-        steps = np.diff(recorded(stand, driver, 20.0).columns["counter"].astype(int))
+        steps = np.diff(recorded(fixture, driver, 20.0).columns["counter"].astype(int))
         assert sorted(set(steps.tolist())) == [1, 51]
 
 
@@ -31,9 +31,9 @@ LOST += [
 @pytest.mark.parametrize(("kind", "fault", "message"), LOST)
 def test_a_lost_output_is_a_gap_and_no_more(kind: str, fault: str, message: str) -> None:
     entry = {"fault": fault, "command": message, "nth": 50, "count": 1}
-    with navigator(kind, entry) as (stand, driver):
+    with navigator(kind, entry) as (fixture, driver):
         driver.start(10.0)
-        counter = recorded(stand, driver, 20.0).columns["counter"].tolist()
+        counter = recorded(fixture, driver, 20.0).columns["counter"].tolist()
         assert counter == [k for k in range(1, counter[-1] + 1) if k != 50]
 
 
@@ -54,10 +54,10 @@ def test_a_lost_answer_is_told_clearly(kind: str, message: str, fault: str) -> N
 def test_a_late_answer_is_not_taken_for_the_next(kind: str) -> None:
     message = "0A0" if kind == "can" else "command identify"
     entry = {"fault": "late", "command": message, "count": 1, "delay": "0.8 s"}
-    with navigator(kind, entry) as (stand, driver):
+    with navigator(kind, entry) as (fixture, driver):
         with pytest.raises(InstrumentTimeout):
             driver.identify()
-        stand.clock.sleep(1.0)
+        fixture.clock.sleep(1.0)
         assert driver.status() == NavigatorStatus(False, None, ())
         assert driver.identify().serial == "0"
 
@@ -65,11 +65,11 @@ def test_a_late_answer_is_not_taken_for_the_next(kind: str) -> None:
 @both
 def test_a_line_that_ends_is_told_clearly(kind: str) -> None:
     entry = {"fault": "port-gone", "at": "5 s"}
-    with navigator(kind, entry) as (stand, driver):
+    with navigator(kind, entry) as (fixture, driver):
         driver.start(2.0)
-        stand.clock.sleep(4.0)
+        fixture.clock.sleep(4.0)
         assert driver.read_quantity("temperature") is not None
-        stand.clock.sleep(3.0)
+        fixture.clock.sleep(3.0)
         said = said_of_a_line_that_is_gone(driver)
         assert said.startswith(NAME) and "broke (" in said
 
@@ -77,11 +77,11 @@ def test_a_line_that_ends_is_told_clearly(kind: str) -> None:
 @both
 @pytest.mark.parametrize("rate_Hz", [0.9, 10.1])
 def test_the_navigator_itself_refuses_too(kind: str, rate_Hz: float) -> None:
-    with navigator(kind) as (stand, driver):
+    with navigator(kind) as (fixture, driver):
         driver._send("start", 7, {"rate_Hz": rate_Hz})
-        (answer,) = driver._commands._line.wait_for("acknowledgement", stand.clock.now() + 0.5)
+        (answer,) = driver._commands._line.wait_for("acknowledgement", fixture.clock.now() + 0.5)
         assert (answer["request_id"], str(answer["result"])) == (7, "bad_rate")
         driver.start(1.0)
         driver._send("start", 8, {"rate_Hz": 1.0})
-        (answer,) = driver._commands._line.wait_for("acknowledgement", stand.clock.now() + 0.5)
+        (answer,) = driver._commands._line.wait_for("acknowledgement", fixture.clock.now() + 0.5)
         assert str(answer["result"]) == "already_running"

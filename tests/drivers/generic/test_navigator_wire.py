@@ -9,7 +9,8 @@ from typing import Any
 import cantools
 import numpy as np
 import pytest
-from navigator_stand import (
+from fixture import standing
+from navigator_fixture import (
     KINDS,
     NAME,
     TRUTH,
@@ -22,7 +23,6 @@ from navigator_stand import (
     raw_frames,
 )
 from places import CONFIG
-from stand import standing
 
 from drivers.generic.can_navigator import CanNavigator
 from drivers.generic.serial_navigator import OUTPUT, SYNC, SerialNavigator, frame, split
@@ -71,12 +71,12 @@ def test_the_fast_decoder_agrees_with_the_library(name: str) -> None:
 
 
 def test_an_output_on_can_as_the_library_reads_it() -> None:
-    with navigator("can") as (stand, driver):
+    with navigator("can") as (fixture, driver):
         driver.align(45.0)
-        stand.clock.sleep(110.0)
+        fixture.clock.sleep(110.0)
         driver.start(1.0)
-        stand.clock.sleep(1.5)
-        frames = [data.split(b" ")[0] for direction, data in stand.heard if direction == "<"]
+        fixture.clock.sleep(1.5)
+        frames = [data.split(b" ")[0] for direction, data in fixture.heard if direction == "<"]
         database = message_file("navigator")
         told: dict[str, Any] = {}
         for text in frames[-3:]:
@@ -90,12 +90,12 @@ def test_an_output_on_can_as_the_library_reads_it() -> None:
 
 
 def test_what_the_interface_on_can_cannot_do_is_refused() -> None:
-    with navigator("can") as (stand, _):
-        line = CanLine(stand.place(), {0x0A1: "NAV_ACK"})
+    with navigator("can") as (fixture, _):
+        line = CanLine(fixture.place(), {0x0A1: "NAV_ACK"})
 
         def answer(data: bytes) -> tuple[int, ...]:
             line.send(0x0A0, data)
-            (found,) = line.wait_for(0x0A1, stand.clock.now() + 0.5)
+            (found,) = line.wait_for(0x0A1, fixture.clock.now() + 0.5)
             command, result, request, rate = struct.unpack("<BBHB3x", found.data)
             return command, result, request, rate
 
@@ -108,9 +108,9 @@ def test_what_the_interface_on_can_cannot_do_is_refused() -> None:
 
 def test_a_frame_of_another_length_is_none_of_its_messages() -> None:
     entry = {"fault": "partial", "command": "0B1", "nth": 3, "count": 1}
-    with navigator("can", entry) as (stand, driver):
+    with navigator("can", entry) as (fixture, driver):
         driver.start(10.0)
-        stand.clock.sleep(2.0)
+        fixture.clock.sleep(2.0)
         with pytest.raises(InstrumentError, match=r"0B1#.* is none of its messages; check"):
             driver.drain()
 
@@ -160,35 +160,35 @@ def command(number: int, argument: int, request: int = 9) -> bytes:
 
 
 def test_the_serial_layout_byte_by_byte() -> None:
-    with standing(NAME, SimulatedOnSerial, TRUTH, Plate()) as stand:
-        line = RawLine(stand)
+    with standing(NAME, SimulatedOnSerial, TRUTH, Plate()) as fixture:
+        line = RawLine(fixture)
         (ack, identity) = line.send(command(IDENTIFY, 0, 0x1234))
         assert ack == (0x91, bytes.fromhex("03 00 1234 00"))
         assert identity == (0x93, bytes.fromhex("00000000 01 00 01 01"))
         assert line.send(command(ALIGN, 450_000_000)) == [(0x91, bytes.fromhex("05 00 0009 00"))]
-        assert stand.room.latitudes == [45.0]
+        assert fixture.room.latitudes == [45.0]
         (_, status) = line.send(command(STATUS, 0))
         assert status == (0x92, bytes.fromhex("0002 0001 0000 00"))
-        stand.clock.sleep(100.0)
-        began_s = stand.clock.now()
+        fixture.clock.sleep(100.0)
+        began_s = fixture.clock.now()
         assert line.send(command(START, 20)) == [(0x91, bytes.fromhex("01 00 0009 14"))]
-        stand.clock.sleep(0.5)
+        fixture.clock.sleep(0.5)
         line.received = b""
-        stand.clock.sleep(0.5)
+        fixture.clock.sleep(0.5)
         ((kind, payload),) = raw_frames(line.received)
         counter, heading, pitch, roll, x, y, z, bits = struct.unpack(">HIii3hH", payload)
         assert (kind, counter, bits) == (0x90, 2, 1)
         at = np.array([began_s + 2 * 0.5 * (1 + 200e-6)])
-        true = stand.room.navigator_attitude(at)[0]
+        true = fixture.room.navigator_attitude(at)[0]
         assert [heading * 1e-7, pitch * 1e-7, roll * 1e-7] == pytest.approx(true, abs=6e-5)
-        warm = stand.room.gyro_temperature_degC(at)[0]
+        warm = fixture.room.gyro_temperature_degC(at)[0]
         assert [x * 0.01, y * 0.01, z * 0.01] == pytest.approx(warm, abs=0.0051)
         line.close()
 
 
 def test_what_the_serial_interface_cannot_do_is_refused() -> None:
-    with standing(NAME, SimulatedOnSerial, TRUTH, Plate()) as stand:
-        line = RawLine(stand)
+    with standing(NAME, SimulatedOnSerial, TRUTH, Plate()) as fixture:
+        line = RawLine(fixture)
         assert line.send(command(99, 0)) == [(0x91, bytes.fromhex("63 01 0009 00"))]
         assert line.send(command(START, 101)) == [(0x91, bytes.fromhex("01 02 0009 00"))]
         assert line.send(command(ALIGN, -900_000_001)) == [(0x91, bytes.fromhex("05 03 0009 00"))]
@@ -204,14 +204,14 @@ def test_what_the_serial_interface_cannot_do_is_refused() -> None:
 
 
 def test_a_new_client_takes_the_serial_line_over() -> None:
-    with navigator("serial") as (stand, driver):
+    with navigator("serial") as (fixture, driver):
         driver.start(10.0)
-        stand.clock.sleep(2.0)
+        fixture.clock.sleep(2.0)
         driver.close()
-        again = SerialNavigator(stand.place())
+        again = SerialNavigator(fixture.place())
         assert again.identify().serial == "0"
         again.start(5.0)
-        stand.clock.sleep(2.0)
+        fixture.clock.sleep(2.0)
         assert len(again.drain()) == 9
         again.close()
 

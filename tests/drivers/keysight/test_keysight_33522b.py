@@ -7,8 +7,8 @@ from typing import Any
 
 import pytest
 import yaml
-from generator_stand import LATENCY_S, TRUTH, Stand, standing
-from stand import EmptyRoom
+from fixture import EmptyRoom
+from generator_fixture import LATENCY_S, TRUTH, Fixture, standing
 
 from drivers.keysight.generator_33522b import Keysight33522B
 from drivers.keysight.generator_33522b_messages import differs
@@ -17,24 +17,24 @@ from station.instruments.scan import draft, recognised
 
 
 @pytest.fixture
-def stand() -> Iterator[Stand]:
-    with standing() as stand:
-        yield stand
+def fixture() -> Iterator[Fixture]:
+    with standing() as fixture:
+        yield fixture
 
 
 @pytest.fixture
-def generator(stand: Stand) -> Iterator[Keysight33522B]:
-    generator = Keysight33522B(stand.place())
+def generator(fixture: Fixture) -> Iterator[Keysight33522B]:
+    generator = Keysight33522B(fixture.place())
     yield generator
     generator.close()
 
 
-def now(stand: Stand, coil: str) -> float:
-    return float(stand.room.volts(coil, stand.clock.now())[0])
+def now(fixture: Fixture, coil: str) -> float:
+    return float(fixture.room.volts(coil, fixture.clock.now())[0])
 
 
 def test_a_voltage_that_is_held_is_at_the_coil_at_once(
-    stand: Stand, generator: Keysight33522B
+    fixture: Fixture, generator: Keysight33522B
 ) -> None:
     identity = generator.identify()
     assert (identity.model, identity.serial) == ("33522B", "MY59000101")
@@ -42,164 +42,166 @@ def test_a_voltage_that_is_held_is_at_the_coil_at_once(
     assert generator.read_safety().read_back == "channel 1 off, channel 2 off"
     generator.hold(1, 1.25)
     generator.hold(2, -0.5)
-    assert (now(stand, "x"), now(stand, "y")) == (1.25, -0.5)
-    assert stand.newest("output") == "on"
+    assert (now(fixture, "x"), now(fixture, "y")) == (1.25, -0.5)
+    assert fixture.newest("output") == "on"
     generator.hold(1, -8.9)
-    assert (now(stand, "x"), now(stand, "y")) == (-8.9, -0.5)
+    assert (now(fixture, "x"), now(fixture, "y")) == (-8.9, -0.5)
     generator.switch_off(1)
-    assert (now(stand, "x"), now(stand, "y")) == (0.0, -0.5)
+    assert (now(fixture, "x"), now(fixture, "y")) == (0.0, -0.5)
     assert generator.read_quantity("output") == "on"
-    generator.make_safe(stand.clock.now() + 5.0)
-    assert (now(stand, "x"), now(stand, "y")) == (0.0, 0.0)
+    generator.make_safe(fixture.clock.now() + 5.0)
+    assert (now(fixture, "x"), now(fixture, "y")) == (0.0, 0.0)
     assert generator.read_safety().safe
-    assert stand.newest("output") == "off"
+    assert fixture.newest("output") == "off"
 
 
 def test_a_voltage_that_is_held_changes_without_a_gap(
-    stand: Stand, generator: Keysight33522B
+    fixture: Fixture, generator: Keysight33522B
 ) -> None:
     generator.hold(1, 1.0)
-    stand.heard.clear()
+    fixture.heard.clear()
     generator.hold(1, 2.0)
-    assert not [said for said in stand.sent() if b"OUTP1 O" in said]
+    assert not [said for said in fixture.sent() if b"OUTP1 O" in said]
 
 
 @pytest.mark.parametrize("step_V", [2.5, -2.5])
 def test_a_step_begins_at_the_trigger_and_ends_by_itself(
-    stand: Stand, generator: Keysight33522B, step_V: float
+    fixture: Fixture, generator: Keysight33522B, step_V: float
 ) -> None:
     generator.hold(1, 0.3)
     generator.hold(2, -0.2)
     generator.prepare_step(1, step_V, 0.1)
     generator.prepare_step(2, -step_V, 0.1)
-    assert (now(stand, "x"), now(stand, "y")) == pytest.approx((0.3, -0.2))
-    stand.clock.sleep(1.0)
-    at_s = stand.rise()
+    assert (now(fixture, "x"), now(fixture, "y")) == pytest.approx((0.3, -0.2))
+    fixture.clock.sleep(1.0)
+    at_s = fixture.rise()
     around_s = [at_s, at_s + 1e-6, at_s + 0.0999, at_s + 0.1001, at_s + 10.0]
     high = 0.3 + step_V
-    assert stand.room.volts("x", *around_s) == pytest.approx([0.3, high, high, 0.3, 0.3])
+    assert fixture.room.volts("x", *around_s) == pytest.approx([0.3, high, high, 0.3, 0.3])
     low = -0.2 - step_V
-    assert stand.room.volts("y", *around_s) == pytest.approx([-0.2, low, low, -0.2, -0.2])
-    edges_s = [stand.room.coils[coil].breakpoints(at_s, at_s + 1.0)[0] for coil in "xy"]
+    assert fixture.room.volts("y", *around_s) == pytest.approx([-0.2, low, low, -0.2, -0.2])
+    edges_s = [fixture.room.coils[coil].breakpoints(at_s, at_s + 1.0)[0] for coil in "xy"]
     assert edges_s == pytest.approx([at_s + LATENCY_S] * 2, abs=1e-12)
 
 
 def test_two_generators_start_together_at_one_trigger(
-    stand: Stand, generator: Keysight33522B
+    fixture: Fixture, generator: Keysight33522B
 ) -> None:
-    other = Stand(stand.clock, {**TRUTH, "coils": {1: "z", 2: "gradient"}}, stand.room)
+    other = Fixture(fixture.clock, {**TRUTH, "coils": {1: "z", 2: "gradient"}}, fixture.room)
     other_generator = Keysight33522B(other.place())
     generator.prepare_step(1, 2.0, 0.1)
     other_generator.prepare_step(1, -2.0, 0.2)
     other_generator.hold(2, 8.0)
-    at_s = stand.rise()
-    edges_s = [stand.room.coils[coil].breakpoints(at_s, at_s + 1.0) for coil in "xz"]
+    at_s = fixture.rise()
+    edges_s = [fixture.room.coils[coil].breakpoints(at_s, at_s + 1.0) for coil in "xz"]
     assert edges_s[0][0] == edges_s[1][0] == at_s + LATENCY_S
-    assert stand.room.volts("z", at_s + 0.15) == pytest.approx([-2.0])
-    assert stand.room.volts("gradient", at_s + 0.15) == [8.0]
+    assert fixture.room.volts("z", at_s + 0.15) == pytest.approx([-2.0])
+    assert fixture.room.volts("gradient", at_s + 0.15) == [8.0]
     other_generator.close()
     other.simulator.close()
 
 
-def test_a_step_that_is_disarmed_never_comes(stand: Stand, generator: Keysight33522B) -> None:
+def test_a_step_that_is_disarmed_never_comes(fixture: Fixture, generator: Keysight33522B) -> None:
     generator.hold(1, 0.7)
     generator.prepare_step(1, 1.0, 0.1)
     generator.disarm(1)
     generator.disarm(2)
-    stand.clock.sleep(1.0)
-    assert stand.room.volts("x", stand.rise() + 0.05) == pytest.approx([0.7])
-    assert stand.at_its_front_panel("OUTP2?") == "0"
+    fixture.clock.sleep(1.0)
+    assert fixture.room.volts("x", fixture.rise() + 0.05) == pytest.approx([0.7])
+    assert fixture.at_its_front_panel("OUTP2?") == "0"
 
 
 def test_a_held_voltage_may_change_while_the_other_channel_waits(
-    stand: Stand, generator: Keysight33522B
+    fixture: Fixture, generator: Keysight33522B
 ) -> None:
     generator.prepare_step(2, 1.0, 0.1)
     generator.hold(1, 3.0)
-    assert stand.room.volts("y", stand.rise() + 0.05) == pytest.approx([1.0])
+    assert fixture.room.volts("y", fixture.rise() + 0.05) == pytest.approx([1.0])
 
 
 def test_a_step_of_nothing_leaves_the_channel_at_what_it_holds(
-    stand: Stand, generator: Keysight33522B
+    fixture: Fixture, generator: Keysight33522B
 ) -> None:
     generator.hold(1, 0.4)
     generator.prepare_step(1, 0.0, 0.1)
-    assert stand.room.volts("x", stand.rise() + 0.05) == pytest.approx([0.4])
+    assert fixture.room.volts("x", fixture.rise() + 0.05) == pytest.approx([0.4])
     with pytest.raises(InstrumentError, match=r"its least amplitude is 0\.002 V"):
         generator.prepare_step(1, 1e-3, 0.1)
 
 
-def test_where_the_bench_says_bus_the_program_gives_the_trigger(stand: Stand) -> None:
-    generator = Keysight33522B(stand.place(trigger="bus"))
+def test_where_the_bench_says_bus_the_program_gives_the_trigger(fixture: Fixture) -> None:
+    generator = Keysight33522B(fixture.place(trigger="bus"))
     generator.prepare_step(1, 1.0, 0.1)
     generator.prepare_step(2, 2.0, 0.1)
-    assert stand.room.volts("x", stand.rise() + 0.05) == [0.0]
+    assert fixture.room.volts("x", fixture.rise() + 0.05) == [0.0]
     generator.give_trigger()
-    at_s = stand.clock.now() + 0.05
-    assert stand.room.volts("x", at_s) + stand.room.volts("y", at_s) == pytest.approx([1.0, 2.0])
+    at_s = fixture.clock.now() + 0.05
+    assert fixture.room.volts("x", at_s) + fixture.room.volts("y", at_s) == pytest.approx(
+        [1.0, 2.0]
+    )
     generator.close()
 
 
 def test_nothing_but_zero_and_what_was_asked_for_reaches_the_coil(
-    stand: Stand, generator: Keysight33522B
+    fixture: Fixture, generator: Keysight33522B
 ) -> None:
     seen: set[float] = set()
-    given = stand.room.coils["x"].set
+    given = fixture.room.coils["x"].set
 
     def watched(time_s: float, level_V: float) -> None:
         seen.add(round(level_V, 9))
         given(time_s, level_V)
 
-    stand.room.coils["x"].set = watched
+    fixture.room.coils["x"].set = watched
     generator.hold(1, 0.25)
     for step_V in (1.0, -1.5, 0.5):
         generator.prepare_step(1, step_V, 0.2)
-        stand.rise()
-        stand.clock.sleep(0.5)
-        stand.room.trigger.fall(stand.clock.now())
+        fixture.rise()
+        fixture.clock.sleep(0.5)
+        fixture.room.trigger.fall(fixture.clock.now())
         generator.disarm(1)
-    generator.make_safe(stand.clock.now() + 5.0)
+    generator.make_safe(fixture.clock.now() + 5.0)
     assert seen == {0.0, 0.25}
 
 
 # The load.
 
 
-def test_the_load_of_the_bench_file_is_written_and_read_back(stand: Stand) -> None:
-    generator = Keysight33522B(stand.place({"voltage": 4.0}, load="50 ohm"))
+def test_the_load_of_the_bench_file_is_written_and_read_back(fixture: Fixture) -> None:
+    generator = Keysight33522B(fixture.place({"voltage": 4.0}, load="50 ohm"))
     generator.hold(1, 1.0)
-    assert stand.at_its_front_panel("OUTP1:LOAD?;:OUTP2:LOAD?") == ";".join(
+    assert fixture.at_its_front_panel("OUTP1:LOAD?;:OUTP2:LOAD?") == ";".join(
         ["+5.0000000000000E+01"] * 2
     )
     # These coils see no 50 ohm, whatever the bench file says.
-    assert now(stand, "x") == 2.0
+    assert now(fixture, "x") == 2.0
     generator.close()
 
 
 @pytest.mark.parametrize("message", ["OUTP1:LOAD 50", "*RST"])
 def test_a_termination_that_somebody_changed_is_caught_before_it_doubles_a_voltage(
-    stand: Stand, generator: Keysight33522B, message: str
+    fixture: Fixture, generator: Keysight33522B, message: str
 ) -> None:
     generator.hold(1, 1.0)
-    stand.at_its_front_panel(f"SOUR1:VOLT:LIM:STAT OFF;:{message}")
-    stand.clock.sleep(1.0)
+    fixture.at_its_front_panel(f"SOUR1:VOLT:LIM:STAT OFF;:{message}")
+    fixture.clock.sleep(1.0)
     with pytest.raises(InstrumentError) as raised:
         generator.hold(1, 1.2)
     said = str(raised.value)
     assert said.startswith("signal_generator.xy: hold 1.2 V on channel 1: asked ")
     assert "and the channel was switched off; check" in said
     assert "doubles or halves every voltage" in said
-    assert now(stand, "x") == 0.0
+    assert now(fixture, "x") == 0.0
     generator.programme_limits()
     generator.hold(1, 1.2)
-    assert now(stand, "x") == pytest.approx(1.2)
+    assert now(fixture, "x") == pytest.approx(1.2)
 
 
 def test_a_reset_of_the_loads_can_be_simulated() -> None:
-    with standing({"fault": "load-reset", "at": "10 s"}) as stand:
-        generator = Keysight33522B(stand.place())
+    with standing({"fault": "load-reset", "at": "10 s"}) as fixture:
+        generator = Keysight33522B(fixture.place())
         generator.hold(1, 1.0)
-        stand.clock.sleep(11.0)
+        fixture.clock.sleep(11.0)
         with pytest.raises(InstrumentError, match=r"LOAD.*came back where inf belongs"):
             generator.prepare_step(1, 1.0, 0.1)
         assert generator.read_safety().safe
@@ -217,16 +219,16 @@ def test_a_reset_of_the_loads_can_be_simulated() -> None:
     ],
 )
 def test_a_setting_that_is_missing_or_wrong_is_told(
-    stand: Stand, settings: dict[str, Any], said: str
+    fixture: Fixture, settings: dict[str, Any], said: str
 ) -> None:
     with pytest.raises(InstrumentError, match="read the bench file") as raised:
-        Keysight33522B(stand.place(**settings))
+        Keysight33522B(fixture.place(**settings))
     assert said in str(raised.value)
 
 
 @pytest.mark.parametrize(("load", "largest"), [("high-impedance", "10 V"), ("50 ohm", "5 V")])
-def test_a_limit_beyond_the_rating_is_refused(stand: Stand, load: str, largest: str) -> None:
-    generator = Keysight33522B(stand.place({"voltage": 10.5}, load=load))
+def test_a_limit_beyond_the_rating_is_refused(fixture: Fixture, load: str, largest: str) -> None:
+    generator = Keysight33522B(fixture.place({"voltage": 10.5}, load=load))
     with pytest.raises(InstrumentError, match=f"with this load the instrument ends at {largest}"):
         generator.programme_limits()
     generator.close()
@@ -235,9 +237,11 @@ def test_a_limit_beyond_the_rating_is_refused(stand: Stand, load: str, largest: 
 # What goes wrong.
 
 
-def test_a_voltage_beyond_the_limit_is_not_tried(stand: Stand, generator: Keysight33522B) -> None:
+def test_a_voltage_beyond_the_limit_is_not_tried(
+    fixture: Fixture, generator: Keysight33522B
+) -> None:
     generator.hold(1, 8.0)
-    stand.heard.clear()
+    fixture.heard.clear()
     for ask in (
         lambda: generator.hold(1, 9.1),
         lambda: generator.hold(1, float("nan")),
@@ -246,62 +250,62 @@ def test_a_voltage_beyond_the_limit_is_not_tried(stand: Stand, generator: Keysig
     ):
         with pytest.raises(InstrumentError, match="the bench allows 9 V"):
             ask()
-    assert not stand.sent()
-    assert now(stand, "x") == 8.0
+    assert not fixture.sent()
+    assert now(fixture, "x") == 8.0
 
 
 def test_a_value_that_the_instrument_clips_is_told_and_switched_off(
-    stand: Stand, generator: Keysight33522B
+    fixture: Fixture, generator: Keysight33522B
 ) -> None:
     generator.programme_limits()
-    stand.at_its_front_panel("SOUR1:VOLT:LIM:HIGH 2")
+    fixture.at_its_front_panel("SOUR1:VOLT:LIM:HIGH 2")
     with pytest.raises(InstrumentError) as raised:
         generator.hold(1, 3.0)
     assert "it refused with -221" in str(raised.value)
     assert "and the channel was switched off; " in str(raised.value)
-    assert now(stand, "x") == 0.0
-    assert stand.newest("output") == "off"
+    assert now(fixture, "x") == 0.0
+    assert fixture.newest("output") == "off"
     with pytest.raises(InstrumentError, match="level clipped due to voltage limit"):
         generator.prepare_step(1, 3.0, 0.1)
     # The fault of one request is no fault of the next.
     generator.hold(1, 1.0)
-    assert now(stand, "x") == 1.0
+    assert now(fixture, "x") == 1.0
 
 
-def test_what_somebody_left_in_the_instrument_is_gone(stand: Stand) -> None:
-    stand.at_its_front_panel(
+def test_what_somebody_left_in_the_instrument_is_gone(fixture: Fixture) -> None:
+    fixture.at_its_front_panel(
         "FUNC SQU;:BURS:NCYC 7;STAT ON;:OUTP1 ON;:OUTP1:POL INV;:TRIG1:DEL 3;:NONSENSE"
     )
-    generator = Keysight33522B(stand.place())
+    generator = Keysight33522B(fixture.place())
     generator.prepare_step(1, 1.0, 0.1)
-    assert stand.room.volts("x", stand.clock.now(), stand.rise() + 0.05) == [0.0, 1.0]
+    assert fixture.room.volts("x", fixture.clock.now(), fixture.rise() + 0.05) == [0.0, 1.0]
     generator.close()
 
 
 def test_an_output_that_trips_is_told_and_made_safe() -> None:
     tripped = {"fault": "output-tripped", "at": "10 s", "for": "10 s"}
-    with standing(tripped) as stand:
-        generator = Keysight33522B(stand.place())
+    with standing(tripped) as fixture:
+        generator = Keysight33522B(fixture.place())
         generator.hold(1, 1.0)
         generator.hold(2, 1.0)
-        stand.clock.sleep(11.0)
+        fixture.clock.sleep(11.0)
         assert generator.read_quantity("output") == "off"
         with pytest.raises(InstrumentError, match="output overload"):
             generator.hold(1, 1.5)
         with pytest.raises(InstrumentError, match="output overload"):
             generator.prepare_step(1, 1.5, 0.1)
-        generator.make_safe(stand.clock.now() + 5.0)
-        stand.clock.sleep(11.0)
+        generator.make_safe(fixture.clock.now() + 5.0)
+        fixture.clock.sleep(11.0)
         generator.hold(1, 1.5)
-        assert now(stand, "x") == 1.5
+        assert now(fixture, "x") == 1.5
         generator.close()
 
 
 def test_a_trigger_that_does_not_reach_it_starts_nothing() -> None:
-    with standing({"fault": "no-trigger", "at": "0 s"}) as stand:
-        generator = Keysight33522B(stand.place())
+    with standing({"fault": "no-trigger", "at": "0 s"}) as fixture:
+        generator = Keysight33522B(fixture.place())
         generator.prepare_step(1, 1.0, 0.1)
-        assert stand.room.volts("x", stand.rise() + 0.05) == [0.0]
+        assert fixture.room.volts("x", fixture.rise() + 0.05) == [0.0]
         generator.close()
 
 
@@ -318,8 +322,8 @@ WIRE_FAULTS: dict[str, tuple[dict[str, Any], type[InstrumentError], str]] = {
 @pytest.mark.parametrize("step", [False, True], ids=["hold", "step"])
 def test_a_fault_on_the_wire_is_one_sentence_and_the_channel_is_off(fault: str, step: bool) -> None:
     entry, kind, said = WIRE_FAULTS[fault]
-    with standing({**entry, "command": "FUNC?"}) as stand:
-        generator = Keysight33522B(stand.place())
+    with standing({**entry, "command": "FUNC?"}) as fixture:
+        generator = Keysight33522B(fixture.place())
         with pytest.raises(kind) as raised:
             if step:
                 generator.prepare_step(1, 1.0, 0.1)
@@ -334,20 +338,20 @@ def test_a_fault_on_the_wire_is_one_sentence_and_the_channel_is_off(fault: str, 
 
 
 def test_a_setting_is_read_back_again_over_a_new_line() -> None:
-    with standing({"fault": "dropped-connection", "command": "FUNC?"}) as stand:
-        generator = Keysight33522B(stand.place())
+    with standing({"fault": "dropped-connection", "command": "FUNC?"}) as fixture:
+        generator = Keysight33522B(fixture.place())
         generator.hold(1, 1.0)
-        assert stand.room.volts("x", stand.clock.now()) == [1.0]
+        assert fixture.room.volts("x", fixture.clock.now()) == [1.0]
         generator.close()
 
 
 def test_on_the_way_to_rest_a_lost_answer_does_not_decide() -> None:
     lost = [{"fault": "no-reply", "command": f"OUTP{n}", "at": "5 s"} for n in (1, 2)]
-    with standing(*lost) as stand:
-        generator = Keysight33522B(stand.place())
+    with standing(*lost) as fixture:
+        generator = Keysight33522B(fixture.place())
         generator.hold(1, 1.0)
-        stand.clock.sleep(6.0)
-        generator.make_safe(stand.clock.now() + 5.0)
+        fixture.clock.sleep(6.0)
+        generator.make_safe(fixture.clock.now() + 5.0)
         assert generator.read_safety().safe
         generator.close()
 
@@ -355,13 +359,13 @@ def test_on_the_way_to_rest_a_lost_answer_does_not_decide() -> None:
 def test_where_it_does_not_listen_a_last_attempt_switches_off_and_the_error_is_told() -> None:
     # Three times asked for, then said once more without waiting for an answer.
     for lost, safe in ((3, True), (4, False)):
-        with standing({"fault": "lost-command", "command": "OUTP2 OFF", "count": lost}) as stand:
-            generator = Keysight33522B(stand.place())
+        with standing({"fault": "lost-command", "command": "OUTP2 OFF", "count": lost}) as fixture:
+            generator = Keysight33522B(fixture.place())
             generator.programme_limits()
-            stand.at_its_front_panel("OUTP2 ON")
+            fixture.at_its_front_panel("OUTP2 ON")
             with pytest.raises(InstrumentTimeout, match="no answer came"):
-                generator.make_safe(stand.clock.now() + 5.0)
-            stand.clock.sleep(1e-3)
+                generator.make_safe(fixture.clock.now() + 5.0)
+            fixture.clock.sleep(1e-3)
             assert generator.read_safety().safe is safe
             channel = "channel 1 off, channel 2 " + ("off" if safe else "on")
             assert generator.read_safety().read_back == channel
@@ -375,12 +379,12 @@ def test_only_the_output_is_a_quantity(generator: Keysight33522B) -> None:
 
 
 def test_it_works_where_there_is_nothing_to_drive() -> None:
-    with standing(room=EmptyRoom()) as stand:
-        generator = Keysight33522B(stand.place())
+    with standing(room=EmptyRoom()) as fixture:
+        generator = Keysight33522B(fixture.place())
         generator.hold(1, 1.0)
         generator.prepare_step(2, 1.0, 0.1)
-        generator.make_safe(stand.clock.now() + 5.0)
-        assert not stand.simulator.energised()
+        generator.make_safe(fixture.clock.now() + 5.0)
+        assert not fixture.simulator.energised()
         generator.close()
 
 
@@ -407,11 +411,11 @@ def test_two_generators_that_a_scan_finds_have_the_two_places() -> None:
 
 
 def test_a_delayed_step_begins_that_much_after_the_trigger(
-    stand: Stand, generator: Keysight33522B
+    fixture: Fixture, generator: Keysight33522B
 ) -> None:
     generator.prepare_step(1, 2.0, 0.1, 0.012)
-    at_s = stand.rise()
-    first_s, last_s = stand.room.coils["x"].breakpoints(at_s, at_s + 1.0)
+    at_s = fixture.rise()
+    first_s, last_s = fixture.room.coils["x"].breakpoints(at_s, at_s + 1.0)
     assert first_s == pytest.approx(at_s + 0.012 + LATENCY_S, abs=1e-12)
     assert last_s == pytest.approx(first_s + 0.1, abs=1e-9)
     with pytest.raises(InstrumentError, match="after a trigger"):

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
-from keysight_stand import OHMS, Room, standing
-from stand import EmptyRoom, Stand
+from fixture import EmptyRoom, Fixture
+from keysight_fixture import OHMS, Room, standing
 
 from drivers.keysight.multimeter_34465a import Keysight34465A, Keysight34465APt100, temperature_degC
 from station.clock import Clock
@@ -18,9 +18,9 @@ from station.instruments.scan import draft, recognised
 
 
 @pytest.fixture
-def stand() -> Iterator[Stand]:
-    with standing() as stand:
-        yield stand
+def fixture() -> Iterator[Fixture]:
+    with standing() as fixture:
+        yield fixture
 
 
 def burst(meter: Any, clock: Clock, readings: int) -> Any:
@@ -36,8 +36,8 @@ def burst(meter: Any, clock: Clock, readings: int) -> Any:
 # The multimeter's driver.
 
 
-def test_it_takes_the_next_range_up_with_its_over_range(stand: Stand) -> None:
-    meter = Keysight34465A(stand.place())
+def test_it_takes_the_next_range_up_with_its_over_range(fixture: Fixture) -> None:
+    meter = Keysight34465A(fixture.place())
     assert [meter.configure(volts, 1) for volts in (0.05, 0.12, 0.13, 1.2, -11.9, 13, 1000)] == [
         0.1,
         0.1,
@@ -58,58 +58,58 @@ def test_it_takes_the_next_range_up_with_its_over_range(stand: Stand) -> None:
     ],
 )
 def test_what_the_meter_cannot_do_is_refused(
-    stand: Stand, largest_V: float, nplc: float, said: str
+    fixture: Fixture, largest_V: float, nplc: float, said: str
 ) -> None:
-    meter = Keysight34465A(stand.place())
+    meter = Keysight34465A(fixture.place())
     with pytest.raises(InstrumentError, match=said):
         meter.configure(largest_V, nplc)
     meter.close()
 
 
-def test_a_burst_is_started_polled_and_fetched(stand: Stand) -> None:
-    meter = Keysight34465A(stand.place())
+def test_a_burst_is_started_polled_and_fetched(fixture: Fixture) -> None:
+    meter = Keysight34465A(fixture.place())
     assert meter.configure(0.8, 10) == 1.0
-    before_s = stand.clock.now()
+    before_s = fixture.clock.now()
     meter.start(5)
     assert meter.fetch() is None
-    assert stand.clock.now() - before_s < 0.5
-    block = burst(meter, stand.clock, 5)
+    assert fixture.clock.now() - before_s < 0.5
+    block = burst(meter, fixture.clock, 5)
     assert list(block.columns) == list(meter.columns)
     assert block.columns["reading"].tolist() == [0, 1, 2, 3, 4]
     assert block.columns["voltage_V"].tolist() == [0.5] * 5
     assert block.columns["overload"].tolist() == [0] * 5
-    assert stand.newest("voltage") == 0.5
+    assert fixture.newest("voltage") == 0.5
     with pytest.raises(InstrumentError, match="none was begun since the last one"):
         meter.fetch()
     meter.close()
 
 
 def test_a_burst_longer_than_an_exchange_is_no_timeout() -> None:
-    with standing(slope=1e-4) as stand:
-        meter = Keysight34465A(stand.place())
+    with standing(slope=1e-4) as fixture:
+        meter = Keysight34465A(fixture.place())
         meter.configure(1.0, 100)
-        block = burst(meter, stand.clock, 20)
-        assert stand.clock.now() > 20 * 4.0
+        block = burst(meter, fixture.clock, 20)
+        assert fixture.clock.now() > 20 * 4.0
         assert (np.diff(block.columns["voltage_V"]) > 0).all()
         meter.close()
 
 
-def test_another_start_forgets_the_burst_before(stand: Stand) -> None:
-    meter = Keysight34465A(stand.place())
+def test_another_start_forgets_the_burst_before(fixture: Fixture) -> None:
+    meter = Keysight34465A(fixture.place())
     meter.configure(1.0, 10)
     meter.start(100)
-    assert len(burst(meter, stand.clock, 2)) == 2
+    assert len(burst(meter, fixture.clock, 2)) == 2
     meter.close()
 
 
 def test_overloads_are_kept_and_marked_and_the_error_names_the_next_range() -> None:
-    with standing(volts=-1.3) as stand:
-        meter = Keysight34465A(stand.place())
+    with standing(volts=-1.3) as fixture:
+        meter = Keysight34465A(fixture.place())
         assert meter.configure(1.0, 1) == 1.0
-        block = burst(meter, stand.clock, 3)
+        block = burst(meter, fixture.clock, 3)
         assert block.columns["voltage_V"].tolist() == [-9.9e37] * 3
         assert block.columns["overload"].tolist() == [1] * 3
-        assert stand.newest("voltage") is None
+        assert fixture.newest("voltage") is None
         with pytest.raises(InstrumentError) as raised:
             meter.read_quantity("voltage")
         assert str(raised.value) == (
@@ -119,66 +119,66 @@ def test_overloads_are_kept_and_marked_and_the_error_names_the_next_range() -> N
         meter.close()
 
 
-def test_auto_zero_is_a_setting_of_the_bench(stand: Stand) -> None:
-    meter = Keysight34465A(stand.place(auto_zero=False))
+def test_auto_zero_is_a_setting_of_the_bench(fixture: Fixture) -> None:
+    meter = Keysight34465A(fixture.place(auto_zero=False))
     meter.configure(1.0, 10)
-    assert stand.at_its_front_panel("VOLT:ZERO:AUTO?") == "0"
+    assert fixture.at_its_front_panel("VOLT:ZERO:AUTO?") == "0"
     with pytest.raises(InstrumentError, match=r"settings\.auto_zero: "):
-        Keysight34465A(stand.place(auto_zero="maybe"))
+        Keysight34465A(fixture.place(auto_zero="maybe"))
     meter.close()
 
 
-def test_other_mains_than_the_bench_file_says_are_told(stand: Stand) -> None:
-    meter = Keysight34465A(stand.place(line_frequency="60 Hz"))
+def test_other_mains_than_the_bench_file_says_are_told(fixture: Fixture) -> None:
+    meter = Keysight34465A(fixture.place(line_frequency="60 Hz"))
     with pytest.raises(InstrumentError, match="it found 50 Hz, the bench file says 60 Hz"):
         meter.configure(1.0, 10)
     meter.close()
 
 
 def test_what_somebody_left_in_the_meter_is_gone_after_the_first_configuration(
-    stand: Stand,
+    fixture: Fixture,
 ) -> None:
-    stand.at_its_front_panel("TRIG:SOUR EXT;:SAMP:SOUR TIM;:VOLT:APER 1;:NONSENSE")
-    meter = Keysight34465A(stand.place())
+    fixture.at_its_front_panel("TRIG:SOUR EXT;:SAMP:SOUR TIM;:VOLT:APER 1;:NONSENSE")
+    meter = Keysight34465A(fixture.place())
     meter.configure(1.0, 10)
-    assert len(burst(meter, stand.clock, 2)) == 2
-    assert stand.at_its_front_panel("VOLT:APER:ENAB?;:SAMP:SOUR?;:TRIG:SOUR?") == "0;IMM;IMM"
+    assert len(burst(meter, fixture.clock, 2)) == 2
+    assert fixture.at_its_front_panel("VOLT:APER:ENAB?;:SAMP:SOUR?;:TRIG:SOUR?") == "0;IMM;IMM"
     meter.close()
 
 
-def test_a_burst_that_somebody_else_ended_is_told(stand: Stand) -> None:
-    meter = Keysight34465A(stand.place())
+def test_a_burst_that_somebody_else_ended_is_told(fixture: Fixture) -> None:
+    meter = Keysight34465A(fixture.place())
     meter.configure(1.0, 10)
     meter.start(10)
-    stand.clock.sleep(1.0)
-    stand.at_its_front_panel("ABOR")
+    fixture.clock.sleep(1.0)
+    fixture.at_its_front_panel("ABOR")
     with pytest.raises(InstrumentError, match="it ended with 2 in its memory; check that nobody"):
         meter.fetch()
     meter.close()
 
 
-def test_a_meter_that_waits_for_an_external_trigger_is_told(stand: Stand) -> None:
-    meter = Keysight34465A(stand.place())
+def test_a_meter_that_waits_for_an_external_trigger_is_told(fixture: Fixture) -> None:
+    meter = Keysight34465A(fixture.place())
     meter.configure(1.0, 10)
     meter.start(2)
-    stand.at_its_front_panel("TRIG:SOUR EXT;:INIT")
+    fixture.at_its_front_panel("TRIG:SOUR EXT;:INIT")
     with pytest.raises(InstrumentError, match=r"it has 0 and is not ready.*trigger is not set"):
         for _ in range(200):
             assert meter.fetch() is None
-            stand.clock.sleep(0.1)
+            fixture.clock.sleep(0.1)
     meter.close()
 
 
-def test_an_interlock_reads_between_bursts_and_does_not_disturb_one(stand: Stand) -> None:
-    meter = Keysight34465A(stand.place())
+def test_an_interlock_reads_between_bursts_and_does_not_disturb_one(fixture: Fixture) -> None:
+    meter = Keysight34465A(fixture.place())
     assert meter.read_quantity("voltage") is None
     meter.configure(1.0, 10)
     assert meter.read_quantity("voltage") == 0.5
     meter.start(5)
     assert meter.read_quantity("voltage") is None
-    stand.clock.sleep(1.0)
+    fixture.clock.sleep(1.0)
     assert meter.read_quantity("voltage") == 0.5
-    stand.clock.sleep(5.0)
+    fixture.clock.sleep(5.0)
     block = meter.fetch()
     assert block is not None and len(block) == 5
     with pytest.raises(InputError, match="does not read 'temperature'"):
@@ -186,21 +186,21 @@ def test_an_interlock_reads_between_bursts_and_does_not_disturb_one(stand: Stand
     meter.close()
 
 
-def test_a_step_and_an_interlock_share_the_meter(stand: Stand) -> None:
-    meter = Keysight34465A(stand.place())
+def test_a_step_and_an_interlock_share_the_meter(fixture: Fixture) -> None:
+    meter = Keysight34465A(fixture.place())
     meter.configure(1.0, 10)
     seen: list[Any] = []
 
     def watch() -> None:
         for _ in range(20):
             seen.append(meter.read_quantity("voltage"))
-            stand.clock.sleep(0.37)
+            fixture.clock.sleep(0.37)
 
-    watcher = stand.clock.start("watch", watch)
+    watcher = fixture.clock.start("watch", watch)
     for _ in range(5):
-        assert len(burst(meter, stand.clock, 4)) == 4
-        stand.clock.sleep(0.5)
-    stand.clock.sleep(20.0)
+        assert len(burst(meter, fixture.clock, 4)) == 4
+        fixture.clock.sleep(0.5)
+    fixture.clock.sleep(20.0)
     watcher.join(5.0)
     assert len(seen) == 20 and set(seen) <= {0.5, None}
     meter.close()
@@ -219,11 +219,11 @@ WIRE_FAULTS: dict[str, tuple[dict[str, Any], type[InstrumentError], str]] = {
 @pytest.mark.parametrize("fault", WIRE_FAULTS)
 def test_a_fault_on_the_wire_is_one_sentence_and_the_burst_is_not_lost(fault: str) -> None:
     entry, kind, said = WIRE_FAULTS[fault]
-    with standing(faults=({**entry, "command": "FETC"},)) as stand:
-        meter = Keysight34465A(stand.place())
+    with standing(faults=({**entry, "command": "FETC"},)) as fixture:
+        meter = Keysight34465A(fixture.place())
         meter.configure(1.0, 1)
         meter.start(3)
-        stand.clock.sleep(1.0)
+        fixture.clock.sleep(1.0)
         with pytest.raises(kind) as raised:
             meter.fetch()
         assert said in str(raised.value)
@@ -236,11 +236,11 @@ def test_a_fault_on_the_wire_is_one_sentence_and_the_burst_is_not_lost(fault: st
 
 
 def test_readings_are_fetched_again_over_a_new_line() -> None:
-    with standing(faults=({"fault": "dropped-connection", "command": "FETC"},)) as stand:
-        meter = Keysight34465A(stand.place())
+    with standing(faults=({"fault": "dropped-connection", "command": "FETC"},)) as fixture:
+        meter = Keysight34465A(fixture.place())
         meter.configure(1.0, 1)
         meter.start(3)
-        stand.clock.sleep(1.0)
+        fixture.clock.sleep(1.0)
         block = meter.fetch()
         assert block is not None and block.columns["voltage_V"].tolist() == [0.5] * 3
         meter.close()
@@ -248,8 +248,8 @@ def test_readings_are_fetched_again_over_a_new_line() -> None:
 
 def test_an_interlock_asks_again_before_it_believes_a_lost_answer() -> None:
     lost = {"fault": "no-reply", "command": "INIT"}
-    with standing(faults=(lost,)) as stand:
-        meter = Keysight34465A(stand.place())
+    with standing(faults=(lost,)) as fixture:
+        meter = Keysight34465A(fixture.place())
         meter.configure(1.0, 1)
         assert meter.read_quantity("voltage") == 0.5
         meter.close()
@@ -258,17 +258,17 @@ def test_an_interlock_asks_again_before_it_believes_a_lost_answer() -> None:
 def test_frozen_and_overloaded_inputs_can_be_simulated() -> None:
     with standing(
         slope=0.01, faults=({"fault": "overload", "at": "10 s", "for": "10 s"},)
-    ) as stand:
-        meter = Keysight34465A(stand.place())
+    ) as fixture:
+        meter = Keysight34465A(fixture.place())
         meter.configure(1.0, 1)
-        assert not burst(meter, stand.clock, 1).columns["overload"].any()
-        stand.clock.sleep(12.0)
-        assert burst(meter, stand.clock, 1).columns["overload"].all()
+        assert not burst(meter, fixture.clock, 1).columns["overload"].any()
+        fixture.clock.sleep(12.0)
+        assert burst(meter, fixture.clock, 1).columns["overload"].all()
         meter.close()
-    with standing(slope=0.01, faults=({"fault": "frozen", "at": "0 s"},)) as stand:
-        meter = Keysight34465A(stand.place())
+    with standing(slope=0.01, faults=({"fault": "frozen", "at": "0 s"},)) as fixture:
+        meter = Keysight34465A(fixture.place())
         meter.configure(1.0, 1)
-        assert len(set(burst(meter, stand.clock, 5).columns["voltage_V"].tolist())) == 1
+        assert len(set(burst(meter, fixture.clock, 5).columns["voltage_V"].tolist())) == 1
         meter.close()
 
 
@@ -297,22 +297,22 @@ def test_values_of_the_tables_of_the_standard_come_back() -> None:
 
 @pytest.mark.parametrize(("ohms", "expected_degC"), [(107.7935, 20.0), (92.1599, -20.0)])
 def test_a_burst_of_a_thermometer_gives_ohms_and_degrees(ohms: float, expected_degC: float) -> None:
-    with standing(ohms=ohms, truth=OHMS) as stand:
-        thermometer = Keysight34465APt100(stand.place())
-        block = burst(thermometer, stand.clock, 3)
+    with standing(ohms=ohms, truth=OHMS) as fixture:
+        thermometer = Keysight34465APt100(fixture.place())
+        block = burst(thermometer, fixture.clock, 3)
         assert list(block.columns) == list(thermometer.columns)
         assert block.columns["resistance_ohm"] == pytest.approx([ohms] * 3, abs=1e-6)
         assert block.columns["temperature_degC"] == pytest.approx([expected_degC] * 3, abs=1e-3)
-        assert stand.newest("temperature") == block.columns["temperature_degC"][-1]
+        assert fixture.newest("temperature") == block.columns["temperature_degC"][-1]
         assert thermometer.read_quantity("temperature") == pytest.approx(expected_degC, abs=1e-3)
         thermometer.close()
 
 
 def test_a_thermometer_takes_the_range_that_holds_its_hottest() -> None:
-    with standing(ohms=1077.935, truth=OHMS) as stand:
-        thermometer = Keysight34465APt100(stand.place(r0="1000 ohm", nplc=1))
+    with standing(ohms=1077.935, truth=OHMS) as fixture:
+        thermometer = Keysight34465APt100(fixture.place(r0="1000 ohm", nplc=1))
         assert thermometer.read_quantity("temperature") == pytest.approx(20.0, abs=1e-3)
-        assert stand.at_its_front_panel("FRES:RANG?;NPLC?") == "+1.00000000E+04;+1.00000000E+00"
+        assert fixture.at_its_front_panel("FRES:RANG?;NPLC?") == "+1.00000000E+04;+1.00000000E+00"
         thermometer.close()
 
 
@@ -324,20 +324,20 @@ def test_a_thermometer_takes_the_range_that_holds_its_hottest() -> None:
     ],
 )
 def test_a_broken_wire_is_no_temperature(room: Any, said: str) -> None:
-    with standing(truth=OHMS, room=room) as stand:
-        thermometer = Keysight34465APt100(stand.place())
+    with standing(truth=OHMS, room=room) as fixture:
+        thermometer = Keysight34465APt100(fixture.place())
         with pytest.raises(InstrumentError, match=said):
-            burst(thermometer, stand.clock, 2)
+            burst(thermometer, fixture.clock, 2)
         with pytest.raises(InstrumentError, match=said):
             thermometer.read_quantity("temperature")
-        assert stand.newest("temperature") is None
+        assert fixture.newest("temperature") is None
         thermometer.close()
 
 
 @pytest.mark.parametrize("settings", [{"r0": "100"}, {"r0": "-100 ohm"}, {"nplc": "many"}])
-def test_a_wrong_setting_of_the_thermometer_is_told(stand: Stand, settings: Any) -> None:
+def test_a_wrong_setting_of_the_thermometer_is_told(fixture: Fixture, settings: Any) -> None:
     with pytest.raises(InstrumentError, match="read the bench file"):
-        Keysight34465APt100(stand.place(**settings))
+        Keysight34465APt100(fixture.place(**settings))
 
 
 def test_of_two_meters_that_a_scan_finds_the_second_is_the_thermometer() -> None:

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 import pytest
 from conformance_runs import conformance
-from stand import EmptyRoom, Stand, standing
-from trigger_stand import Room, Signal, bench_with_only
+from fixture import EmptyRoom, Fixture, standing
+from trigger_fixture import Room, Signal, bench_with_only
 
 from drivers.redpitaya.stemlab_125_14 import RedPitaya
 from drivers.redpitaya.stemlab_settings import Record
@@ -48,9 +48,9 @@ def flat(volts: float) -> Signal:
 @contextmanager
 def board(
     signal: Signal = ramp, *faults: dict[str, Any], room: Any = None, **truth: str
-) -> Iterator[Stand]:
-    with standing(NAME, Board, {**TRUTH, **truth}, room or Room(signal), *faults) as stand:
-        yield stand
+) -> Iterator[Fixture]:
+    with standing(NAME, Board, {**TRUTH, **truth}, room or Room(signal), *faults) as fixture:
+        yield fixture
 
 
 @contextmanager
@@ -60,25 +60,25 @@ def opened(
     room: Any = None,
     settings: dict[str, Any] | None = None,
     **truth: str,
-) -> Iterator[tuple[Stand, RedPitaya]]:
-    with board(signal, *faults, room=room, **truth) as stand:
-        driver = RedPitaya(stand.place(**(settings or {})))
-        yield stand, driver
+) -> Iterator[tuple[Fixture, RedPitaya]]:
+    with board(signal, *faults, room=room, **truth) as fixture:
+        driver = RedPitaya(fixture.place(**(settings or {})))
+        yield fixture, driver
         driver.close()
 
 
-def record(stand: Stand, driver: RedPitaya) -> Block:
+def record(fixture: Fixture, driver: RedPitaya) -> Block:
     for _ in range(1000):
         block = driver.fetch()
         if block is not None:
             return block
-        stand.clock.sleep(0.01)
+        fixture.clock.sleep(0.01)
     raise AssertionError("no record came")
 
 
-def shot(stand: Stand, driver: RedPitaya) -> Block:
+def shot(fixture: Fixture, driver: RedPitaya) -> Block:
     driver.fire()
-    block = record(stand, driver)
+    block = record(fixture, driver)
     driver.release()
     return block
 
@@ -87,7 +87,7 @@ def shot(stand: Stand, driver: RedPitaya) -> Block:
 
 
 def test_a_board_that_waits_for_nothing_says_triggered_and_a_floating_pin_reads_high() -> None:
-    with board() as stand, stand.line() as line:
+    with board() as fixture, fixture.line() as line:
         assert line.ask("*IDN?") == "REDPITAYA,INSTR2024,0,01-02"
         assert line.ask("ACQ:TRIG:STAT?") == "TD"
         assert [line.ask(f"DIG:PIN? DIO0_{side}") for side in "NP"] == ["1", "1"]
@@ -97,19 +97,19 @@ def test_a_board_that_waits_for_nothing_says_triggered_and_a_floating_pin_reads_
         assert [line.ask(f"DIG:PIN? DIO0_{side}") for side in "NP"] == ["0", "0"]
         line.write("DIG:PIN DIO0_N,1")
         assert line.ask("DIG:PIN? DIO0_P") == "1"
-        assert [kind for _, kind in stand.room.edges] == ["rise"]
+        assert [kind for _, kind in fixture.room.edges] == ["rise"]
 
 
 def test_a_capture_that_is_not_started_again_gives_the_old_values() -> None:
-    with board() as stand, stand.line() as line:
+    with board() as fixture, fixture.line() as line:
         for text in ("ACQ:DEC 1024", "ACQ:TRIG:DLY -8000", "DIG:PIN:DIR OUT,DIO0_N", "ACQ:START"):
             line.write(text)
         line.write("ACQ:TRIG EXT_PE")
         assert line.ask("ACQ:TRIG:STAT?") == "WAIT"
-        stand.clock.sleep(0.01)
+        fixture.clock.sleep(0.01)
         line.write("DIG:PIN DIO0_N,1")
         assert line.ask("ACQ:TRIG:FILL?") == "0"
-        stand.clock.sleep(0.01)
+        fixture.clock.sleep(0.01)
         assert line.ask("ACQ:TRIG:FILL?") == "1"
         question = f"ACQ:SOUR1:DATA:START:N? {line.ask('ACQ:TPOS?')},5"
         before = line.ask(question)
@@ -130,7 +130,7 @@ def test_a_capture_that_is_not_started_again_gives_the_old_values() -> None:
     ],
 )
 def test_what_a_system_does_not_know_is_not_answered(version: str, unknown: str) -> None:
-    with board(os_version=version) as stand, stand.line() as line:
+    with board(os_version=version) as fixture, fixture.line() as line:
         line.write(unknown)
         assert line.ask("SYST:ERR?").startswith("-113,")
 
@@ -146,12 +146,12 @@ def test_a_missing_truth_is_named(key: str) -> None:
 
 
 def test_the_driver_has_the_verbs_of_its_role_and_is_found_by_a_scan() -> None:
-    with opened() as (stand, driver):
+    with opened() as (fixture, driver):
         assert isinstance(driver, Digitizer)
         assert isinstance(driver, MadeSafe)
         identity = driver.identify()
         assert (identity.model, identity.serial) == ("STEMlab 125-14", "0")
-        assert ((">", b"*IDN?\r\n")) in stand.heard
+        assert ((">", b"*IDN?\r\n")) in fixture.heard
     for answer in ("REDPITAYA,INSTR2024,0,01-02", "REDPITAYA,INSTR2025,,01-21"):
         assert recognised("TCPIP::192.0.2.1::5000::SOCKET", answer).driver == "red-pitaya-125-14"
 
@@ -177,12 +177,12 @@ def test_the_rate_is_the_nearest_one_at_or_above_the_wanted(
 
 @pytest.mark.parametrize("version", ["2.05-37", "2.00-30", "2.00-18", "1.04-28", "1.03"])
 def test_time_zero_is_the_trigger_to_half_a_sample_on_every_system(version: str) -> None:
-    with opened(settings={"os_version": version}, os_version=version) as (stand, driver):
+    with opened(settings={"os_version": version}, os_version=version) as (fixture, driver):
         rate_Hz = driver.prepare(10e3, 0.08, 1.0)
         offsets = []
         for _ in range(8):
-            block = shot(stand, driver)
-            stand.clock.sleep(0.3)
+            block = shot(fixture, driver)
+            fixture.clock.sleep(0.3)
             time_s, volts = block.columns["time_s"], block.columns["voltage_V"]
             assert time_s[0] < -8 / rate_Hz * 0.999
             assert time_s[-1] >= 0.08
@@ -196,13 +196,13 @@ def test_time_zero_is_the_trigger_to_half_a_sample_on_every_system(version: str)
 
 
 def test_a_long_buffer_comes_in_slices_that_are_each_one_short_exchange() -> None:
-    with opened() as (stand, driver):
+    with opened() as (fixture, driver):
         rate_Hz = driver.prepare(100e3, 0.155, 2 / 3)
-        stand.heard.clear()
-        block = shot(stand, driver)
+        fixture.heard.clear()
+        block = shot(fixture, driver)
         assert len(block) > 15_000
         assert np.diff(block.columns["time_s"]) == pytest.approx(1 / rate_Hz)
-        asked = [data for data in stand.sent() if b":N?" in data]
+        asked = [data for data in fixture.sent() if b":N?" in data]
         assert len(asked) == -(-len(block) // 2048)
         clipped = block.columns["time_s"] > 0.1001
         assert (block.columns["voltage_V"][clipped] == 1.0 - round(LSB_V, 6)).all()
@@ -218,9 +218,9 @@ def test_the_window_holds_a_little_before_the_trigger_and_all_after_it() -> None
 
 def test_gain_offset_and_clock_are_the_board_s_own() -> None:
     wrong = {"gain_error": "1 %", "offset": "20 mV", "clock_error": "1 %"}
-    with opened(**wrong) as (stand, driver):
+    with opened(**wrong) as (fixture, driver):
         driver.prepare(10e3, 0.05, 1.0)
-        columns = shot(stand, driver).columns
+        columns = shot(fixture, driver).columns
         time_s, volts = columns["time_s"], columns["voltage_V"]
         begun = time_s > 0.01
         slope, level = np.polyfit(time_s[begun], volts[begun], 1)
@@ -230,9 +230,9 @@ def test_gain_offset_and_clock_are_the_board_s_own() -> None:
 
 def test_noise_is_the_same_for_a_record_that_is_read_twice_and_another_for_the_next() -> None:
     def run() -> list[list[float]]:
-        with opened(flat(0.1), noise="2 mV") as (stand, driver):
+        with opened(flat(0.1), noise="2 mV") as (fixture, driver):
             driver.prepare(10e3, 0.05, 1.0)
-            return [shot(stand, driver).columns["voltage_V"].tolist() for _ in range(2)]
+            return [shot(fixture, driver).columns["voltage_V"].tolist() for _ in range(2)]
 
     first, second = run()
     assert np.std(first) == pytest.approx(2e-3, rel=0.15)
@@ -241,28 +241,28 @@ def test_noise_is_the_same_for_a_record_that_is_read_twice_and_another_for_the_n
 
 
 def test_jumpers_that_are_elsewhere_than_the_bench_says_scale_the_values() -> None:
-    with opened(flat(0.5), settings={"jumper": "HV"}) as (stand, driver):
+    with opened(flat(0.5), settings={"jumper": "HV"}) as (fixture, driver):
         assert driver.full_scale_V == 20.0
         driver.prepare(10e3, 0.01, 15.0)
-        assert shot(stand, driver).columns["voltage_V"] == pytest.approx(10.0)
+        assert shot(fixture, driver).columns["voltage_V"] == pytest.approx(10.0)
 
 
 def test_an_input_that_is_not_connected_reads_zero_in_any_world() -> None:
-    with opened(room=EmptyRoom()) as (stand, driver):
+    with opened(room=EmptyRoom()) as (fixture, driver):
         driver.prepare(10e3, 0.01, 1.0)
-        assert (shot(stand, driver).columns["voltage_V"] == 0.0).all()
-    with opened(flat(0.5), settings={"channel": 2}) as (stand, driver):
+        assert (shot(fixture, driver).columns["voltage_V"] == 0.0).all()
+    with opened(flat(0.5), settings={"channel": 2}) as (fixture, driver):
         driver.prepare(10e3, 0.01, 1.0)
-        assert (shot(stand, driver).columns["voltage_V"] == 0.0).all()
+        assert (shot(fixture, driver).columns["voltage_V"] == 0.0).all()
 
 
 def test_the_edge_that_starts_the_record_is_the_one_that_others_get() -> None:
-    with opened() as (stand, driver):
+    with opened() as (fixture, driver):
         driver.prepare(10e3, 0.01, 1.0)
-        assert not stand.room.edges
-        shot(stand, driver)
-        shot(stand, driver)
-        assert [kind for _, kind in stand.room.edges] == ["rise", "fall"] * 2
+        assert not fixture.room.edges
+        shot(fixture, driver)
+        shot(fixture, driver)
+        assert [kind for _, kind in fixture.room.edges] == ["rise", "fall"] * 2
 
 
 def told(act: Any) -> str:
@@ -295,69 +295,69 @@ def test_a_wrong_system_version_is_noticed_by_reading_back() -> None:
 
 
 def test_a_trigger_wire_that_is_not_seated_is_noticed_before_anything_is_triggered() -> None:
-    with opened(ramp, {"fault": "no-trigger"}) as (stand, driver):
+    with opened(ramp, {"fault": "no-trigger"}) as (fixture, driver):
         text = told(lambda: driver.prepare(10e3, 0.05, 1.0))
         assert "DIG:PIN? DIO0_P reads '1' where 0 belongs" in text
         assert "seat the wire between DIO0_N and DIO0_P" in text
-        assert not stand.room.edges
+        assert not fixture.room.edges
 
 
 def test_a_trigger_that_never_comes_is_told_at_once() -> None:
-    with opened(ramp, {"fault": "no-trigger", "command": "ACQ:START"}) as (stand, driver):
+    with opened(ramp, {"fault": "no-trigger", "command": "ACQ:START"}) as (fixture, driver):
         driver.prepare(10e3, 0.05, 1.0)
         assert "ACQ:TRIG:STAT? reads 'WAIT' where TD belongs" in told(driver.fire)
-        driver.make_safe(stand.clock.now() + 5.0)
+        driver.make_safe(fixture.clock.now() + 5.0)
         assert driver.read_safety().safe
-        assert not stand.room.trigger.high
+        assert not fixture.room.trigger.high
 
 
 @pytest.mark.parametrize("command", ["ACQ:START", "ACQ:TRIG EXT_PE", "DIG:PIN DIO0_N,1"])
 def test_a_command_that_is_lost_never_gives_an_old_record(command: str) -> None:
     fault = {"fault": "lost-command", "command": command, "nth": 2}
-    with opened(ramp, fault) as (stand, driver):
+    with opened(ramp, fault) as (fixture, driver):
         driver.prepare(10e3, 0.05, 1.0)
-        shot(stand, driver)
+        shot(fixture, driver)
         assert "where" in told(driver.fire)
 
 
 def test_a_record_that_does_not_end_is_an_error() -> None:
-    with opened(ramp, {"fault": "lost-command", "command": "ACQ:START"}) as (stand, driver):
+    with opened(ramp, {"fault": "lost-command", "command": "ACQ:START"}) as (fixture, driver):
         driver.prepare(10e3, 0.05, 1.0)
         driver.fire()
-        assert "ACQ:TRIG:FILL? still reads 0" in told(lambda: record(stand, driver))
-        assert stand.clock.now() < 3.0
+        assert "ACQ:TRIG:FILL? still reads 0" in told(lambda: record(fixture, driver))
+        assert fixture.clock.now() < 3.0
 
 
 def test_an_input_beyond_its_range_is_kept_at_full_scale() -> None:
-    with opened(flat(0.2), {"fault": "overload", "at": "0 s"}) as (stand, driver):
+    with opened(flat(0.2), {"fault": "overload", "at": "0 s"}) as (fixture, driver):
         driver.prepare(10e3, 0.05, 1.0)
-        volts = shot(stand, driver).columns["voltage_V"]
+        volts = shot(fixture, driver).columns["voltage_V"]
         assert (volts >= driver.full_scale_V - 2 * LSB_V).all()
 
 
 def test_one_lost_answer_does_not_keep_the_trigger_from_rest() -> None:
     for command in ("DIG:PIN:DIR? DIO0_N", "DIG:PIN? DIO0_N"):
         fault = {"fault": "no-reply", "command": command, "at": "1 s"}
-        with opened(ramp, fault) as (stand, driver):
+        with opened(ramp, fault) as (fixture, driver):
             driver.prepare(10e3, 0.05, 1.0)
             driver.fire()
             assert not driver.read_safety().safe
-            stand.clock.sleep_until(1.0)
-            driver.make_safe(stand.clock.now() + 5.0)
+            fixture.clock.sleep_until(1.0)
+            driver.make_safe(fixture.clock.now() + 5.0)
             assert driver.read_safety() == type(driver.read_safety())(True, "trigger output low")
-            assert not stand.room.trigger.high
+            assert not fixture.room.trigger.high
 
 
 def test_an_interlock_can_ask_for_the_voltage_at_any_time() -> None:
-    with opened(flat(0.25)) as (stand, driver):
+    with opened(flat(0.25)) as (fixture, driver):
         assert driver.read_quantity("voltage") is None
         driver.prepare(10e3, 0.2, 1.0)
         assert driver.read_quantity("voltage") == pytest.approx(0.25)
         driver.fire()
-        stand.clock.sleep(0.05)
+        fixture.clock.sleep(0.05)
         assert driver.read_quantity("voltage") == pytest.approx(0.25)
-        assert len(record(stand, driver)) == Record.of(12500, 0.2).length
-        assert stand.newest("voltage") == pytest.approx(0.25)
+        assert len(record(fixture, driver)) == Record.of(12500, 0.2).length
+        assert fixture.newest("voltage") == pytest.approx(0.25)
         with pytest.raises(InputError, match="does not read 'current'"):
             driver.read_quantity("current")
 
@@ -374,21 +374,21 @@ def test_an_interlock_can_ask_for_the_voltage_at_any_time() -> None:
     ],
 )
 def test_a_fault_of_the_wire_while_fetching_is_one_clear_sentence(fault: str, says: str) -> None:
-    with opened(flat(0.2), {"fault": fault, "command": ":N?"}) as (stand, driver):
+    with opened(flat(0.2), {"fault": fault, "command": ":N?"}) as (fixture, driver):
         driver.prepare(10e3, 0.05, 1.0)
         driver.fire()
-        text = told(lambda: record(stand, driver))
+        text = told(lambda: record(fixture, driver))
         assert text.startswith("digitizer: ") and says in text
         # The record is still in the board.
-        assert record(stand, driver).columns["voltage_V"] == pytest.approx(0.2, abs=LSB_V)
+        assert record(fixture, driver).columns["voltage_V"] == pytest.approx(0.2, abs=LSB_V)
 
 
 def test_a_line_that_breaks_while_fetching_costs_nothing() -> None:
     fault = {"fault": "dropped-connection", "command": ":N?"}
-    with opened(flat(0.2), fault) as (stand, driver):
+    with opened(flat(0.2), fault) as (fixture, driver):
         driver.prepare(10e3, 0.05, 1.0)
         driver.fire()
-        assert record(stand, driver).columns["voltage_V"] == pytest.approx(0.2, abs=LSB_V)
+        assert record(fixture, driver).columns["voltage_V"] == pytest.approx(0.2, abs=LSB_V)
 
 
 @pytest.mark.parametrize(

@@ -10,9 +10,9 @@ from typing import Any
 
 import pytest
 from conformance_runs import conformance
+from fixture import EmptyRoom, Fixture, standing
 from sim_bench import Line
-from stand import EmptyRoom, Stand, standing
-from trigger_stand import Room, bench_with_only
+from trigger_fixture import Room, bench_with_only
 
 from drivers.thorlabs.sc10 import ThorlabsSc10
 from sim_instruments.thorlabs.sc10 import ThorlabsSc10 as Controller
@@ -27,19 +27,19 @@ TRUTH = {"opening_time": "12 ms", "closing_time": "9 ms", "gate_inverter": True}
 
 
 @contextmanager
-def controller(*faults: dict[str, Any], room: Any = None, **truth: Any) -> Iterator[Stand]:
+def controller(*faults: dict[str, Any], room: Any = None, **truth: Any) -> Iterator[Fixture]:
     lit = room or Room(lambda after_s: after_s)
-    with standing(NAME, Controller, {**TRUTH, **truth}, lit, *faults) as stand:
-        yield stand
+    with standing(NAME, Controller, {**TRUTH, **truth}, lit, *faults) as fixture:
+        yield fixture
 
 
 @contextmanager
 def opened(
     *faults: dict[str, Any], room: Any = None, settings: dict[str, Any] | None = None, **truth: Any
-) -> Iterator[tuple[Stand, ThorlabsSc10]]:
-    with controller(*faults, room=room, **truth) as stand:
-        driver = ThorlabsSc10(stand.place(**(settings or {})))
-        yield stand, driver
+) -> Iterator[tuple[Fixture, ThorlabsSc10]]:
+    with controller(*faults, room=room, **truth) as fixture:
+        driver = ThorlabsSc10(fixture.place(**(settings or {})))
+        yield fixture, driver
         driver.close()
 
 
@@ -56,9 +56,9 @@ def told(act: Callable[[], object]) -> str:
     return str(raised.value)
 
 
-def dark_at(stand: Stand) -> bool:
+def dark_at(fixture: Fixture) -> bool:
     """Return whether the light is blocked now, as the world knows it."""
-    past = [on for time_s, on in stand.room.light if time_s <= stand.clock.now()]
+    past = [on for time_s, on in fixture.room.light if time_s <= fixture.clock.now()]
     return not (past and past[-1])
 
 
@@ -66,7 +66,7 @@ def dark_at(stand: Stand) -> bool:
 
 
 def test_an_answer_is_an_echo_a_value_and_a_prompt() -> None:
-    with controller() as stand, stand.line() as line:
+    with controller() as fixture, fixture.line() as line:
         assert ask(line, "id?") == "id?\rTHORLABS SC10 VERSION 1.07\r"
         assert ask(line, "mode=5") == "mode=5\r"
         assert ask(line, "mode?") == "mode?\r5\r"
@@ -77,40 +77,40 @@ def test_an_answer_is_an_echo_a_value_and_a_prompt() -> None:
 
 
 def test_enable_toggles_and_the_blade_takes_its_time() -> None:
-    with controller() as stand, stand.line() as line:
+    with controller() as fixture, fixture.line() as line:
         assert ask(line, "ens") == "ens\r"
         assert ask(line, "ens?") == "ens?\r1\r"
         assert ask(line, "closed?") == "closed?\r1\r"
-        stand.clock.sleep(0.012)
+        fixture.clock.sleep(0.012)
         assert ask(line, "closed?") == "closed?\r0\r"
         ask(line, "ens")
         assert ask(line, "closed?") == "closed?\r0\r"
-        stand.clock.sleep(0.009)
+        fixture.clock.sleep(0.009)
         assert ask(line, "closed?") == "closed?\r1\r"
-        assert stand.room.light == [(pytest.approx(0.012), True), (pytest.approx(0.021), False)]
+        assert fixture.room.light == [(pytest.approx(0.012), True), (pytest.approx(0.021), False)]
 
 
 def test_a_blade_that_is_turned_on_its_way_comes_back_later() -> None:
-    with controller() as stand, stand.line() as line:
+    with controller() as fixture, fixture.line() as line:
         ask(line, "ens")
-        stand.clock.sleep(0.005)
+        fixture.clock.sleep(0.005)
         ask(line, "ens")
-        assert stand.room.light == [(pytest.approx(0.012), True), (pytest.approx(0.021), False)]
+        assert fixture.room.light == [(pytest.approx(0.012), True), (pytest.approx(0.021), False)]
 
 
 @pytest.mark.parametrize("inverter", [True, False])
 def test_in_the_gate_mode_the_light_follows_the_trigger(inverter: bool) -> None:
-    with controller(gate_inverter=inverter) as stand, stand.line() as line:
+    with controller(gate_inverter=inverter) as fixture, fixture.line() as line:
         ask(line, "mode=5")
         ask(line, "ens")
-        stand.clock.sleep(0.1)
-        assert dark_at(stand) is not inverter
-        stand.room.trigger.rise(stand.clock.now())
-        stand.clock.sleep(0.02)
-        assert dark_at(stand) is inverter
-        stand.room.trigger.fall(stand.clock.now())
-        stand.clock.sleep(0.02)
-        assert dark_at(stand) is not inverter
+        fixture.clock.sleep(0.1)
+        assert dark_at(fixture) is not inverter
+        fixture.room.trigger.rise(fixture.clock.now())
+        fixture.clock.sleep(0.02)
+        assert dark_at(fixture) is inverter
+        fixture.room.trigger.fall(fixture.clock.now())
+        fixture.clock.sleep(0.02)
+        assert dark_at(fixture) is not inverter
 
 
 @pytest.mark.parametrize("key", ["opening_time", "closing_time"])
@@ -135,42 +135,42 @@ def test_the_driver_has_the_verbs_of_its_role() -> None:
 
 
 def test_an_act_is_done_when_it_returns() -> None:
-    with opened() as (stand, driver):
+    with opened() as (fixture, driver):
         assert not driver.is_open()
         driver.open_shutter()
-        assert not dark_at(stand)
-        assert stand.newest("output") == "on"
+        assert not dark_at(fixture)
+        assert fixture.newest("output") == "on"
         driver.close_shutter()
-        assert dark_at(stand)
-        assert stand.newest("output") == "off"
-        assert stand.clock.now() < 0.1
+        assert dark_at(fixture)
+        assert fixture.newest("output") == "off"
+        assert fixture.clock.now() < 0.1
 
 
 @pytest.mark.parametrize("enabled", [True, False])
 def test_what_somebody_left_enabled_is_not_toggled_the_wrong_way(enabled: bool) -> None:
     for act, is_open in (("open_shutter", True), ("close_shutter", False)):
-        with controller() as stand:
-            with stand.line() as line:
+        with controller() as fixture:
+            with fixture.line() as line:
                 if enabled:
                     ask(line, "ens")
-                    stand.clock.sleep(0.1)
-            driver = ThorlabsSc10(stand.place())
+                    fixture.clock.sleep(0.1)
+            driver = ThorlabsSc10(fixture.place())
             getattr(driver, act)()
             assert driver.is_open() is is_open
             driver.close()
 
 
 def test_the_light_goes_off_at_the_trigger_and_comes_back_after_it() -> None:
-    with opened(settings={"trigger_to_dark": "9 ms"}) as (stand, driver):
+    with opened(settings={"trigger_to_dark": "9 ms"}) as (fixture, driver):
         driver.follow_trigger()
         assert driver.is_open()
-        began_s = stand.clock.now()
-        stand.room.trigger.rise(began_s)
-        stand.clock.sleep(0.05)
+        began_s = fixture.clock.now()
+        fixture.room.trigger.rise(began_s)
+        fixture.clock.sleep(0.05)
         assert not driver.is_open()
-        assert stand.room.light[-1] == (pytest.approx(began_s + driver.trigger_to_dark_s), False)
-        stand.room.trigger.fall(stand.clock.now())
-        stand.clock.sleep(0.05)
+        assert fixture.room.light[-1] == (pytest.approx(began_s + driver.trigger_to_dark_s), False)
+        fixture.room.trigger.fall(fixture.clock.now())
+        fixture.clock.sleep(0.05)
         assert driver.is_open()
 
 
@@ -195,33 +195,33 @@ def test_it_works_in_a_world_without_light_and_trigger() -> None:
 
 
 def test_a_shutter_that_does_not_close_is_an_error_that_says_so() -> None:
-    with opened({"fault": "stuck-open", "at": "1 s", "for": "10 s"}) as (stand, driver):
+    with opened({"fault": "stuck-open", "at": "1 s", "for": "10 s"}) as (fixture, driver):
         driver.follow_trigger()
-        stand.clock.sleep_until(2.0)
-        text = told(lambda: driver.make_safe(stand.clock.now() + 5.0))
+        fixture.clock.sleep_until(2.0)
+        text = told(lambda: driver.make_safe(fixture.clock.now() + 5.0))
         assert text.startswith("pump_laser: close the shutter: its sensor still reads open")
         assert "THE LIGHT STILL PASSES: switch the pump laser off by hand" in text
         reading = driver.read_safety()
         assert not reading.safe
         assert reading.read_back.startswith("shutter OPEN, disabled")
         assert driver.read_quantity("output") == "on"
-        stand.clock.sleep_until(12.0)
-        driver.make_safe(stand.clock.now() + 5.0)
+        fixture.clock.sleep_until(12.0)
+        driver.make_safe(fixture.clock.now() + 5.0)
         assert driver.read_safety().safe
 
 
 def test_an_open_interlock_closes_the_shutter_and_is_named() -> None:
-    with opened({"fault": "interlock-open", "at": "1 s", "for": "10 s"}) as (stand, driver):
+    with opened({"fault": "interlock-open", "at": "1 s", "for": "10 s"}) as (fixture, driver):
         driver.open_shutter()
-        stand.clock.sleep_until(2.0)
+        fixture.clock.sleep_until(2.0)
         driver.is_open()
-        stand.clock.sleep(0.1)
+        fixture.clock.sleep(0.1)
         assert not driver.is_open()
         for act in (driver.open_shutter, driver.follow_trigger):
             assert "its interlock is open (interlock? reads 1); make sure" in told(act)
-        driver.make_safe(stand.clock.now() + 5.0)
+        driver.make_safe(fixture.clock.now() + 5.0)
         assert driver.read_safety().safe
-        stand.clock.sleep_until(12.0)
+        fixture.clock.sleep_until(12.0)
         driver.open_shutter()
         assert driver.is_open()
 
@@ -229,13 +229,13 @@ def test_an_open_interlock_closes_the_shutter_and_is_named() -> None:
 @pytest.mark.parametrize("fault", ["no-reply", "lost-command", "garbled", "dropped-connection"])
 @pytest.mark.parametrize("command", ["ens", "ens?", "closed?", "mode=1"])
 def test_one_lost_exchange_does_not_leave_the_light_on(fault: str, command: str) -> None:
-    with opened({"fault": fault, "command": command, "at": "1 s"}) as (stand, driver):
+    with opened({"fault": fault, "command": command, "at": "1 s"}) as (fixture, driver):
         driver.follow_trigger()
-        stand.clock.sleep_until(1.0)
-        driver.make_safe(stand.clock.now() + 5.0)
+        fixture.clock.sleep_until(1.0)
+        driver.make_safe(fixture.clock.now() + 5.0)
         assert driver.read_safety().safe
-        assert dark_at(stand)
-        assert stand.clock.now() < 3.0
+        assert dark_at(fixture)
+        assert fixture.clock.now() < 3.0
 
 
 @pytest.mark.parametrize(
@@ -249,10 +249,10 @@ def test_one_lost_exchange_does_not_leave_the_light_on(fault: str, command: str)
     ],
 )
 def test_in_a_step_the_first_fault_of_the_wire_is_one_clear_sentence(fault: str, says: str) -> None:
-    with opened({"fault": fault, "command": "closed?", "at": "1 s"}) as (stand, driver):
+    with opened({"fault": fault, "command": "closed?", "at": "1 s"}) as (fixture, driver):
         driver.open_shutter()
         driver.identify()
-        stand.clock.sleep_until(1.0)
+        fixture.clock.sleep_until(1.0)
         text = told(driver.is_open)
         assert text.startswith("pump_laser: sent 'closed?': ") and says in text
         assert driver.is_open()
@@ -260,9 +260,9 @@ def test_in_a_step_the_first_fault_of_the_wire_is_one_clear_sentence(fault: str,
 
 @pytest.mark.parametrize("fault", ["dropped-connection", "wrong-terminator"])
 def test_in_a_step_a_question_without_harm_is_asked_again_over_a_new_line(fault: str) -> None:
-    with opened({"fault": fault, "command": "closed?", "at": "1 s"}) as (stand, driver):
+    with opened({"fault": fault, "command": "closed?", "at": "1 s"}) as (fixture, driver):
         driver.open_shutter()
-        stand.clock.sleep_until(1.0)
+        fixture.clock.sleep_until(1.0)
         assert driver.is_open()
 
 

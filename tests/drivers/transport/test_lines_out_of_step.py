@@ -18,49 +18,49 @@ import yaml
 from plan_runs import shipped_bench
 
 from station import registry
-from station.conformance.stand import Stand, standing
+from station.conformance.fixture import Fixture, fixture_of
 from station.instruments.bench import read_bench
 from station.safety.safe_state import SafeOutcome, make_bench_safe
 
 READY_S = 300.0
 SINE = ("coil_supply.x", "rlg-magnetic-sensitivity")
-Energise = Callable[[Stand, Any], None]
+Energise = Callable[[Fixture, Any], None]
 
 
-def sine(stand: Stand, supply: Any) -> None:
+def sine(fixture: Fixture, supply: Any) -> None:
     supply.programme_limits()
     supply.load_sine(0.2, 3.0)
     supply.start_sine()
 
 
-def steady(stand: Stand, supply: Any) -> None:
+def steady(fixture: Fixture, supply: Any) -> None:
     supply.programme_limits()
     supply.switch_on()
     supply.ramp_to(2.0)
 
 
-def held(stand: Stand, generator: Any) -> None:
+def held(fixture: Fixture, generator: Any) -> None:
     generator.hold(1, 1.0)
 
 
-def opened(stand: Stand, shutter: Any) -> None:
+def opened(fixture: Fixture, shutter: Any) -> None:
     shutter.open_shutter()
 
 
-def fired(stand: Stand, digitizer: Any) -> None:
+def fired(fixture: Fixture, digitizer: Any) -> None:
     digitizer.prepare(10e3, 0.05, 1.0)
     digitizer.fire()
 
 
-def turns(stand: Stand, table: Any) -> None:
+def turns(fixture: Fixture, table: Any) -> None:
     table.programme_limits()
     table.home(1)
     while table.is_moving(1):
-        stand.clock.sleep(0.1)
+        fixture.clock.sleep(0.1)
     table.turn(1, 20.0)
 
 
-def heats(stand: Stand, chamber: Any) -> None:
+def heats(fixture: Fixture, chamber: Any) -> None:
     chamber.programme_limits()
     chamber.switch_on()
     chamber.set_temperature(40.0)
@@ -90,39 +90,39 @@ ONCE = [{"fault": "reset"}, {"fault": "previous-reply"}]
 @contextmanager
 def energised(
     folder: Path, case: str, *faults: dict[str, Any]
-) -> Iterator[tuple[Stand, Any, Callable[[], bool]]]:
+) -> Iterator[tuple[Fixture, Any, Callable[[], bool]]]:
     """Yield the stand, the instrument in its energised state, and whether it is so in the world."""
     bench, name, procedure, energise = CASES[case]
     data = copy.deepcopy(shipped_bench(bench))
     data["simulation"]["faults"] = [{"instrument": name, **one} for one in faults]
     path = folder / "bench.yaml"
     path.write_text(yaml.safe_dump(data), encoding="utf-8")
-    with standing(read_bench(path, registry.names(registry.DRIVERS)), name, procedure) as stand:
-        instrument = stand.open()
+    with fixture_of(read_bench(path, registry.names(registry.DRIVERS)), name, procedure) as fixture:
+        instrument = fixture.open()
         instrument.identify()
-        energise(stand, instrument)
+        energise(fixture, instrument)
 
         def is_energised() -> bool:
-            return bool(stand.simulation.simulation_report()["outputs"][name])
+            return bool(fixture.simulation.simulation_report()["outputs"][name])
 
-        assert stand.clock.now() < READY_S
-        stand.clock.sleep_until(READY_S)
+        assert fixture.clock.now() < READY_S
+        fixture.clock.sleep_until(READY_S)
         assert is_energised()
-        stand.heard.clear()
-        yield stand, instrument, is_energised
+        fixture.heard.clear()
+        yield fixture, instrument, is_energised
 
 
-def made_safe(stand: Stand, instrument: Any) -> SafeOutcome:
+def made_safe(fixture: Fixture, instrument: Any) -> SafeOutcome:
     """Return how the safe state of the station went, as at the end of a run."""
-    (outcome,) = make_bench_safe({stand.name: instrument}, [], stand.clock)
+    (outcome,) = make_bench_safe({fixture.name: instrument}, [], fixture.clock)
     return outcome
 
 
 def messages_on_the_way(folder: Path, case: str) -> int:
-    with energised(folder, case) as (stand, instrument, is_energised):
-        assert made_safe(stand, instrument).verified
+    with energised(folder, case) as (fixture, instrument, is_energised):
+        assert made_safe(fixture, instrument).verified
         assert not is_energised()
-        return sum(direction == ">" for _, direction, _ in stand.heard)
+        return sum(direction == ">" for _, direction, _ in fixture.heard)
 
 
 def some(count: int) -> list[int]:
@@ -140,8 +140,8 @@ def test_no_line_too_many_makes_a_false_rest(case: str, tmp_path: Path) -> None:
     for number, nth in enumerate(some(messages_on_the_way(tmp_path, case))):
         # Each message is met by another fault.
         met = {**faults[number % len(faults)], "at": f"{READY_S - 1:g} s", "nth": nth}
-        with energised(tmp_path, case, met) as (stand, instrument, is_energised):
-            outcome = made_safe(stand, instrument)
+        with energised(tmp_path, case, met) as (fixture, instrument, is_energised):
+            outcome = made_safe(fixture, instrument)
             tries += 1
             verified += outcome.verified
             if is_energised():
@@ -156,16 +156,16 @@ def test_stray_lines_without_end_never_make_a_false_rest(
     case: str, where: str, tmp_path: Path
 ) -> None:
     strays = {"fault": "stray-line", "where": where, "at": f"{READY_S - 1:g} s", "for": "100 h"}
-    with energised(tmp_path, case, strays) as (stand, instrument, is_energised):
-        outcome = made_safe(stand, instrument)
+    with energised(tmp_path, case, strays) as (fixture, instrument, is_energised):
+        outcome = made_safe(fixture, instrument)
         assert not (outcome.verified and is_energised()), outcome
 
 
 @pytest.mark.parametrize("case", [one for one in CASES if one not in MODBUS])
 def test_a_device_that_is_one_reply_behind_is_never_verified(case: str, tmp_path: Path) -> None:
     behind = {"fault": "previous-reply", "at": f"{READY_S - 1:g} s", "for": "100 h"}
-    with energised(tmp_path, case, behind) as (stand, instrument, is_energised):
-        outcome = made_safe(stand, instrument)
+    with energised(tmp_path, case, behind) as (fixture, instrument, is_energised):
+        outcome = made_safe(fixture, instrument)
         assert not outcome.verified
         # The shutter's one command toggles it: nobody may send that to a device not understood.
         assert case == "SC10" or not is_energised()
@@ -177,8 +177,8 @@ def test_a_device_that_never_stops_talking_is_switched_off_without_an_answer(
     case: str, fault: str, tmp_path: Path
 ) -> None:
     talks = {"fault": fault, "at": f"{READY_S - 1:g} s", "for": "100 h"}
-    with energised(tmp_path, case, talks) as (stand, instrument, is_energised):
-        outcome = made_safe(stand, instrument)
+    with energised(tmp_path, case, talks) as (fixture, instrument, is_energised):
+        outcome = made_safe(fixture, instrument)
         assert not (outcome.verified and is_energised()), outcome
-        stand.clock.sleep(30.0)  # a table brakes
+        fixture.clock.sleep(30.0)  # a table brakes
         assert not is_energised()

@@ -10,13 +10,13 @@ import pytest
 from places import ROOT
 from pymodbus.framer import FramerRTU
 from pymodbus.pdu import DecodePDU
-from watlow_stand import NAME, Stand, controller
+from watlow_fixture import NAME, Fixture, controller
 
 from drivers.transport.modbus_line import ModbusLine, ModbusRefusal, ModbusSettings
 from drivers.transport.retry import NEVER, Repeatable
 from sim_instruments.wire.modbus import ModbusError, Parameter, Registers, crc16, fixed
 from station.clock import RealClock, VirtualClock
-from station.conformance.hostile import HostileServer
+from station.conformance.faulty_server import FaultyServer
 from station.errors import InstrumentError, InstrumentTimeout
 from station.instruments.opening import Place
 
@@ -28,10 +28,10 @@ PROCESS = {"f4t": (2820, 2), "f4": (100, 1)}
 @contextmanager
 def line(
     model: str, *faults: dict[str, object], repeatable: Repeatable = NEVER
-) -> Iterator[tuple[Stand, ModbusLine]]:
-    with controller(model, *faults) as stand:
-        opened = ModbusLine(stand.place(), SETTINGS, repeatable)
-        yield stand, opened
+) -> Iterator[tuple[Fixture, ModbusLine]]:
+    with controller(model, *faults) as fixture:
+        opened = ModbusLine(fixture.place(), SETTINGS, repeatable)
+        yield fixture, opened
         opened.close()
 
 
@@ -45,17 +45,17 @@ def told(act: Callable[[], object], kind: type[Exception] = InstrumentError) -> 
 
 
 def test_a_frame_may_come_in_pieces_and_the_answer_comes_in_one() -> None:
-    with controller("f4t") as stand, stand.line() as raw:
+    with controller("f4t") as fixture, fixture.line() as raw:
         frame = struct.pack(">HHHBBHH", 7, 0, 6, 1, 3, 2730, 1)
         for piece in (frame[:3], frame[3:7], frame[7:9]):
             raw._send(piece)
-            stand.clock.sleep(1e-3)
+            fixture.clock.sleep(1e-3)
         answer = raw.raw_ask(frame[9:])
         assert answer == struct.pack(">HHHBBBH", 7, 0, 5, 1, 3, 2, 62)
 
 
 def test_two_requests_at_once_are_answered_one_after_the_other() -> None:
-    with controller("f4t") as stand, stand.line() as raw:
+    with controller("f4t") as fixture, fixture.line() as raw:
         frames = [struct.pack(">HHHBBHH", n, 0, 6, 1, 3, 2730, 1) for n in (1, 2)]
         answer = raw.raw_ask(b"".join(frames))
         while len(answer) < 22:
@@ -80,20 +80,20 @@ def test_two_requests_at_once_are_answered_one_after_the_other() -> None:
 )
 def test_what_cannot_be_done_is_an_exception(request_hex: str, code: int) -> None:
     request = bytes.fromhex(request_hex)
-    with controller("f4t") as stand, stand.line() as raw:
+    with controller("f4t") as fixture, fixture.line() as raw:
         assert raw.pdu(request) == bytes([request[0] | 0x80, code])
 
 
 def test_functions_3_and_4_read_the_same_and_another_unit_stays_silent() -> None:
-    with controller("f4t") as stand, stand.line() as raw:
+    with controller("f4t") as fixture, fixture.line() as raw:
         assert raw.pdu(bytes.fromhex("040aaa0001")) == bytes.fromhex("0402003e")
         assert raw.pdu(bytes.fromhex("030aaa0001"), unit=255) == bytes.fromhex("0302003e")
         raw._send(struct.pack(">HHHBBHH", 1, 0, 6, 9, 3, 2730, 1))
-        assert not raw._wire.wait(stand.clock.now() + 1.0)
+        assert not raw._wire.wait(fixture.clock.now() + 1.0)
 
 
 def test_a_header_that_is_none_ends_the_connection() -> None:
-    with controller("f4t") as stand, stand.line() as raw:
+    with controller("f4t") as fixture, fixture.line() as raw:
         assert raw.raw_ask(b"*IDN?\r\n*IDN?\r\n") == b""
 
 
@@ -122,7 +122,7 @@ def test_an_rtu_device_answers_only_what_is_whole_right_and_for_it() -> None:
         body = bytes.fromhex(data)
         return body + struct.pack("<H", crc16(body))
 
-    with controller("f4") as stand, stand.line() as raw:
+    with controller("f4") as fixture, fixture.line() as raw:
         assert raw.raw_ask(frame("010300000001")) == frame("01030214 96".replace(" ", ""))
         for wrong in (
             frame("010300000001")[:-1] + b"\x00",
@@ -132,7 +132,7 @@ def test_an_rtu_device_answers_only_what_is_whole_right_and_for_it() -> None:
             b"VE?\r",
         ):
             raw._send(wrong)
-            assert not raw._wire.wait(stand.clock.now() + 0.2), wrong
+            assert not raw._wire.wait(fixture.clock.now() + 0.2), wrong
         assert raw.raw_ask(frame("010700")) == frame("018701")
 
 
@@ -141,13 +141,13 @@ def test_an_rtu_device_answers_only_what_is_whole_right_and_for_it() -> None:
 
 @pytest.mark.parametrize("model", MODELS)
 def test_what_is_written_reads_back(model: str) -> None:
-    with line(model) as (stand, modbus):
+    with line(model) as (fixture, modbus):
         address = 2776 if model == "f4t" else 603
         words = [0, 0x42C8] if model == "f4t" else [1000]
         modbus.write(address, words)
         assert modbus.read(address, len(words)) == words
         assert modbus.read(*PROCESS[model]) != [0] * PROCESS[model][1]
-        assert stand.clock.now() < 0.1
+        assert fixture.clock.now() < 0.1
 
 
 @pytest.mark.parametrize(
@@ -167,16 +167,16 @@ def test_an_exception_is_told_in_words_and_leaves_the_line_open(
     def refuse() -> tuple[int, ...]:
         raise ModbusError(code)
 
-    with controller("f4t") as stand:
-        stand.simulator._registers.add(100, Parameter(refuse))
-        modbus = ModbusLine(stand.place(), SETTINGS)
+    with controller("f4t") as fixture:
+        fixture.simulator._registers.add(100, Parameter(refuse))
+        modbus = ModbusLine(fixture.place(), SETTINGS)
         with pytest.raises(ModbusRefusal, match=says) as raised:
             modbus.read(100)
         assert raised.value.code == code
         assert str(raised.value).startswith(f"{NAME}: read register 100: ")
         assert f"(exception {code}); {do_now}" in str(raised.value)
         assert modbus.read(2730) == [62]
-        assert b"reopened" not in [data for _, data in stand.heard]
+        assert b"reopened" not in [data for _, data in fixture.heard]
         modbus.close()
 
 
@@ -201,31 +201,31 @@ WIRE_FAULTS = {
 def test_a_fault_on_the_wire_is_told_and_the_next_exchange_is_right(model: str, kind: str) -> None:
     address, count = PROCESS[model]
     fault = {"fault": kind, "command": f"read {address}", "nth": 2}
-    with line(model, fault) as (stand, modbus):
+    with line(model, fault) as (fixture, modbus):
         before = modbus.read(address, count)
         text = told(lambda: modbus.read(address, count))
         assert f"{NAME}: read register {address}: " in text
         assert WIRE_FAULTS[model, kind] in text
         assert "; check" in text
-        stand.clock.sleep(3.0)  # a late answer comes meanwhile, and is nobody's
+        fixture.clock.sleep(3.0)  # a late answer comes meanwhile, and is nobody's
         assert modbus.read(2730 if model == "f4t" else 606) == [62 if model == "f4t" else 1]
         after = modbus.read(address, count)
         assert after != before or model == "f4"
 
 
 def test_an_exchange_never_takes_longer_than_half_a_second() -> None:
-    with line("f4t", {"fault": "no-reply"}) as (stand, modbus):
-        began_s = stand.clock.now()
+    with line("f4t", {"fault": "no-reply"}) as (fixture, modbus):
+        began_s = fixture.clock.now()
         told(lambda: modbus.read(2730), InstrumentTimeout)
-        assert stand.clock.now() - began_s == pytest.approx(0.5)
+        assert fixture.clock.now() - began_s == pytest.approx(0.5)
 
 
 def test_frames_on_a_serial_line_are_kept_apart_by_silence() -> None:
-    with line("f4") as (stand, modbus):
+    with line("f4") as (fixture, modbus):
         modbus.read(100)
-        before_s = stand.clock.now()
+        before_s = fixture.clock.now()
         modbus.read(100)
-        assert stand.clock.now() - before_s == pytest.approx(3.5 * 11 / 19200)
+        assert fixture.clock.now() - before_s == pytest.approx(3.5 * 11 / 19200)
 
 
 def test_on_the_way_to_rest_one_lost_answer_does_not_decide() -> None:
@@ -249,7 +249,7 @@ def test_on_the_way_to_rest_one_lost_answer_does_not_decide() -> None:
 )
 def test_an_answer_to_nothing_that_was_asked_is_none(answer: bytes, says: str) -> None:
     clock = VirtualClock()
-    with clock.participant("test"), HostileServer(clock, lambda data: answer) as server:
+    with clock.participant("test"), FaultyServer(clock, lambda data: answer) as server:
         place = Place(NAME, f"modbus-tcp://127.0.0.1:{server.port}", clock, {}, {})
         modbus = ModbusLine(place, SETTINGS)
         assert says in told(lambda: modbus.read(100))
@@ -270,7 +270,7 @@ def test_a_frame_too_many_in_one_piece_with_the_answer_is_in_doubt(first: bool) 
 
     asked: list[bytes] = []
     clock = VirtualClock()
-    with clock.participant("test"), HostileServer(clock, answer) as server:
+    with clock.participant("test"), FaultyServer(clock, answer) as server:
         place = Place(NAME, f"socket://127.0.0.1:{server.port}", clock, {}, {})
         modbus = ModbusLine(place, SETTINGS, Repeatable(r"read \d+"))
         assert modbus.read(107) == [77]

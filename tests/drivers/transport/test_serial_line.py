@@ -14,7 +14,7 @@ import pytest
 from drivers.transport.serial_port import SerialSettings, wire_address
 from drivers.transport.text_line import SerialLine
 from station.clock import Clock, RealClock, VirtualClock
-from station.conformance.hostile import HostileServer, closed_port
+from station.conformance.faulty_server import FaultyServer, closed_port
 from station.errors import InstrumentError, InstrumentTimeout
 from station.instruments.opening import Place
 
@@ -44,7 +44,7 @@ class Acts:
 @contextmanager
 def line_to(*acts: bytes | None, **options: Any) -> Iterator[tuple[SerialLine, Acts, VirtualClock]]:
     clock, partner = VirtualClock(), Acts(*acts)
-    with clock.participant("test"), HostileServer(clock, partner) as server:
+    with clock.participant("test"), FaultyServer(clock, partner) as server:
         line = SerialLine(place(clock, f"socket://127.0.0.1:{server.port}"), SETTINGS, **options)
         try:
             yield line, partner, clock

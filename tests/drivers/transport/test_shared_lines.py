@@ -90,13 +90,13 @@ def test_the_first_choice_bench_watches_the_tables_own_interlock(tmp_path: Path)
 
 def test_after_a_fault_contacts_are_asked_anew() -> None:
     opens = {"instrument": CHAIN, "fault": "chain-open", "at": "0.6 s"}
-    with watched(bench_with(faults=[opens])) as stand:
-        stand.monitor.check_once()
-        stand.monitor.look_at_chains()
-        assert stand.monitor.trip is None
-        stand.clock.sleep_until(0.7)
-        stand.monitor.look_at_chains()
-        assert "chain is open" in str(stand.monitor.trip)
+    with watched(bench_with(faults=[opens])) as fixture:
+        fixture.monitor.check_once()
+        fixture.monitor.look_at_chains()
+        assert fixture.monitor.trip is None
+        fixture.clock.sleep_until(0.7)
+        fixture.monitor.look_at_chains()
+        assert "chain is open" in str(fixture.monitor.trip)
 
 
 def test_what_is_shared_is_opened_before_who_shares_it() -> None:

@@ -14,7 +14,7 @@ from campaign_helpers import file_hashes, short_plan
 from drivers.transport.visa_line import VisaLine
 from station import registry
 from station.clock import VirtualClock
-from station.conformance.hostile import HostileServer
+from station.conformance.faulty_server import FaultyServer
 from station.errors import InstrumentTimeout
 from station.files.lookup import BENCHES, find
 from station.files.plan import read_plan
@@ -109,7 +109,7 @@ def test_silence_and_a_line_that_was_opened_again_stand_in_the_trace(tmp_path: P
     clock = VirtualClock()
     trace = Trace(tmp_path, clock)
     answers = iter([b"12", b"", b"34\n"])
-    with clock.participant("test"), HostileServer(clock, lambda data: next(answers)) as server:
+    with clock.participant("test"), FaultyServer(clock, lambda data: next(answers)) as server:
         address = f"TCPIP::127.0.0.1::{server.port}::SOCKET"
         line = VisaLine(Place("gaussmeter", address, clock, trace=trace.of("gaussmeter")))
         for _ in range(2):

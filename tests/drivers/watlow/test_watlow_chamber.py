@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import Any
 
 import pytest
-from watlow_stand import LIMITS, Room, controller, opened
+from watlow_fixture import LIMITS, Room, controller, opened
 
 from drivers.watlow.chamber import Steps
 from sim_instruments.bench import SimulatedBench
@@ -29,13 +29,13 @@ def told(act: Callable[[], object]) -> str:
     return str(raised.value)
 
 
-def follow(stand: Any, driver: Any, every_s: float = 10.0) -> float:
+def follow(fixture: Any, driver: Any, every_s: float = 10.0) -> float:
     """Look at a ramp until it ends; return how long it took."""
-    began_s = stand.clock.now()
+    began_s = fixture.clock.now()
     while driver.is_ramping():
-        stand.clock.sleep(every_s)
-        assert stand.clock.now() < began_s + 24 * 3600.0
-    return float(stand.clock.now() - began_s)
+        fixture.clock.sleep(every_s)
+        assert fixture.clock.now() < began_s + 24 * 3600.0
+    return float(fixture.clock.now() - began_s)
 
 
 # Who is there, and what is in the controller.
@@ -59,11 +59,11 @@ def test_the_f4t_says_who_it_is_and_the_f4_too() -> None:
 @pytest.mark.parametrize("has", ["low-first", "high-first"])
 @pytest.mark.parametrize("said", ["low-first", "high-first"])
 def test_the_order_of_words_is_proven_before_any_number_is_believed(has: str, said: str) -> None:
-    with opened("f4t", word_order=has, settings={"word_order": said}) as (stand, driver):
+    with opened("f4t", word_order=has, settings={"word_order": said}) as (fixture, driver):
         if has == said:
             assert driver.identify().serial == "10423177"
             driver.programme_limits()
-            assert driver.temperature_degC() == pytest.approx(stand.air_degC() + 0.08, abs=0.05)
+            assert driver.temperature_degC() == pytest.approx(fixture.air_degC() + 0.08, abs=0.05)
         else:
             assert "correct settings.word_order" in told(driver.identify)
             assert "correct settings.word_order" in told(driver.switch_on)
@@ -84,12 +84,12 @@ def test_the_limits_are_in_the_controller_and_are_never_made_wider(model: str) -
 
 
 def test_a_controller_that_speaks_fahrenheit_is_refused() -> None:
-    with controller("f4t") as stand:
-        stand.simulator._registers.add(6730, Parameter(lambda: (30,)))
-        assert "30 came back where degC is 15" in told(stand.driver().programme_limits)
-    with controller("f4") as stand:
-        stand.simulator._registers.add(901, Parameter(lambda: (0,)))
-        assert "set the controller to degC" in told(stand.driver().programme_limits)
+    with controller("f4t") as fixture:
+        fixture.simulator._registers.add(6730, Parameter(lambda: (30,)))
+        assert "30 came back where degC is 15" in told(fixture.driver().programme_limits)
+    with controller("f4") as fixture:
+        fixture.simulator._registers.add(901, Parameter(lambda: (0,)))
+        assert "set the controller to degC" in told(fixture.driver().programme_limits)
 
 
 # Ramps.
@@ -97,51 +97,51 @@ def test_a_controller_that_speaks_fahrenheit_is_refused() -> None:
 
 @MODELS
 def test_it_is_switched_on_where_it_stands_and_ramps_evenly(model: str) -> None:
-    with opened(model) as (stand, driver):
+    with opened(model) as (fixture, driver):
         driver.switch_on()
         start_degC = driver.set_point_degC()
-        assert start_degC == pytest.approx(stand.air_degC() + 0.08, abs=0.1)
-        stand.clock.sleep(600.0)
+        assert start_degC == pytest.approx(fixture.air_degC() + 0.08, abs=0.1)
+        fixture.clock.sleep(600.0)
         driver.ramp_to(start_degC - 5.0, 0.2)
         for minutes in range(1, 26):
-            stand.clock.sleep(60.0)
+            fixture.clock.sleep(60.0)
             driver.is_ramping()
             assert driver.set_point_degC() == pytest.approx(start_degC - 0.2 * minutes, abs=0.06)
         assert not driver.is_ramping()
-        stand.clock.sleep(1800.0)
-        assert stand.air_degC() == pytest.approx(start_degC - 5.0, abs=0.3)
-        assert stand.newest("temperature") is not None
-        assert stand.newest("output") == "on"
+        fixture.clock.sleep(1800.0)
+        assert fixture.air_degC() == pytest.approx(start_degC - 5.0, abs=0.3)
+        assert fixture.newest("temperature") is not None
+        assert fixture.newest("output") == "on"
 
 
 @MODELS
 def test_the_air_lags_a_ramp_by_the_chambers_time_constant(model: str) -> None:
-    with opened(model) as (stand, driver):
+    with opened(model) as (fixture, driver):
         driver.switch_on()
         start_degC = driver.set_point_degC()
         driver.ramp_to(start_degC + 20.0, 0.2)
         for _ in range(360):
-            stand.clock.sleep(10.0)
+            fixture.clock.sleep(10.0)
             driver.is_ramping()
         # Five minutes of 0.2 K, and the swing of the control.
-        assert driver.set_point_degC() - stand.air_degC() == pytest.approx(1.0, abs=0.25)
+        assert driver.set_point_degC() - fixture.air_degC() == pytest.approx(1.0, abs=0.25)
 
 
 def test_the_f4t_ramps_by_itself_while_nobody_asks() -> None:
-    with opened("f4t") as (stand, driver):
+    with opened("f4t") as (fixture, driver):
         driver.switch_on()
         driver.ramp_to(-20.0, 0.5)
-        stand.clock.sleep(3600.0)
-        assert stand.air_degC() == pytest.approx(driver.set_point_degC() + 2.5, abs=0.4)
+        fixture.clock.sleep(3600.0)
+        assert fixture.air_degC() == pytest.approx(driver.set_point_degC() + 2.5, abs=0.4)
         assert driver.set_point_degC() == pytest.approx(22.09 - 30.0, abs=0.1)
 
 
 def test_an_f4_that_nobody_looks_at_waits_and_then_takes_a_kelvin_at_a_time() -> None:
-    with opened("f4") as (stand, driver):
+    with opened("f4") as (fixture, driver):
         driver.switch_on()
         start_degC = driver.set_point_degC()
         driver.ramp_to(start_degC - 10.0, 0.5)
-        stand.clock.sleep(1200.0)
+        fixture.clock.sleep(1200.0)
         for looks in range(1, 11):
             driver.read_quantity("temperature")
             assert driver._stands_at() == pytest.approx(start_degC - looks, abs=0.01)
@@ -149,22 +149,22 @@ def test_an_f4_that_nobody_looks_at_waits_and_then_takes_a_kelvin_at_a_time() ->
 
 
 def test_an_f4t_without_ramp_registers_is_stepped() -> None:
-    with opened("f4t", settings={"ramp": "stepped"}) as (stand, driver):
+    with opened("f4t", settings={"ramp": "stepped"}) as (fixture, driver):
         driver.switch_on()
         driver.ramp_to(25.0, 0.5)
-        sent = b"".join(data for direction, data in stand.heard if direction == ">")
+        sent = b"".join(data for direction, data in fixture.heard if direction == ">")
         assert (2798).to_bytes(2, "big") not in sent
-        assert follow(stand, driver) == pytest.approx((25.0 - 22.08) / 0.5 * 60, abs=15)
+        assert follow(fixture, driver) == pytest.approx((25.0 - 22.08) / 0.5 * 60, abs=15)
         assert driver.set_point_degC() == pytest.approx(25.0)
 
 
 def test_a_controller_that_jumps_in_the_place_of_a_ramp_is_told_and_taken_back() -> None:
-    with opened("f4t") as (stand, driver):
+    with opened("f4t") as (fixture, driver):
         driver.switch_on()
         before_degC = driver.set_point_degC()
         told_action = [62]
         # A firmware that takes the action of a ramp and does not act on it.
-        stand.simulator._registers.add(
+        fixture.simulator._registers.add(
             2794,
             Parameter(
                 lambda: tuple(told_action), lambda words: told_action.__setitem__(0, words[0])
@@ -178,19 +178,19 @@ def test_a_controller_that_jumps_in_the_place_of_a_ramp_is_told_and_taken_back()
 
 @MODELS
 def test_a_hold_ends_a_ramp_where_it_is(model: str) -> None:
-    with opened(model) as (stand, driver):
+    with opened(model) as (fixture, driver):
         driver.switch_on()
         driver.ramp_to(50.0, 0.5)
         for _ in range(60):
-            stand.clock.sleep(10.0)
+            fixture.clock.sleep(10.0)
             driver.is_ramping()
         driver.hold()
         held_degC = driver.set_point_degC()
         assert held_degC == pytest.approx(22.09 + 5.0, abs=0.15)
         assert not driver.is_ramping()
-        stand.clock.sleep(3600.0)
+        fixture.clock.sleep(3600.0)
         assert driver.set_point_degC() == held_degC
-        assert stand.air_degC() == pytest.approx(held_degC, abs=0.2)
+        assert fixture.air_degC() == pytest.approx(held_degC, abs=0.2)
         driver.ramp_to(held_degC + 1.0, 0.5)
         assert driver.is_ramping()
 
@@ -198,14 +198,14 @@ def test_a_hold_ends_a_ramp_where_it_is(model: str) -> None:
 @MODELS
 def test_a_slew_limit_makes_every_way_a_ramp_and_holds_against_a_plan(model: str) -> None:
     limits = {**LIMITS, "temperature_slew": 2.0}
-    with opened(model, limits=limits) as (stand, driver):
+    with opened(model, limits=limits) as (fixture, driver):
         driver.switch_on()
         driver.set_temperature(32.0)
         assert driver.is_ramping()
-        assert follow(stand, driver) == pytest.approx(300.0, abs=15.0)
+        assert follow(fixture, driver) == pytest.approx(300.0, abs=15.0)
         text = told(lambda: driver.ramp_to(30.0, 2.5))
         assert "the bench allows rates above 0 and up to 2 degC/min; correct the plan" in text
-    with opened(model) as (stand, driver):
+    with opened(model) as (fixture, driver):
         driver.switch_on()
         driver.set_temperature(32.0)
         assert not driver.is_ramping()
@@ -237,21 +237,21 @@ def test_a_step_is_never_larger_than_a_kelvin_and_meets_its_target() -> None:
 
 @MODELS
 def test_it_is_off_at_the_wire_and_in_the_world(model: str) -> None:
-    with opened(model) as (stand, driver):
+    with opened(model) as (fixture, driver):
         driver.switch_on()
         driver.ramp_to(60.0, 2.0)
         for _ in range(30):
-            stand.clock.sleep(10.0)
+            fixture.clock.sleep(10.0)
             assert driver.is_ramping()
-        assert stand.output() > 0.1
-        assert stand.simulator.energised()
+        assert fixture.output() > 0.1
+        assert fixture.simulator.energised()
         assert driver.read_safety().read_back.startswith("control ON, output ")
-        driver.make_safe(stand.clock.now() + 10.0)
+        driver.make_safe(fixture.clock.now() + 10.0)
         assert driver.read_safety().safe
-        assert not stand.simulator.energised()
-        assert stand.output() == 0.0
-        assert stand.newest("output") == "off"
-        stand.clock.sleep(300.0)
+        assert not fixture.simulator.energised()
+        assert fixture.output() == 0.0
+        assert fixture.newest("output") == "off"
+        fixture.clock.sleep(300.0)
         assert not driver.is_ramping()
         assert driver.read_safety().safe
 
@@ -259,17 +259,17 @@ def test_it_is_off_at_the_wire_and_in_the_world(model: str) -> None:
 @MODELS
 @pytest.mark.parametrize("kind", ["no-reply", "partial", "lost-command", "late"])
 def test_two_faults_on_the_wire_do_not_keep_it_on(model: str, kind: str) -> None:
-    with opened(model, {"fault": kind, "at": "60 s", "count": 2}) as (stand, driver):
+    with opened(model, {"fault": kind, "at": "60 s", "count": 2}) as (fixture, driver):
         driver.switch_on()
-        stand.clock.sleep(100.0)
-        driver.make_safe(stand.clock.now() + 10.0)
+        fixture.clock.sleep(100.0)
+        driver.make_safe(fixture.clock.now() + 10.0)
         assert driver.read_safety().safe
 
 
 def test_a_profile_that_somebody_started_is_terminated_on_the_way_to_rest() -> None:
-    with opened("f4t") as (stand, driver):
+    with opened("f4t") as (fixture, driver):
         done: list[int] = []
-        add = stand.simulator._registers.add
+        add = fixture.simulator._registers.add
         add(16568, Parameter(lambda: (251 if done else 149,)))
         add(16566, Parameter(lambda: (61,), lambda words: done.extend(words)))
         driver.make_safe(10.0)
@@ -279,39 +279,39 @@ def test_a_profile_that_somebody_started_is_terminated_on_the_way_to_rest() -> N
 
 @MODELS
 def test_a_broken_sensor_keeps_nobody_from_rest(model: str) -> None:
-    with opened(model) as (stand, driver):
+    with opened(model) as (fixture, driver):
         driver.switch_on()
         if model == "f4t":
-            stand.simulator._float(2820, lambda: float("nan"))
+            fixture.simulator._float(2820, lambda: float("nan"))
         else:
-            stand.simulator._registers.add(100, Parameter(lambda: (0x7FFF,)))
+            fixture.simulator._registers.add(100, Parameter(lambda: (0x7FFF,)))
         assert "look at the controller's panel, and at the sensor" in told(driver.temperature_degC)
-        driver.make_safe(stand.clock.now() + 10.0)
+        driver.make_safe(fixture.clock.now() + 10.0)
         assert driver.read_safety().safe
 
 
 @MODELS
 def test_a_pause_holds_the_set_point_and_says_so(model: str) -> None:
-    with opened(model) as (stand, driver):
+    with opened(model) as (fixture, driver):
         assert ask_devices({"thermal_chamber": driver}).acknowledged == {
             "thermal_chamber": "control off"
         }
         driver.switch_on()
         driver.ramp_to(40.0, 1.0)
-        stand.clock.sleep(60.0)
+        fixture.clock.sleep(60.0)
         words = ask_devices({"thermal_chamber": driver})
         assert words.acknowledged["thermal_chamber"].startswith("holds 2")
         assert not driver.is_ramping()
 
 
 def test_interlocks_may_ask_for_temperature_output_and_door() -> None:
-    with opened("f4t", {"fault": "door-open", "at": "100 s"}) as (stand, driver):
+    with opened("f4t", {"fault": "door-open", "at": "100 s"}) as (fixture, driver):
         assert driver.read_quantity("temperature") == pytest.approx(22.08, abs=0.05)
         assert driver.read_quantity("output") == "off"
         assert driver.read_quantity("door") == "closed"
-        stand.clock.sleep(200.0)
+        fixture.clock.sleep(200.0)
         assert driver.read_quantity("door") == "open"
-        assert stand.newest("door") == "open"
+        assert fixture.newest("door") == "open"
         with pytest.raises(InputError, match="does not read 'humidity'"):
             driver.read_quantity("humidity")
     with opened("f4") as (_, driver), pytest.raises(InputError, match=r"settings\.door is missing"):
@@ -330,11 +330,11 @@ def test_door_and_alarms_are_contacts_of_the_chain(
         {"fault": "chamber-alarm", "at": "20 s", "for": "20 s", "number": 2},
     ]
     seen = []
-    with opened(model, *faults, settings=settings, **truth) as (stand, driver):
+    with opened(model, *faults, settings=settings, **truth) as (fixture, driver):
         for until_s in (5.0, 15.0, 25.0, 35.0, 45.0):
-            stand.clock.sleep_until(until_s)
+            fixture.clock.sleep_until(until_s)
             seen.append([contact.split(" (")[0] for contact in driver.open_contacts()])
-            assert stand.newest("chain") == driver.read_quantity("chain")
+            assert fixture.newest("chain") == driver.read_quantity("chain")
     assert seen == [[], ["door"], ["door", "alarm 2 is on"], ["alarm 2 is on"], []]
 
 
@@ -343,39 +343,39 @@ def test_door_and_alarms_are_contacts_of_the_chain(
 
 @MODELS
 def test_an_alarm_ends_what_the_driver_is_asked_within_a_minute(model: str) -> None:
-    with opened(model, {"fault": "chamber-alarm", "at": "300 s", "number": 1}) as (stand, driver):
+    with opened(model, {"fault": "chamber-alarm", "at": "300 s", "number": 1}) as (fixture, driver):
         driver.switch_on()
         driver.ramp_to(40.0, 0.5)
-        while stand.clock.now() < 285.0:
-            stand.clock.sleep(10.0)
+        while fixture.clock.now() < 285.0:
+            fixture.clock.sleep(10.0)
             driver.is_ramping()
         with pytest.raises(InstrumentError, match="alarm 1 is on") as raised:
             for _ in range(8):
-                stand.clock.sleep(10.0)
+                fixture.clock.sleep(10.0)
                 driver.temperature_degC()
         assert "look at the chamber and at its controller's panel" in str(raised.value)
         assert "alarm 1 is on" in told(driver.is_ramping), "told once only"
-        assert stand.output() == 0.0
-        driver.make_safe(stand.clock.now() + 10.0)
+        assert fixture.output() == 0.0
+        driver.make_safe(fixture.clock.now() + 10.0)
         assert driver.read_safety().safe
 
 
 @MODELS
 def test_a_compressor_that_trips_is_an_alarm_and_nothing_cools(model: str) -> None:
-    with opened(model, {"fault": "compressor-trip", "at": "1 s"}) as (stand, driver):
+    with opened(model, {"fault": "compressor-trip", "at": "1 s"}) as (fixture, driver):
         driver.switch_on()
         driver.set_temperature(0.0)
-        stand.clock.sleep(3600.0)
+        fixture.clock.sleep(3600.0)
         assert "alarm 2 is on" in told(driver.temperature_degC)
-        assert stand.air_degC() > 20.0
+        assert fixture.air_degC() > 20.0
 
 
 @MODELS
 def test_a_broken_heater_is_no_alarm_and_its_set_point_is_never_reached(model: str) -> None:
-    with opened(model, {"fault": "heater-broken", "at": "1 s"}) as (stand, driver):
+    with opened(model, {"fault": "heater-broken", "at": "1 s"}) as (fixture, driver):
         driver.switch_on()
         driver.set_temperature(60.0)
-        stand.clock.sleep(7200.0)
+        fixture.clock.sleep(7200.0)
         assert driver.set_point_degC() == pytest.approx(60.0)
         assert driver.temperature_degC() < 30.0
 
@@ -383,45 +383,45 @@ def test_a_broken_heater_is_no_alarm_and_its_set_point_is_never_reached(model: s
 @MODELS
 def test_a_frozen_process_value_stays_while_the_air_goes_on(model: str) -> None:
     fault = {"fault": "frozen", "at": "60 s", "for": "1 h"}
-    with opened(model, fault) as (stand, driver):
+    with opened(model, fault) as (fixture, driver):
         driver.switch_on()
         driver.set_temperature(40.0)
-        stand.clock.sleep(100.0)
+        fixture.clock.sleep(100.0)
         first_degC = driver.temperature_degC()
-        stand.clock.sleep(3000.0)
+        fixture.clock.sleep(3000.0)
         assert driver.temperature_degC() == first_degC
-        assert stand.air_degC() == pytest.approx(40.0, abs=0.3)
-        stand.clock.sleep(3000.0)
-        assert driver.temperature_degC() == pytest.approx(stand.air_degC(), abs=0.2)
+        assert fixture.air_degC() == pytest.approx(40.0, abs=0.3)
+        fixture.clock.sleep(3000.0)
+        assert driver.temperature_degC() == pytest.approx(fixture.air_degC(), abs=0.2)
 
 
 def test_a_limit_controller_and_a_control_that_somebody_switched_off_are_told() -> None:
-    with opened("f4t") as (stand, driver):
+    with opened("f4t") as (fixture, driver):
         driver.switch_on()
-        stand.simulator._registers.add(11264 + 60 * 4, Parameter(lambda: (32,)))
-        stand.clock.sleep(61.0)
+        fixture.simulator._registers.add(11264 + 60 * 4, Parameter(lambda: (32,)))
+        fixture.clock.sleep(61.0)
         assert "the limit controller in slot 5 has tripped" in told(driver.temperature_degC)
-    with opened("f4t") as (stand, driver), stand.line() as panel:
+    with opened("f4t") as (fixture, driver), fixture.line() as panel:
         driver.switch_on()
         panel.put(2730, 62)
-        stand.clock.sleep(61.0)
+        fixture.clock.sleep(61.0)
         assert "its control is off though it was switched on" in told(driver.is_ramping)
 
 
 def test_an_f4_whose_chamber_has_an_event_switches_that_too() -> None:
-    with opened("f4", settings={"chamber_event": 2}, chamber_event=2) as (stand, driver):
+    with opened("f4", settings={"chamber_event": 2}, chamber_event=2) as (fixture, driver):
         driver.switch_on()
         driver.set_temperature(40.0)
-        stand.clock.sleep(60.0)
-        assert stand.output() > 0.1
-        driver.make_safe(stand.clock.now() + 10.0)
+        fixture.clock.sleep(60.0)
+        assert fixture.output() > 0.1
+        driver.make_safe(fixture.clock.now() + 10.0)
         assert driver.read_safety().safe
         assert driver._line.read(2010) == [0]
-    with opened("f4", chamber_event=2) as (stand, driver):
+    with opened("f4", chamber_event=2) as (fixture, driver):
         driver.switch_on()  # the bench file does not know of the event
         driver.set_temperature(40.0)
-        stand.clock.sleep(60.0)
-        assert stand.output() == 0.0
+        fixture.clock.sleep(60.0)
+        assert fixture.output() == 0.0
 
 
 @pytest.mark.parametrize(
@@ -441,8 +441,8 @@ def test_an_f4_whose_chamber_has_an_event_switches_that_too() -> None:
     ],
 )
 def test_settings_that_are_none_are_told(model: str, settings: dict[str, Any]) -> None:
-    with controller(model) as stand:
-        assert "read the bench file: " in told(lambda: stand.driver(**settings))
+    with controller(model) as fixture:
+        assert "read the bench file: " in told(lambda: fixture.driver(**settings))
 
 
 def test_an_alarm_that_the_controller_does_not_have_is_told_as_such() -> None:
@@ -463,11 +463,11 @@ def test_a_truth_that_is_none_is_told() -> None:
 def test_the_chamber_of_a_world_without_one_is_at_room_temperature() -> None:
     room = Room()
     del room.chamber
-    with opened("f4t", room=room) as (stand, driver):
+    with opened("f4t", room=room) as (fixture, driver):
         assert driver.temperature_degC() == pytest.approx(22.08, abs=0.05)
         driver.switch_on()
         driver.set_temperature(30.0)
-        stand.clock.sleep(3600.0)
+        fixture.clock.sleep(3600.0)
         assert driver.temperature_degC() == pytest.approx(30.1, abs=0.3)
 
 
@@ -486,14 +486,14 @@ def test_the_alternate_bench_serves_in_every_world() -> None:
 
 def test_twenty_hours_of_looks_cost_little() -> None:
     began_s = time.process_time()
-    with opened("f4t") as (stand, driver):
+    with opened("f4t") as (fixture, driver):
         driver.switch_on()
         driver.set_temperature(-40.0)
-        stand.clock.sleep(5 * 3600.0)
+        fixture.clock.sleep(5 * 3600.0)
         driver.ramp_to(60.0, 0.15)
         while driver.is_ramping():
             driver.temperature_degC()
-            stand.clock.sleep(60.0)
-        assert stand.clock.now() > 16 * 3600.0
-        assert stand.air_degC() == pytest.approx(59.2, abs=0.5)
+            fixture.clock.sleep(60.0)
+        assert fixture.clock.now() > 16 * 3600.0
+        assert fixture.air_degC() == pytest.approx(59.2, abs=0.5)
     assert time.process_time() - began_s < 10.0

@@ -8,7 +8,7 @@ from dataclasses import replace
 from typing import Any
 
 import pytest
-from watlow_stand import Room, Stand, controller
+from watlow_fixture import Fixture, Room, controller
 
 from drivers.watlow.output_power import WatlowOutputPower
 from station.errors import InputError, InstrumentError
@@ -16,10 +16,10 @@ from station.roles import DutPower
 
 
 @contextmanager
-def power(*faults: Any, room: Any = None, **settings: Any) -> Iterator[tuple[Stand, Any]]:
-    with controller("f4t", *faults, room=room) as stand:
-        driver = WatlowOutputPower(stand.place(**{"output": "2.1", **settings}))
-        yield stand, driver
+def power(*faults: Any, room: Any = None, **settings: Any) -> Iterator[tuple[Fixture, Any]]:
+    with controller("f4t", *faults, room=room) as fixture:
+        driver = WatlowOutputPower(fixture.place(**{"output": "2.1", **settings}))
+        yield fixture, driver
         driver.close()
 
 
@@ -30,23 +30,23 @@ def told(act: Any) -> str:
 
 
 def test_the_output_switches_the_device_of_the_world_and_says_so() -> None:
-    with power() as (stand, driver):
+    with power() as (fixture, driver):
         assert isinstance(driver, DutPower)
         assert driver.identify().serial == "10423177"
         driver.switch_on()
-        assert stand.room.acts == ["dut-power-on"]
+        assert fixture.room.acts == ["dut-power-on"]
         assert driver.read_quantity("output") == "on"
         driver.switch_off()
-        assert stand.room.acts == ["dut-power-on", "dut-power-off"]
-        assert stand.newest("output") == "off"
+        assert fixture.room.acts == ["dut-power-on", "dut-power-off"]
+        assert fixture.newest("output") == "off"
 
 
 def test_a_world_with_a_supply_line_gets_the_switch_with_its_time() -> None:
     room: Any = Room()
     switched: list[tuple[float, bool]] = []
     room.power = lambda time_s, on: switched.append((time_s, on))
-    with power(room=room) as (stand, driver):
-        stand.clock.sleep(5.0)
+    with power(room=room) as (fixture, driver):
+        fixture.clock.sleep(5.0)
         driver.switch_on()
         assert switched == [(5.0, True)]
         assert room.acts == []
@@ -64,18 +64,18 @@ def test_an_event_of_the_controller_may_switch_the_output() -> None:
 
 
 def test_the_output_of_the_chambers_own_controller_is_switched_over_its_line() -> None:
-    with controller("f4t") as stand:
-        chamber = stand.driver()
-        place = replace(stand.place(output="2.1"), shared={"thermal_chamber": chamber})
+    with controller("f4t") as fixture:
+        chamber = fixture.driver()
+        place = replace(fixture.place(output="2.1"), shared={"thermal_chamber": chamber})
         driver = WatlowOutputPower(place)
         driver.switch_on()
         driver.close()
-        assert stand.room.acts == ["dut-power-on"]
+        assert fixture.room.acts == ["dut-power-on"]
         assert chamber.identify() == driver.identify(), "the chamber's line is still open"
-        assert [data for direction, data in stand.heard if direction == "-"] == [b"opened"]
+        assert [data for direction, data in fixture.heard if direction == "-"] == [b"opened"]
         chamber.close()
-    with controller("f4") as stand:
-        place = replace(stand.place(output="2.1"), shared={"thermal_chamber": stand.driver()})
+    with controller("f4") as fixture:
+        place = replace(fixture.place(output="2.1"), shared={"thermal_chamber": fixture.driver()})
         assert "which is no Watlow F4T" in told(lambda: WatlowOutputPower(place))
 
 
@@ -92,8 +92,8 @@ def test_an_output_that_is_not_there_is_told_in_words() -> None:
     "settings", [{"output": ""}, {"output": "2"}, {"event": 9}, {"event": "a"}]
 )
 def test_settings_that_are_none_are_told(settings: dict[str, Any]) -> None:
-    with controller("f4t") as stand:
-        place = stand.place(**{"output": "2.1", **settings})
+    with controller("f4t") as fixture:
+        place = fixture.place(**{"output": "2.1", **settings})
         assert "read the bench file" in told(lambda: WatlowOutputPower(place))
 
 
@@ -104,7 +104,7 @@ def test_what_it_does_not_measure_is_an_error_of_the_bench_file() -> None:
 
 def test_a_lost_answer_is_told_and_the_output_can_be_asked_again() -> None:
     fault = {"fault": "no-reply", "command": "write 33958"}
-    with power(fault) as (stand, driver):
+    with power(fault) as (fixture, driver):
         assert "no answer came" in told(driver.switch_on)
         assert driver.read_quantity("output") == "on"
-        assert stand.room.acts == ["dut-power-on"]
+        assert fixture.room.acts == ["dut-power-on"]

@@ -17,7 +17,7 @@ from places import SIM
 
 from station import registry
 from station.clock import RealClock
-from station.conformance.hostile import HostileServer, closed_port
+from station.conformance.faulty_server import FaultyServer, closed_port
 from station.files.yaml.reading import FaultList
 from station.instruments.bench import read_bench
 from station.instruments.scan import (
@@ -115,7 +115,7 @@ def test_json_is_one_document_with_what_was_seen(served: Path) -> None:
 
 
 def test_nothing_but_the_identity_is_asked() -> None:
-    with HostileServer(RealClock(), lambda data: b"FLUKE,8588A,123,1.0\r\n") as server:
+    with FaultyServer(RealClock(), lambda data: b"FLUKE,8588A,123,1.0\r\n") as server:
         seen = ask_port("127.0.0.1", server.port)
         assert server.received == IDENTIFY
     address = f"TCPIP::127.0.0.1::{server.port}::SOCKET"
@@ -124,7 +124,7 @@ def test_nothing_but_the_identity_is_asked() -> None:
 
 @pytest.mark.parametrize("answer", [b"", None], ids=["silent", "hangs-up"])
 def test_who_does_not_answer_is_not_there(answer: bytes | None) -> None:
-    with HostileServer(RealClock(), lambda data: answer) as server:
+    with FaultyServer(RealClock(), lambda data: answer) as server:
         assert ask_port("127.0.0.1", server.port) is None
     assert ask_port("127.0.0.1", closed_port()) is None
 
@@ -158,7 +158,7 @@ def test_what_has_no_driver_or_no_place_stands_in_comments() -> None:
 
 
 def test_a_can_daemon_is_told_by_its_greeting_and_is_sent_nothing() -> None:
-    with HostileServer(RealClock(), lambda data: b"", can=True) as server:
+    with FaultyServer(RealClock(), lambda data: b"", can=True) as server:
         with socket.create_connection(("127.0.0.1", server.port), 5.0) as line:
             seen = ask_can(line, "127.0.0.1", server.port)
         assert server.received == b""

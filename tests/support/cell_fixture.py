@@ -48,7 +48,7 @@ SHOTS += [(s, 0, r) for s in (1, -1) for r in (1, -1)]
 SHOTS += [(0, s, r) for s in (1, -1) for r in (1, -1)]
 
 
-class Stand:
+class Fixture:
     """A world with an output at each coil; `ideal` unless told otherwise, the pump on from 0 s."""
 
     def __init__(self, ideal: bool = True, pump: bool = True, **changes: Any) -> None:

@@ -7,7 +7,7 @@ from contextlib import AbstractContextManager
 from typing import Any
 
 import numpy as np
-from stand import Stand, bench_alone, opened
+from fixture import Fixture, bench_alone, opened
 
 from drivers.generic.can_imu import CanImu
 from drivers.kvh.imu_1775 import Kvh1775
@@ -51,7 +51,7 @@ class Spindle(Room):
 
 def imu(
     kind: str, *faults: Mapping[str, Any], room: Any = None, **truth: Any
-) -> AbstractContextManager[tuple[Stand, Any]]:
+) -> AbstractContextManager[tuple[Fixture, Any]]:
     """Serve a sensor of a kind and open its driver."""
     simulator: Any = SimulatedKvh if kind == "kvh" else SimulatedOnCan
     driver: Any = Kvh1775 if kind == "kvh" else CanImu

@@ -26,7 +26,7 @@ class EmptyRoom(Room):
     """A world of another procedure, in which there is nothing of what the instrument needs."""
 
 
-class Stand:
+class Fixture:
     """A served instrument and whoever talks to it."""
 
     def __init__(
@@ -83,7 +83,7 @@ class Stand:
         return None if reading is None else reading.value
 
 
-S = TypeVar("S", bound=Stand)
+S = TypeVar("S", bound=Fixture)
 
 
 @contextmanager
@@ -91,11 +91,11 @@ def serving(make: Callable[[Clock], S], clock: Clock | None = None) -> Iterator[
     """Serve what is made while this thread takes part in time."""
     clock = clock or VirtualClock()
     with clock.participant("test"):
-        stand = make(clock)
+        fixture = make(clock)
         try:
-            yield stand
+            yield fixture
         finally:
-            stand.simulator.close()
+            fixture.simulator.close()
             clock.stop()
 
 
@@ -108,12 +108,12 @@ def standing(
     *faults: Mapping[str, Any],
     serial: str = "0",
     clock: Clock | None = None,
-) -> Iterator[Stand]:
+) -> Iterator[Fixture]:
     """Serve an instrument while this thread takes part in time."""
     with serving(
-        lambda clock: Stand(clock, name, maker, truth, room, *faults, serial=serial), clock
-    ) as stand:
-        yield stand
+        lambda clock: Fixture(clock, name, maker, truth, room, *faults, serial=serial), clock
+    ) as fixture:
+        yield fixture
 
 
 @contextmanager
@@ -124,19 +124,19 @@ def opened(
     truth: Mapping[str, Any],
     room: Any,
     *faults: Mapping[str, Any],
-) -> Iterator[tuple[Stand, Any]]:
+) -> Iterator[tuple[Fixture, Any]]:
     """Serve an instrument and open its driver."""
-    with standing(name, maker, truth, room, *faults) as stand:
-        instrument = driver(stand.place())
+    with standing(name, maker, truth, room, *faults) as fixture:
+        instrument = driver(fixture.place())
         try:
-            yield stand, instrument
+            yield fixture, instrument
         finally:
             instrument.close()
 
 
-def recorded(stand: Stand, driver: Any, seconds: float) -> Any:
+def recorded(fixture: Fixture, driver: Any, seconds: float) -> Any:
     """Return the outputs of a while as a block, drained once."""
-    stand.clock.sleep(seconds)
+    fixture.clock.sleep(seconds)
     return driver.drain()
 
 

@@ -16,7 +16,7 @@ Answer = Callable[[bytes], bytes | None]
 """What comes back for the bytes received: bytes, nothing (b""), or None to hang up."""
 
 
-class HostileServer:
+class FaultyServer:
     """Answer every request of every client as `answer` says; `can` speaks as socketcand does.
 
     It counts what it takes off the wire, so that on virtual time its silence costs run time only.
@@ -32,7 +32,7 @@ class HostileServer:
         self.received = b""
         self._wire = clock.wire(f"{HOST}:{self.port}")
         self._clients: list[socket.socket] = []
-        self._threads = [Thread(target=self._accept, name="hostile server", daemon=True)]
+        self._threads = [Thread(target=self._accept, name="faulty server", daemon=True)]
         self._threads[0].start()
 
     def close(self) -> None:
@@ -44,7 +44,7 @@ class HostileServer:
         for thread in self._threads:
             thread.join(JOIN_S)
 
-    def __enter__(self) -> HostileServer:
+    def __enter__(self) -> FaultyServer:
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -56,7 +56,7 @@ class HostileServer:
                 client, _ = self._listener.accept()
                 self._clients.append(client)
                 args = (client,)
-                thread = Thread(target=self._serve, args=args, name="hostile client", daemon=True)
+                thread = Thread(target=self._serve, args=args, name="faulty client", daemon=True)
                 self._threads.append(thread)
                 thread.start()
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import yaml
-from stand import bench_alone
+from fixture import bench_alone
 
 from sim_instruments.world import base as world
 from sim_instruments.world.base import TriggerLine

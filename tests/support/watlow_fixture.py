@@ -8,9 +8,9 @@ from contextlib import AbstractContextManager, contextmanager
 from typing import Any
 
 import numpy as np
+from fixture import Fixture as AnyFixture
+from fixture import serving
 from sim_bench import Line
-from stand import Stand as AnyStand
-from stand import serving
 
 from drivers.watlow.f4 import WatlowF4
 from drivers.watlow.f4t import WatlowF4T
@@ -61,7 +61,7 @@ class Room(world.Room):
         self.acts.append(f"dut-power-{'on' if on else 'off'}")
 
 
-class Stand(AnyStand):
+class Fixture(AnyFixture):
     """A served controller, and whoever talks to it."""
 
     def __init__(
@@ -100,8 +100,8 @@ class Stand(AnyStand):
 class RawModbus(Line):
     """A raw client of Modbus TCP that puts its frames together by hand."""
 
-    def __init__(self, stand: Stand) -> None:
-        super().__init__(stand, NAME, stand.clock)  # type: ignore[arg-type]
+    def __init__(self, fixture: Fixture) -> None:
+        super().__init__(fixture, NAME, fixture.clock)  # type: ignore[arg-type]
 
     def pdu(self, request: bytes, *, transaction: int = 1, unit: int = 1) -> bytes:
         """Send a request in a frame and return the answer out of its frame."""
@@ -134,9 +134,9 @@ class RawModbus(Line):
 
 def controller(
     model: str, *faults: Mapping[str, Any], room: Any = None, **truth: Any
-) -> AbstractContextManager[Stand]:
+) -> AbstractContextManager[Fixture]:
     """Serve a controller while this thread takes part in time."""
-    return serving(lambda clock: Stand(clock, model, truth, faults, room or Room()))
+    return serving(lambda clock: Fixture(clock, model, truth, faults, room or Room()))
 
 
 @contextmanager
@@ -147,9 +147,9 @@ def opened(
     limits: Mapping[str, float] | None = None,
     settings: Mapping[str, Any] | None = None,
     **truth: Any,
-) -> Iterator[tuple[Stand, Any]]:
+) -> Iterator[tuple[Fixture, Any]]:
     """Serve a controller and open its driver."""
-    with controller(model, *faults, room=room, **truth) as stand:
-        driver = stand.driver(limits, **(settings or {}))
-        yield stand, driver
+    with controller(model, *faults, room=room, **truth) as fixture:
+        driver = fixture.driver(limits, **(settings or {}))
+        yield fixture, driver
         driver.close()

@@ -5,9 +5,9 @@ from __future__ import annotations
 from contextlib import AbstractContextManager
 from typing import Any
 
+import fixture
 import numpy as np
-import stand
-from stand import Stand
+from fixture import Fixture
 
 from sim_instruments.keysight.multimeter_34465a import Keysight34465A as SimulatedMeter
 from sim_instruments.world import base as world
@@ -53,9 +53,9 @@ def standing(
     room: Any = None,
     clock: Clock | None = None,
     **changes: str,
-) -> AbstractContextManager[Stand]:
+) -> AbstractContextManager[Fixture]:
     """Serve a meter while this thread takes part in time."""
-    return stand.standing(
+    return fixture.standing(
         "multimeter",
         SimulatedMeter,
         {**truth, **changes},

@@ -8,8 +8,8 @@ from contextlib import AbstractContextManager
 from typing import Any
 
 import numpy as np
-from stand import Stand as AnyStand
-from stand import serving
+from fixture import Fixture as AnyFixture
+from fixture import serving
 
 from sim_instruments.keysight.generator_33522b import Keysight33522B as SimulatedGenerator
 from sim_instruments.world import base as world
@@ -43,7 +43,7 @@ class Room(world.Room):
         return self.coils[coil].voltage_V(np.array(times_s)).tolist()
 
 
-class Stand(AnyStand):
+class Fixture(AnyFixture):
     """A simulated generator that is served in a world, and whoever talks to it."""
 
     def __init__(
@@ -65,7 +65,7 @@ class Stand(AnyStand):
 
 def standing(
     *faults: dict[str, Any], room: Any = None, **changes: Any
-) -> AbstractContextManager[Stand]:
+) -> AbstractContextManager[Fixture]:
     """Serve a generator while this thread takes part in time."""
     truth = {**copy.deepcopy(TRUTH), **changes}
-    return serving(lambda clock: Stand(clock, truth, room or Room(), *faults))
+    return serving(lambda clock: Fixture(clock, truth, room or Room(), *faults))

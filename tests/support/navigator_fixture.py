@@ -9,7 +9,7 @@ from threading import Thread
 from typing import Any
 
 import numpy as np
-from stand import Stand, bench_alone, opened
+from fixture import Fixture, bench_alone, opened
 
 from drivers.generic.can_navigator import CanNavigator
 from drivers.generic.serial_navigator import SerialNavigator
@@ -63,7 +63,7 @@ class Plate(Room):
 
 def navigator(
     kind: str, *faults: Mapping[str, Any], room: Any = None, **truth: Any
-) -> AbstractContextManager[tuple[Stand, Any]]:
+) -> AbstractContextManager[tuple[Fixture, Any]]:
     """Serve a navigator of a kind and open its driver."""
     simulator: Any = SimulatedOnCan if kind == "can" else SimulatedOnSerial
     driver: Any = CanNavigator if kind == "can" else SerialNavigator
@@ -74,10 +74,10 @@ def navigator(
 class RawLine:
     """A client of the serial line that sends and keeps bytes."""
 
-    def __init__(self, stand: Stand) -> None:
-        entry = stand.instruments[stand.name]
-        self._clock = stand.clock
-        self._wire = stand.clock.wire(f"{entry['host']}:{entry['port']}")
+    def __init__(self, fixture: Fixture) -> None:
+        entry = fixture.instruments[fixture.name]
+        self._clock = fixture.clock
+        self._wire = fixture.clock.wire(f"{entry['host']}:{entry['port']}")
         self._socket = socket.create_connection((entry["host"], entry["port"]))
         self._wire.open()
         self.received = b""

@@ -1,4 +1,4 @@
-"""One instrument of a bench on the stand: its clock, its place, and whatever it opened."""
+"""One instrument of a bench under test: its clock, its place, and whatever it opened."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 
 from station import registry
 from station.clock import Clock, RealClock, VirtualClock
-from station.conformance.hostile import moved_to
+from station.conformance.faulty_server import moved_to
 from station.errors import InputError, StationError
 from station.instruments.bench import Bench
 from station.instruments.opening import Place
@@ -23,7 +23,7 @@ Message = tuple[float, str, bytes]
 
 
 @dataclass
-class Stand:
+class Fixture:
     """An instrument under test, with what its driver said on the wire and to the operator."""
 
     bench: Bench
@@ -132,7 +132,7 @@ class Stand:
 
 
 @contextmanager
-def standing(bench: Bench, name: str, procedure: str) -> Iterator[Stand]:
+def fixture_of(bench: Bench, name: str, procedure: str) -> Iterator[Fixture]:
     """Put one instrument of a bench on the stand, simulated on virtual time where the bench is."""
     clock: Clock = RealClock() if bench.simulation is None else VirtualClock()
     simulation = None
@@ -149,11 +149,11 @@ def standing(bench: Bench, name: str, procedure: str) -> Iterator[Stand]:
         with clock.participant("conformance"):
             if simulation is not None:
                 simulation.make_ready()
-            stand = Stand(bench, name, clock, address, simulation, addresses)
+            fixture = Fixture(bench, name, clock, address, simulation, addresses)
             try:
-                yield stand
+                yield fixture
             finally:
-                stand.close()
+                fixture.close()
     finally:
         if simulation is not None:
             simulation.close()
