@@ -132,16 +132,16 @@ class Acutrol3000(Driver):
             self._table.step(state)
 
     def turn(self, axis: int, rate_deg_per_s: float) -> None:
-        """Begin to turn at a rate until told otherwise; returns at once.
+        """Begin to turn at a rate until commanded otherwise; returns at once.
 
         Raises InstrumentError for a rate beyond the bench's limit, and for an axis not homed.
         """
         state, attempted = self._table.axis(axis), f"turn axis {axis} at {rate_deg_per_s:g} deg/s"
         allowed = self.limit("rate")
         if not abs(rate_deg_per_s) <= allowed:
-            said = f"the bench allows {allowed:g} deg/s"
+            came_back = f"the bench allows {allowed:g} deg/s"
             do_now = "correct the plan's rates, or limits.rate"
-            raise self.error(attempted, said, do_now)
+            raise self.error(attempted, came_back, do_now)
         self._table.need_homed(state, attempted)
         self._table.set_rate(state, rate_deg_per_s, Doing.TURNING)
 
@@ -180,7 +180,7 @@ class Acutrol3000(Driver):
     def angle_deg(self, axis: int) -> float:
         """Return the encoder's angle, counted through every turn.
 
-        Raises InstrumentError where the turns can no longer be told, where an axis does not keep
+        Raises InstrumentError where the turns are no longer known, where an axis does not keep
         its rate, and where one that stands is further than `in_position` from its angle.
         """
         state = self._table.axis(axis)
@@ -201,7 +201,7 @@ class Acutrol3000(Driver):
 
         Off is what the controller calls a controlled stop at zero rate: the servo stays closed, on
         purpose. A gimbal with a device that is not balanced would turn by itself with nothing that
-        holds it. First comes rate zero, because with what acceleration Off brakes is not said.
+        holds it. First comes rate zero, because the acceleration of Off is not documented.
         """
         table = self._table
         try:
@@ -232,13 +232,13 @@ class Acutrol3000(Driver):
         modes = self._line.proof.of(*(partial(table.patient_mode, n) for n in table.axes))
         moved_deg = [abs(after - before) for before, after in zip(*angles, strict=True)]
         still = not table.turns() and max(moved_deg) <= most_deg
-        said = [
+        axes = [
             f"axis {state.number} {mode.lower()} at {state.count.angle_deg:.3f} deg, "
             f"{abs(state.rate):.3f} deg/s"
             for state, mode in zip(table.axes.values(), modes, strict=True)
         ]
         safe = still and set(modes) <= {"Off", "Abort"}
-        return SafetyReading(safe, f"{'at rest' if still else 'turning'}: {'; '.join(said)}")
+        return SafetyReading(safe, f"{'at rest' if still else 'turning'}: {'; '.join(axes)}")
 
     def _programme(self, axis: int) -> None:
         rated = self._rated(axis)

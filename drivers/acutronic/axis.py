@@ -31,7 +31,7 @@ class TurnCount:
 
     `continuous` False for one that has end stops and no turns to count.
 
-    `lost` says why the turns can no longer be told, if so; `reset` begins anew.
+    `lost` says why the turns are no longer known, if so; `reset` begins anew.
     """
 
     def __init__(self, continuous: bool) -> None:
@@ -131,7 +131,7 @@ MOST_AXES = 3
 
 
 class Doing(Enum):
-    """What an axis was last told."""
+    """What an axis was last commanded."""
 
     NOTHING = "nothing"
     CLOSING = "close its servo"

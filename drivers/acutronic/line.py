@@ -61,8 +61,8 @@ class FramedLine(SerialLine):
         end = HEADER_BYTES + int(header[2])
         if text[end:].strip("\r\n"):
             self._doubt(text.encode(), attempted)
-            said = f"{shortened(text)!r} came back, more than one answer"
-            raise self._doubtful(attempted, said)
+            came_back = f"{shortened(text)!r} came back, more than one answer"
+            raise self._doubtful(attempted, came_back)
         return text[:end]
 
 
@@ -290,9 +290,11 @@ def fault_of(name: str, line: AclLine, axis: int, status: Status) -> InstrumentE
     byte = 0
     with suppress(InstrumentError):
         byte = int(line.numbers("*STB?")[0])
-    source = " and ".join(said for bit, said in SOURCES.items() if byte & bit)
-    said = f"the interlock was opened{f' by {source}' if source else ''}, and the servo is open"
-    return InstrumentError(name, attempted, f"{said} ({registers}, status byte {byte})", INTERLOCK)
+    source = " and ".join(whose for bit, whose in SOURCES.items() if byte & bit)
+    opened = f"the interlock was opened{f' by {source}' if source else ''}, and the servo is open"
+    return InstrumentError(
+        name, attempted, f"{opened} ({registers}, status byte {byte})", INTERLOCK
+    )
 
 
 def astray(name: str, state: AxisState, attempted: str, where_deg: float) -> InstrumentError:

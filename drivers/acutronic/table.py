@@ -1,4 +1,4 @@
-"""The axes of a table at an ACUTROL3000: looked at together, told one by one, and judged."""
+"""The axes of a table at an ACUTROL3000: read together, commanded one by one, and judged."""
 
 from __future__ import annotations
 
@@ -211,15 +211,15 @@ class Table:
     def need_homed(self, state: AxisState, attempted: str) -> None:
         """Raise InstrumentError for an axis whose servo was not closed by `home`."""
         if not state.homed:
-            said = "its servo was not closed, or has tripped, since the table was opened"
-            raise InstrumentError(self._place.name, attempted, said, "home it first")
+            came_back = "its servo was not closed, or has tripped, since the table was opened"
+            raise InstrumentError(self._place.name, attempted, came_back, "home it first")
 
     def need_turns(self, state: AxisState) -> None:
-        """Raise InstrumentError for an axis whose turns can no longer be told."""
+        """Raise InstrumentError for an axis whose turns are no longer known."""
         if state.count.lost:
             state.homed = False
-            said, do_now = state.count.lost, "look whether it is blocked, then home it again"
-            raise InstrumentError(self._place.name, f"count axis {state.number}", said, do_now)
+            came_back, do_now = state.count.lost, "look whether it is blocked, then home it again"
+            raise InstrumentError(self._place.name, f"count axis {state.number}", came_back, do_now)
 
     def need_rate_kept(self, state: AxisState) -> None:
         """Raise InstrumentError for an axis that had its rate and has it no longer."""

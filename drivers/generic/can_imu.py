@@ -85,8 +85,8 @@ class CanImu(NineAxisSource):
 
         Raises InputError for another rate, InstrumentError when the sensor is switched off.
         """
-        if said := self.rates_said(rate_Hz):
-            raise InputError(f"{self.place.name}: {said}; change the plan's sample_rate")
+        if refusal := self.rates_said(rate_Hz):
+            raise InputError(f"{self.place.name}: {refusal}; change the plan's sample_rate")
         self.stop()
         self._commands.start_at(rate_Hz, RATE_STEP_HZ, rate=rate_Hz)
         self._begin(rate_Hz)
@@ -111,8 +111,8 @@ class CanImu(NineAxisSource):
         return self._rows([] if found is None else [found])
 
     def _send(self, command: str, number: int, values: Mapping[str, float]) -> None:
-        told = {"command": command, "request_id": number, "rate": values.get("rate", 0.0)}
-        self._line.send("IMU_COMMAND", told)
+        signals = {"command": command, "request_id": number, "rate": values.get("rate", 0.0)}
+        self._line.send("IMU_COMMAND", signals)
 
     def _rows(self, outputs: Sequence[Parts]) -> NDArray[np.void]:
         """Return outputs of ROW."""

@@ -34,13 +34,13 @@ class CanNavigator(InertialNavigator):
         super().__init__(place, self._line)
 
     def _send(self, command: str, number: int, values: Mapping[str, float]) -> None:
-        told = {
+        signals = {
             "command": command,
             "rate": values.get("rate_Hz", 0.0),
             "request_id": number,
             "latitude": values.get("latitude_deg", 0.0),
         }
-        self._line.send("NAV_COMMAND", told)
+        self._line.send("NAV_COMMAND", signals)
 
     def _outputs(self) -> list[Output]:
         return [output(one) for one in self._line.outputs()]

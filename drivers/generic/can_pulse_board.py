@@ -35,13 +35,13 @@ class CanPulseBoard(PulseBoard):
 
     def _send(self, command: str, number: int, values: Mapping[str, float]) -> None:
         interval_s = values.get("sample_interval_s", SHORTEST_INTERVAL_S)
-        told = {
+        signals = {
             "command": command,
             "channel_mask": int(values.get("channel_mask", 0)),
             "sample_interval": interval_s * ENCODED_INTERVAL_PER_S,
             "request_id": number,
         }
-        self._line.send("BOARD_COMMAND", told)
+        self._line.send("BOARD_COMMAND", signals)
 
     def _begin(self, channel: int, sample_interval_s: float) -> None:
         self._counts = f"GYRO_COUNTS_{channel}"

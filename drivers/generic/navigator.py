@@ -166,9 +166,9 @@ class InertialNavigator(StreamingDriver):
 
     def status(self) -> NavigatorStatus:
         """Ask whether it is aligned, and what is wrong with it."""
-        told = self._commands.ask("status", "status", "asked for its status")
-        bits = int(told["status"])
-        aligning_s = float(told["aligning_for"]) if bits & ALIGNING else None
+        status = self._commands.ask("status", "status", "asked for its status")
+        bits = int(status["status"])
+        aligning_s = float(status["aligning_for"]) if bits & ALIGNING else None
         return NavigatorStatus(bool(bits & ALIGNED), aligning_s, fault_words(bits))
 
     def drain(self) -> Block:

@@ -79,6 +79,6 @@ class NineAxisSource(StreamingDriver):
         if not len(rows):
             return
         warm = rows["temperature_degC"]
-        told = warm[np.isfinite(warm)]
-        newest_degC = float(told[-1]) if len(told) else None
+        known_degC = warm[np.isfinite(warm)]
+        newest_degC = float(known_degC[-1]) if len(known_degC) else None
         self._hear(float(rows["arrival_s"][-1]), newest_degC)

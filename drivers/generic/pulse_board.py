@@ -88,8 +88,8 @@ class PulseBoard(StreamingDriver):
         self._commands.command("stop")
         self._channel = channel
         self._begin_to_hear(sample_interval_s)
-        told = self._commands.ask("status", "status", "asked for its status")
-        self._check_gyro(told, "start")
+        status = self._commands.ask("status", "status", "asked for its status")
+        self._check_gyro(status, "start")
         bit = 1 << (channel - 1)
         self._commands.command("start", channel_mask=bit, sample_interval_s=sample_interval_s)
         # What was still on its way from before has come before the acknowledgement.
@@ -100,8 +100,8 @@ class PulseBoard(StreamingDriver):
     def drain(self) -> Block:
         """Return the samples that came since the last call."""
         samples = self._samples()
-        for told in self._answers.take("status"):
-            self._check_gyro(told, "record")
+        for status in self._answers.take("status"):
+            self._check_gyro(status, "record")
         if samples:
             self._heard(samples[-1])
         further = list(self.further)

@@ -66,7 +66,7 @@ class Keysight33522B(ScpiDriver):
         r"\*IDN\?|\*CLS|SYST:ERR\?|OUTP[12](:LOAD|:POL)?\?|(SOUR|TRIG)[12]:[A-Z:]+\?",
         r"OUTP[12] OFF",
     )
-    """Not what arms a burst: said again after a trigger it would end the step."""
+    """Not what arms a burst: sent again after a trigger it would end the step."""
 
     def __init__(self, place: Place) -> None:
         super().__init__(place)
@@ -251,17 +251,17 @@ class Keysight33522B(ScpiDriver):
                 self._outputs()
             except InstrumentError:
                 off = "and the channel could not be switched off"
-            said, _, do_now = str(error).removeprefix(f"{self.place.name}: ").rpartition("; ")
-            raise type(error)(self.place.name, attempted, f"{said}, {off}", do_now) from error
+            came_back, _, do_now = str(error).removeprefix(f"{self.place.name}: ").rpartition("; ")
+            raise type(error)(self.place.name, attempted, f"{came_back}, {off}", do_now) from error
 
     def _prove(self, wanted: dict[str, str | float]) -> None:
         """Ask for every setting in one exchange; InstrumentError where one reads otherwise."""
         question = joined(*wanted)
         answer = self._line.query(question)
-        told = answer.split(";")
-        if len(told) != len(wanted):
+        answers = answer.split(";")
+        if len(answers) != len(wanted):
             raise self._odd(question, answer)
-        for (query, expected), has in zip(wanted.items(), told, strict=True):
+        for (query, expected), has in zip(wanted.items(), answers, strict=True):
             if differs(expected, has):
                 raise self.error(
                     f"asked {query}",
@@ -274,10 +274,10 @@ class Keysight33522B(ScpiDriver):
     def _outputs(self) -> dict[int, bool]:
         """Return which outputs are on, and publish whether any is."""
         question = joined(*(one.output for one in self._messages.values()))
-        told = self._line.patient.query(question).split(";")
-        if len(told) != len(CHANNELS) or not set(told) <= {"0", "1"}:
-            raise self._odd(question, ";".join(told))
-        outputs = {channel: one == "1" for channel, one in zip(CHANNELS, told, strict=True)}
+        answers = self._line.patient.query(question).split(";")
+        if len(answers) != len(CHANNELS) or not set(answers) <= {"0", "1"}:
+            raise self._odd(question, ";".join(answers))
+        outputs = {channel: one == "1" for channel, one in zip(CHANNELS, answers, strict=True)}
         self.place.publish("output", "on" if any(outputs.values()) else "off")
         return outputs
 

@@ -1,4 +1,4 @@
-"""What is said to one channel of a Keysight 33522B, and what it has to read back.
+"""The messages to one channel of a Keysight 33522B, and what has to read back.
 
 Widths go by way of the shortest, amplitudes by way of the smallest: in whatever order the old and
 the new values lie, no setting on the way is in conflict with another, and every error is one.
@@ -165,12 +165,12 @@ def load_ohm(load: str) -> float:
     return math.inf if load == HIGH_IMPEDANCE else parse_as(load, "ohm")
 
 
-def differs(expected: str | float, told: str) -> bool:
+def differs(expected: str | float, answer: str) -> bool:
     """Return whether an answer is not what was expected; an infinite number is an open end."""
     if isinstance(expected, str):
-        return told.strip() != expected
+        return answer.strip() != expected
     try:
-        value = float(told)
+        value = float(answer)
     except ValueError:
         return True
     if math.isinf(expected):

@@ -172,8 +172,8 @@ class Kvh1775(NineAxisSource):
 
     def start(self, rate_Hz: float) -> None:
         """Begin to output, the counter from 1; raises InputError for a rate it does not have."""
-        if said := self.rates_said(rate_Hz):
-            raise InputError(f"{self.place.name}: {said}; change the plan's sample_rate")
+        if refusal := self.rates_said(rate_Hz):
+            raise InputError(f"{self.place.name}: {refusal}; change the plan's sample_rate")
         self._configure()
         for name, value in {**SETTINGS, "dr": f"{rate_Hz:.0f}"}.items():
             answer = self._ask(f"={name},{value}", name.upper())
@@ -255,10 +255,10 @@ class Kvh1775(NineAxisSource):
         deadline_s = self._deadline_s()
         while found := self._stream.wait_for(TEXT, deadline_s):
             for answer in (one.payload.decode("ascii") for one in found):
-                said, _, value = answer.partition(",")
-                if said == name:
+                key, _, value = answer.partition(",")
+                if key == name:
                     return value.strip()
-                if said.startswith("INVALID"):
+                if key.startswith("INVALID"):
                     raise self.error(
                         f"sent {text}",
                         f"it answered {answer!r}",

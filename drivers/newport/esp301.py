@@ -44,7 +44,7 @@ class NewportEsp301(Driver):
     Limits: `rate` deg/s and `acceleration` deg/s^2; `angle_low` and `angle_high` deg go into the
     controller where they are given.
 
-    Errors are told by the controller only when asked for, so every command asks in the same line.
+    The controller reports errors only when asked for them, so every command asks in the same line.
     The zero counts as found only when this program has had it looked for, and no longer once the
     controller reports a fault or its motor off: a trip may cost steps.
     """
@@ -91,10 +91,10 @@ class NewportEsp301(Driver):
         match = MODEL.search(version)
         if match is None:
             raise self._line.odd("VE?", version)
-        told = self._line.query(self._of_axis("ID?"))
-        stage = STAGE.fullmatch(told)
+        answer = self._line.query(self._of_axis("ID?"))
+        stage = STAGE.fullmatch(answer)
         if stage is None:
-            raise self._line.odd(self._of_axis("ID?"), told)
+            raise self._line.odd(self._of_axis("ID?"), answer)
         return Identity("Newport", f"{match[1]} with {stage[1]}", stage[2], match[2])
 
     def programme_limits(self) -> None:

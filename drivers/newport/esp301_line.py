@@ -63,7 +63,7 @@ class EspLine(SerialLine):
         return number_of(self._place.name, message, self.query(message))
 
     def command(self, message: str, *, but_for: Collection[int] = ()) -> None:
-        """Send a command and ask for an error in the same line; one that is told is raised.
+        """Send a command and ask for an error in the same line; a reported one is raised.
 
         `but_for` are errors of the axis that are no fault here.
         """
@@ -86,7 +86,7 @@ class EspLine(SerialLine):
                 return
 
     def motor_off(self, attempted: str) -> InstrumentError:
-        """Return the error of a motor that was found off though nothing said why."""
+        """Return the error of a motor that is off for no reported reason."""
         return self.named(attempted, 100 * self._axis + 13, "MOTOR NOT ENABLED")
 
     def named(self, attempted: str, code: int, text: str) -> InstrumentError:

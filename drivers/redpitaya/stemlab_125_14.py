@@ -176,7 +176,7 @@ class RedPitaya(Driver):
         try:
             self._line.repeated(f"DIG:PIN {OUTPUT},0", self._low)
         except InstrumentError:
-            # It may do what it is told though nobody understands its answers.
+            # It may obey though nobody understands its answers.
             with suppress(InstrumentError):
                 self._line.last_attempt(f"DIG:PIN {OUTPUT},0")
             raise

@@ -55,7 +55,7 @@ class ThorlabsSc10(Driver):
     """Where a scan of served instruments may ask it; it knows no `*IDN?`."""
 
     repeatable: ClassVar[Repeatable] = Repeatable(r"(id|ens|closed|interlock|mode)\?", r"mode=\d")
-    """Not `ens`: said twice, it does nothing."""
+    """Not `ens`: sent twice, it does nothing."""
 
     def __init__(self, place: Place) -> None:
         self.place = place

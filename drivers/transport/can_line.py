@@ -94,8 +94,8 @@ class Socketcand(can.BusABC):  # type: ignore[misc]  # python-can is not typed h
             if left_s <= 0.0:
                 raise TimeoutError(f"{otherwise}: {self._pending[:40]!r} came back")
             self._pending += self._port.read(left_s)
-        said, _, behind = self._pending.partition(b">")
-        if (said + b">").strip() != wanted:
+        text, _, behind = self._pending.partition(b">")
+        if (text + b">").strip() != wanted:
             raise ConnectionError(f"{otherwise}: {self._pending[:40]!r} came back")
         self._pending = behind
 
@@ -211,5 +211,5 @@ class CanLine(KeptFrames[Frame]):
     def _traced_frame(self, direction: str, identifier: int, data: bytes) -> None:
         if self._trace is not None:
             name = self._names.get(identifier, "")
-            said = f"{identifier:03X}#{data.hex().upper()} {name}".rstrip()
-            self._trace(direction, said.encode())
+            text = f"{identifier:03X}#{data.hex().upper()} {name}".rstrip()
+            self._trace(direction, text.encode())

@@ -314,8 +314,8 @@ class ExchangePort(TracedLine, ABC):
         return answer
 
     def _silent(self, attempted: str, what: str, deadline_s: float) -> InstrumentError:
-        said = f"{what} within {deadline_s:g} s"
-        return self._fault(attempted, said, self.when_silent, InstrumentTimeout)
+        came_back = f"{what} within {deadline_s:g} s"
+        return self._fault(attempted, came_back, self.when_silent, InstrumentTimeout)
 
     def _wrong(self, attempted: str, came_back: str) -> InstrumentError:
         return self._fault(attempted, came_back, self.when_wrong)

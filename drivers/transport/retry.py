@@ -1,9 +1,9 @@
-"""Say again what may be said twice, where one lost answer must not decide; the rest once.
+"""Repeat a message that does no harm twice, where one lost answer must not decide.
 
 A driver declares which of its messages do no harm when the instrument gets them twice: its
 `repeatable`. On the way to rest, where a lost answer must not end in a coil that is cut off at full
-current, and by whoever watches a level, such a message is said again whatever went wrong with it.
-In a step it is said again only where its line broke, or where its answer was not the only one that
+current, and by whoever watches a level, such a message is sent again whatever went wrong with it.
+In a step it is sent again only where its line broke, or where its answer was not the only one that
 came (`ExchangePort`). Any other fault, and each one of any other message, ends the run at once.
 """
 
@@ -23,7 +23,7 @@ TRIES = 3
 
 
 class Repeatable:
-    """The messages of an instrument that may be said twice.
+    """The messages of an instrument that may be sent twice.
 
     Each pattern is a regular expression for one whole command, upper and lower case alike, without
     the colon before it. A message of several commands, joined by `;`, is repeatable when each of
@@ -54,7 +54,7 @@ class Repeatable:
 
 
 NEVER = Repeatable(r"(?!)")
-"""Nothing may be said twice."""
+"""Nothing may be sent twice."""
 
 
 def repeated(repeatable: Repeatable, message: str, exchange: Callable[[], Answer]) -> Answer:

@@ -39,7 +39,7 @@ class StreamFrame(NamedTuple):
 class SerialStream(KeptFrames[StreamFrame]):
     """One instrument's line, read by a thread that stamps; frames wait until somebody takes them.
 
-    `split` knows the instrument's frames. Bytes that belong to none are passed over and told to
+    `split` knows the instrument's frames. Bytes that belong to none are passed over and go to
     the trace: whoever counts frames sees what is missing.
     """
 
@@ -156,7 +156,7 @@ Counting = Callable[[NDArray[np.uint8], NDArray[np.float64]], tuple[Numbers, Kep
 class Numbering:
     """Number frames from 1, whose own number goes from 0 to `modulus` - 1 and begins again.
 
-    What a gap of `modulus` frames and more swallowed is told by when the next ones came. Arrivals
+    What a gap of `modulus` frames and more swallowed shows by when the next ones came. Arrivals
     are late by chance, never early: only a delay that none of a block's later frames makes up for
     is a gap.
     """

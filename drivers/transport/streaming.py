@@ -52,8 +52,8 @@ class Commands:
         self._number = (self._number + 1) % 65536
         attempted = f"sent the command {command}"
         self._send(command, self._number, values)
-        told = self._acknowledgement(attempted)
-        result = str(told["result"])
+        reply = self._acknowledgement(attempted)
+        result = str(reply["result"])
         if result != "ok":
             raise InstrumentError(
                 self._place.name,
@@ -61,7 +61,7 @@ class Commands:
                 f"it refused with {result}",
                 self._refusals.get(result, self._refusals["unknown_command"]),
             )
-        return told
+        return reply
 
     def ask(self, command: str, answer: str, attempted: str) -> Mapping[str, Any]:
         """Send a command and return the newest answer of a kind that follows it."""
@@ -73,29 +73,29 @@ class Commands:
         return found[-1]
 
     def start_at(self, rate_Hz: float, step_Hz: float, /, **values: float) -> None:
-        """Send a start; raises InstrumentError where what it says it outputs is another rate."""
-        told = self.command("start", **values)
-        if not math.isclose(float(told["rate"]), rate_Hz, abs_tol=step_Hz / 2):
+        """Send a start; raises InstrumentError where the reported rate is another."""
+        reply = self.command("start", **values)
+        if not math.isclose(float(reply["rate"]), rate_Hz, abs_tol=step_Hz / 2):
             raise InstrumentError(
                 self._place.name,
                 f"started it at {rate_Hz:g} Hz",
-                f"it says that it outputs {told['rate']:g} Hz",
+                f"it says that it outputs {reply['rate']:g} Hz",
                 self._refusals["already_running"],
             )
 
     def identity(self, model: str) -> Identity:
         """Ask an instrument of our own who it is."""
-        told = self.ask("identify", "identity", "asked who it is")
-        firmware = f"{told['firmware_major']}.{told['firmware_minor']}"
-        return Identity("house-made", model, str(told["serial_number"]), firmware)
+        reply = self.ask("identify", "identity", "asked who it is")
+        firmware = f"{reply['firmware_major']}.{reply['firmware_minor']}"
+        return Identity("house-made", model, str(reply["serial_number"]), firmware)
 
     def _acknowledgement(self, attempted: str) -> Mapping[str, Any]:
         """Return the acknowledgement of the last command; a late one of another is passed over."""
         deadline_s = self._deadline_s()
         while found := self._line.wait_for("acknowledgement", deadline_s):
-            for told in found:
-                if told["request_id"] == self._number:
-                    return told
+            for reply in found:
+                if reply["request_id"] == self._number:
+                    return reply
         raise self._silent("acknowledgement", attempted)
 
     def _deadline_s(self) -> float:
@@ -153,7 +153,7 @@ class StreamingDriver(Driver, ABC):
             self.place.publish("temperature", temperature_degC, "degC")
 
     def _temperature_degC(self) -> float | None:
-        """Return the temperature of the newest output; None while nothing is output, or told it.
+        """Return the temperature of the newest output; None while there is none.
 
         Raises InstrumentError when no output has come for a while, or a sensor is missing.
         """

@@ -134,8 +134,8 @@ class TextLine(ExchangePort):
         answer, _, behind = text.partition(self._answer_end.decode(ENCODING))
         if behind:
             self._doubt(text.encode(ENCODING), attempted)
-            said = f"{shortened(text)!r} came back, more than one answer"
-            raise self._doubtful(attempted, said)
+            came_back = f"{shortened(text)!r} came back, more than one answer"
+            raise self._doubtful(attempted, came_back)
         return answer
 
 
