@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from station.procedure import Later, Procedure, ResultKind, Told, usual_modules
+from station.procedure import Later, Procedure, ResultKind, usual_modules
 
-from .check import check, instruments, records
 from .parameters import FogParameters
-from .set_points import forecast
 from .steps import STEPS, prompts
+from .work import instruments, records, work
 
 AXES = ("x", "y", "z")
 
@@ -44,11 +43,11 @@ PROCEDURE = Procedure(
     instruments=instruments,
     records=records,
     prompts=prompts,
-    check=check,
+    check=Later(f"{__name__}.outlook:check"),
     **usual_modules(__name__),
     inputs=Later(f"{__name__}.from_import:inputs"),
     files=Later(f"{__name__}.compensation:files_of"),
-    told=Told(lambda _: (), forecast),
+    work=work,
     outlook=Later(f"{__name__}.outlook:outlook"),
     measured_axes=measured_axes,
     assumptions=(

@@ -2,32 +2,30 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from station.errors import ConditionNotReached, InstrumentError, StationError
+from station.errors import ConditionNotReached, StationError
+from station.method.motion import AxisAtRate, AxisBy, AxisCommand, TemperatureTo
 from station.roles.turntable import table_axes
 
-from .check import CHAMBER, NAVIGATOR, TABLE
-from .dataset import AXES, FULL_TURN_DEG
+from .dataset import AXES
 from .parameters import FogParameters
+from .work import CHAMBER, CHAMBER_EVERY_S, NAVIGATOR, TABLE
 
 if TYPE_CHECKING:
     from station.runner.run import Run
+    from station.runner.verbs import Follower
 
-WORK = "the bench"
 LOOK_S = 8.0
 """Run time between two looks; less where time runs by itself, so that a kill loses little. A run
 that ends early takes first what has come since the last one."""
 MOVING_LOOK_S = 1.0
 TURNING_LOOK_S = 2.0
-CHAMBER_EVERY_S = 30.0
-SILENT_AFTER_S = 10.0
 SETTLED_S = 1.0
 ARRIVES_WITHIN_S = 0.4
 """Outputs are late: of a rest count those after the first of these and before the second."""
@@ -38,8 +36,6 @@ RAMP, COOLING, PROOF = "ramp", "cooling", "proof"
 BETWEEN_TURNS = (SOAK, WARM_UP, RANDOM, RAMP, COOLING, PROOF)
 """Names under which is recorded what belongs to no turn; a turn's begins with RAMP or PROOF."""
 
-UP: dict[str, tuple[float, float]] = {"x": (90.0, 0.0), "y": (0.0, -90.0), "z": (0.0, 180.0)}
-"""Angles of the middle and the inner axis, in deg, that let a body axis point up (z is down)."""
 CHAMBER_COLUMNS = {
     "process_value_degC": "degC, the chamber's air",
     "set_point_degC": "degC, what it is controlled to",
@@ -60,11 +56,15 @@ class BenchWork:
         axes = table_axes(run.bench.instruments[TABLE].settings)
         assert axes is not None  # `check` asks for them
         self.axes = axes
-        self.newest: Any = None
-        """The navigator's last row, a structured array of shape (1,); None before the first."""
-        self.navigates = False
+        self._follower: Follower | None = None
+        """Of the navigator's outputs, None where it gives none."""
         self._unit = ""
-        self._chamber_due_s = self._due_s = self._heard_s = run.clock.now()
+        self._chamber_due_s = self._due_s = run.clock.now()
+
+    @property
+    def newest(self) -> Any:
+        """The navigator's last row, a structured array of shape (1,); None before the first."""
+        return None if self._follower is None else self._follower.newest.get(NAVIGATOR)
 
     def look(self, unit: str) -> None:
         """Record what has come, where it is time to; what came before belongs to the unit before.
@@ -87,24 +87,10 @@ class BenchWork:
 
         Raises InstrumentError when none has for long.
         """
-        from station.record.raw import ARRIVAL
-        from station.runner.verbs import to_rows
-
         clock = self.run.clock
         self._due_s = clock.now() + clock.holding_s(LOOK_S)
-        if not self.navigates:
-            return
-        rows = to_rows(self.navigator.drain())
-        if len(rows):
-            self.run.record.block(self.navigator.source, unit, self.navigator.columns, rows)
-            self.newest, self._heard_s = rows[-1:], float(rows[ARRIVAL][-1])
-        elif clock.now() - self._heard_s > SILENT_AFTER_S:
-            raise InstrumentError(
-                NAVIGATOR,
-                f"record {unit}",
-                f"no output came for {SILENT_AFTER_S:g} s",
-                "check its cable and its power",
-            )
+        if self._follower is not None:
+            self._follower.take(unit)
 
     @contextmanager
     def keeps_what_came(self) -> Iterator[None]:
@@ -146,16 +132,23 @@ class BenchWork:
 
     def start_navigator(self) -> None:
         """Let the navigator output for the rest of the run."""
-        self.navigator.start(self.parameters.navigator_rate_Hz)
-        self.navigates = True
-        self._heard_s = self.run.clock.now()
+        from station.runner.verbs import Follower
 
-    def reach(self, temperature_degC: float, unit: str) -> None:
+        self.navigator.start(self.parameters.navigator_rate_Hz)
+        self._follower = Follower(self.run, {NAVIGATOR: self.navigator})
+
+    def stop_navigator(self) -> None:
+        """End the outputs; what is still on its way is left there."""
+        self._follower = None
+        self.navigator.stop()
+
+    def reach(self, command: TemperatureTo, unit: str) -> None:
         """Bring the chamber's air to a temperature as fast as it can.
 
         Raises ConditionNotReached where it does not come there in the plan's time.
         """
-        self.chamber.set_temperature(temperature_degC)
+        self.run.apply(command)
+        temperature_degC = command.temperature_degC
         within = self.parameters.soaked_within_degC
         there = self.follow_until(
             lambda: abs(self.chamber.temperature_degC() - temperature_degC) <= within,
@@ -171,28 +164,13 @@ class BenchWork:
                 "load"
             )
 
-    def go_to(self, axis: int, angle_deg: float, unit: str, said: str) -> None:
-        """Turn one table axis to an angle and wait until it rests there."""
-        self.table.move_to(axis, angle_deg)
-        while self.table.is_moving(axis):
-            self.follow(self.run.clock.now() + MOVING_LOOK_S, unit, said)
-
-    def turn_to(self, axis: int, angle_deg: float, unit: str, said: str) -> None:
-        """Turn one table axis to an angle at the plan's rate and wait until it rests there."""
-        rate = self.parameters.turn_rate_deg_per_s
-        left_deg = angle_deg - self.table.angle_deg(axis)
-        self.table.turn(axis, math.copysign(rate, left_deg))
-        ends_s = self.run.clock.now() + abs(left_deg) / rate - SHORT_OF_TURN_S
-        while self.run.clock.now() < ends_s:
-            self.follow(min(self.run.clock.now() + TURNING_LOOK_S, ends_s), unit, said)
-            self.table.is_at_rate(axis)  # raises where it does not keep it
-        self.go_to(axis, angle_deg, unit, said)
-
-    def put_up(self, axis: str, unit: str) -> None:
-        """Turn the table until a body axis points up."""
-        middle_deg, inner_deg = UP[axis]
-        self.go_to(self.axes.middle, middle_deg, unit, f"{axis} is turned up")
-        self.go_to(self.axes.inner, inner_deg, unit, f"{axis} is turned up")
+    def go_to(self, moves: Sequence[AxisCommand[Any]], unit: str, said: str) -> None:
+        """Bring axes of the table to angles, each at rest before the next moves."""
+        for move in moves:
+            self.run.apply(move)
+            axis = move.axis_number(self.run.bench)
+            while self.table.is_moving(axis):
+                self.follow(self.run.clock.now() + MOVING_LOOK_S, unit, said)
 
     def rest(self, unit: str, said: str) -> None:
         """Stand for the plan's time to settle, and until an output told the attitude at rest.
@@ -212,25 +190,26 @@ class BenchWork:
         self.follow(float(self.newest[ARRIVAL][0]) + ARRIVES_WITHIN_S, unit, said)
         self.take(unit)
 
-    def turn_around(self, unit: str, sign: int, said: str) -> tuple[float, float, float, float]:
-        """Turn the vertical axis once, at rest before and after.
+    def turn_around(
+        self, turn: tuple[AxisAtRate, AxisBy], unit: str, said: str
+    ) -> tuple[float, float, float, float]:
+        """Turn the vertical axis once at the plan's rate, at rest before and after.
 
         Returns the run times of the end of the first rest, of both ends of the second, and the
         angle that the encoder turned in deg.
         """
-        outer = self.axes.outer
+        clock, (at_rate, by_angle) = self.run.clock, turn
+        outer = by_angle.axis_number(self.run.bench)
         self.rest(unit, said)
-        before_s, before_deg = self.run.clock.now(), self.table.angle_deg(outer)
-        self.turn_to(outer, before_deg + sign * FULL_TURN_DEG, unit, said)
-        rests_s = self.run.clock.now()
+        before_s = clock.now()
+        before_deg = self.run.prepare(by_angle) or 0.0
+        left_deg = before_deg + by_angle.angle_deg - self.table.angle_deg(outer)
+        self.run.apply(at_rate)
+        ends_s = clock.now() + abs(left_deg / at_rate.rate_deg_per_s) - SHORT_OF_TURN_S
+        while clock.now() < ends_s:
+            self.follow(min(clock.now() + TURNING_LOOK_S, ends_s), unit, said)
+            self.table.is_at_rate(outer)  # raises where it does not keep it
+        self.go_to([by_angle], unit, said)
+        rests_s = clock.now()
         self.rest(unit, said)
-        turned_deg = self.table.angle_deg(outer) - before_deg
-        return before_s, rests_s, self.run.clock.now(), turned_deg
-
-
-def work_of(run: Run) -> BenchWork:
-    """Return the bench as this process of the run uses it."""
-    if WORK not in run.handed_on:
-        run.handed_on[WORK] = BenchWork(run)
-    work: BenchWork = run.handed_on[WORK]
-    return work
+        return before_s, rests_s, clock.now(), self.table.angle_deg(outer) - before_deg

@@ -22,12 +22,12 @@ from station.findings import (
 from .analysis import FogAnalysis, analyse
 from .axis_fit import WIDE, AxisFit, within
 from .axis_problem import AnalysisSettings
-from .check import TABLE
 from .curve import Band, Curve
 from .dataset import FogDataset
 from .from_import import Conditions, dataset_of_import
 from .parameters import PUBLISHED_SOAK_H, FogParameters
 from .verification import Driven, Verified
+from .work import TABLE
 
 if TYPE_CHECKING:
     from station.dataset_reading import RawDataset

@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 from station.errors import MissingRows
 
 from .bench_work import BETWEEN_TURNS, PROOF, RAMP
-from .check import CHAMBER, NAVIGATOR
 from .dataset import AXES, FogDataset, TurnTable
 from .from_import import PLACE, drive_in
 from .parameters import FogParameters
+from .work import CHAMBER, NAVIGATOR
 
 if TYPE_CHECKING:
     from station.instruments.bench import Bench

@@ -1,20 +1,34 @@
-"""What a plan determines and how well, before anything moves; `validate` prints it."""
+"""What a plan determines and how well, and why it cannot run; nothing is energised for either."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from station.files.faults import FaultList
+from station.procedure import Problem
 from station.report.numbers import format_number
+from station.roles.turntable import unnamed_axes
 
 from .curve import chebyshev_columns
 from .dataset import FULL_TURN_DEG, PPM, SECONDS_PER_HOUR
-from .forecast import sets_of_ramp
+from .from_import import drive_in, inputs
 from .parameters import FogParameters
+from .work import TABLE, sets_of_ramp
 
 ARCSEC = 1.0 / 3600.0
 GRID = 101
+
+if TYPE_CHECKING:
+    from station.instruments.bench import Bench
+
+TURN_ACCELERATION = ("parameters", "turn_acceleration")
+RESOLUTION = ("parameters", "heading_resolution")
+ASKED = ("parameters", "asked_uncertainty")
+DRIVE = ("parameters", "drive", "file")
 
 
 @dataclass(frozen=True)
@@ -94,3 +108,70 @@ def outlook(parameters: FogParameters) -> tuple[str, ...]:
     if parameters.outside:
         lines.append(f"outside the published range: {'; '.join(parameters.outside)}")
     return tuple(lines)
+
+
+def check(parameters: FogParameters, bench: Bench) -> Iterator[Problem]:
+    """Yield a table not told or too slow, an uncertainty out of reach, a drive that is no drive.
+
+    Rates, angles, temperatures and ramps beyond a limit are found from the forecast.
+    """
+    yield from table_problems(parameters, bench)
+    yield from uncertainty_problems(parameters)
+    yield from drive_problems(parameters)
+
+
+def table_problems(parameters: FogParameters, bench: Bench) -> Iterator[Problem]:
+    """Yield each axis whose number the bench file does not say, and turns quicker than possible.
+
+    The number of an axis decides a sign.
+    """
+    table = bench.instruments.get(TABLE)
+    if table is None:
+        return
+    for what in unnamed_axes(TABLE, table.settings):
+        yield Problem(("procedure",), what)
+    counted, allowed = parameters.turn_acceleration_deg_per_s2, table.limits.get("acceleration")
+    if allowed is not None and counted > allowed:
+        yield Problem(
+            TURN_ACCELERATION,
+            f"the times of the turns count with {counted:g} deg/s^2, which is more than the "
+            f"{allowed:g} deg/s^2 that the bench allows for {TABLE}",
+        )
+
+
+def uncertainty_problems(parameters: FogParameters) -> Iterator[Problem]:
+    """Yield why the uncertainty that the plan asks for cannot be reached."""
+    asked = parameters.asked_uncertainty_ppm
+    if asked is None:
+        return
+    expected = expected_uncertainty(parameters)
+    if expected.total_ppm <= asked:
+        return
+    what = f"u = {expected.total_ppm:.2g} ppm is to be expected where {asked:g} ppm is asked for"
+    if expected.bias_ppm > expected.rms_ppm:
+        bias = f"the gyro's bias makes {expected.bias_ppm:.2g} ppm of single turns"
+        yield Problem(("parameters", "turns"), f"{bias}: {what}; take turns: pairs")
+    elif expected.resolution_ppm > 0.7 * expected.turn_ppm:
+        yield Problem(
+            RESOLUTION,
+            f"a resolution of {parameters.heading_resolution_deg:g} deg makes "
+            f"{expected.resolution_ppm:.2g} ppm of every turn: {what}; read a finer heading, or "
+            "take more turns",
+        )
+    else:
+        yield Problem(ASKED, f"{what}; take more turns (turns: pairs or +--+), or a slower ramp")
+
+
+def drive_problems(parameters: FogParameters) -> Iterator[Problem]:
+    """Yield why the file of the vehicle test cannot be used."""
+
+    try:
+        files = inputs(parameters)
+    except FaultList as found:
+        yield from (Problem(DRIVE, fault.said) for fault in found.faults)
+        return
+    try:
+        for path in files.values():
+            drive_in(path, parameters)
+    except FaultList as found:
+        yield from (Problem(DRIVE, str(fault)) for fault in found.faults)

@@ -9,12 +9,12 @@ from itertools import count
 from typing import TYPE_CHECKING
 
 from station.errors import ConditionNotReached
+from station.method.motion import TemperatureRamp
 
-from .bench_work import COOLING, PROOF, RAMP, BenchWork, work_of
-from .check import CHAMBER, NAVIGATOR
+from .bench_work import COOLING, PROOF, RAMP, BenchWork
 from .dataset import AXES, SECONDS_PER_HOUR
-from .forecast import PROVED_WITHIN_DEGC
 from .parameters import FogParameters
+from .work import CHAMBER, NAVIGATOR, PROVED_WITHIN_DEGC, full_turns, to_temperature, to_up
 
 if TYPE_CHECKING:
     from station.runner.run import Run
@@ -24,14 +24,13 @@ DRIFTED_DEGC = 1.0
 
 @dataclass(frozen=True)
 class Ramp:
-    """A ramp: the chamber goes to one temperature, the turns go on until the gyros pass another.
+    """A ramp: the chamber goes to its end, the turns go on until the gyros pass a temperature.
 
     Gyros that are switched on never become as cold as the chamber.
     """
 
     name: str
-    chamber_degC: float
-    rate_degC_per_h: float
+    command: TemperatureRamp
     gyros_degC: float
     upwards: bool
 
@@ -54,7 +53,7 @@ def last_turn(run: Run) -> dict[str, float] | None:
 
 def soak_again(run: Run, stood: dict[str, float]) -> None:
     """Bring gyros and chamber to where they were when the run was interrupted."""
-    work = work_of(run)
+    work = run.state(BenchWork, run)
     wanted_degC = stood["gyro_degC"]
     run.progress.say(f"    the gyros go back to {wanted_degC:.1f} degC")
 
@@ -64,7 +63,7 @@ def soak_again(run: Run, stood: dict[str, float]) -> None:
     limit_s = run.parameters.warm_up.at_most_s
     if not work.follow_until(there, limit_s, COOLING, lambda: said_of(work)):
         run.progress.say("    they do not come there: the ramp goes on from where they are")
-    work.reach(stood["set_point_degC"], COOLING)
+    work.reach(to_temperature(stood["set_point_degC"], "back to where the ramp stood"), COOLING)
 
 
 def make_ramp(run: Run, ramp: Ramp) -> None:
@@ -75,11 +74,11 @@ def make_ramp(run: Run, ramp: Ramp) -> None:
     if run.is_finished(ramp.end):
         return
     parameters: FogParameters = run.parameters
-    work = work_of(run)
+    work = run.state(BenchWork, run)
     done = [unit for unit in run.past.finished if unit.split(" ")[0] == ramp.name]
     first = max((int(unit.split(" ")[1]) for unit in done), default=0)
     first += not any(turns_left(run, ramp.name, first))
-    work.chamber.ramp_to(ramp.chamber_degC, ramp.rate_degC_per_h / 60.0)
+    run.apply(ramp.command)
     if ramp.name == PROOF:
         between = fitted_degC(run)
         work.follow_until(
@@ -141,8 +140,8 @@ def coldest_degC(run: Run) -> float:
 
 def cool_down(run: Run, chamber_degC: float, gyros_degC: float) -> None:
     """Let the gyros become cold again, as far as they do within the plan's time."""
-    work = work_of(run)
-    work.reach(chamber_degC, COOLING)
+    work = run.state(BenchWork, run)
+    work.reach(to_temperature(chamber_degC, "the gyros cool down"), COOLING)
     work.follow_until(
         lambda: bool((work.gyro_degC() <= gyros_degC).all()),
         run.parameters.chamber_at_most_s,
@@ -176,13 +175,13 @@ def turns_left(run: Run, name: str, number: int) -> Iterator[tuple[str, list[tup
 def one_set(run: Run, name: str, number: int) -> None:
     """Turn about each axis in turn; each turn is a unit of work."""
     parameters: FogParameters = run.parameters
-    work = work_of(run)
+    work = run.state(BenchWork, run)
     for axis, units in turns_left(run, name, number):
-        work.put_up(axis, name)
-        for unit, sign in units:
+        work.go_to(to_up(axis), name, f"{axis} is turned up")
+        for (unit, sign), turn in zip(units, full_turns(parameters), strict=True):
             run.record.event("unit-started", durable=False, unit=unit)
             said = f"set {number}, {axis}, {said_of(work)}"
-            before_s, rests_s, after_s, turned_deg = work.turn_around(unit, sign, said)
+            before_s, rests_s, after_s, turned_deg = work.turn_around(turn, unit, said)
             stands = {
                 "gyro_degC": float(work.gyro_degC().mean()),
                 "own_degC": float(work.gyro_degC()[AXES.index(axis)]),

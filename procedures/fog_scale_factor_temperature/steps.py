@@ -7,17 +7,30 @@ gyro by continuous turns while the temperature rises, steps one to four.
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import astuple
 from typing import TYPE_CHECKING
 
 from station.errors import ConditionNotReached
+from station.method.commands import Power
+from station.method.motion import ChamberOn
 from station.procedure import Prompt, Step
 
-from .bench_work import PROOF, RAMP, RANDOM, SOAK, WARM_UP, work_of
-from .check import CHAMBER, NAVIGATOR, POWER
+from .bench_work import PROOF, RAMP, RANDOM, SOAK, WARM_UP, BenchWork
 from .dataset import SECONDS_PER_HOUR
-from .forecast import EXPECTED_HEAT_DEGC, proof_s, ramp_s, soak_s
 from .parameters import FogParameters
 from .ramping import Ramp, coldest_degC, cool_down, last_turn, make_ramp, soak_again
+from .work import (
+    CHAMBER,
+    EXPECTED_HEAT_DEGC,
+    NAVIGATOR,
+    POWER,
+    TABLE,
+    fitted_ramp,
+    proof_ramp,
+    to_soak,
+    to_zero,
+    turning,
+)
 
 if TYPE_CHECKING:
     from station.runner.run import Run
@@ -43,32 +56,31 @@ def soak(run: Run) -> None:
     The soak counts from the chamber's reaching the temperature. A run that goes on in the middle of
     a ramp goes to where the ramp stood, and waits until the gyros are as warm as they were.
     """
-    from station.roles import DutPower
+    from station.runner.verbs import come_to_rest
 
     parameters: FogParameters = run.parameters
     run.ask(MOUNT.id, MOUNT.text)
     run.ask(CABLES.id, CABLES.text)
-    work = work_of(run)
+    work = run.state(BenchWork, run)
     work.chamber.programme_limits()
     work.table.programme_limits()
     run.record.event("field-on", instrument=CHAMBER)
-    for axis in (work.axes.outer, work.axes.middle, work.axes.inner):
+    for axis in astuple(work.axes):
         if not work.table.is_homed(axis):
             work.table.home(axis)
-            while work.table.is_moving(axis):
-                run.clock.sleep(1.0)
+            come_to_rest(run, TABLE, "the table looks for its zeros", axis=axis, every_s=1.0)
     stood = last_turn(run)
-    work.chamber.switch_on()
+    run.apply(ChamberOn(CHAMBER))
     low_degC, high_degC = parameters.temperature_range_degC
     begins_degC = low_degC
     if stood is not None:
         # Where the gyros, with their own heat, come to rest at the temperature that they had.
         begins_degC = min(max(stood["gyro_degC"] - EXPECTED_HEAT_DEGC, low_degC), high_degC)
-    work.reach(begins_degC, SOAK)
+    work.reach(to_soak(parameters, begins_degC), SOAK)
     if stood is None:
         began_s = run.clock.now()
         work.follow(began_s + parameters.soak_s, SOAK, f"soaking at {low_degC:g} degC")
-    run.role(POWER, DutPower).switch_on()
+    run.apply(Power(POWER, True))
     work.start_navigator()
     align(run)
     if stood is None:
@@ -81,9 +93,8 @@ def soak(run: Run) -> None:
 def align(run: Run) -> None:
     """Let the navigator find its attitude at rest; raises ConditionNotReached where it does not."""
     parameters: FogParameters = run.parameters
-    work = work_of(run)
-    for axis in (work.axes.outer, work.axes.middle, work.axes.inner):
-        work.go_to(axis, 0.0, WARM_UP, "the table goes to zero")
+    work = run.state(BenchWork, run)
+    work.go_to(to_zero(), WARM_UP, "the table goes to zero")
     work.navigator.align(parameters.latitude_deg)
     aligned = work.follow_until(
         lambda: work.navigator.status().aligned,
@@ -109,7 +120,7 @@ def warm_up(run: Run) -> None:
     from procedures.estimation.linear import slope_with_uncertainty
 
     rule = run.parameters.warm_up
-    work = work_of(run)
+    work = run.state(BenchWork, run)
     began_s = run.clock.now()
     seen: list[tuple[float, float]] = []
     said = "the gyros warm up"
@@ -138,25 +149,28 @@ def rotate_at_random(run: Run) -> None:
     """Turn about changing axes at changing rates for a while; the navigator's output is kept."""
     import random
 
+    from station.runner.verbs import come_to_rest
+
     parameters: FogParameters = run.parameters
-    work = work_of(run)
+    work = run.state(BenchWork, run)
     draw = random.Random(1)
     until_s = run.clock.now() + parameters.random_rotation_s
-    numbers = (work.axes.outer, work.axes.middle, work.axes.inner)
     while run.clock.now() < until_s:
-        axis = draw.choice(numbers)
-        work.table.turn(axis, draw.uniform(-1.0, 1.0) * parameters.turn_rate_deg_per_s)
+        name = draw.choice(("outer", "middle", "inner"))
+        rate_deg_per_s = draw.uniform(-1.0, 1.0) * parameters.turn_rate_deg_per_s
+        leg = turning(rate_deg_per_s, "random rotation", name)
+        axis = leg.axis_number(run.bench)
+        run.apply(leg)
         work.follow(min(run.clock.now() + LEG_S, until_s), RANDOM, "random rotation")
         work.table.stop(axis)
-        while work.table.is_moving(axis):
-            run.clock.sleep(0.5)
+        come_to_rest(run, TABLE, "random rotation", axis=axis, every_s=0.5)
 
 
 def ramp_up(run: Run) -> None:
     """Step 2: the chamber warms slowly; every interval each axis up in turn, and turned once."""
     parameters: FogParameters = run.parameters
     high_degC = parameters.temperature_range_degC[1]
-    make_ramp(run, Ramp(RAMP, high_degC, parameters.ramp_rate_degC_per_h, high_degC, True))
+    make_ramp(run, Ramp(RAMP, fitted_ramp(parameters), high_degC, True))
 
 
 def fit(run: Run) -> None:
@@ -178,38 +192,35 @@ def fit(run: Run) -> None:
 
 def prove(run: Run) -> None:
     """Step 4: another ramp, whose turns never enter the fit; then table, device and chamber off."""
-    from station.roles import DutPower
-
     parameters: FogParameters = run.parameters
-    work = work_of(run)
+    work = run.state(BenchWork, run)
     rule = parameters.verification
     if rule is not None:
         low_degC, high_degC = parameters.temperature_range_degC
         down, cold_degC = rule.direction == "down", coldest_degC(run)
         if not down and not any(unit.split(" ")[0] == PROOF for unit in run.past.finished):
             cool_down(run, low_degC, cold_degC)
-        ends = (low_degC, cold_degC) if down else (high_degC, high_degC)
-        make_ramp(run, Ramp(PROOF, ends[0], rule.ramp_rate_degC_per_h, ends[1], not down))
-    for axis in (work.axes.outer, work.axes.middle, work.axes.inner):
+        end_degC = cold_degC if down else high_degC
+        make_ramp(run, Ramp(PROOF, proof_ramp(parameters, rule), end_degC, not down))
+    for axis in astuple(work.axes):
         work.table.stop(axis)
-    work.navigates = False
-    work.navigator.stop()
-    run.role(POWER, DutPower).switch_off()
+    work.stop_navigator()
+    run.apply(Power(POWER, False))
 
 
 def recorded(body: Callable[[Run], None]) -> Callable[[Run], None]:
     """Return a step that leaves on disk what had come, however it ends."""
 
     def step(run: Run) -> None:
-        with work_of(run).keeps_what_came():
+        with run.state(BenchWork, run).keeps_what_came():
             body(run)
 
     return step
 
 
 STEPS = (
-    Step("1", "Lowest temperature, soak, power on, align, rotate", recorded(soak), soak_s),
-    Step("2", "Slow ramp; every 10 min each axis up and turned", recorded(ramp_up), ramp_s),
-    Step("3", "Scale-factor error over temperature: a polynomial", fit, lambda _: 0.0),
-    Step("4", "Another ramp, compensated; then everything off", recorded(prove), proof_s),
+    Step("1", "Lowest temperature, soak, power on, align, rotate", recorded(soak)),
+    Step("2", "Slow ramp; every 10 min each axis up and turned", recorded(ramp_up)),
+    Step("3", "Scale-factor error over temperature: a polynomial", fit),
+    Step("4", "Another ramp, compensated; then everything off", recorded(prove)),
 )

@@ -44,7 +44,8 @@ class Work:
     """What a step does for a unit of work, or, without a unit, beside them.
 
     `duration_s` is the bench time that it is expected to take. A unit may spread over steps: each
-    gives its own part.
+    gives its own part. What `repeats` is done again as often as the data decide, under names that
+    nobody knows before; its rows and its time are those of all repetitions.
     """
 
     step: str
@@ -52,6 +53,7 @@ class Work:
     commands: tuple[Command[Any], ...] = ()
     rows: tuple[Rows, ...] = ()
     duration_s: float = 0.0
+    repeats: bool = False
 
 
 @dataclass(frozen=True)

@@ -10,8 +10,7 @@ from places import CONFIG
 from pydantic import ValidationError
 
 from procedures.fog_scale_factor_temperature import PROCEDURE
-from procedures.fog_scale_factor_temperature.check import check
-from procedures.fog_scale_factor_temperature.outlook import expected_uncertainty, outlook
+from procedures.fog_scale_factor_temperature.outlook import check, expected_uncertainty, outlook
 from procedures.fog_scale_factor_temperature.parameters import FogParameters
 from station import registry
 from station.files.plan import read_plan
