@@ -58,7 +58,7 @@ def analyse(dataset: SerfDataset, settings: AnalysisSettings | None = None) -> S
     shots = _shots(dataset, seen, found)
     solution = found.solution if found is not None else None
     size_nT = residual_magnitude_nT(dataset, solution) if solution is not None else None
-    flags = data_flags(dataset, seen, shots, settings) + denied + misfit_flags(dataset, shots)
+    flags = [*data_flags(dataset, seen, shots, settings), *denied, *misfit_flags(dataset, shots)]
     flags += result_flags(dataset, found, results, paper, size_nT, settings)
     return SerfAnalysis(
         shots=shots,

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from station.findings import Estimate, Flag
+from station.findings import Estimate, Flag, contradiction
 
 from .checks import PublishedAngles, outside_the_isotope, slowing_down_bounds
 from .dataset import (
@@ -32,50 +32,52 @@ def result_flags(
     paper: PublishedAngles,
     residual_nT: float | None,
     settings: AnalysisSettings,
-) -> list[Flag]:
-    """Return the flags on the solution: what it cannot tell and what stands against it."""
-    flags = _not_identifiable(dataset, found, results)
-    flags += [
-        Flag("not-identifiable", f"As published the angle {pair} is undetermined: {why}.", pair)
-        for pair, why in paper.wanting.items()
-    ]
+) -> Iterator[Flag]:
+    """Yield the flags on the solution: what it cannot tell and what stands against it."""
+    yield from _not_identifiable(dataset, found, results)
+    for pair, why in paper.wanting.items():
+        said = f"As published the angle {pair} is undetermined: {why}."
+        yield Flag("not-identifiable", said, pair)
     if found is None:
-        return flags
-    flags += _scale(dataset, found, results)
-    if residual_nT is not None and residual_nT > settings.residual_field_large_nT:
-        flags.append(
-            Flag(
-                "residual-field-large",
-                f"The residual field is {residual_nT:.2f} nT, more than "
-                f"{settings.residual_field_large_nT:g} nT: null it again, or depolarise the nuclei "
-                "(step 1), whose field moves during the shots.",
-                None,
-                {"field_nT": residual_nT},
-            )
+        return
+    axis = scale_axis(dataset, found.solution)
+    if axis is not None and not dataset.constants_known:
+        yield Flag(
+            "scale-by-convention",
+            f"Only coil factors over the slowing-down factor are seen: that of coil {axis} is one "
+            "by convention, the others, the residual field and the slowing-down factor are "
+            "relative to it; the angles do not depend on it.",
+            axis,
         )
-    flags += _chirp(found, settings) + _drift(found) + _exchanged(dataset, found)
-    flags += _disagree(found) + _stiff(found, settings)
+    if residual_nT is not None and residual_nT > settings.residual_field_large_nT:
+        yield Flag(
+            "residual-field-large",
+            f"The residual field is {residual_nT:.2f} nT, more than "
+            f"{settings.residual_field_large_nT:g} nT: null it again, or depolarise the nuclei "
+            "(step 1), whose field moves during the shots.",
+            details={"field_nT": residual_nT},
+        )
+    yield from _frequency_flags(dataset, found, settings)
+    yield from _fit_flags(found, settings)
     if outside_the_isotope(dataset, found, results):
         low, high = slowing_down_bounds(dataset, found)
-        flags.append(
-            Flag(
-                "slowing-down-factor-outside",
-                f"The slowing-down factor lies outside the isotope's {low:.4g} to {high:.4g}: the "
-                "commanded fields, the coil constants, a residual field taken for zero, the unit "
-                "of the gyromagnetic ratio, the sample rate or the nuclear spin are wrong. Check "
-                "them in this order.",
-            )
+        yield Flag(
+            "slowing-down-factor-outside",
+            f"The slowing-down factor lies outside the isotope's {low:.4g} to {high:.4g}: the "
+            "commanded fields, the coil constants, a residual field taken for zero, the unit "
+            "of the gyromagnetic ratio, the sample rate or the nuclear spin are wrong. Check "
+            "them in this order.",
         )
-    return flags
 
 
 def _not_identifiable(
     dataset: SerfDataset, found: Frequencies | None, results: Sequence[Estimate]
-) -> list[Flag]:
-    flags = []
-    angles = [one.axis for one in results if one.name == ANGLE and one.value is None]
-    rest = [one.axis for one in results if one.name == RESIDUAL and one.value is None]
-    factors = [one.axis for one in results if one.name == FACTOR and one.value is None]
+) -> Iterator[Flag]:
+    null = {
+        name: [one.axis for one in results if one.name == name and one.value is None]
+        for name in (ANGLE, RESIDUAL, FACTOR, SLOWING_DOWN)
+    }
+    angles = null[ANGLE]
     if angles:
         why = "the shots determine them only with the coil constants known"
         if found is None:
@@ -86,146 +88,90 @@ def _not_identifiable(
             why = "the solution does not settle"
         elif dataset.constants_known or len(angles) < len(PAIRS):
             why = "the shots do not determine them"
-        names = [f"{ANGLE} {pair}" for pair in angles]
-        names += [f"{FACTOR} {axis}" for axis in factors]
-        flags.append(
-            Flag(
-                "not-identifiable",
-                f"Angles {', '.join(str(one) for one in angles)} are undetermined: {why}.",
-                None,
-                {"coefficients": names},
-            )
+        yield Flag(
+            "not-identifiable",
+            f"Angles {', '.join(str(one) for one in angles)} are undetermined: {why}.",
+            details={
+                "coefficients": [
+                    *(f"{ANGLE} {pair}" for pair in angles),
+                    *(f"{FACTOR} {axis}" for axis in null[FACTOR]),
+                ]
+            },
         )
-    if rest:
-        flags.append(
-            Flag(
-                "not-identifiable",
-                "The residual field is undetermined: that takes shots of either polarity; the "
-                "angles take it for zero.",
-                None,
-                {"coefficients": [f"{RESIDUAL} {axis}" for axis in rest]},
-            )
+    if null[RESIDUAL]:
+        yield Flag(
+            "not-identifiable",
+            "The residual field is undetermined: that takes shots of either polarity; the "
+            "angles take it for zero.",
+            details={"coefficients": [f"{RESIDUAL} {axis}" for axis in null[RESIDUAL]]},
         )
-    if all(one.value is None for one in results if one.name == SLOWING_DOWN):
-        flags.append(
-            Flag(
-                "not-identifiable",
-                "The slowing-down factor is undetermined.",
-                None,
-                {"coefficients": [SLOWING_DOWN]},
-            )
-        )
-    return flags
+    if null[SLOWING_DOWN]:
+        said = "The slowing-down factor is undetermined."
+        yield Flag("not-identifiable", said, details={"coefficients": [SLOWING_DOWN]})
 
 
-def _scale(dataset: SerfDataset, found: Frequencies, results: Sequence[Estimate]) -> list[Flag]:
-    axis = scale_axis(dataset, found.solution)
-    if dataset.constants_known or axis is None:
-        return []
-    return [
-        Flag(
-            "scale-by-convention",
-            f"Only coil factors over the slowing-down factor are seen: that of coil {axis} is one "
-            "by convention, the others, the residual field and the slowing-down factor are "
-            "relative to it; the angles do not depend on it.",
-            axis,
-        )
-    ]
-
-
-def _chirp(found: Frequencies, settings: AnalysisSettings) -> list[Flag]:
+def _frequency_flags(
+    dataset: SerfDataset, found: Frequencies, settings: AnalysisSettings
+) -> Iterator[Flag]:
+    """Yield the flags of frequencies that fall, drift, or fall as if the lights changed places."""
+    chirp = found.chirp
     if found.failed is not None:
-        return [
-            Flag(
-                "chirp",
-                f"The frequency falls by about {100.0 * found.chirp:.2g} % over the decay, and the "
-                f"joint fit failed ({found.failed}): the uncertainties do not cover what that does "
-                "to the angles.",
-                None,
-                {"relative_change": found.chirp},
-            )
-        ]
-    if found.chirp <= settings.chirp or found.chirp <= settings.chirp_u * found.chirp_u:
-        return []
-    polarisation = found.joint.polarisation if found.joint is not None else np.nan
-    return [
-        Flag(
+        yield Flag(
             "chirp",
-            f"The frequency falls by {100.0 * found.chirp:.2g} % over the decay, as a polarisation "
+            f"The frequency falls by about {100.0 * chirp:.2g} % over the decay, and the "
+            f"joint fit failed ({found.failed}): the uncertainties do not cover what that does "
+            "to the angles.",
+            details={"relative_change": chirp},
+        )
+    elif chirp > settings.chirp and chirp > settings.chirp_u * found.chirp_u:
+        polarisation = found.joint.polarisation if found.joint is not None else np.nan
+        yield Flag(
+            "chirp",
+            f"The frequency falls by {100.0 * chirp:.2g} % over the decay, as a polarisation "
             f"of {polarisation:.2f} fades; all shots were fitted jointly. How the spins lay to "
             "the fields comes from the baselines.",
-            None,
-            {"relative_change": found.chirp, "polarisation": polarisation},
+            details={"relative_change": chirp, "polarisation": polarisation},
         )
-    ]
-
-
-def _drift(found: Frequencies) -> list[Flag]:
-    """Return a flag where all frequencies drift steadily, which no polarisation explains."""
-    if abs(found.drift_per_s) <= DRIFT_U * found.drift_u:
-        return []
-    return [
-        Flag(
+    if abs(found.drift_per_s) > DRIFT_U * found.drift_u:
+        yield Flag(
             "misfit",
             f"The frequencies drift by {100.0 * found.drift_per_s:.2g} % per second during the "
             f"records, {abs(found.drift_per_s) / found.drift_u:.1f} u, beside what a fading "
             "polarisation does: the fields are not steady, or the recorder's clock is not. The "
             "slowing-down factor is off by more than its u; measure the coil currents during a "
             "record.",
-            None,
-            {"drift_per_s": found.drift_per_s},
+            details={"drift_per_s": found.drift_per_s},
         )
-    ]
-
-
-def _exchanged(dataset: SerfDataset, found: Frequencies) -> list[Flag]:
-    """Return a flag where the fall of the frequencies says that pump and probe changed places."""
-    if not found.exchanged:
-        return []
-    return [
-        Flag(
-            "contradicts-statement",
+    if found.exchanged:
+        yield contradiction(
+            "pump_axis",
             f"The pump light is stated along {dataset.pump_axis} and the probe along "
             f"{dataset.probe_axis}, and the frequencies fall as if it were the other way round: "
             "correct pump_axis and probe_axis.",
-            None,
-            {"statement": "pump_axis"},
         )
-    ]
 
 
-def _disagree(found: Frequencies) -> list[Flag]:
+def _fit_flags(found: Frequencies, settings: AnalysisSettings) -> Iterator[Flag]:
+    """Yield the flags of shots that disagree, and of fits whose neighbouring residuals do not."""
     solution = found.solution
-    if not solution.disagree:
-        return []
-    return [
-        Flag(
+    if solution.disagree:
+        yield Flag(
             "shots-disagree",
             f"Chi-square of the shots is {solution.chi_square:.1f} with "
             f"{solution.degrees_of_freedom} degrees of freedom: the fields were not steady from "
             "shot to shot, or shots stand under wrong names or commanded fields; the uncertainties "
             "are enlarged accordingly. Look at the shots' misfits, and repeat those that are off.",
-            None,
-            {"chi_square": solution.chi_square},
+            details={"chi_square": solution.chi_square},
         )
-    ]
-
-
-def _stiff(found: Frequencies, settings: AnalysisSettings) -> list[Flag]:
-    """Return a flag where neighbouring residuals of the fits go together."""
     worst = 0.0
     for one in found.residual_V:
         power = float(one @ one)
         share = float(one[1:] @ one[:-1]) / power if power > 0.0 else 0.0
         worst = max(worst, share if share > CHANCE / np.sqrt(len(one)) else 0.0)
-    if worst <= settings.model_too_stiff:
-        return []
-    return [
-        Flag(
+    if worst > settings.model_too_stiff:
+        yield Flag(
             "model-too-stiff",
             f"Neighbouring residuals of a shot are correlated by {worst:.2f}: the fit does not "
             "follow the signal.",
-            None,
-            {"lag_one_correlation": worst},
+            details={"lag_one_correlation": worst},
         )
-    ]

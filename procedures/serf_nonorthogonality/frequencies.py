@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import chdtrc
 
-from station.findings import Flag
+from station.findings import Flag, contradiction
 
 from .angles import DOUBTFUL, IMPROBABLE, Solution, solve
 from .dataset import AnalysisSettings, SerfDataset
@@ -271,13 +271,11 @@ def agreed(
             f"{axis} {1.0 + ratio:.5f}" for axis, ratio in zip(AXES[1:], ratios, strict=True)
         )
         flags.append(
-            Flag(
-                "contradicts-statement",
-                f"The coil constants are stated as known, and the shots deny it: relative to coil "
+            contradiction(
+                "coil_constants",
+                "The coil constants are stated as known, and the shots deny it: relative to coil "
                 f"x the factors are {said}. They are solved for, as with nominal constants. "
                 "Calibrate the coils, or look for a wrong commanded field or a supply's range.",
-                None,
-                {"statement": "coil_constants"},
             )
         )
     return dataset, shots, found, flags

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.special import gammaincc
 
 from procedures.estimation.flags import excitation_flags
-from station.findings import Flag
+from station.findings import Flag, contradiction
 
 from .dataset import AnalysisSettings, SerfDataset, Shot, ShotResult
 from .precession import Precession
@@ -40,17 +40,55 @@ def data_flags(
     seen: Sequence[Precession],
     shots: Sequence[ShotResult],
     settings: AnalysisSettings,
-) -> list[Flag]:
-    """Return the flags on the shots themselves."""
-    flags = [
-        *_statements(dataset),
-        *_repeated(dataset),
-        *_overload(seen),
-        *_rejected(seen),
-        *_outliers(seen, shots),
-        *_excitation(dataset, seen),
-    ]
-    return [*flags, *_gap(dataset, settings), *_shape(seen, settings)]
+) -> Iterator[Flag]:
+    """Yield the flags on the shots themselves."""
+    yield from _statements(dataset)
+    yield from _left_out(dataset, seen, shots)
+    yield from _excitation(dataset, seen)
+    nominal_s = 1.0 / dataset.sample_rate_Hz
+    steps = [np.diff(shot.time_s) / nominal_s for shot in dataset.shots]
+    wide = np.concatenate([np.empty(0), *(step[step > settings.gap] for step in steps)])
+    if len(wide):
+        missing = int(np.sum(np.rint(wide) - 1.0))
+        said = (
+            f"The records have {len(wide)} gaps with {missing} missing samples; the fits do not "
+            "mind."
+        )
+        yield Flag("gap", said, details={"count": len(wide), "missing_samples": missing})
+    yield from _shape(seen, settings)
+
+
+def _left_out(
+    dataset: SerfDataset, seen: Sequence[Precession], shots: Sequence[ShotResult]
+) -> Iterator[Flag]:
+    """Yield the flags of shots and samples that do not count."""
+    if dataset.repeated:
+        names = list(dict.fromkeys(name for name, _ in dataset.repeated))
+        why = "; ".join(dict.fromkeys(reason for _, reason in dataset.repeated))
+        said = f"Shots were taken again, the bad ones are left out: {', '.join(names)} ({why})."
+        details = {"shots": names, "count": len(dataset.repeated)}
+        yield Flag("shot-repeated", said, details=details)
+    over = [one for one in seen if one.saturated]
+    if over:
+        count = sum(one.saturated for one in over)
+        said = f"{count} samples are saturated and left out, in {', '.join(_names(over))}."
+        yield Flag("overload", said, details={"count": count, "shots": _names(over)})
+    for one in seen:
+        if not one.used:
+            said = f"The shot {one.shot.name} is not used: {one.rejected}."
+            yield Flag("shot-rejected", said, details={"shot": one.shot.name})
+    outliers = {
+        shot.name: int(np.sum(one.usable & ~shot.kept))
+        for one, shot in zip(seen, shots, strict=True)
+        if shot.used
+    }
+    if count := sum(outliers.values()):
+        yield Flag(
+            "outliers-rejected",
+            f"{count} samples stand more than six standard deviations from the fit and are left "
+            f"out, in {', '.join(name for name, number in outliers.items() if number)}.",
+            details={"count": count},
+        )
 
 
 def _excitation(dataset: SerfDataset, seen: Sequence[Precession]) -> Iterator[Flag]:
@@ -82,69 +120,19 @@ def _excitation(dataset: SerfDataset, seen: Sequence[Precession]) -> Iterator[Fl
         yield from excitation_flags(axis, axis, {axis: share}, (largest_nT, "nT"), axis)
 
 
-def _names(seen: Sequence[Precession]) -> str:
-    return ", ".join(one.shot.name for one in seen)
+def _names(seen: Sequence[Precession]) -> list[str]:
+    return [one.shot.name for one in seen]
 
 
-def _repeated(dataset: SerfDataset) -> list[Flag]:
-    if not dataset.repeated:
-        return []
-    names = list(dict.fromkeys(name for name, _ in dataset.repeated))
-    why = "; ".join(dict.fromkeys(reason for _, reason in dataset.repeated))
-    said = f"Shots were taken again, the bad ones are left out: {', '.join(names)} ({why})."
-    return [Flag("shot-repeated", said, None, {"shots": names, "count": len(dataset.repeated)})]
-
-
-def _overload(seen: Sequence[Precession]) -> list[Flag]:
-    over = [one for one in seen if one.saturated]
-    if not over:
-        return []
-    count = sum(one.saturated for one in over)
-    said = f"{count} samples are saturated and left out, in {_names(over)}."
-    return [
-        Flag("overload", said, None, {"count": count, "shots": [one.shot.name for one in over]})
-    ]
-
-
-def _rejected(seen: Sequence[Precession]) -> list[Flag]:
-    return [
-        Flag(
-            "shot-rejected",
-            f"The shot {one.shot.name} is not used: {one.rejected}.",
-            None,
-            {"shot": one.shot.name},
-        )
-        for one in seen
-        if not one.used
-    ]
-
-
-def _outliers(seen: Sequence[Precession], shots: Sequence[ShotResult]) -> list[Flag]:
-    left_out = {
-        shot.name: int(np.sum(one.usable & ~shot.kept))
-        for one, shot in zip(seen, shots, strict=True)
-        if shot.used
-    }
-    count = sum(left_out.values())
-    if not count:
-        return []
-    said = (
-        f"{count} samples stand more than six standard deviations from the fit and are left out, "
-        f"in {', '.join(name for name, number in left_out.items() if number)}."
-    )
-    return [Flag("outliers-rejected", said, None, {"count": count})]
-
-
-def _statements(dataset: SerfDataset) -> list[Flag]:
-    """Return a flag for each stated number that nature or the rows' times deny."""
-    flags = []
+def _statements(dataset: SerfDataset) -> Iterator[Flag]:
+    """Yield a flag for each stated number that nature or the rows' times deny."""
     if abs(dataset.gamma_Hz_per_nT / GAMMA_HZ_PER_NT - 1.0) > GAMMA_MARGIN:
-        said = (
+        yield contradiction(
+            "gyromagnetic_ratio",
             f"The gyromagnetic ratio is stated as {dataset.gamma_Hz_per_nT:.6g} Hz/nT; the "
             f"electron's is {GAMMA_HZ_PER_NT} Hz/nT, and the slowing-down factor is as wrong as "
-            "the statement. Correct gyromagnetic_ratio."
+            "the statement. Correct gyromagnetic_ratio.",
         )
-        flags.append(Flag("contradicts-statement", said, None, {"statement": "gyromagnetic_ratio"}))
     for shot in dataset.shots:
         steps = np.rint(np.diff(shot.time_s) * dataset.sample_rate_Hz)
         place = np.concatenate([[0.0], np.cumsum(steps)])
@@ -153,63 +141,41 @@ def _statements(dataset: SerfDataset) -> list[Flag]:
         span_s = float(place[-1]) / dataset.sample_rate_Hz
         off = float(slope) * dataset.sample_rate_Hz - 1.0
         if abs(off) > CLOCK_MARGIN + 3.0 * uneven_s / span_s:
-            said = (
+            yield contradiction(
+                "sample_rate",
                 f"The rows of {shot.name} are {float(slope):.7g} s apart, {100.0 * off:+.2g} % "
                 f"off the stated {dataset.sample_rate_Hz:g} Hz, and the slowing-down factor is as "
-                "uncertain. Find out which clock is right, and correct t_s or sample_rate."
+                "uncertain. Find out which clock is right, and correct t_s or sample_rate.",
             )
-            flags.append(Flag("contradicts-statement", said, None, {"statement": "sample_rate"}))
-            break
-    return flags
+            return
 
 
-def _gap(dataset: SerfDataset, settings: AnalysisSettings) -> list[Flag]:
-    nominal_s = 1.0 / dataset.sample_rate_Hz
-    gaps, missing = 0, 0
-    for shot in dataset.shots:
-        steps = np.diff(shot.time_s) / nominal_s
-        wide = steps > settings.gap
-        gaps += int(wide.sum())
-        missing += int(np.sum(np.rint(steps[wide]) - 1.0))
-    if not gaps:
-        return []
-    said = f"The records have {gaps} gaps with {missing} missing samples; the fits do not mind."
-    return [Flag("gap", said, None, {"count": gaps, "missing_samples": missing})]
-
-
-def _shape(seen: Sequence[Precession], settings: AnalysisSettings) -> list[Flag]:
-    """Return the flags on what the fits of single shots show."""
-    flags = []
-    used = [one for one in seen if one.fit is not None]
-    few = [one for one in used if one.used_fit.cycles < settings.few_cycles]
+def _shape(seen: Sequence[Precession], settings: AnalysisSettings) -> Iterator[Flag]:
+    """Yield the flags on what the fits of single shots show."""
+    fitted = [one for one in seen if one.fit is not None]
+    few = [one for one in fitted if one.used_fit.cycles < settings.few_cycles]
     if few:
         least = min(few, key=lambda one: one.used_fit.cycles)
-        flags.append(
-            Flag(
-                "few-cycles",
-                f"Fewer than {settings.few_cycles:g} cycles pass within the 1/e time in "
-                f"{_names(few)}, the fewest in {least.shot.name}, {least.used_fit.cycles:.2f}; a "
-                "larger field would be told better.",
-                None,
-                {"shots": [one.shot.name for one in few], "cycles": least.used_fit.cycles},
-            )
+        cycles = least.used_fit.cycles
+        yield Flag(
+            "few-cycles",
+            f"Fewer than {settings.few_cycles:g} cycles pass within the 1/e time in "
+            f"{', '.join(_names(few))}, the fewest in {least.shot.name}, {cycles:.2f}; a "
+            "larger field would be told better.",
+            details={"shots": _names(few), "cycles": cycles},
         )
     large = [
         one
-        for one in used
+        for one in fitted
         if one.used and abs(one.used_fit.baseline_V) > LARGE_BASELINE * one.used_fit.amplitude_V
     ]
     if large:
-        flags.append(
-            Flag(
-                "baseline",
-                f"The decaying baseline is larger than {LARGE_BASELINE:g} amplitudes of the tone "
-                f"in {_names(large)}: the field lies near pump and probe.",
-                None,
-                {"shots": [one.shot.name for one in large]},
-            )
+        yield Flag(
+            "baseline",
+            f"The decaying baseline is larger than {LARGE_BASELINE:g} amplitudes of the tone "
+            f"in {', '.join(_names(large))}: the field lies near pump and probe.",
+            details={"shots": _names(large)},
         )
-    return flags
 
 
 @dataclass(frozen=True)
