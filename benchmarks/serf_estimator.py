@@ -122,10 +122,11 @@ def measure(case: Case, runs: int) -> dict[str, object]:
         dataset = cell.dataset(1000 * CASES.index(case) + seed, clean)
         analysis = analyse(dataset)
         estimates = analysis.estimates[:3]
-        joint += analysis.joint is not None
-        if analysis.solution is not None:
-            chi_square += analysis.solution.chi_square / runs
-            freedom = analysis.solution.degrees_of_freedom
+        solved = analysis.frequencies
+        joint += solved is not None and solved.joint is not None
+        if solved is not None:
+            chi_square += solved.solution.chi_square / runs
+            freedom = solved.solution.degrees_of_freedom
         combined = combine(estimates, list(common_inputs(dataset)))
         for k, (one, whole) in enumerate(zip(estimates, combined, strict=True)):
             if one.value is None or one.standard_uncertainty is None or whole is None:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -18,13 +21,14 @@ from .dataset import (
     SLOWING_DOWN,
     WEIGHTED,
     AnalysisSettings,
+    Frequencies,
     SerfAnalysis,
     SerfDataset,
     ShotResult,
     scale_axis,
 )
 from .flags import result_flags
-from .frequencies import Frequencies, agreed
+from .frequencies import agreed
 from .precession import Precession, look_at_all
 from .shot_flags import data_flags, misfit_flags
 from .shots import AXES, PAIRS
@@ -56,25 +60,18 @@ def analyse(dataset: SerfDataset, settings: AnalysisSettings | None = None) -> S
     results = estimates(dataset, found, freedom)
     paper = _published(dataset, seen)
     shots = _shots(dataset, seen, found)
-    solution = found.solution if found is not None else None
-    size_nT = residual_magnitude_nT(dataset, solution) if solution is not None else None
+    size_nT = residual_magnitude_nT(dataset, found.solution) if found is not None else None
     flags = [*data_flags(dataset, seen, shots, settings), *denied, *misfit_flags(dataset, shots)]
     flags += result_flags(dataset, found, results, paper, size_nT, settings)
     return SerfAnalysis(
-        shots=shots,
-        solution=solution,
-        joint=found.joint if found is not None else None,
-        lean=found.lean if found is not None else None,
         estimates=results,
         published=tuple(
             Published(ANGLE, pair, paper.angles_deg[pair], "deg", LAW_OF_COSINES) for pair in PAIRS
         ),
         flags=tuple(flags),
+        shots=shots,
+        frequencies=found,
         checks=checks_of(dataset, shots, found, results, size_nT),
-        chirp=found.chirp if found is not None else 0.0,
-        chirp_u=found.chirp_u if found is not None else np.inf,
-        rate_per_s=found.rate_per_s if found is not None else None,
-        beta_s=found.beta_s if found is not None else 0.0,
         residual_field_nT=size_nT,
     )
 
@@ -119,137 +116,116 @@ def _shots(
     return tuple(results)
 
 
-# From the solution to the results: values, uncertainties, and what each depends on.
-
-
 def estimates(
     dataset: SerfDataset, found: Frequencies | None, degrees_of_freedom: float
 ) -> tuple[Estimate, ...]:
     """Return all ten results, null where the shots do not determine them."""
     method = JOINT if found is not None and found.joint is not None else WEIGHTED
-    if found is None:
-        return _nothing(method)
-    solution = found.solution
+    axis = scale_axis(dataset, found.solution) if found is not None else None
+    solution = found.solution if found is not None else None
+    if solution is None or axis is None or not (solution.positive_definite and solution.converged):
+        names = [
+            *((ANGLE, pair, "deg") for pair in PAIRS),
+            *((RESIDUAL, one, "nT") for one in AXES),
+            *((FACTOR, one, "1") for one in AXES),
+            (SLOWING_DOWN, None, "1"),
+        ]
+        return tuple(undetermined(*one, method) for one in names)
     freedom = float(solution.degrees_of_freedom) if solution.enlarged else degrees_of_freedom
-    axis = scale_axis(dataset, solution)
-    sound = solution.positive_definite and solution.converged
-    if axis is None or not sound:
-        return _nothing(method)
-    angles = [_angle(pair, solution, found, method, freedom) for pair in PAIRS]
-    residual = [_residual(one, axis, dataset, solution, found, method, freedom) for one in AXES]
+    solved = Solved(dataset, solution, axis, method, freedom)
+    angles = [solved.angle(pair) for pair in PAIRS]
     some_angle = any(one.value is not None for one in angles)
-    factors = [_factor(one, axis, dataset, solution, method, freedom, some_angle) for one in AXES]
-    return (*angles, *residual, *factors, _slowing_down(axis, dataset, found, method, freedom))
-
-
-def _nothing(method: str) -> tuple[Estimate, ...]:
-    names = [
-        *((ANGLE, pair, "deg") for pair in PAIRS),
-        *((RESIDUAL, axis, "nT") for axis in AXES),
-        *((FACTOR, axis, "1") for axis in AXES),
-        (SLOWING_DOWN, None, "1"),
-    ]
-    return tuple(undetermined(*one, method) for one in names)
-
-
-def _sensitivities(
-    slope: Array, solution: Solution, found: Frequencies, axis: str, known: bool
-) -> dict[str, float]:
-    """Return what a value depends on whose derivatives by the nine unknowns are `slope` (9,)."""
-    result: dict[str, float] = {}
-    if known:
-        result = {
-            f"coil_{one}": float(slope @ solution.by_field[:, k]) for k, one in enumerate(AXES)
-        }
-    if not solution.free_of_residual:
-        scale = float(solution.scale[AXES.index(axis)])
-        for k, one in enumerate(AXES):
-            result[f"residual_{one}_nT"] = float(slope @ solution.by_residual[:, k]) * scale
-    result["trigger_delay_s"] = 0.0
-    return result
-
-
-def _u(slope: Array, solution: Solution) -> float:
-    return float(np.sqrt(max(float(slope @ solution.covariance @ slope), 0.0)))
-
-
-def _angle(
-    pair: str, solution: Solution, found: Frequencies, method: str, freedom: float
-) -> Estimate:
-    place = NAMES.index(pair)
-    if not solution.determined[place]:
-        return undetermined(ANGLE, pair, "deg", method)
-    cosine = float(solution.cosine[place - 3])
-    slope = np.zeros(len(NAMES))
-    slope[place] = -1.0 / float(np.sqrt(1.0 - cosine * cosine)) / RAD_PER_DEG
-    known = bool(np.ptp(solution.scale) == 0.0)
-    return Estimate(
-        ANGLE,
-        pair,
-        float(np.degrees(np.arccos(cosine))),
-        "deg",
-        _u(slope, solution),
-        freedom,
-        method,
-        _sensitivities(slope, solution, found, pair[0], known),
+    return (
+        *angles,
+        *(solved.residual_field(one) for one in AXES),
+        *(solved.factor(one, some_angle) for one in AXES),
+        solved.slowing_down(),
     )
 
 
-def _residual(
-    one: str,
-    axis: str,
-    dataset: SerfDataset,
-    solution: Solution,
-    found: Frequencies,
-    method: str,
-    freedom: float,
-) -> Estimate:
-    place, scale_place = NAMES.index(f"r{one}"), AXES.index(axis)
-    if not solution.determined[place]:
-        return undetermined(RESIDUAL, one, "nT", method)
-    scale = float(solution.scale[scale_place])
-    value = float(solution.residual[place - 6]) / scale
-    slope = np.zeros(len(NAMES))
-    slope[place], slope[scale_place] = 1.0 / scale, -value / scale
-    sensitivities = _sensitivities(slope, solution, found, axis, dataset.constants_known)
-    return Estimate(RESIDUAL, one, value, "nT", _u(slope, solution), freedom, method, sensitivities)
+@dataclass(frozen=True)
+class Solved:
+    """A sound solution, and the coil `axis` whose factor is one by convention."""
 
+    dataset: SerfDataset
+    solution: Solution
+    axis: str
+    method: str
+    degrees_of_freedom: float
 
-def _factor(
-    one: str,
-    axis: str,
-    dataset: SerfDataset,
-    solution: Solution,
-    method: str,
-    freedom: float,
-    some_angle: bool,
-) -> Estimate:
-    if dataset.constants_known:
-        return Estimate(FACTOR, one, 1.0, "1", 0.0, None, method, {f"coil_{one}": 1.0})
-    if not solution.determined[AXES.index(one)] or not some_angle:
-        return undetermined(FACTOR, one, "1", method)
-    if one == axis:
-        return Estimate(FACTOR, one, 1.0, "1", 0.0, None, method)
-    scale = float(solution.scale[AXES.index(axis)])
-    value = float(solution.scale[AXES.index(one)]) / scale
-    slope = np.zeros(len(NAMES))
-    slope[AXES.index(one)], slope[AXES.index(axis)] = 1.0 / scale, -value / scale
-    return Estimate(FACTOR, one, value, "1", _u(slope, solution), freedom, method)
+    @property
+    def scale(self) -> float:
+        """The factor of the coil whose factor is one, in rad/s/nT."""
+        return float(self.solution.scale[AXES.index(self.axis)])
 
+    def angle(self, pair: str) -> Estimate:
+        """Return the angle between two coils."""
+        if not self.solution.determined[NAMES.index(pair)]:
+            return undetermined(ANGLE, pair, "deg", self.method)
+        cosine = float(self.solution.cosine[PAIRS.index(pair)])
+        slope = self._slope({pair: -1.0 / float(np.sqrt(1.0 - cosine * cosine)) / RAD_PER_DEG})
+        known = bool(np.ptp(self.solution.scale) == 0.0)
+        depends = self._sensitivities(slope, pair[0], known)
+        value = float(np.degrees(np.arccos(cosine)))
+        return self._estimate(ANGLE, pair, value, "deg", slope, depends)
 
-def _slowing_down(
-    axis: str, dataset: SerfDataset, found: Frequencies, method: str, freedom: float
-) -> Estimate:
-    solution = found.solution
-    scale = float(solution.scale[AXES.index(axis)])
-    value = dataset.gamma_rad_per_s_nT / scale
-    slope = np.zeros(len(NAMES))
-    slope[AXES.index(axis)] = -value / scale
-    sensitivities = _sensitivities(slope, solution, found, axis, dataset.constants_known)
-    sensitivities |= {"gyromagnetic_ratio": value, "sample_clock": value}
-    return Estimate(
-        SLOWING_DOWN, None, value, "1", _u(slope, solution), freedom, method, sensitivities
-    )
+    def residual_field(self, one: str) -> Estimate:
+        """Return the residual field's projection on a coil."""
+        if not self.solution.determined[NAMES.index(f"r{one}")]:
+            return undetermined(RESIDUAL, one, "nT", self.method)
+        value = float(self.solution.residual[AXES.index(one)]) / self.scale
+        slope = self._slope({f"r{one}": 1.0 / self.scale, self.axis: -value / self.scale})
+        depends = self._sensitivities(slope, self.axis, self.dataset.constants_known)
+        return self._estimate(RESIDUAL, one, value, "nT", slope, depends)
+
+    def factor(self, one: str, some_angle: bool) -> Estimate:
+        """Return the factor of a coil."""
+        if self.dataset.constants_known:
+            return Estimate(FACTOR, one, 1.0, "1", 0.0, None, self.method, {f"coil_{one}": 1.0})
+        if not self.solution.determined[AXES.index(one)] or not some_angle:
+            return undetermined(FACTOR, one, "1", self.method)
+        if one == self.axis:
+            return Estimate(FACTOR, one, 1.0, "1", 0.0, None, self.method)
+        value = float(self.solution.scale[AXES.index(one)]) / self.scale
+        slope = self._slope({one: 1.0 / self.scale, self.axis: -value / self.scale})
+        return self._estimate(FACTOR, one, value, "1", slope, {})
+
+    def slowing_down(self) -> Estimate:
+        """Return the slowing-down factor without polarisation."""
+        value = self.dataset.gamma_rad_per_s_nT / self.scale
+        slope = self._slope({self.axis: -value / self.scale})
+        depends = self._sensitivities(slope, self.axis, self.dataset.constants_known)
+        depends |= {"gyromagnetic_ratio": value, "sample_clock": value}
+        return self._estimate(SLOWING_DOWN, None, value, "1", slope, depends)
+
+    def _slope(self, by_name: Mapping[str, float]) -> Array:
+        """Return derivatives by the nine unknowns (9,)."""
+        return np.array([by_name.get(name, 0.0) for name in NAMES])
+
+    def _sensitivities(self, slope: Array, axis: str, known: bool) -> dict[str, float]:
+        """Return what a value depends on, from its derivatives `slope` (9,) by the unknowns."""
+        solution, result = self.solution, dict[str, float]()
+        if known:
+            for k, one in enumerate(AXES):
+                result[f"coil_{one}"] = float(slope @ solution.by_field[:, k])
+        if not solution.free_of_residual:
+            scale = float(solution.scale[AXES.index(axis)])
+            for k, one in enumerate(AXES):
+                result[f"residual_{one}_nT"] = float(slope @ solution.by_residual[:, k]) * scale
+        return result | {"trigger_delay_s": 0.0}
+
+    def _estimate(
+        self,
+        name: str,
+        axis: str | None,
+        value: float,
+        unit: str,
+        slope: Array,
+        depends: Mapping[str, float],
+    ) -> Estimate:
+        u = float(np.sqrt(max(float(slope @ self.solution.covariance @ slope), 0.0)))
+        freedom = self.degrees_of_freedom
+        return Estimate(name, axis, value, unit, u, freedom, self.method, depends)
 
 
 def residual_magnitude_nT(dataset: SerfDataset, solution: Solution) -> float | None:

@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 from station.findings import Estimate
 
 from .angles import PLACES
-from .dataset import ANGLE, SLOWING_DOWN, Check, SerfDataset, ShotResult
-from .frequencies import Frequencies
+from .dataset import ANGLE, SLOWING_DOWN, Check, Frequencies, SerfDataset, ShotResult
 from .shots import PAIRS, SPINS
 
 Array = NDArray[np.float64]

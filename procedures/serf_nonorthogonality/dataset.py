@@ -17,6 +17,7 @@ from .spin_motion import Lean
 from .tone import ToneFit
 
 Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
 ANGLE, RESIDUAL = "nonorthogonality_angle", "residual_field"
 FACTOR, SLOWING_DOWN = "coil_factor", "slowing_down_factor"
 WEIGHTED, JOINT, LAW_OF_COSINES = "weighted", "joint-chirp", "law-of-cosines"
@@ -111,6 +112,36 @@ class Check:
 
 
 @dataclass(frozen=True)
+class Frequencies:
+    """What all usable shots give: frequencies (n,) freed from the pull of spin exchange.
+
+    `covariance` (n, n); `chirp` with `chirp_u` is the relative fall over the decay, `rate_per_s`
+    and `beta_s` give the decay of a shot as rate + beta w². `joint` and `lean`, that of the spins
+    and the probe, are None where every shot was fitted alone. `kept` and `residual_V` are by shot:
+    which samples were used, and what is left of these. `drift_per_s` is a steady drift of all
+    frequencies, relative, beside a chirp; `exchanged` tells that the shots fit pump and probe light
+    much better the other way round. `failed` says why a joint fit was wanted but
+    is not there.
+    """
+
+    omega_rad_per_s: Array
+    covariance: Array
+    chirp: float
+    chirp_u: float
+    rate_per_s: float
+    beta_s: float
+    joint: JointFit | None
+    lean: Lean | None
+    solution: Solution
+    kept: tuple[Mask, ...]
+    residual_V: tuple[Array, ...]
+    drift_per_s: float
+    drift_u: float
+    exchanged: bool = False
+    failed: str | None = None
+
+
+@dataclass(frozen=True)
 class ShotResult:
     """A shot with its fit; `rejected` says why it is not in the solution, None where it is.
 
@@ -126,7 +157,7 @@ class ShotResult:
     field_nT: float
     misfit: float
     """Frequency less the solution's, over its uncertainty."""
-    kept: NDArray[np.bool_]
+    kept: Mask
     residual_V: Array
     """Which samples (n,) were used, and what the final fit leaves of these."""
 
@@ -138,24 +169,16 @@ class ShotResult:
 
 @dataclass(frozen=True)
 class SerfAnalysis(Analysis):
-    """The whole outcome.
+    """The whole outcome; `frequencies` is None where no shot can be used.
 
     Sensitivities of the estimates are derivatives by `coil_x`, `coil_y`, `coil_z`,
     `gyromagnetic_ratio`, `sample_clock` (relative errors), `residual_x_nT` and so on, and
-    `trigger_delay_s`. `chirp` with `chirp_u` is by how much the frequency falls over the decay,
-    relative; `joint` is None where every shot was fitted alone, and so is `lean`, that of spins and
-    probe. `rate_per_s` and `beta_s` give the decay of a shot as rate + beta w².
+    `trigger_delay_s`.
     """
 
     shots: tuple[ShotResult, ...]
-    solution: Solution | None
-    joint: JointFit | None
-    lean: Lean | None
+    frequencies: Frequencies | None
     checks: tuple[Check, ...]
-    chirp: float
-    chirp_u: float
-    rate_per_s: float | None
-    beta_s: float
     residual_field_nT: float | None
     """Magnitude, None where it is not determined."""
 

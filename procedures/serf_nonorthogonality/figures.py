@@ -56,7 +56,7 @@ def draw_parts(findings: Findings, document: ResultDocument) -> tuple[Part, ...]
     shots = drawn_shots(analysis, dataset)
     if shots:
         said = "The fit is a decaying tone with decaying baseline and offset"
-        if analysis.joint is not None:
+        if analysis.frequencies is not None and analysis.frequencies.joint is not None:
             said = "The fit is that of all shots, whose frequency falls as their spins fade"
         parts += [
             Plot(
@@ -253,22 +253,20 @@ def _coils(analysis: SerfAnalysis, dataset: SerfDataset, document: ResultDocumen
     said = f"Slowing-down factor Q = {value} ± {spread} (95 %) without polarisation. "
     if analysis.residual_field_nT is not None:
         said += f"Residual field {format_number(analysis.residual_field_nT, 3)} nT in all. "
-    if analysis.joint is not None:
+    found = analysis.frequencies
+    if found is not None and found.joint is not None and found.lean is not None:
+        aside, towards = np.degrees(found.lean.rad[:2])
+        u = np.degrees(np.sqrt(np.diag(found.lean.covariance)[:2]).max())
         said += (
-            f"Polarisation at the beginning {analysis.joint.polarisation:.3f}; the frequency falls "
-            f"by {100.0 * analysis.chirp:.3g} % over the decay. "
-        )
-    if analysis.lean is not None:
-        aside, towards = np.degrees(analysis.lean.rad[:2])
-        u = np.degrees(np.sqrt(np.diag(analysis.lean.covariance)[:2]).max())
-        said += (
+            f"Polarisation at the beginning {found.joint.polarisation:.3f}; the frequency falls "
+            f"by {100.0 * found.chirp:.3g} % over the decay. "
             f"The spins began {aside:.2f} deg aside of the plane of pump and probe and "
             f"{towards:.2f} deg towards the probe from the pump light (u = {u:.2g} deg). "
         )
-    if analysis.rate_per_s is not None:
-        said += f"Decay R/Q(0) = {format_number(analysis.rate_per_s, 4)} /s"
-        if analysis.beta_s > 0.0:
-            said += f", spin-exchange broadening {format_number(analysis.beta_s, 3)} s × ω²"
+    if found is not None:
+        said += f"Decay R/Q(0) = {format_number(found.rate_per_s, 4)} /s"
+        if found.beta_s > 0.0:
+            said += f", spin-exchange broadening {format_number(found.beta_s, 3)} s × ω²"
         said += ". "
     said += (
         "Commanded fields were taken as exact."

@@ -15,10 +15,10 @@ from .dataset import (
     RESIDUAL,
     SLOWING_DOWN,
     AnalysisSettings,
+    Frequencies,
     SerfDataset,
     scale_axis,
 )
-from .frequencies import Frequencies
 from .shots import PAIRS
 
 CHANCE = 4.0

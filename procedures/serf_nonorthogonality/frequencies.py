@@ -6,7 +6,7 @@ A shot that contradicts all others is left out, and so are coil constants that t
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +15,7 @@ from scipy.special import chdtrc
 from station.findings import Flag, contradiction
 
 from .angles import DOUBTFUL, IMPROBABLE, Solution, solve
-from .dataset import AnalysisSettings, SerfDataset
+from .dataset import AnalysisSettings, Frequencies, SerfDataset
 from .joint import JointFit, NoJointFit, Record, fit_jointly, joint_start
 from .precession import Precession, common_decay, decays
 from .shots import AXES, SPINS, SlowingDown
@@ -36,35 +36,6 @@ EXCHANGED = 25.0
 LEAST_FREEDOM = 2
 MODEL_U = 5e-5
 """Relative, of a coil factor: what spin exchange does to a frequency and the model may miss."""
-
-
-@dataclass(frozen=True)
-class Frequencies:
-    """What all usable shots give: frequencies (n,) freed from the pull of spin exchange.
-
-    `covariance` (n, n); `chirp` with `chirp_u` is the relative fall over the decay. `lean` is that
-    of the spins and the probe where the fit is a joint one. `kept` and `residual_V` are by shot:
-    which samples were used, and what is left of these. `drift_per_s` is a steady drift of all
-    frequencies, relative, beside a chirp; `exchanged` tells that the shots fit pump and probe light
-    much better the other way round. `failed` says why a joint fit was wanted but
-    is not there.
-    """
-
-    omega_rad_per_s: Array
-    covariance: Array
-    chirp: float
-    chirp_u: float
-    rate_per_s: float
-    beta_s: float
-    joint: JointFit | None
-    lean: Lean | None
-    solution: Solution
-    kept: tuple[Mask, ...]
-    residual_V: tuple[Array, ...]
-    drift_per_s: float
-    drift_u: float
-    exchanged: bool = False
-    failed: str | None = None
 
 
 def frequencies_and_angles(

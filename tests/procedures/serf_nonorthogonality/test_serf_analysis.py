@@ -74,8 +74,8 @@ def test_a_strong_chirp_is_fitted_jointly_and_flagged() -> None:
     analysis = analyse(cell.dataset(1))
     assert np.all(np.abs(angles(analysis) - cell.angles_deg) < 4.0 * bound_deg(cell))
     assert {one.method for one in analysis.estimates} == {"joint-chirp"}
-    assert analysis.joint is not None
-    assert analysis.joint.polarisation == pytest.approx(0.6, abs=0.005)
+    assert analysis.frequencies is not None and analysis.frequencies.joint is not None
+    assert analysis.frequencies.joint.polarisation == pytest.approx(0.6, abs=0.005)
     assert "chirp" in codes(analysis)
     assert "falls by 21 %" in said(analysis, "chirp")
     paper = np.array([one.value for one in analysis.published], dtype=float)
