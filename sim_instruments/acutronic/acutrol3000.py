@@ -31,13 +31,13 @@ from sim_instruments.acutronic.language import (
     number,
     whole,
 )
-from sim_instruments.acutronic.table import Encoder, ModeLimits, Table
+from sim_instruments.acutronic.table import Encoder, ModeLimits, TableData
 from sim_instruments.faults.lasting import EmergencyStop, FollowingError, LastingFault, Stuck
 from sim_instruments.instrument import Setting
 from sim_instruments.truth import SimulationError
 from sim_instruments.wire.requests import LineInstrument
 from sim_instruments.world.noise import generator
-from sim_instruments.world.table import Table as WorldTable
+from sim_instruments.world.table import Table
 
 NAMES = {"RATE": "rate", "ACCELERATION": "acceleration", "JERK": "jerk"}
 TRIP_ABOVE = 1.2
@@ -74,7 +74,7 @@ class Axes(dict[int, Axis]):
         return command
 
 
-def add_limits(language: Language, axes: Axes, table: Table) -> None:
+def add_limits(language: Language, axes: Axes, table: TableData) -> None:
     """Add the limits: of a mode at once, one by one with the mode first, absolute, and trips."""
     add = language.add
     add("Limit", partial(limit_all, axes, table))
@@ -89,7 +89,7 @@ def add_limits(language: Language, axes: Axes, table: Table) -> None:
     add("Limit:VelocityTrip?", axes.answer(lambda axis, _: decimal(axis.velocity_trip)))
 
 
-def limit_all(axes: Axes, table: Table, given: list[str]) -> None:
+def limit_all(axes: Axes, table: TableData, given: list[str]) -> None:
     """Take axis, mode, rate, acceleration and jerk."""
     mode = whole(argument(given, 1), MODES)
     for axis in axes.named(given):
@@ -98,14 +98,14 @@ def limit_all(axes: Axes, table: Table, given: list[str]) -> None:
                 set_limit(table, axis.limits[mode], key, number(given, place))
 
 
-def limit_one(axes: Axes, table: Table, key: str, given: list[str]) -> None:
+def limit_one(axes: Axes, table: TableData, key: str, given: list[str]) -> None:
     """Take mode, axis and one limit."""
     mode = whole(argument(given, 0), MODES)
     for axis in axes.named(given[1:]):
         set_limit(table, axis.limits[mode], key, number(given, 2))
 
 
-def set_limit(table: Table, limits: ModeLimits, key: str, value: float) -> None:
+def set_limit(table: TableData, limits: ModeLimits, key: str, value: float) -> None:
     """Set a limit that the axis can keep."""
     largest = {"rate": table.largest_rate, "acceleration": table.largest_acceleration}
     if not 0 < value <= largest.get(key, math.inf):
@@ -132,7 +132,7 @@ def position_limit(key: str, axis: Axis, given: list[str]) -> str:
     return ended(getattr(axis, key))
 
 
-def set_trip(table: Table, axis: Axis, given: list[str]) -> None:
+def set_trip(table: TableData, axis: Axis, given: list[str]) -> None:
     """Set the rate at which an axis trips."""
     value = number(given, 0)
     if not 0 < value <= TRIP_ABOVE * table.largest_rate:
@@ -140,7 +140,7 @@ def set_trip(table: Table, axis: Axis, given: list[str]) -> None:
     axis.velocity_trip = value
 
 
-def absolute(table: Table, axis: Axis, given: list[str]) -> str:
+def absolute(table: TableData, axis: Axis, given: list[str]) -> str:
     """Return what the maker set: rate, acceleration, jerk, positions and velocity trip."""
     rate, acceleration = table.largest_rate, table.largest_acceleration
     ends = [ended(axis.encoder.low_deg), ended(axis.encoder.high_deg)]
@@ -161,13 +161,12 @@ LONGEST_MESSAGE = 32768
 ERRORS_KEPT = 20
 SAFETY_INTERLOCK, SUMMARY, ERRORS_WAIT = 1 << 0, 1 << 6, 1 << 7
 REGISTERS = ("STATE", "DYN", "SWFLT")
-LIMITS = {"RATE": "rate", "ACCELERATION": "acceleration", "JERK": "jerk"}
 
 
 class Acutrol3000(LineInstrument):
     """The controller, whose axes turn those of the world's `table`, or axes of its own.
 
-    Truth (`simulator` mapping): `framing`; what `Table` of `sim_instruments.acutronic.table`
+    Truth (`simulator` mapping): `framing`; what `TableData` of `sim_instruments.acutronic.table`
     needs; and `axis_1` to `axis_3`, as many as there are, each as `Encoder` there.
     """
 
@@ -182,7 +181,7 @@ class Acutrol3000(LineInstrument):
         if self._framing not in FRAMINGS:
             raise SimulationError(f"{truth.where}.framing: write one of {', '.join(FRAMINGS)}")
         self._identity = f"Acutronic R&D USA,Acutrol3000,{setting.serial},{FIRMWARE}"
-        table, world = Table.read(truth), setting.world.find(WorldTable)
+        table, world = TableData.read(truth), setting.world.find(Table)
         self.axes = Axes()
         for n in range(1, 4):
             if f"axis_{n}" not in truth:

@@ -25,7 +25,7 @@ from sim_instruments.acutronic.table import (
     Demands,
     Encoder,
     ModeLimits,
-    Table,
+    TableData,
     too_far_from_s,
     too_fast_from_s,
 )
@@ -59,7 +59,7 @@ class Axis:
 
     def __init__(
         self,
-        table: Table,
+        table: TableData,
         encoder: Encoder,
         rotation: RotationHistory | None,
         rng: np.random.Generator,

@@ -12,7 +12,7 @@ from sim_instruments.world.rotation import RotationHistory
 
 
 @dataclass(frozen=True)
-class Table:
+class TableData:
     """What the axes of a table have in common; truth of the bench file.
 
     `maximum_rate`, `maximum_acceleration`; `rate_error` of the controller's clock; `rate_noise` of
@@ -30,7 +30,7 @@ class Table:
     settling_s: float
 
     @classmethod
-    def read(cls, truth: Truth) -> Table:
+    def read(cls, truth: Truth) -> TableData:
         """Read the truth; SimulationError where something is missing or impossible."""
         table = cls(
             truth.quantity("maximum_rate", "deg/s"),
