@@ -144,6 +144,21 @@ class Detail:
 
 
 @dataclass(frozen=True)
+class FlagThresholds:
+    """Where the flags are raised that procedures share; a plan's `thresholds` have these defaults.
+
+    `not_significant` is in standard uncertainties, `gap` in nominal intervals, `outlier` in robust
+    standard deviations, `model_too_stiff` a correlation, `field_differs_from_commanded` relative.
+    """
+
+    not_significant: float = 2.0
+    gap: float = 1.5
+    outlier: float = 5.0
+    model_too_stiff: float = 0.3
+    field_differs_from_commanded: float = 0.01
+
+
+@dataclass(frozen=True)
 class Analysis:
     """The outcome of an analysis as far as every procedure's is alike.
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from station.findings import Analysis
+from station.findings import Analysis, FlagThresholds
 
 from .model import Identifiability, Names, accelerations, accelerations_by_angle
 
@@ -58,7 +58,7 @@ class AccelerometerDataset:
 
 
 @dataclass(frozen=True)
-class AnalysisSettings:
+class AnalysisSettings(FlagThresholds):
     """Thresholds of the flags and choices of the estimator, each with its default.
 
     `not_significant` is in standard uncertainties of a magnetic coefficient, `outlier` in robust
@@ -66,11 +66,6 @@ class AnalysisSettings:
     `window` is the number of rows of the finite-memory solution, chosen where it is None.
     """
 
-    not_significant: float = 2.0
-    gap: float = 1.5
-    field_differs_from_commanded: float = 0.01
-    model_too_stiff: float = 0.3
-    outlier: float = 5.0
     max_drift_order: int = 8
     window: int | None = None
 

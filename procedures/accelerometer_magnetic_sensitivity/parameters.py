@@ -11,6 +11,7 @@ from typing import Annotated, Literal
 from pydantic import Field, ValidationInfo, field_validator
 
 from station.fields import StrictModel, Unit
+from station.findings import FlagThresholds
 
 Plane = Literal["io", "ip", "op", "level"]
 AngleStep = Annotated[float, Unit("deg"), Field(gt=0, le=180)]
@@ -63,11 +64,13 @@ class Dwell(StrictModel):
 class Thresholds(StrictModel):
     """Where a flag is raised; the defaults are those of the result format."""
 
-    not_significant: Annotated[float, Field(gt=0)] = 2.0
-    field_differs_from_commanded: Annotated[float, Unit("1"), Field(gt=0)] = 0.01
-    gap: Annotated[float, Field(gt=1)] = 1.5
-    model_too_stiff: Annotated[float, Field(gt=0)] = 0.3
-    outlier: Annotated[float, Field(ge=3)] = 5.0
+    not_significant: Annotated[float, Field(gt=0)] = FlagThresholds.not_significant
+    field_differs_from_commanded: Annotated[float, Unit("1"), Field(gt=0)] = (
+        FlagThresholds.field_differs_from_commanded
+    )
+    gap: Annotated[float, Field(gt=1)] = FlagThresholds.gap
+    model_too_stiff: Annotated[float, Field(gt=0)] = FlagThresholds.model_too_stiff
+    outlier: Annotated[float, Field(ge=3)] = FlagThresholds.outlier
 
 
 class AccelerometerParameters(StrictModel):

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from procedures.estimation.allan import AllanDeviation, NoiseCoefficients
-from station.findings import Analysis, Estimate, Published, undetermined
+from station.findings import Analysis, Estimate, FlagThresholds, Published, undetermined
 
 from .attitude import PAIRS, BiasSolution
 from .dataset import AXES, Array, Mask, NineAxisDataset, Prior, StaticRecord, TurnRecord
@@ -32,16 +32,13 @@ ARCSEC_PER_RAD = 180.0 * 3600.0 / np.pi
 
 
 @dataclass(frozen=True)
-class AnalysisSettings:
+class AnalysisSettings(FlagThresholds):
     """Thresholds of the flags and choices of the estimator, each with its default.
 
     `not_significant` is in standard uncertainties, `outlier` in robust standard deviations, `gap`
     in nominal intervals.
     """
 
-    not_significant: float = 2.0
-    gap: float = 1.5
-    outlier: float = 5.0
     pose: PoseLimits = field(default_factory=PoseLimits)
 
 

@@ -10,6 +10,7 @@ from typing import Annotated, Literal
 from pydantic import Field, ValidationInfo, field_validator
 
 from station.fields import StrictModel, Unit
+from station.findings import FlagThresholds
 
 AXES = ("X", "Y", "Z")
 PUBLISHED_POSITIONS = (1, 2, 3)
@@ -96,9 +97,9 @@ class PoseCheck(StrictModel):
 class Thresholds(StrictModel):
     """Where a flag is raised; the defaults are those of the result format."""
 
-    not_significant: Annotated[float, Field(gt=0)] = 2.0
-    gap: Annotated[float, Field(gt=1)] = 1.5
-    outlier: Annotated[float, Field(ge=3)] = 5.0
+    not_significant: Annotated[float, Field(gt=0)] = FlagThresholds.not_significant
+    gap: Annotated[float, Field(gt=1)] = FlagThresholds.gap
+    outlier: Annotated[float, Field(ge=3)] = FlagThresholds.outlier
 
 
 class NineAxisParameters(StrictModel):

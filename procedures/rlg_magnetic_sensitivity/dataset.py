@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from procedures.estimation.allan import AllanDeviation, NoiseCoefficients
 from procedures.estimation.noise import grid_index
-from station.findings import Analysis
+from station.findings import Analysis, FlagThresholds
 
 from .frequencies import LARGEST_UNDRIVEN, Drive
 
@@ -98,7 +98,7 @@ class RlgDataset:
 
 
 @dataclass(frozen=True)
-class AnalysisSettings:
+class AnalysisSettings(FlagThresholds):
     """Thresholds of the flags and choices of the estimator, each with its default.
 
     Ratios are multiples of the standard uncertainty unless the name says otherwise;
@@ -107,14 +107,9 @@ class AnalysisSettings:
     largest magnitude of the sensitivity of an axis that was not driven.
     """
 
-    not_significant: float = 2.0
     quadrature_significant: float = 3.0
     checks_differ: float = 3.0
     non_integer_cycles: float = 0.001
-    gap: float = 1.5
-    field_differs_from_commanded: float = 0.01
-    model_too_stiff: float = 0.3
-    outlier: float = 5.0
     max_drift_order: int = 4
     max_autoregression_order: int = 16
     fewest_cycles: float = 3.0

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from station.findings import Analysis
+from station.findings import Analysis, FlagThresholds
 
 from .angles import NAMES, Solution
 from .joint import JointFit
@@ -83,7 +83,7 @@ class SerfDataset:
 
 
 @dataclass(frozen=True)
-class AnalysisSettings:
+class AnalysisSettings(FlagThresholds):
     """Thresholds of the flags, each with its default.
 
     `few_cycles` within the 1/e time; `residual_field_large_nT` magnitude; `chirp` relative change
@@ -96,8 +96,6 @@ class AnalysisSettings:
     residual_field_large_nT: float = 1.5
     chirp: float = 0.01
     chirp_u: float = 5.0
-    gap: float = 1.5
-    model_too_stiff: float = 0.3
     skip_s: float = 0.0
 
 

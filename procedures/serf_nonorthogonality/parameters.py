@@ -8,6 +8,7 @@ from typing import Annotated, Literal
 from pydantic import Field, ValidationInfo, field_validator
 
 from station.fields import StrictModel, Unit
+from station.findings import FlagThresholds
 
 from .shots import (
     AXES,
@@ -59,8 +60,8 @@ class Thresholds(StrictModel):
     residual_field_large_nT: Nanotesla = 1.5
     few_cycles: Annotated[float, Field(ge=1)] = 1.5
     chirp: Annotated[float, Unit("1"), Field(gt=0)] = 0.01
-    gap: Annotated[float, Field(gt=1)] = 1.5
-    model_too_stiff: Annotated[float, Field(gt=0)] = 0.3
+    gap: Annotated[float, Field(gt=1)] = FlagThresholds.gap
+    model_too_stiff: Annotated[float, Field(gt=0)] = FlagThresholds.model_too_stiff
 
 
 class SerfParameters(StrictModel):
