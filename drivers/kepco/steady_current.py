@@ -8,10 +8,11 @@ calibration.
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from itertools import pairwise
 
-from drivers.transport.visa_line import ScpiLine
+from drivers.transport.visa_line import ScpiDriver
 from station.errors import InstrumentError
 from station.roles import CoilSettings, Place
 
@@ -27,23 +28,27 @@ MOST_READS = 4
 VOLTAGE_MODE = 1 << 8
 
 
-class SteadyCurrent:
-    """The verbs of a supply that holds a current.
+class SteadyCurrent(ScpiDriver, ABC):
+    """What a supply that holds a current does.
 
     The coil's time constant is its inductance over its resistance; without these settings it is
     taken to be short against 0.1 s.
     """
 
-    def __init__(
-        self, place: Place, coil: CoilSettings, line: ScpiLine, current_A: Callable[[], float]
-    ) -> None:
-        self._place, self._line, self._current_A = place, line, current_A
-        self._limit_A = place.limits["current"]
-        self._step_A = place.limits["slew"] * STEP_S
-        self._zero_A = place.limits["zero_current"]
+    def __init__(self, place: Place) -> None:
+        super().__init__(place)
+        coil = CoilSettings.of(place)
+        self.coil_constant_mT_per_A = coil.coil_constant_mT_per_A
+        self._current_limit_A = self.limit("current")
+        self._ramp_step_A = self.limit("slew") * STEP_S
+        self._zero_A = self.limit("zero_current")
         self._tau_s = 0.0
         if coil.coil_inductance_mH is not None and coil.coil_resistance_ohm is not None:
             self._tau_s = coil.coil_inductance_mH * 1e-3 / coil.coil_resistance_ohm
+
+    @abstractmethod
+    def current_A(self) -> float:
+        """Return the measured output current in A."""
 
     def switch_on(self) -> None:
         """Switch the output on at a fixed current of zero; one that is on is ramped there."""
@@ -56,7 +61,7 @@ class SteadyCurrent:
         self._line.command("OUTP ON")
         if not self._is_on():
             raise InstrumentError(
-                self._place.name,
+                self.place.name,
                 "switched the output on",
                 "it reads back as off",
                 "look at the supply's display for a tripped protection and clear it",
@@ -70,28 +75,28 @@ class SteadyCurrent:
         the current is not there 2 s and 20 time constants of the coil after the ramp.
         """
         attempted = f"ramp to {current_A:g} A"
-        if not abs(current_A) <= self._limit_A:
-            raise self._error(
+        if not abs(current_A) <= self._current_limit_A:
+            raise self.error(
                 attempted,
-                f"the bench allows {self._limit_A:g} A",
+                f"the bench allows {self._current_limit_A:g} A",
                 "lower the plan's field, or raise limits.current where coil and supply stand it",
             )
         if not self._is_on():
-            raise self._error(
+            raise self.error(
                 attempted, "the output is off", "switch it on first; see its display if it was on"
             )
         # The set-point is where a ramp starts: a supply in compliance reads less than commanded,
         # and what it drives follows its set-point no faster than that moves.
         begin_A = set_point_A(self._line.number)
-        steps = math.ceil(abs(current_A - begin_A) / self._step_A - 1e-6)
+        steps = math.ceil(abs(current_A - begin_A) / self._ramp_step_A - 1e-6)
         for step in range(1, steps + 1):
             level_A = begin_A + (current_A - begin_A) * step / steps
             self._line.command(f"CURR {level_A:.4f}")
-            self._place.clock.sleep(STEP_S)
+            self.place.clock.sleep(STEP_S)
         self._settle(current_A, attempted)
 
     def _settle(self, current_A: float, attempted: str) -> None:
-        clock = self._place.clock
+        clock = self.place.clock
         tolerance_A = self._zero_A + RELATIVE_TOLERANCE * abs(current_A)
         until_s = clock.now() + clock.patience_s(PATIENCE_S + PATIENCE_TAUS * self._tau_s)
         # Looked at once a time constant, what is still to come is as small as the last change.
@@ -100,7 +105,7 @@ class SteadyCurrent:
         looks = 0
         while True:
             looks += 1
-            seen = [*seen[1 - LOOKS :], self._current_A()]
+            seen = [*seen[1 - LOOKS :], self.current_A()]
             near = [abs(one - current_A) <= tolerance_A for one in seen]
             agree = all(near)
             if len(seen) == LOOKS and agree and not moves_one_way(seen):
@@ -112,27 +117,27 @@ class SteadyCurrent:
     def _not_reached(self, attempted: str, read_A: float, agree: bool) -> InstrumentError:
         read_A = round(read_A, 3) + 0.0  # no minus before a zero
         if not self._is_on():
-            return self._error(
+            return self.error(
                 attempted,
                 f"the output went off, {read_A:.3f} A flow",
                 "look at the supply's display for a tripped protection, and at the coil's cable",
             )
         if agree:
-            return self._error(
+            return self.error(
                 attempted,
                 f"it still moves, at {read_A:.3f} A",
                 "check settings.coil_inductance and coil_resistance, and the coil's cable",
             )
         if int(self._line.number("STAT:OPER:COND?")) & VOLTAGE_MODE:
             voltage_V = self._line.number("MEAS:VOLT?")
-            return self._error(
+            return self.error(
                 attempted,
                 f"the supply is in compliance: {voltage_V:.2f} V at its terminals, and "
                 f"{read_A:.3f} A flow",
                 "check the coil's cable and contacts, let a hot coil cool, compare limits.voltage "
                 "with what the coil needs",
             )
-        return self._error(
+        return self.error(
             attempted,
             f"the set-point was never reached: {read_A:.3f} A flow",
             "check the supply's read-back against its display, and its calibration",
@@ -140,11 +145,8 @@ class SteadyCurrent:
 
     def _is_on(self) -> bool:
         is_on = self._line.number("OUTP?") != 0
-        self._place.publish("output", "on" if is_on else "off")
+        self.place.publish("output", "on" if is_on else "off")
         return is_on
-
-    def _error(self, attempted: str, came_back: str, do_now: str) -> InstrumentError:
-        return InstrumentError(self._place.name, attempted, came_back, do_now)
 
 
 def set_point_A(number: Callable[[str], float]) -> float:

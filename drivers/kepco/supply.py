@@ -7,20 +7,19 @@ Sources: BIT 4886 manual P/N 243-1303 for the error codes and the rounding by ca
 from __future__ import annotations
 
 import math
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
 
-from drivers.kepco.steady_current import SteadyCurrent, set_point_A
-from drivers.transport.visa_line import ERROR_QUERY, ScpiDriver
+from drivers.kepco.steady_current import STEP_S, SteadyCurrent, set_point_A
+from drivers.transport.visa_line import ERROR_QUERY
 from station.clock import Clock
 from station.errors import InstrumentError, PauseRefused
-from station.roles import CoilSettings, Place, SafetyReading, published, quantity
+from station.roles import Place, SafetyReading, published, quantity
 
 OPERATION = "STAT:OPER:COND?"
 LIST_RUNNING = 1 << 14
-RAMP_STEP_S = 0.05
 SETTLE_S = 0.1
 COMES_TO_REST_S = 60.0
 LONGEST_HALF_PERIOD_S = 10.5
@@ -31,7 +30,7 @@ LOOKS = 6
 """A sine near its zero changes by several times its read-back's noise in as many looks."""
 
 
-class KepcoSupply(ScpiDriver, ABC):
+class KepcoSupply(SteadyCurrent):
     """A coil supply: a sine that the instrument repeats until stopped, or a steady current.
 
     Limits: `current` A, `voltage` V, `slew` A/s, and `zero_current` A, the largest measured current
@@ -40,13 +39,7 @@ class KepcoSupply(ScpiDriver, ABC):
 
     def __init__(self, place: Place) -> None:
         super().__init__(place)
-        coil = CoilSettings.of(place)
-        self.coil_constant_mT_per_A = coil.coil_constant_mT_per_A
-        self._current_limit_A = self.limit("current")
         self._voltage_limit_V = self.limit("voltage")
-        self._ramp_step_A = self.limit("slew") * RAMP_STEP_S
-        self._zero_A = self.limit("zero_current")
-        self._steady = SteadyCurrent(place, coil, self._line, self.current_A)
         self._half_period_s = LONGEST_HALF_PERIOD_S
         self._sine: Sine | None = None
         self._stood_still = False
@@ -112,14 +105,6 @@ class KepcoSupply(ScpiDriver, ABC):
                 "look at the supply's display for a fault, clear it and run again",
             )
 
-    def switch_on(self) -> None:
-        """Switch the output on at zero current."""
-        self._steady.switch_on()
-
-    def ramp_to(self, current_A: float) -> None:
-        """Go to a current of either sign within the slew limit; return once it reads back."""
-        self._steady.ramp_to(current_A)
-
     def stop(self) -> None:
         """Bring the current to zero within the slew limit and switch the output off."""
         self.make_safe(self.place.clock.now() + COMES_TO_REST_S)
@@ -161,10 +146,10 @@ class KepcoSupply(ScpiDriver, ABC):
         steps = math.ceil(abs(present_A) / self._ramp_step_A) if flows else 0
         # First the wait and the present set-point once more: a ramp that was interrupted has just
         # made its step, or its last command was lost.
-        clock.sleep(RAMP_STEP_S)
+        clock.sleep(STEP_S)
         for step in range(steps, 0, -1):
             self._line.patient.command(f"CURR {present_A * step / steps:.4f}")
-            clock.sleep(RAMP_STEP_S)
+            clock.sleep(STEP_S)
         self._line.patient.command("CURR:MODE FIX;:CURR 0")
         while abs(self._sure_current_A()) > self._zero_A and clock.now() < deadline_s:
             clock.sleep(SETTLE_S)

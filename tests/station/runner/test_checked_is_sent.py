@@ -5,12 +5,15 @@ from __future__ import annotations
 import ast
 import re
 import sys
+import traceback
 from pathlib import Path
 from typing import Any
 
 import pytest
+from places import ROOT
 from short_forms import SHORT_FORMS
 
+from drivers.transport.serial_port import SocketPort
 from station import registry
 from station.errors import InputError
 from station.files.lookup import BENCHES, PLANS, find
@@ -116,6 +119,32 @@ def test_no_step_of_a_procedure_that_declares_energises_by_itself(name: str) -> 
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute):
                 assert node.func.attr not in ENERGISING, f"{path.name}:{node.lineno}"
+
+
+def test_a_field_goes_from_the_plan_to_the_wire_by_the_files_that_the_architecture_says(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    page = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
+    section = page.split("## A field, from the plan to the wire")[1].split("\n## ")[0]
+    said = re.findall(r"^\| `(\S+)` \|", section, re.MULTILINE)
+    assert len(said) <= 10
+    ways: list[list[str]] = []
+    write = SocketPort.write
+
+    def noted(port: SocketPort, data: bytes) -> None:
+        frames = [Path(frame.filename) for frame in traceback.extract_stack()]
+        own = [one.relative_to(ROOT).as_posix() for one in frames if one.is_relative_to(ROOT)]
+        if said[2] in own and data.startswith(b"CURR "):
+            ways.append(list(dict.fromkeys(own[own.index(said[2]) :])))
+        write(port, data)
+
+    monkeypatch.setattr(SocketPort, "write", noted)
+    name = "accelerometer-magnetic-sensitivity"
+    plan = read_plan(find(PLANS, name), Procedures(), SHORT_FORMS[name])
+    assert execute(Request(plan, bench(), tmp_path, quiet=True, report=False)).exit_code == 0
+    this = Path(__file__).relative_to(ROOT).as_posix()
+    assert {tuple(one for one in way if one != this) for way in ways} == {tuple(said[2:-1])}
+    assert SocketPort.__module__.replace(".", "/") + ".py" == said[-1]
 
 
 class Watched:
