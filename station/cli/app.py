@@ -161,7 +161,7 @@ def resume(
     trace: Traced = False,
     json: Json = False,
 ) -> None:
-    """Go on with an interrupted or a paused run."""
+    """Resume an interrupted or paused run."""
     from station.cli.running import resume_run
 
     raise typer.Exit(
@@ -226,7 +226,7 @@ def status(
     ] = None,
     json: Json = False,
 ) -> None:
-    """Say how a run stands, from its log alone."""
+    """Show the state of a run, from its log alone."""
     from station.cli.looking import print_status
 
     print_status(run, as_json=json)
@@ -273,7 +273,7 @@ def identify(
     bench: BenchFile = DEFAULT_BENCH,
     json: Json = False,
 ) -> None:
-    """Ask every instrument of a bench who it is."""
+    """Identify every instrument of a bench."""
     from station.cli.instruments import identify_bench
 
     raise typer.Exit(identify_bench(bench, MOUNTED, as_json=json))
@@ -289,7 +289,7 @@ def scan(
     visa_library: Annotated[str, typer.Option(help="`@py`, or the vendor's library.")] = "@py",
     json: Json = False,
 ) -> None:
-    """Look for what is attached; print a draft of a bench file."""
+    """List attached instruments; print a draft of a bench file."""
     from station.cli.instruments import print_scan
 
     raise typer.Exit(print_scan(host or (), visa_library, served, as_json=json))

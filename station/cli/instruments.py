@@ -29,7 +29,7 @@ LOOKS_EVERY_S = 0.2
 
 
 def identify_bench(bench_name: str, mounted: str, *, as_json: bool) -> int:
-    """Ask every instrument of a bench who it is; exit code 3 when one is missing or wrong."""
+    """Identify every instrument of a bench; exit code 3 when one is missing or wrong."""
     bench = read_bench_named(bench_name)
     locks = InstrumentLocks("`station identify`")
     with BenchSession(bench, mounted) as session, session.clock.participant("run"):

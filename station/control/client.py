@@ -108,7 +108,7 @@ def not_running(folder: Path) -> str:
     if state == "finished":
         return f"{folder}: the run is not running: it is finished"
     said = SENTENCES[state].partition(":")[0]
-    return f"{folder}: the run is not running ({said}); `station resume {folder}` goes on with it"
+    return f"{folder}: the run is not running ({said}); `station resume {folder}` resumes it"
 
 
 def prove(folder: Path, connection: Connection, key: bytes) -> None:

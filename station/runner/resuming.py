@@ -256,7 +256,7 @@ def sentences(
 ) -> Iterator[str]:
     """Yield what the operator should know before the run goes on."""
     yield f"{procedure.title}: {plan.dut.model} {plan.dut.serial}"
-    yield f"goes on in {folder}, {span(silent_s)} after its last sign of life"
+    yield f"resumed in {folder}, last heard from {span(silent_s)} ago"
     done = ", ".join(past.finished) or "nothing"
     yield f"finished already, not measured again: {done}"
     if changed:

@@ -251,7 +251,7 @@ def test_a_run_that_nobody_runs_says_how_to_go_on(virtual: Desk) -> None:
     virtual.run.record.event("run-ended", complete=False)
     virtual.run.record.close()
     virtual.run.record.seal()
-    with pytest.raises(NotRunning, match=rf"not running .*`station resume {folder}` goes on"):
+    with pytest.raises(NotRunning, match=rf"not running .*`station resume {folder}` resumes it"):
         ask(folder, "pause")
     assert not go_on(folder)
 
