@@ -220,13 +220,16 @@ def raised() -> Iterator[tuple[str, str]]:
 def flags_of(path: Path) -> Iterator[tuple[str, str]]:
     """Yield code and sentence of the flags one file raises; an ellipsis stands for each value."""
     tree = ast.parse(path.read_text(encoding="utf-8"))
-    named = {
-        target.id: node.value
-        for node in ast.walk(tree)
-        if isinstance(node, ast.Assign)
-        for target in node.targets
-        if isinstance(target, ast.Name)
-    }
+    assigned = sorted(
+        (
+            (node.lineno, target.id, node.value)
+            for node in ast.walk(tree)
+            if isinstance(node, ast.Assign)
+            for target in node.targets
+            if isinstance(target, ast.Name)
+        ),
+        key=lambda one: one[0],
+    )
     returned = {
         body.name: end.value
         for body in ast.walk(tree)
@@ -243,6 +246,7 @@ def flags_of(path: Path) -> Iterator[tuple[str, str]]:
         if node.func.id in WORDED:
             first, others = ast.Constant(WORDED[node.func.id]), node.args
         if isinstance(first, ast.Constant) and isinstance(first.value, str):
+            named = {name: value for line, name, value in assigned if line <= node.lineno}
             texts = [meant(one, named, returned) for one in others]
             said = [text for text in map(sentence_of, texts) if " " in text]
             yield first.value, said[0] if said else ""
