@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from station.findings import Estimate, Flag, undetermined
 
-from .causes import cause_flags
+from .causes import cause_flag
 from .dataset import (
     AccelerometerAnalysis,
     AccelerometerDataset,
@@ -22,13 +22,13 @@ from .dataset import (
 )
 from .finite_memory import finite_memory_path, published_values
 from .flags import (
+    SCALE_DRIFT,
     data_flags,
     frozen_flags,
-    jump_flags,
+    jump_flag,
     moved_flags,
     residual_flags,
     result_flags,
-    scale_drift_flags,
 )
 from .model import (
     COEFFICIENTS,
@@ -111,14 +111,14 @@ def analyse(
     flags += result_flags(found, estimates, drift, lag_one, counted, settings, as_planned, measured)
     if solution is not None and solution.jump is not None:
         off = [int(row) for row in np.flatnonzero(usable)[solution.jump.rows]]
-        flags += jump_flags(dataset, off, solution.jump)
+        flags.append(jump_flag(dataset, off, solution.jump))
     if solution is not None and KI_DRIFT in solution.names:
-        flags += scale_drift_flags()
+        flags.append(SCALE_DRIFT)
     flags += [*misread, *moved_flags(found, measured)]
     if solution is not None:
         flags += residual_flags(solution, coarse_step_V(dataset.output_V[usable]))
     if solution is not None and solution.cause is not None:
-        flags += cause_flags(solution, np.flatnonzero(usable))
+        flags.append(cause_flag(solution, solution.cause, np.flatnonzero(usable)))
     count = found.rank if solution is not None else 0
     return AccelerometerAnalysis(
         identifiability=measured,

@@ -255,83 +255,69 @@ def _lines(time_s: Array, design: Array, left: Array, inside: Mask) -> list[tupl
     return [(float(gains[best]), Cause("periodic", what, "V", waves[:, :, best].T, None, PLACE))]
 
 
-def cause_flags(solution: Solution, rows: NDArray[np.int64]) -> list[Flag]:
+def cause_flag(solution: Solution, cause: Cause, rows: NDArray[np.int64]) -> Flag:
     """Return the flag of what moved the output beside the model; `rows` are those of the dataset.
 
     Its size is the largest change of the output that it makes over the rows.
     """
-    cause = solution.cause
-    if cause is None:
-        return []
-    places = [solution.names.index(name) for name in cause.names]
-    terms = solution.coefficients[places]
-    course_V = np.einsum("ij,j->i", cause.columns, terms)
-    size_V = float(np.ptp(course_V))
+    terms = solution.coefficients[[solution.names.index(name) for name in cause.names]]
+    size_V = float(np.ptp(np.einsum("ij,j->i", cause.columns, terms)))
+    first, size = float(terms[0]), f"{1e6 * size_V:.3g} µV"
     details: dict[str, object] = {"what": cause.what, "size_V": size_V}
-    size = f"{1e6 * size_V:.3g} µV"
     if cause.code == "hysteresis":
         moved = {
             "bias": "the output differs by where the field came from",
             "scale": "the scale factor differs by where the field came from",
             "last field": "the output still holds a part of the field of the row before",
         }[cause.what]
-        hysteresis_said = (
+        said = (
             f"Hysteresis: {moved}, by up to {size}; it is fitted and removed. A core or a torquer "
             "keeps a part of its magnetisation, or the field had not settled: degauss before each "
             "point, wait longer, and compare field up with field down."
         )
-        return [Flag("hysteresis", hysteresis_said, details=details)]
-    if cause.code == "not-settled":
-        part = float(terms[0])
-        settled_said = (
-            f"Each output holds {100.0 * part:.2g} % of the one before: it was read before it had "
+    elif cause.code == "not-settled":
+        said = (
+            f"Each output holds {100.0 * first:.2g} % of the one before: it was read before it had "
             "settled, or stands in the wrong row. The solution corrects a small part. Lengthen "
             "the dwell, and look at the filter of the voltmeter and at the rows."
         )
-        return [Flag("not-settled", settled_said, details={"part": part})]
-    if cause.code == "field-differs-from-commanded":
-        field_said = (
-            f"The output follows the commanded field, not the gaussmeter, by {float(terms[0]):.2f} "
+        details = {"part": first}
+    elif cause.code == "field-differs-from-commanded":
+        said = (
+            f"The output follows the commanded field, not the gaussmeter, by {first:.2f} "
             f"of their difference (up to {size}); the solution corrects that. Look at the "
             "gaussmeter: its range, zero, cable and place, and whether its column is shifted."
         )
-        return [Flag("field-differs-from-commanded", field_said, details=details)]
-    if cause.code == "periodic":
-        line_said = (
+    elif cause.code == "periodic":
+        said = (
             f"The output has a line with a period of {cause.what} and a range of {size}, which is "
             "fitted and removed: mains pick-up or another disturbance, aliased by the interval "
             "of the rows. Look at grounding, shields and the integration time of the voltmeter."
         )
-        return [Flag("periodic", line_said, details=details)]
-    if cause.code == "drift-removed":
-        drift_said = (
+    elif cause.code == "drift-removed":
+        said = (
             f"{cause.what} drifted in the course of the rows (up to {size} of the output), and no "
             "temperature says why; terms of zero mean were fitted and removed. Look at the "
             "thermometer's place, and warm the device up for longer."
         )
-        return [Flag("drift-removed", drift_said, details={"term": cause.what})]
-    if cause.code == "misfit":
-        misfit_said = (
+        details = {"term": cause.what}
+    elif cause.code == "misfit":
+        said = (
             f"The output has a shape that the model does not have, by {cause.what} (up to {size}); "
             "one term for it is fitted, and what it leaves is not known. Look for a saturated "
             "core, a voltmeter that is not linear, and an encoder's scale."
         )
-        return [Flag("misfit", misfit_said, details=details)]
-    return step_flags(cause, float(terms[0]), rows)
-
-
-def step_flags(cause: Cause, size: float, rows: NDArray[np.int64]) -> list[Flag]:
-    """Return the flag of an output, or a gain, that steps at a row or is another in a plane."""
-    more = f"{1e6 * size:+.4g} µ{cause.unit}"
-    where, than = f"In {cause.what.removeprefix('gain of ')}", "in the others"
-    details: dict[str, object] = {STEP_KEYS[cause.unit]: size}
-    if cause.row is not None:
-        row = int(rows[cause.row])
-        where, than = f"From row {row} on, counted from 0,", "before"
-        details["row"] = row
-    step_said = (
-        f"{where} the output reads {more} more than {than} at the same angle and field; the "
-        "solution takes the step for one of the output and removes it, K0 and Ki being the mean. "
-        "Look at the voltmeter, its range and input, and the device."
-    )
-    return [Flag("output-step", step_said, details=details)]
+    else:
+        where, than = f"In {cause.what.removeprefix('gain of ')}", "in the others"
+        details = {STEP_KEYS[cause.unit]: first}
+        if cause.row is not None:
+            row = int(rows[cause.row])
+            where, than = f"From row {row} on, counted from 0,", "before"
+            details["row"] = row
+        said = (
+            f"{where} the output reads {1e6 * first:+.4g} µ{cause.unit} more than {than} at the "
+            "same angle and field; the solution takes the step for one of the output and removes "
+            "it, K0 and Ki being the mean. Look at the voltmeter, its range and input, and the "
+            "device."
+        )
+    return Flag(cause.code, said, details=details)

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from procedures.estimation.flags import NOT_IDENTIFIABLE, not_identifiable, too_stiff
 from station.findings import Estimate, Flag, contradiction
 
 from .checks import PublishedAngles, outside_the_isotope, slowing_down_bounds
@@ -37,7 +38,7 @@ def result_flags(
     yield from _not_identifiable(dataset, found, results)
     for pair, why in paper.wanting.items():
         said = f"As published the angle {pair} is undetermined: {why}."
-        yield Flag("not-identifiable", said, pair)
+        yield Flag(NOT_IDENTIFIABLE, said, pair)
     if found is None:
         return
     axis = scale_axis(dataset, found.solution)
@@ -88,26 +89,18 @@ def _not_identifiable(
             why = "the solution does not settle"
         elif dataset.constants_known or len(angles) < len(PAIRS):
             why = "the shots do not determine them"
-        yield Flag(
-            "not-identifiable",
-            f"Angles {', '.join(str(one) for one in angles)} are undetermined: {why}.",
-            details={
-                "coefficients": [
-                    *(f"{ANGLE} {pair}" for pair in angles),
-                    *(f"{FACTOR} {axis}" for axis in null[FACTOR]),
-                ]
-            },
-        )
+        coefficients = [f"{ANGLE} {pair}" for pair in angles]
+        coefficients += [f"{FACTOR} {axis}" for axis in null[FACTOR]]
+        said = f"Angles {', '.join(str(one) for one in angles)} are undetermined: {why}."
+        yield not_identifiable(said, coefficients)
     if null[RESIDUAL]:
-        yield Flag(
-            "not-identifiable",
+        yield not_identifiable(
             "The residual field is undetermined: that takes shots of either polarity; the "
             "angles take it for zero.",
-            details={"coefficients": [f"{RESIDUAL} {axis}" for axis in null[RESIDUAL]]},
+            [f"{RESIDUAL} {axis}" for axis in null[RESIDUAL]],
         )
     if null[SLOWING_DOWN]:
-        said = "The slowing-down factor is undetermined."
-        yield Flag("not-identifiable", said, details={"coefficients": [SLOWING_DOWN]})
+        yield not_identifiable("The slowing-down factor is undetermined.", [SLOWING_DOWN])
 
 
 def _frequency_flags(
@@ -169,9 +162,4 @@ def _fit_flags(found: Frequencies, settings: AnalysisSettings) -> Iterator[Flag]
         share = float(one[1:] @ one[:-1]) / power if power > 0.0 else 0.0
         worst = max(worst, share if share > CHANCE / np.sqrt(len(one)) else 0.0)
     if worst > settings.model_too_stiff:
-        yield Flag(
-            "model-too-stiff",
-            f"Neighbouring residuals of a shot are correlated by {worst:.2f}: the fit does not "
-            "follow the signal.",
-            details={"lag_one_correlation": worst},
-        )
+        yield too_stiff(worst, " of a shot", "the fit does not follow the signal")

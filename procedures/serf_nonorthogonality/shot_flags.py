@@ -10,7 +10,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 from scipy.special import gammaincc
 
-from procedures.estimation.flags import excitation_flags
+from procedures.estimation.flags import Gaps, excitation_flags, gaps_of
 from station.findings import Flag, contradiction
 
 from .dataset import AnalysisSettings, SerfDataset, Shot, ShotResult
@@ -46,15 +46,9 @@ def data_flags(
     yield from _left_out(dataset, seen, shots)
     yield from _excitation(dataset, seen)
     nominal_s = 1.0 / dataset.sample_rate_Hz
-    steps = [np.diff(shot.time_s) / nominal_s for shot in dataset.shots]
-    wide = np.concatenate([np.empty(0), *(step[step > settings.gap] for step in steps)])
-    if len(wide):
-        missing = int(np.sum(np.rint(wide) - 1.0))
-        said = (
-            f"The records have {len(wide)} gaps with {missing} missing samples; the fits do not "
-            "mind."
-        )
-        yield Flag("gap", said, details={"count": len(wide), "missing_samples": missing})
+    records = (gaps_of(shot.time_s, nominal_s, settings.gap) for shot in dataset.shots)
+    gaps = sum(records, Gaps())
+    yield from gaps.flags("The records have", nominal_s, "the fits do not mind")
     yield from _shape(seen, settings)
 
 
