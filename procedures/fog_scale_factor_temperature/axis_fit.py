@@ -88,10 +88,10 @@ def _surprise(problem: AxisProblem, end: tuple[Mask, Solved | None]) -> float:
     span = float(np.ptp(problem.data[problem.candidates])) or 1.0
     noise = max(solved.fit.noise, problem.floor_ppm, 1e-9 * span)
     walk = Walk(problem.course.of(kept), solved.ratio)
-    told = count * (np.log(2.0 * np.pi * noise**2) + 1.0)
-    told += walk.log_determinant
-    told += (solved.order + 1) * np.log(count)
-    return float(told + 2.0 * wild * np.log(span * (1.0 - WILD_SHARE) / WILD_SHARE))
+    surprise = count * (np.log(2.0 * np.pi * noise**2) + 1.0)
+    surprise += walk.log_determinant
+    surprise += (solved.order + 1) * np.log(count)
+    return float(surprise + 2.0 * wild * np.log(span * (1.0 - WILD_SHARE) / WILD_SHARE))
 
 
 def _settle(problem: AxisProblem, kept: Mask) -> tuple[Mask, Solved | None]:
@@ -209,10 +209,10 @@ class AxisFit:
     `rows` are row numbers of the table, the other arrays belong to them: `error_ppm` (n,) is the
     turn error over the commanded turn, NaN for a wait; `residual_ppm` (n,) what the model and the
     wandering bias leave of it. `curve` is None where the turns do not determine one. `noise_ppm` is
-    the standard deviation of a turn, by the scatter of the sets that tell their bias.
-    `walk_deg_per_h_per_sqrt_h` and `bias_deg_per_h` are None where turns of one sense cannot tell
-    them. `misfit` is what the curve does not follow, `gaps_degC` are the stretches of temperature
-    without a turn, each from and until, that are wider than `temperature_gap_degC`.
+    the standard deviation of a turn, by the scatter of the sets that resolve their bias.
+    `walk_deg_per_h_per_sqrt_h` and `bias_deg_per_h` are None where turns of one sense do not
+    determine them. `misfit` is what the curve does not follow, `gaps_degC` are the stretches of
+    temperature without a turn, each from and until, that are wider than `temperature_gap_degC`.
     """
 
     axis: str
@@ -235,7 +235,7 @@ class AxisFit:
     def rejected(self) -> Index:
         """Places in `rows` that the model leaves out as wrong, (k,); none without a curve.
 
-        Waits among turns of one sense are no wrong rows: they tell that model nothing.
+        Waits among turns of one sense are no wrong rows: they say nothing about that model.
         """
         meant = (np.isfinite(self.error_ppm) | self.paired) & (self.curve is not None)
         return np.flatnonzero(meant & ~self.kept)
@@ -254,7 +254,7 @@ def fit_axis(
 ) -> AxisFit:
     """Return the model of one axis; `floor_ppm` is the least deviation that is called noise.
 
-    `gyro_bias_deg_per_h` is what the bias may change by where turns of one sense cannot tell it.
+    `gyro_bias_deg_per_h` is what the bias may change by where turns of one sense do not show it.
     """
     problem = AxisProblem(turns, settings, floor_ppm)
     kept, solved = reject(problem)

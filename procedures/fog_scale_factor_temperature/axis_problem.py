@@ -7,7 +7,7 @@ columns of the scale factor, and is left to the uncertainty.
 The walk's size against the turns' own noise is found by restricted maximum likelihood (Patterson
 and Thompson, Biometrika 58, 1971): the likelihood of what is orthogonal to all fitted columns.
 Turns of both senses side by side then cancel the bias between them however fast it walks, and a
-turn whose partner is missing still counts as far as the neighbouring sets tell the bias.
+turn whose partner is missing still counts as far as the neighbouring sets show the bias.
 
 Whitening is the innovations of a Kalman filter for the walk, one turn after the other. Products go
 by one core: matrices of a hundred rows only make a threaded library wait.
@@ -181,12 +181,12 @@ def deleted_residuals(
     out = ~kept
     if bool(out.any()):
         shared = walk.whiten(ratio * course.covariance(kept, out))
-        foretold = combine(design[out], solved.coefficients) + project(shared, solved.residuals)
+        predicted = combine(design[out], solved.coefficients) + project(shared, solved.residuals)
         gap = design[out] - np.einsum("ji,jk->ik", shared, columns)
         variance = 1.0 + ratio * course.since[out] * course.weight[out] ** 2
         variance = variance - np.einsum("ji,ji->i", shared, shared)
         variance = variance + np.einsum("ij,ij->i", combine_all(gap, solved.inverse_normal), gap)
-        result[out] = (data[out] - foretold) / np.sqrt(variance)
+        result[out] = (data[out] - predicted) / np.sqrt(variance)
     return result
 
 

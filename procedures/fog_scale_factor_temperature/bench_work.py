@@ -173,7 +173,7 @@ class BenchWork:
                 self.follow(self.run.clock.now() + MOVING_LOOK_S, unit, said)
 
     def rest(self, unit: str, said: str) -> None:
-        """Stand for the plan's time to settle, and until an output told the attitude at rest.
+        """Stand for the plan's time to settle, and until an output came with the attitude at rest.
 
         Raises InstrumentError where none comes any more.
         """

@@ -38,7 +38,7 @@ class Curve:
     """Coefficients in ppm, lowest order first, of Chebyshev polynomials over a domain in degC.
 
     `covariance` (k, k) in ppm^2 is type A; `by_bias` (k,) are the coefficients that a gyro bias of
-    1 deg/h would make, zero where turns of both senses have told it from the scale factor.`check`
+    1 deg/h would make, zero where turns of both senses separate it from the scale factor. `check`
     is what checks of the curve add to its uncertainty: temperatures that rise and standard
     uncertainties in ppm there.
     """

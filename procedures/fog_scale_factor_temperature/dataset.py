@@ -40,8 +40,8 @@ class TurnTable:
     `axis` is the body axis that points up and that the turn is about; `commanded_deg` is signed in
     the table's sense, 0 for a wait at rest. `attitude_before_deg` and `attitude_after_deg` (rows,
     3) are heading, pitch and roll (NED, C_b^n = Rz Ry Rx), pitch and roll NaN where the navigator
-    gives heading alone. Temperatures are the turned gyro's own; the chamber's is NaN where nobody
-    read it.
+    gives heading alone. Temperatures are the turned gyro's own; the chamber's is NaN where it was
+    not read.
     """
 
     set_number: Index
@@ -100,7 +100,7 @@ class FogDataset:
 
     `turns` are those that the model is fitted to, `verification` those of another ramp and `drive`
     a vehicle test; neither enters the fit. `gyro_bias_deg_per_h` is the specification, a standard
-    uncertainty, None where nobody gave it. The noises are those that the instruments' papers state.
+    uncertainty, None where it is not given. The noises are those that the data sheets state.
     `history` holds temperatures against time for the report, in degC, by name: arrays (rows, 2) of
     time in s and temperature.
     """
@@ -191,7 +191,7 @@ class AxisTurns:
 
     @property
     def sensing(self) -> Mask:
-        """Whether a row is a turn; a wait tells the bias alone."""
+        """Whether a row is a turn; a wait shows the bias alone."""
         return np.asarray(np.abs(self.commanded_deg) > SAME_COMMAND_DEG)
 
     @property
@@ -215,7 +215,7 @@ class AxisTurns:
 def is_paired(turns: AxisTurns) -> bool:
     """Whether turns of another command, or waits, stand beside nearly every turn.
 
-    Beside is within the same set or the next: only there can the bias be told from the scale
+    Beside is within the same set or the next: only there can the bias be separated from the scale
     factor however it changes with temperature.
     """
     sensing = turns.usable & turns.sensing
@@ -238,8 +238,8 @@ def distinct_temperatures(temperature_degC: Array) -> int:
 class SetOfTurns:
     """Rows of one set, (k,), and its scale-factor error in ppm; `u` is in noises of a turn.
 
-    Turns of both senses, or a turn and a wait, tell the bias of their set from its scale factor, if
-    nothing came between them: over a gap the bias changes.
+    Turns of both senses, or a turn and a wait, separate the bias of their set from its scale
+    factor, if nothing came between them: over a gap the bias changes.
     """
 
     rows: Index
@@ -248,8 +248,8 @@ class SetOfTurns:
     bias_deg_per_h: float
 
 
-def sets_that_tell_the_bias(turns: AxisTurns, rows: Mask, data_ppm: Array) -> Iterator[SetOfTurns]:
-    """Yield the sets of these rows that tell their bias, which is taken off of `data_ppm` (n,).
+def sets_with_bias(turns: AxisTurns, rows: Mask, data_ppm: Array) -> Iterator[SetOfTurns]:
+    """Yield the sets of these rows that resolve their bias, which is taken off of `data_ppm` (n,).
 
     A set that was interrupted for longer than from one set to the next counts as several.
     """
@@ -279,9 +279,9 @@ def noise_of_sets(
 
     A table that wanders slowly has the same error at the end of a turn and at the beginning of the
     one back: it adds in their scale factor and cancels in their bias, so that residuals of single
-    turns tell too little. None where no more sets are left than the curve has `columns`.
+    turns show too little. None where no more sets are left than the curve has `columns`.
     """
-    found = [one.error_ppm / one.u for one in sets_that_tell_the_bias(turns, rows, left_ppm)]
+    found = [one.error_ppm / one.u for one in sets_with_bias(turns, rows, left_ppm)]
     free = len(found) - columns
     if free < 1:
         return None

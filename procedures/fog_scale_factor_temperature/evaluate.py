@@ -61,7 +61,7 @@ def findings_of_dataset(raw: RawDataset) -> Findings:
     if single and dataset.gyro_bias_deg_per_h is None:
         what = (
             f"is missing: the turns about {', '.join(single)} have one sense, so the gyro's bias "
-            "cannot be told from its scale factor; give its specification as a standard uncertainty"
+            "is in the scale factor; give its specification as a standard uncertainty"
         )
         raise FaultList([raw.document.fault(("conditions", BIAS), what)])
     flags = []

@@ -26,7 +26,7 @@ from procedures.estimation.orthogonal import (
 
 from .axis_problem import PUBLISHED_ORDER, AxisProblem, Solved, Walk, deleted_residuals
 from .curve import CHECKED, chebyshev_columns
-from .dataset import Array, Index, Mask, sets_that_tell_the_bias
+from .dataset import Array, Index, Mask, sets_with_bias
 
 CHANCE = 1e-3
 """How often noise alone makes a misfit of any shape, at most."""
@@ -81,7 +81,7 @@ def misfit_of(
     """Return the shape that explains the residuals best, where noise alone seldom would; else None.
 
     `noise` is that of a turn in ppm, with its degrees of freedom; `bias_ppm` is what a bias that
-    turns of one sense cannot tell may change by within its specification.
+    turns of one sense do not show may change by within its specification.
     """
     if noise <= 0.0 or freedom < 3.0:
         return None
@@ -102,9 +102,9 @@ def misfit_of(
     whole = np.einsum("ij,ij->j", white, white)
     white = white - np.einsum("ij,jk->ik", basis, np.einsum("ij,ik->jk", basis, white))
     own = np.einsum("ij,ij->j", white, white)
-    told = own > OWN_PART**2 * whole
-    own = np.where(told, own, 1.0)
-    along = np.where(told, np.einsum("ij,i->j", white, left), 0.0)
+    resolved = own > OWN_PART**2 * whole
+    own = np.where(resolved, own, 1.0)
+    along = np.where(resolved, np.einsum("ij,i->j", white, left), 0.0)
     score = np.abs(along) / np.sqrt(own) / noise
     best, order, sure, share = int(np.argmax(score)), solved.order, True, 1.0
     if score[best] < -float(stdtrit(freedom, 0.5 * CHANCE / len(score))):
@@ -208,11 +208,11 @@ def agreeing(problem: AxisProblem, kept: Mask, solved: Solved) -> Mask:
     inside = problem.candidates
     if len(np.unique(np.sign(turns.turns[inside & turns.sensing]))) > 1:
         left = problem.data - design[:, biases:] @ solved.fit.coefficients[biases:]
-        told = list(sets_that_tell_the_bias(turns, inside, left))
-        bias = np.array([one.bias_deg_per_h for one in told])
+        biased = list(sets_with_bias(turns, inside, left))
+        bias = np.array([one.bias_deg_per_h for one in biased])
         off = np.abs(bias - _median_around(bias))
         calm = off <= AGREE * MAD_TO_SIGMA * float(np.median(off)) if len(off) else off
-        for one, same in zip(told, calm, strict=True):
+        for one, same in zip(biased, calm, strict=True):
             found[one.rows] = bool(same) and bool(rejected[one.rows].any())
         return found
     off = np.zeros(len(kept))

@@ -111,7 +111,7 @@ def outlook(parameters: FogParameters) -> tuple[str, ...]:
 
 
 def check(parameters: FogParameters, bench: Bench) -> Iterator[Problem]:
-    """Yield a table not told or too slow, an uncertainty out of reach, a drive that is no drive.
+    """Yield axes without a number, a slow table, an uncertainty out of reach, a wrong drive file.
 
     Rates, angles, temperatures and ramps beyond a limit are found from the forecast.
     """

@@ -103,7 +103,7 @@ def align(run: Run) -> None:
         lambda: "the navigator aligns",
     )
     if not aligned:
-        faults = ", ".join(work.navigator.status().faults) or "none told"
+        faults = ", ".join(work.navigator.status().faults) or "none reported"
         raise ConditionNotReached(
             f"{NAVIGATOR} was not aligned within {parameters.alignment_at_most_s / 60:g} min "
             f"(faults: {faults}); let it rest, and compare the plan's latitude with the place"

@@ -25,7 +25,7 @@ from .dataset import (
     AxisTurns,
     Drive,
     is_paired,
-    sets_that_tell_the_bias,
+    sets_with_bias,
     wrapped_deg,
 )
 
@@ -44,7 +44,7 @@ LEAST_U_DEG = 1e-6
 class Verified:
     """Turns of a verification ramp, one axis: errors before and after compensation.
 
-    `before_ppm` and `after_ppm` (n,) have the bias taken off where turns of both senses tell it;
+    `before_ppm` and `after_ppm` (n,) have the bias taken off where turns of both senses show it;
     `u_ppm` (n,) is the type A uncertainty of `after_ppm`, `by_bias_ppm` (n,) what a bias of 1 deg/h
     would add. `beyond_ppm` is the rms of `after_ppm` that all this does not explain, zero where it
     may be chance. `worst` is the place of the largest magnitude after compensation; `outside`
@@ -74,13 +74,13 @@ def verify_axis(
     curve = fit.curve
     if curve is None:
         return None
-    told = _set_by_set(turns, curve, fit.noise_ppm)
+    errors = _set_by_set(turns, curve, fit.noise_ppm)
     sensing = turns.usable & turns.sensing
     if is_paired(turns):
-        sensing &= told[-1] == 0.0
+        sensing &= errors[-1] == 0.0
     if not bool(sensing.any()):
         return None
-    left, own_u, own_bias = (one[sensing] for one in told)
+    left, own_u, own_bias = (one[sensing] for one in errors)
     heat = turns.temperature_degC[sensing]
     before = left + curve.error_ppm(heat)
     after = compensated_ppm(curve, heat, before)
@@ -137,7 +137,7 @@ def _set_by_set(
     scale = turns.turns[alone]
     left[alone] = data[alone] / scale
     u[alone], by_bias[alone] = noise / np.abs(scale), turns.by_bias_ppm[alone] / scale
-    for one in sets_that_tell_the_bias(turns, turns.usable, data):
+    for one in sets_with_bias(turns, turns.usable, data):
         left[one.rows], u[one.rows], by_bias[one.rows] = one.error_ppm, noise * one.u, 0.0
     return left, u, by_bias
 

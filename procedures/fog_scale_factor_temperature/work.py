@@ -252,8 +252,8 @@ def set_of_turns(step: str, parameters: FogParameters) -> Iterator[Work]:
 
 def rows(parameters: FogParameters, lasts_s: float, silent_s: float = 0.0) -> tuple[Rows, ...]:
     """Return the rows of the navigator, but while it is silent, and of the chamber."""
-    told_s = lasts_s - silent_s
+    heard_s = lasts_s - silent_s
     return (
-        Rows(NAVIGATOR, told_s, told_s * parameters.navigator_rate_Hz),
+        Rows(NAVIGATOR, heard_s, heard_s * parameters.navigator_rate_Hz),
         Rows(CHAMBER, lasts_s, lasts_s / CHAMBER_EVERY_S),
     )

@@ -126,7 +126,7 @@ def _static(
 ) -> tuple[tuple[StaticSummary, ...], Array, Array, Array]:
     """Return each static record's means and pose; each gyro's freedom, wander, rounding, (3,).
 
-    A gyro that only repeats itself has no mean, but what it repeats can still tell a wrong pose.
+    A gyro that only repeats itself has no mean, but what it repeats can still show a wrong pose.
     """
     records = dataset.static
     if not records:

@@ -152,13 +152,6 @@ def calibration_files(
     }
 
 
-def apply(correction: Correction, output_deg_per_s: Array) -> Array:
-    """Return true rates of outputs, both (n, 3) in deg/s: what the snippets do, in one go."""
-    offset = output_deg_per_s - correction.bias_deg_per_s
-    even = offset / (1.0 + 0.5 * correction.asymmetry * np.sign(offset))
-    return np.asarray(even @ correction.inverse.T)
-
-
 def _list(values: Sequence[float] | Array) -> list[float]:
     return [float(value) for value in values]
 

@@ -57,9 +57,9 @@ class Encoder:
 def unwrap(record: TurnRecord, interval_s: float) -> Encoder:
     """Return the encoder's continuous angle and the true rate during each sample.
 
-    Steps are told from whole turns by the rate, first the commanded one, then the measured one, so
-    that neither a gap nor a table some per cent off its rate slips a turn. A wild reading, the
-    first and the last one too, is taken from the others. The first sample gets the usual rate:
+    Steps are distinguished from whole turns by the rate, first the commanded, then the measured
+    one, so that neither a gap nor a table some per cent off its rate slips a turn. A wild reading,
+    the first and the last one too, is taken from the others. The first sample gets the usual rate:
     where it began was not read.
     """
     time_s, reading = record.time_s, record.encoder_deg

@@ -39,7 +39,7 @@ ARCMIN_PER_RAD = 60.0 * 180.0 / math.pi
 PPM = 1e-6
 ARRIVAL = "arrival_time_s"
 POSITION, TURN = "position", "rate_deg_per_s"
-"""What a finished unit tells of itself: its position, or the rate of its turns."""
+"""What the event of a finished unit holds: its position, or the rate of its turns."""
 LATE_S = 0.3
 """Outputs of a record may reach the computer so long after its end."""
 USUAL = 1.5
@@ -87,10 +87,10 @@ def bench_inputs(parameters: NineAxisParameters, bench: Bench) -> Iterator[Input
     """Yield what is known of the station's clock, and of the table's angle by its record."""
     clock = parameters.prior.clock_ppm
     yield InputQuantity("time_scale", "rate of the station's clock", clock * PPM, "1", "the plan")
-    if stated := bench.stated(TURNTABLE, "angle", FULL_TURN_DEG, "deg"):
-        # Both ends of a part turn are read: root two of one reading.
-        u = math.sqrt(2.0) * stated[0]
-        yield InputQuantity("encoder_angle_deg", "angle of the table", u, "deg", stated[1])
+    # Both ends of a part turn are read: root two of one reading.
+    stated = (TURNTABLE, "angle", FULL_TURN_DEG, "deg")
+    about = "angle of the table"
+    yield from bench.stated_input(stated, "encoder_angle_deg", about, factor=math.sqrt(2.0))
 
 
 def dataset_of_run(
@@ -178,7 +178,7 @@ def readings(
 
     Angles are positive as rates are.
     A reading is taken for one of the middle between question and answer. One that took longer than
-    usual, as when others had the line, is left out: nobody knows when it was made.
+    usual, as when others had the line, is left out: when it was made is unknown.
     """
     table = folder.rows(TURNTABLE, unit)
     asked_s, answered_s = table["asked_time_s"], table[ARRIVAL]

@@ -197,7 +197,7 @@ def _misalignment(
     """Return what a gyro reads of another axis' rate, over its own scale factor, as an angle.
 
     It is the angle to the table's axis as the sensor was mounted on it: what mounting and table
-    lean is whole in it, one for one, and no record can tell it from the sensor's own.
+    lean is whole in it, one for one, and no record can separate it from the sensor's own.
     """
     frame = {"frame": FRAME}
     name = AXES[gyro] + AXES[axis]

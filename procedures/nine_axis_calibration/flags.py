@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from procedures.estimation.flags import Gaps, counted, gaps_of
+from procedures.estimation.flags import Gaps, counted, gaps_of, not_identifiable
 from station.findings import Estimate, Flag, Published
 
 from .attitude import BiasSolution
@@ -37,12 +37,12 @@ def data_flags(
         rates = sorted({one.commanded_deg_per_s for one in own}, key=lambda one: (abs(one), -one))
         what = "the records" if any(one.whole for one in own) else "they"
         overload_said = (
-            f"Saturated: {samples(count)} of gyro {AXES[axis]} at {listed_numbers(rates)} deg/s; "
-            f"{what} are left out."
+            f"Saturated: {counted(count, 'sample')} of gyro {AXES[axis]} at "
+            f"{listed_numbers(rates)} deg/s; {what} are left out."
         )
         flags.append(Flag("overload", overload_said, AXES[axis], {"count": count, "rates": rates}))
     if at_rest:
-        at_rest_said = f"Saturated: {samples(at_rest)} at rest; they are left out."
+        at_rest_said = f"Saturated: {counted(at_rest, 'sample')} at rest; they are left out."
         flags.append(Flag("overload", at_rest_said, None, {"count": at_rest}))
     flags += _outliers(dataset, static, means)
     flags += _gaps(dataset, settings)
@@ -77,9 +77,9 @@ def _encoder(axis: int, one: AxisMeans) -> list[Flag]:
     if rates:
         count = sum(one.unsteady)
         unsteady_said = (
-            f"Left out, for by its encoder the table was not at its rate: {samples(count)} of "
-            f"{AXES[axis]} at {listed_numbers(rates)} deg/s. Spin-up and braking belong into no "
-            "record."
+            "Left out, for by its encoder the table was not at its rate: "
+            f"{counted(count, 'sample')} of {AXES[axis]} at {listed_numbers(rates)} deg/s. "
+            "Spin-up and braking belong into no record."
         )
         details = {"count": count, "rates": rates}
         flags.append(Flag("unsteady-rate", unsteady_said, AXES[axis], details))
@@ -91,8 +91,9 @@ def frozen_flags(at_rest: int, turning: int) -> list[Flag]:
     if not at_rest + turning:
         return []
     said = (
-        f"Left out, for they repeat the one before on all axes: {samples(at_rest)} at rest and "
-        f"{turning} turning; the sensor or its recorder stood still."
+        "Left out, for they repeat the one before on all axes: "
+        f"{counted(at_rest, 'sample')} at rest and {turning} turning; the sensor or its "
+        "recorder stood still."
     )
     details = {"count": at_rest + turning, "at_rest": at_rest, "turning": turning}
     return [Flag("frozen", said, None, details)]
@@ -120,8 +121,8 @@ def _outliers(
             )
         if at_rest + turning:
             outliers_said = (
-                f"Left out, for they lie far from the others: {samples(at_rest)} of gyro {name} at "
-                f"rest and {turning} of it turning."
+                f"Left out, for they lie far from the others: {counted(at_rest, 'sample')} of gyro "
+                f"{name} at rest and {turning} of it turning."
             )
             details = {"count": at_rest + turning, "at_rest": at_rest, "turning": turning}
             flags.append(Flag("outliers-rejected", outliers_said, name, details))
@@ -273,28 +274,20 @@ def _undetermined(estimates: Sequence[Estimate], published: Sequence[Published])
             "recorded there."
         )
         names = [f"{MISALIGNMENT} {axis}" for axis in cross]
-        flags.append(Flag("not-identifiable", cross_said, None, _counted(names)))
+        flags.append(not_identifiable(cross_said, names, count=len(names)))
     other = [one for one in estimates if one.name != MISALIGNMENT and one.value is None]
     if other:
         names = [f"{one.name} {one.axis}" for one in other]
         undetermined_said = f"The data do not determine {', '.join(names)}."
         if any(one.name == BIAS for one in other):
             undetermined_said += " No static record was usable."
-        flags.append(Flag("not-identifiable", undetermined_said, None, _counted(names)))
+        flags.append(not_identifiable(undetermined_said, names, count=len(names)))
     silent = [f"{one.name} {one.axis}" for one in published if one.value is None]
     if silent:
         silent_said = f"The published rule has no data for {', '.join(silent)}."
-        flags.append(Flag("published-rule-without-data", silent_said, None, _counted(silent)))
+        which = {"count": len(silent), "coefficients": silent}
+        flags.append(Flag("published-rule-without-data", silent_said, None, which))
     return flags
-
-
-def _counted(names: Sequence[str]) -> dict[str, object]:
-    return {"count": len(names), "coefficients": names}
-
-
-def samples(count: int) -> str:
-    """Return a number of samples in words: 1 sample, 2 samples."""
-    return f"{count} sample{'' if count == 1 else 's'}"
 
 
 def listed_numbers(values: Sequence[float]) -> str:

@@ -87,7 +87,7 @@ def _turn_records(table: Table) -> Iterator[TurnRecord]:
 
 
 def _against(table: Table, row: int, record: TurnRecord) -> Iterator[Fault]:
-    """Yield the fault of an encoder that does not turn as the table was told to."""
+    """Yield the fault of an encoder that does not turn as the table was commanded to."""
     if len(record.time_s) < 2:
         return
     encoder = unwrap(record, interval_of([record.time_s]))

@@ -186,8 +186,8 @@ def need_sensor_well(run: Run) -> None:
         raise InstrumentError(
             IMU,
             "asked for its status",
-            f"it tells {', '.join(faults)}",
-            "switch it off and on; where it tells the same again have it looked at",
+            f"it reports {', '.join(faults)}",
+            "switch it off and on; where it reports the same again have it looked at",
         )
 
 

@@ -85,7 +85,7 @@ def check_pose(
 ) -> Pose:
     """Judge one position from its own means, shape (3,) each, before it is accepted.
 
-    The biases are unknown then: the gyros tell a wrong heading as far as it exceeds
+    The biases are unknown then: the gyros show a wrong heading as far as it exceeds
     `limits.bias_deg_per_h`.
     """
     limits = limits or PoseLimits()
@@ -174,7 +174,7 @@ def _agreeing(off: Array, u: Array, rows: Sequence[int], allowed: float) -> tupl
                     best = (spread, group)
         if best is not None:
             return best[1]
-    # Of two that contradict each other nobody can say which is wrong; one alone contradicts none.
+    # Of two that contradict each other neither can be called wrong; one alone contradicts none.
     return tuple(rows) if len(rows) == 1 else ()
 
 
@@ -188,7 +188,7 @@ def _one_right(
 ) -> tuple[int, ...]:
     """Return the one position that is right, where others would agree with it as other ones.
 
-    None where that holds for several: nobody can then say which is right.
+    None where that holds for several: which is right is then unknown.
     """
     found = []
     for right in rows:

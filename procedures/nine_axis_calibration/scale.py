@@ -29,7 +29,7 @@ class Value:
 class ScaleSolution:
     """What one turned axis gives; rates in deg/s, relative quantities as ratios.
 
-    `commanded` (n,), `factors` K_i (n,) with `factors_covariance` (n, n) are those rates that were
+    `commanded` (n,), `factors` K_i (n,) are those rates that were
     turned in both senses. `agree` is whether the K_i differ by noise alone (chi-square at 99.9 %):
     K is then their weighted mean (`weights`), else their plain mean. `deviation` (n,) is K_i/K - 1.
     `cross` holds, for each other gyro that was recorded, its output over the true rate. Where what
@@ -39,7 +39,6 @@ class ScaleSolution:
 
     commanded: Array
     factors: Array
-    factors_covariance: Array
     weights: Array
     agree: bool
     chi_square: float
@@ -89,7 +88,6 @@ def solve_axis(means: AxisMeans, axis: int) -> ScaleSolution | None:
     return ScaleSolution(
         commanded=rates,
         factors=factors,
-        factors_covariance=covariance,
         weights=weights,
         agree=agree,
         chi_square=square,

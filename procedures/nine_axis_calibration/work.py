@@ -151,7 +151,7 @@ def turn_s(parameters: NineAxisParameters, one: Turn) -> float:
 def work(parameters: NineAxisParameters) -> Iterator[Work]:
     """Yield warm-up, each position, each axis up with its records, and the end.
 
-    Without a three-axis table a person moves the sensor, whose time nobody knows.
+    Without a three-axis table a person moves the sensor, and that time is unknown.
     """
     by_table = parameters.positioning == "table"
     move_s, sample_rate_Hz = MOVE_S if by_table else 0.0, parameters.sample_rate_Hz

@@ -31,9 +31,6 @@ import reference_keys  # noqa: E402
 import tables  # noqa: E402
 
 PAGES = sorted(path for path in DOCS.rglob("*.md") if "_build" not in path.relative_to(DOCS).parts)
-NAMED = re.compile(
-    r"`((?:station|drivers|procedures|sim_instruments|tests|benchmarks|docs)/[\w./-]+)`"
-)
 LINK = re.compile(r"\]\((?!#)([^)\s]+)\)")
 SHORT = """\
 plan: 1
@@ -69,14 +66,6 @@ def test_links_lead_to_files_of_this_repository(page: Path) -> None:
         path, _, _ = target.partition("#")
         assert not path.startswith("http"), f"{page.name} needs {path}"
         assert (page.parent / path).exists(), f"{page.name} links to {path}"
-
-
-@pytest.mark.parametrize("page", [*ROOT.glob("*.md"), *PAGES], ids=lambda path: path.name)
-def test_files_that_a_page_names_are_there(page: Path) -> None:
-    if page.name == "CHANGELOG.md":
-        pytest.skip("it names what was")
-    for place in NAMED.findall(page.read_text(encoding="utf-8")):
-        assert (ROOT / place).exists(), f"{page.name} names {place}"
 
 
 def test_the_plan_of_the_readme_has_no_fault(tmp_path: Path) -> None:
