@@ -188,15 +188,6 @@ def no_records(parameters: Any, bench: Bench) -> tuple[RecordUse, ...]:
 
 
 @dataclass(frozen=True)
-class Told:
-    """Units and forecast that a procedure works out beside its steps, instead of declaring work."""
-
-    units: Callable[[Any], tuple[str, ...]]
-    forecast: Callable[[Any, Bench], Forecast]
-    unit_durations_s: Callable[[Any], Mapping[str, float]] = lambda _: {}
-
-
-@dataclass(frozen=True)
 class Procedure:
     """A published method, ready to be run, imported and analysed.
 
@@ -241,7 +232,6 @@ class Procedure:
     records: Callable[[Any, Bench], tuple[RecordUse, ...]] = no_records
     work: Callable[[Any], Iterable[Work]] = no_work
     held_bytes: Callable[[Any, Bench], int | None] = everything
-    told: Told | None = None
     outlook: Callable[[Any], Sequence[str]] = no_outlook
     undetermined: Callable[[Any], Mapping[str, str]] = nothing_undetermined
     inputs: Callable[[Any], Mapping[str, Path]] = no_inputs
@@ -260,25 +250,17 @@ class Procedure:
 
     def units(self, parameters: Any) -> tuple[str, ...]:
         """Return the units of work that a run of the plan will finish, in order."""
-        return self.told.units(parameters) if self.told else units_of(tuple(self.work(parameters)))
+        return units_of(self.work(parameters))
 
     def expected_units(self, parameters: Any) -> dict[str, float]:
         """Return the units of work and the bench time in s that each is expected to take."""
-        if self.told:
-            told_s = self.told.unit_durations_s(parameters)
-            return {unit: told_s.get(unit, 1.0) for unit in self.told.units(parameters)}
-        return unit_durations_s(tuple(self.work(parameters)))
+        return unit_durations_s(self.work(parameters))
 
     def forecast(self, parameters: Any, bench: Bench) -> Forecast:
         """Return what a run will command and record; opens nothing."""
-        if self.told:
-            return self.told.forecast(parameters, bench)
         work = tuple(self.work(parameters))
-        return Forecast(
-            set_points_of(work, bench),
-            recordings_of(work, bench),
-            held_bytes=self.held_bytes(parameters, bench),
-        )
+        held_bytes = self.held_bytes(parameters, bench)
+        return Forecast(set_points_of(work, bench), recordings_of(work, bench), held_bytes)
 
     def envelope(self, parameters: Any, bench: Bench) -> Envelope | None:
         """Return what the steps of a run may send at the most; None where nothing is declared."""

@@ -7,8 +7,8 @@ apply the commands that stand in it.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from itertools import groupby
 from typing import TYPE_CHECKING, Any
 
@@ -69,28 +69,26 @@ class Recording:
 class Forecast:
     """What a run of a plan on a bench will command and record, in the order of its steps.
 
-    `decided_by` names, by instrument, the key of the plan that decides what it is set to, where the
-    set-point does not name one. `held_bytes` is the most that the evaluation holds of the record at
-    once; where it is None, that is all rows.
+    `held_bytes` is the most that the evaluation holds of the record at once; where it is None, that
+    is all rows.
     """
 
     set_points: tuple[SetPoint, ...] = ()
     recordings: tuple[Recording, ...] = ()
-    decided_by: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     held_bytes: int | None = None
 
 
-def units_of(work: Sequence[Work]) -> tuple[str, ...]:
+def units_of(work: Iterable[Work]) -> tuple[str, ...]:
     """Return the units of work in their order."""
-    return tuple(dict.fromkeys(one.unit for one in work if one.unit is not None))
+    return tuple(unit_durations_s(work))
 
 
-def unit_durations_s(work: Sequence[Work]) -> dict[str, float]:
-    """Return the expected bench time in s of each unit of work."""
-    found = dict.fromkeys(units_of(work), 0.0)
+def unit_durations_s(work: Iterable[Work]) -> dict[str, float]:
+    """Return the expected bench time in s of each unit of work, in their order."""
+    found: dict[str, float] = {}
     for one in work:
         if one.unit is not None:
-            found[one.unit] += one.duration_s
+            found[one.unit] = found.get(one.unit, 0.0) + one.duration_s
     return found
 
 
@@ -106,18 +104,20 @@ def set_points_of(work: Sequence[Work], bench: Bench) -> tuple[SetPoint, ...]:
 
 def recordings_of(work: Sequence[Work], bench: Bench) -> tuple[Recording, ...]:
     """Return the rows of each source over a whole run."""
-    counts: dict[str, float] = {}
-    times_s: dict[str, float] = {}
-    for one in (rows for part in work for rows in part.rows):
-        count = one.count
-        if count is None:
-            read_s = one.duration_s if one.read_s is None else one.read_s
-            count = read_s / reading_period_s(bench, one.instrument)
-        counts[one.instrument] = counts.get(one.instrument, 0.0) + count
-        times_s[one.instrument] = times_s.get(one.instrument, 0.0) + one.duration_s
-    return tuple(
-        Recording(name, math.ceil(count - 1e-6), times_s[name]) for name, count in counts.items()
-    )
+    by_source: dict[str, list[Rows]] = {}
+    for rows in (rows for part in work for rows in part.rows):
+        by_source.setdefault(rows.instrument, []).append(rows)
+    return tuple(recording_of(source, rows, bench) for source, rows in by_source.items())
+
+
+def recording_of(source: str, rows: Sequence[Rows], bench: Bench) -> Recording:
+    """Return all rows of one source."""
+    count = sum(one.count for one in rows if one.count is not None)
+    uncounted = [one for one in rows if one.count is None]
+    if uncounted:
+        read_s = sum(one.duration_s if one.read_s is None else one.read_s for one in uncounted)
+        count += read_s / reading_period_s(bench, source)
+    return Recording(source, math.ceil(count - 1e-6), sum(one.duration_s for one in rows))
 
 
 def reading_period_s(bench: Bench, gaussmeter: str) -> float:

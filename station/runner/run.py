@@ -69,8 +69,6 @@ class Run:
         self.progress = progress
         self.past = past or Past()
         self.instruments: Mapping[str, object] = {}
-        self.handed_on: dict[str, Any] = {}
-        """What one step leaves for the next; nothing that results are computed from."""
         self.left: list[Prompt] = []
         """What a person is asked once the results are written."""
         self.envelope: Envelope | None = None

@@ -54,7 +54,7 @@ def beyond_limits(forecast: Forecast, bench: Bench) -> Iterator[Problem]:
     for name, points in by_instrument.items():
         limits = bench.instruments[name].limits
         keys = (point.decided_by for point in points if point.decided_by)
-        where = forecast.decided_by.get(name) or next(keys, PARAMETERS)
+        where = next(keys, PARAMETERS)
         resistance_ohm = coil_resistance_ohm(bench, name)
         for check in (*CHECKS, *checks_of_role(name)):
             allowed = limits.get(check.limit)

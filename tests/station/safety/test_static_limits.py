@@ -154,9 +154,9 @@ def test_heating_that_nobody_can_compute_is_a_problem_where_it_has_a_limit() -> 
 
 
 def test_a_problem_stands_at_the_key_of_the_plan_that_decides() -> None:
-    points = (coil(current_A=8.5), table(rate_deg_per_s=120.0))
-    where = {"turntable": ("parameters", "rates")}
-    found = {one.where for one in beyond_limits(Forecast(points, (), where), bench())}
+    rates = ("parameters", "rates")
+    points = (coil(current_A=8.5), table(rate_deg_per_s=120.0, decided_by=rates))
+    found = {one.where for one in beyond_limits(Forecast(points), bench())}
     assert found == {("parameters",), ("parameters", "rates")}
 
 
