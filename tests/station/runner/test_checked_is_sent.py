@@ -25,6 +25,7 @@ from station.procedure import Procedures, no_work, procedure_of
 from station.record.folder import RunFolder
 from station.runner.execute import Request, execute
 from station.runner.run import Run
+from station.safety.static_limits import problems_of_plan
 
 DECLARING = [name for name in Procedures() if procedure_of(name).work is not no_work]
 ENERGISING = {
@@ -198,3 +199,15 @@ def test_fields_that_follow_each_other_are_one_set_point_with_the_largest_curren
         current_A=pytest.approx(5.0),
         rms_current_A=pytest.approx(1.0 / 0.3),
     )
+
+
+def test_the_field_that_degausses_a_coil_is_checked_where_no_point_goes_as_far() -> None:
+    name = "accelerometer-magnetic-sensitivity"
+    small = ["parameters.fields=[0 mT, 1 mT]", "parameters.field_step=null"]
+    for largest, degauss, faults in (("50 mT", "true", 0), ("60 mT", "true", 2), ("60 mT", "", 0)):
+        changes = [*small, f"parameters.largest_field={largest}"]
+        changes.append(f"parameters.degauss={degauss or 'false'}")
+        plan = read_plan(find(PLANS, name), Procedures(), changes)
+        procedure = procedure_of(name)
+        found = list(problems_of_plan(procedure, plan.parameters, bench()))
+        assert len([one for one in found if "60 mT" in one.what]) == faults, found
