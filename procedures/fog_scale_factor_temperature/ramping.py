@@ -63,7 +63,10 @@ def soak_again(run: Run, stood: dict[str, float]) -> None:
     limit_s = run.parameters.warm_up.at_most_s
     if not work.follow_until(there, limit_s, COOLING, lambda: said_of(work)):
         run.progress.say("    they do not come there: the ramp goes on from where they are")
-    work.reach(to_temperature(stood["set_point_degC"], "back to where the ramp stood"), COOLING)
+    # A controller rounds what it reads back: at an end of the range it may lie a digit beyond.
+    low_degC, high_degC = run.parameters.temperature_range_degC
+    set_degC = min(max(stood["set_point_degC"], low_degC), high_degC)
+    work.reach(to_temperature(set_degC, "back to where the ramp stood"), COOLING)
 
 
 def make_ramp(run: Run, ramp: Ramp) -> None:
