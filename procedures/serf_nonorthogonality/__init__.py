@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from station.procedure import Procedure, ResultKind, usual_modules
 
-from .outlook import outlook
 from .parameters import SerfParameters
 from .shots import AXES, PAIRS
 from .steps import STEPS, prompts
-from .work import check, instruments, records, work
+from .work import check, instruments, outlook, records, work
 
 PROCEDURE = Procedure(
     name="serf-nonorthogonality",

@@ -12,7 +12,8 @@ from station.fields import StrictModel, Unit
 from station.files.faults import FaultList
 
 from .dataset import SerfDataset, Shot
-from .shots import GAMMA_HZ_PER_NT, Axis, Wanted, known_spin, not_along_pump, why_without_signal
+from .parameters import NuclearSpin, ProbeAxis
+from .shots import GAMMA_HZ_PER_NT, Axis, Wanted, why_without_signal
 
 if TYPE_CHECKING:
     from station.dataset_reading import RawDataset
@@ -52,24 +53,12 @@ class Conditions(StrictModel):
 
     sample_rate_Hz: Annotated[float, Unit("Hz"), Field(gt=0)]
     gyromagnetic_ratio_Hz_per_nT: Annotated[float, Unit("Hz/nT"), Field(gt=0)] = GAMMA_HZ_PER_NT
-    nuclear_spin: float
+    nuclear_spin: NuclearSpin
     pump_axis: Axis
-    probe_axis: Axis
+    probe_axis: ProbeAxis
     coil_constants: Literal["known", "nominal"]
     mains_frequency_Hz: Annotated[float, Unit("Hz"), Field(gt=0)] | None = None
     shots: Annotated[tuple[ImportedShot, ...], Field(min_length=1)] = Field()
-
-    @field_validator("nuclear_spin")
-    @classmethod
-    def of_an_alkali(cls, nuclear_spin: float) -> float:
-        """Refuse a spin whose slowing-down factor is not known."""
-        return known_spin(nuclear_spin)
-
-    @field_validator("probe_axis")
-    @classmethod
-    def not_the_pump_axis(cls, probe_axis: Axis, info: ValidationInfo) -> Axis:
-        """Refuse a probe along the pump light."""
-        return not_along_pump(probe_axis, info.data.get("pump_axis"))
 
     @field_validator("shots")
     @classmethod

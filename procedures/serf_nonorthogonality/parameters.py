@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Annotated, Literal
 
-from pydantic import Field, ValidationInfo, field_validator
+from pydantic import AfterValidator, Field, ValidationInfo, field_validator
 
 from station.fields import StrictModel, Unit
 from station.findings import FlagThresholds
@@ -18,13 +18,24 @@ from .shots import (
     SlowingDown,
     Wanted,
     known_spin,
-    not_along_pump,
     shots_of,
     why_without_signal,
 )
 
 Nanotesla = Annotated[float, Unit("nT"), Field(gt=0)]
 Positive = Annotated[float, Unit("s"), Field(gt=0)]
+NuclearSpin = Annotated[float, AfterValidator(known_spin)]
+
+
+def not_along_pump(probe_axis: Axis, info: ValidationInfo) -> Axis:
+    """Refuse a probe along the pump light: the spins precess about neither."""
+    if probe_axis == info.data.get("pump_axis"):
+        raise ValueError("must be another axis than pump_axis: no shot would carry a signal")
+    return probe_axis
+
+
+ProbeAxis = Annotated[Axis, AfterValidator(not_along_pump)]
+"""Of a model with a `pump_axis` before it."""
 
 
 class Fields(StrictModel):
@@ -68,9 +79,9 @@ class SerfParameters(StrictModel):
     """What the engineer chooses; the source document gives the gradient alone."""
 
     pump_axis: Axis
-    probe_axis: Axis = Field()
+    probe_axis: ProbeAxis
     single_axis: Axis | None = None
-    nuclear_spin: float
+    nuclear_spin: NuclearSpin
     shots: Literal["as_published", "reversal"] = "reversal"
     coil_constants: Literal["known", "nominal"] = "nominal"
     field_nT: Nanotesla | None = None
@@ -91,12 +102,6 @@ class SerfParameters(StrictModel):
     nulling: Nulling = Nulling()
     thresholds: Thresholds = Thresholds()
 
-    @field_validator("probe_axis")
-    @classmethod
-    def not_the_pump_axis(cls, probe_axis: Axis, info: ValidationInfo) -> Axis:
-        """Refuse a probe along the pump light: the spins precess about neither."""
-        return not_along_pump(probe_axis, info.data.get("pump_axis"))
-
     @field_validator("single_axis")
     @classmethod
     def carries_a_signal(cls, axis: Axis | None, info: ValidationInfo) -> Axis | None:
@@ -105,12 +110,6 @@ class SerfParameters(StrictModel):
         if axis is not None and (why := why_without_signal(axis, *lights)):
             raise ValueError(why)
         return axis
-
-    @field_validator("nuclear_spin")
-    @classmethod
-    def of_an_alkali(cls, nuclear_spin: float) -> float:
-        """Refuse a spin whose slowing-down factor is not known."""
-        return known_spin(nuclear_spin)
 
     @field_validator("fields")
     @classmethod

@@ -52,13 +52,6 @@ def single_axis(pump_axis: str, probe_axis: str) -> Axis:
     return next(axis for axis in AXES if axis not in (pump_axis, probe_axis))
 
 
-def not_along_pump(probe_axis: Axis, pump_axis: Axis | None) -> Axis:
-    """Return the probe's axis; ValueError where it is the pump's, so that no shot has a signal."""
-    if probe_axis == pump_axis:
-        raise ValueError("must be another axis than pump_axis: no shot would carry a signal")
-    return probe_axis
-
-
 def why_without_signal(coils: str, pump_axis: str | None, probe_axis: str | None) -> str | None:
     """Return why a field of these coils lets nothing be seen to precess, None where it does."""
     if coils not in (pump_axis, probe_axis) or pump_axis is None or probe_axis is None:
