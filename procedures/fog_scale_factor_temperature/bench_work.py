@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from station.errors import ConditionNotReached, StationError
 from station.method.motion import AxisAtRate, AxisBy, AxisCommand, TemperatureTo
 from station.roles.turntable import table_axes
+from station.runner.verbs import Follower, look_until
 
 from .dataset import AXES
 from .parameters import FogParameters
@@ -19,7 +20,6 @@ from .work import CHAMBER, CHAMBER_EVERY_S, NAVIGATOR, TABLE
 
 if TYPE_CHECKING:
     from station.runner.run import Run
-    from station.runner.verbs import Follower
 
 LOOK_S = 8.0
 """Run time between two looks; less where time runs by itself, so that a kill loses little. A run
@@ -104,14 +104,10 @@ class BenchWork:
 
     def follow(self, until_s: float, unit: str, said: str = "") -> None:
         """Record until a run time."""
-        clock = self.run.clock
         if unit != self._unit:
             self.take(self._unit)
             self._unit = unit
-        while clock.now() < until_s:
-            clock.sleep_until(min(clock.now() + clock.holding_s(LOOK_S), until_s))
-            self.look(unit)
-            self.run.say_progress(said)
+        look_until(self.run, until_s, lambda: self.look(unit), said, LOOK_S)
 
     def follow_until(
         self, reached: Callable[[], bool], at_most_s: float, unit: str, said: Callable[[], str]
@@ -132,8 +128,6 @@ class BenchWork:
 
     def start_navigator(self) -> None:
         """Let the navigator output for the rest of the run."""
-        from station.runner.verbs import Follower
-
         self.navigator.start(self.parameters.navigator_rate_Hz)
         self._follower = Follower(self.run, {NAVIGATOR: self.navigator})
 

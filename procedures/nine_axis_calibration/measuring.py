@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from station.errors import ConditionNotReached, InstrumentError
+from station.runner.verbs import Follower, look_until
 
 from .dataset import Array
 from .parameters import (
@@ -61,7 +62,6 @@ class Sensing:
 
     def __init__(self, run: Run, unit: str) -> None:
         from station.roles import Imu
-        from station.runner.verbs import Follower
 
         self._run, self._unit = run, unit
         self._sensor = run.role(IMU, Imu)
@@ -76,11 +76,7 @@ class Sensing:
 
     def follow(self, until_s: float, said: str) -> None:
         """Record until a run time; raises InstrumentError for a sensor that is silent or frozen."""
-        clock = self._run.clock
-        while clock.now() < until_s:
-            clock.sleep_until(min(clock.now() + clock.holding_s(LOOK_S), until_s))
-            self.look()
-            self._run.say_progress(said)
+        look_until(self._run, until_s, self.look, said, LOOK_S)
 
     def look(self) -> None:
         """Record what has come."""

@@ -133,11 +133,17 @@ class Follower:
 
     def follow(self, until_s: float, unit: str, said: str = "", every_s: float = POLL_S) -> None:
         """Record until a run time; `said` is what the operator reads meanwhile."""
-        clock = self._run.clock
-        while clock.now() < until_s:
-            clock.sleep_until(min(clock.now() + clock.holding_s(every_s), until_s))
-            self.take(unit)
-            self._run.say_progress(said)
+        look_until(self._run, until_s, lambda: self.take(unit), said, every_s)
+
+
+def look_until(
+    run: Run, until_s: float, look: Callable[[], object], said: str = "", every_s: float = POLL_S
+) -> None:
+    """Look at what came, again and again until a run time: what waits in memory can be lost."""
+    while run.clock.now() < until_s:
+        run.clock.sleep_until(min(run.clock.now() + run.clock.holding_s(every_s), until_s))
+        look()
+        run.say_progress(said)
 
 
 def acquire(
