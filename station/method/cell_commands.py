@@ -75,9 +75,10 @@ class CellField(Command[None]):
         return f"channel {self.channel}, coil {self.coil}, {size}, {voltage_V:.4g} V"
 
     def bounds(self, bench: Bench) -> Bounds:
-        """Return the voltage in magnitude."""
-        voltage_V = self.voltage_V(bench)
-        return {} if math.isnan(voltage_V) else {"voltage_V": abs(voltage_V)}
+        """Return the voltage in magnitude; nothing where the coil has no constant."""
+        if math.isnan(coil_voltage_V(bench, self.instrument, self.coil, 1.0)):
+            return {}
+        return {"voltage_V": abs(self.voltage_V(bench))}
 
     def apply(self, station: Station, prepared: None) -> None:
         """Put the voltage on the channel, at once."""

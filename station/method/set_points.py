@@ -23,7 +23,7 @@ Where = tuple[str, ...]
 SLACK = 1e-9
 """Relative; what rounding may add to a value on its way from the declaration to the command."""
 SIGNED = ("angle_deg", "temperature_degC")
-"""Quantities whose bounds have two ends; all others are bounded in magnitude."""
+"""Quantities whose bounds have two ends, as signed limits have; all others count in magnitude."""
 BOUNDED = (
     "field_mT",
     "current_A",
@@ -164,16 +164,18 @@ class Envelope:
     @classmethod
     def of(cls, points: Sequence[SetPoint]) -> Envelope:
         """Return the envelope of set-points."""
+        from station.roles.role import limits
+
+        signed = {*SIGNED, *(name for name, limit in limits().items() if limit.signed)}
         ranges: dict[str, dict[str, tuple[float, float]]] = {}
         for point in points:
             known = ranges.setdefault(point.instrument, {})
             of_roles = {name: getattr(point, name) for name in BOUNDED}
             for name, value in {**of_roles, **(point.limited or {})}.items():
                 if value is not None:
-                    least = value if name in SIGNED else 0.0
-                    low, high = known.get(name, (value, value))
-                    size = value if name in SIGNED else abs(value)
-                    known[name] = (min(low, least), max(high, size))
+                    low, high = (value, value) if name in signed else (0.0, abs(value))
+                    least, most = known.get(name, (low, high))
+                    known[name] = (min(least, low), max(most, high))
         return cls(ranges)
 
     def require(self, command: Command[Any], bench: Bench) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import math
 import re
 import sys
 import traceback
@@ -19,6 +20,7 @@ from station.errors import InputError
 from station.files.lookup import BENCHES, PLANS, find
 from station.files.plan import read_plan
 from station.instruments.bench import Bench, read_bench
+from station.method.cell_commands import CellField
 from station.method.commands import Power, SineField, SteadyField
 from station.method.set_points import Bounded, Command, Envelope, SetPoint
 from station.procedure import Procedures, no_work, procedure_of
@@ -186,6 +188,37 @@ def test_what_is_within_the_bounds_of_an_act_that_depends_on_data_is_sent() -> N
         declared.require(SteadyField(SUPPLY, field_mT), bench())
     with pytest.raises(InputError):
         declared.require(SteadyField(SUPPLY, -2.01), bench())
+
+
+@pytest.mark.parametrize("first", [5.0, -5.0])
+def test_what_is_bounded_in_magnitude_may_have_either_sign(first: float) -> None:
+    declared = Envelope.of([SetPoint("S1", SUPPLY, "", voltage_V=one) for one in (first, -first)])
+    for voltage_V in (-5.0, 5.0):
+        declared.require(Bounded(SUPPLY, "", within={"voltage_V": voltage_V}), bench())
+        with pytest.raises(InputError):
+            beyond = Bounded(SUPPLY, "", within={"voltage_V": 1.1 * voltage_V})
+            declared.require(beyond, bench())
+
+
+@pytest.mark.parametrize("first", [60.0, -40.0])
+def test_a_signed_limit_of_a_role_of_its_own_has_two_ends(first: float) -> None:
+    def point(value: float) -> SetPoint:
+        return SetPoint("S1", SUPPLY, "", limited={"temperature_high": value})
+
+    def command(value: float) -> Bounded:
+        return Bounded(SUPPLY, "", within={"limited": {"temperature_high": value}})
+
+    both = Envelope.of([point(first), point(20.0 - first)])
+    for value in (-40.0, 60.0):
+        both.require(command(value), bench())
+        with pytest.raises(InputError):
+            Envelope.of([point(-value)]).require(command(value), bench())
+
+
+def test_a_field_at_a_cell_that_is_no_number_is_refused() -> None:
+    coil = ("signal_generator.xy", 1, "x")
+    with pytest.raises(InputError, match="beyond what the procedure declares"):
+        Watched([CellField(*coil, 50.0)]).apply(CellField(*coil, math.nan))  # type: ignore[misc, arg-type]
 
 
 def test_fields_that_follow_each_other_are_one_set_point_with_the_largest_current() -> None:
