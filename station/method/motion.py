@@ -182,5 +182,6 @@ class TemperatureRamp(Command[None]):
         """Yield temperature and slope apart: different keys of the plan decide them."""
         for one in commands:
             whole, slope = one.set_point(step, bench), one.rate_decided_by or one.decided_by
-            yield replace(whole, temperature_slew_degC_per_min=None)
-            yield replace(whole, temperature_degC=None, decided_by=slope)
+            end, rate = f"ramp to {one.temperature_degC:g} degC", f"ramp at {one.rate_degC_per_h:g}"
+            yield replace(whole, text=end, temperature_slew_degC_per_min=None)
+            yield replace(whole, text=f"{rate} degC/h", temperature_degC=None, decided_by=slope)
