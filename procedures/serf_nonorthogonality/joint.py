@@ -64,7 +64,6 @@ class JointFit:
     drift_u: Array
     chi_square: float
     degrees_of_freedom: int
-    iterations: int
 
     @property
     def polarisation(self) -> float:
@@ -102,9 +101,7 @@ def fit_jointly(
     shared, omega = start[0].copy(), start[1].copy()
     damping = 1e-4
     step = _evaluate(records, spin, along, shared, omega, mains_Hz)
-    iterations = 0
-    while iterations < MOST_ITERATIONS:
-        iterations += 1
+    for _ in range(MOST_ITERATIONS):
         scale = np.sqrt(np.diag(step.normal))
         if not np.all(np.isfinite(scale)) or np.any(scale <= 0.0):
             raise NoJointFit("a parameter has no influence")
@@ -145,7 +142,6 @@ def fit_jointly(
         drift_u=step.of_shots[:, 4],
         chi_square=step.cost,
         degrees_of_freedom=samples - own * len(records) - SHARED,
-        iterations=iterations,
     )
 
 

@@ -46,7 +46,6 @@ class ToneFit:
     cosine_V: float
     sine_V: float
     baseline_V: float
-    baseline_decay_per_s: float
     offset_V: float
     mains_V: float
     noise_V: float
@@ -164,7 +163,6 @@ def _said(
         cosine_V=float(linear[0]),
         sine_V=float(linear[1]),
         baseline_V=float(linear[2]),
-        baseline_decay_per_s=found.slow,
         offset_V=float(linear[3]),
         mains_V=float(np.hypot(*linear[4:6])) if mains_Hz is not None else 0.0,
         noise_V=noise,
