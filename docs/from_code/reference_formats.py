@@ -237,6 +237,7 @@ def flags_of(path: Path) -> Iterator[tuple[str, str]]:
         for end in body.body
         if isinstance(end, ast.Return) and end.value is not None
     }
+    yield from chosen_by_code(tree)
     for node in ast.walk(tree):
         if not (isinstance(node, ast.Call) and isinstance(node.func, ast.Name)):
             continue
@@ -250,6 +251,20 @@ def flags_of(path: Path) -> Iterator[tuple[str, str]]:
             texts = [meant(one, named, returned) for one in others]
             said = [text for text in map(sentence_of, texts) if " " in text]
             yield first.value, said[0] if said else ""
+
+
+def chosen_by_code(tree: ast.Module) -> Iterator[tuple[str, str]]:
+    """Yield code and sentence where a sentence is chosen by `if ….code == "CODE":`."""
+    for node in ast.walk(tree):
+        if not (isinstance(node, ast.If) and isinstance(node.test, ast.Compare)):
+            continue
+        asked, (code_asked, *_) = node.test.left, node.test.comparators
+        if not (isinstance(asked, ast.Attribute) and asked.attr == "code"):
+            continue
+        texts = [sentence_of(one.value) for one in node.body if isinstance(one, ast.Assign)]
+        said = [text for text in texts if " " in text]
+        if isinstance(code_asked, ast.Constant) and said:
+            yield str(code_asked.value), said[0]
 
 
 def meant(

@@ -28,7 +28,7 @@ SHORT_FORMS: Mapping[str, tuple[str, ...]] = {
     "accelerometer-magnetic-sensitivity": (
         "parameters.planes=[io]",
         "parameters.field_step=50 mT",
-        "parameters.angle_step=60 deg",
+        "parameters.angle_step=30 deg",
         "parameters.order=as_published",
         "parameters.repeats=1",
         "parameters.readings=2",
