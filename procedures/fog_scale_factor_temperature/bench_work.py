@@ -6,19 +6,18 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from station.errors import ConditionNotReached, StationError
 from station.method.motion import AxisAtRate, AxisBy, AxisCommand, TemperatureTo
 from station.roles.turntable import table_axes
 from station.runner.verbs import Follower, look_until
 
-from .dataset import AXES
-from .parameters import FogParameters
+from .parameters import AXES, FogParameters
 from .work import CHAMBER, CHAMBER_EVERY_S, NAVIGATOR, TABLE
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
     from station.runner.run import Run
 
 LOOK_S = 8.0
@@ -78,6 +77,8 @@ class BenchWork:
             self.take(unit)
         if now_s >= self._chamber_due_s:
             self._chamber_due_s = now_s + CHAMBER_EVERY_S
+            import numpy as np
+
             names = [(name, np.float64) for name in (*CHAMBER_COLUMNS, ARRIVAL)]
             values = (self.chamber.temperature_degC(), self.chamber.set_point_degC(), now_s)
             self.run.record.block(CHAMBER, unit, CHAMBER_COLUMNS, np.array([values], dtype=names))
@@ -122,6 +123,8 @@ class BenchWork:
 
     def gyro_degC(self) -> NDArray[np.float64]:
         """Return the last temperatures of the three gyros (3,), NaN before any were heard."""
+        import numpy as np
+
         if self.newest is None:
             return np.full(3, np.nan)
         return np.array([float(self.newest[f"temperature_{axis}_degC"][0]) for axis in AXES])

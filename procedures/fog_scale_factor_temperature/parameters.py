@@ -11,6 +11,8 @@ from pydantic import Field, ValidationInfo, field_validator
 from station.fields import Celsius, Degree, StrictModel, Unit, WarmUpWindow
 
 FULL_TURN_DEG = 360.0
+SECONDS_PER_HOUR = 3600.0
+AXES = ("x", "y", "z")
 Axis = Literal["x", "y", "z"]
 Turns = Literal["as_published", "pairs", "+--+"]
 PUBLISHED_SOAK_H = (4.0, 6.0)
@@ -170,7 +172,7 @@ class FogParameters(StrictModel):
     def published_soak(cls, soak_s: float, info: ValidationInfo) -> float:
         """Refuse a soak outside the published range."""
         low, high = PUBLISHED_SOAK_H
-        if not low <= soak_s / 3600.0 <= high:
+        if not low <= soak_s / SECONDS_PER_HOUR <= high:
             _refuse(info, f"the method is published for a soak of {low:g} h to {high:g} h")
         return soak_s
 
@@ -268,8 +270,8 @@ class FogParameters(StrictModel):
     def outside(self) -> tuple[str, ...]:
         """What of the plan lies outside the published ranges, in words."""
         said = []
-        if not PUBLISHED_SOAK_H[0] <= self.soak_s / 3600.0 <= PUBLISHED_SOAK_H[1]:
-            said.append(f"a soak of {self.soak_s / 3600.0:g} h (published 4 h to 6 h)")
+        if not PUBLISHED_SOAK_H[0] <= self.soak_s / SECONDS_PER_HOUR <= PUBLISHED_SOAK_H[1]:
+            said.append(f"a soak of {self.soak_s / SECONDS_PER_HOUR:g} h (published 4 h to 6 h)")
         low, high = PUBLISHED_RAMP_DEGC_PER_H
         if not low - 1e-9 <= self.ramp_rate_degC_per_h <= high + 1e-9:
             said.append(

@@ -12,8 +12,7 @@ from station.errors import ConditionNotReached
 from station.method.motion import TemperatureRamp
 
 from .bench_work import COOLING, PROOF, RAMP, BenchWork
-from .dataset import AXES, SECONDS_PER_HOUR
-from .parameters import FogParameters
+from .parameters import AXES, SECONDS_PER_HOUR, FogParameters
 from .work import CHAMBER, NAVIGATOR, PROVED_WITHIN_DEGC, full_turns, to_temperature, to_up
 
 if TYPE_CHECKING:

@@ -16,8 +16,7 @@ from station.method.motion import ChamberOn
 from station.procedure import Prompt, Step
 
 from .bench_work import PROOF, RAMP, RANDOM, SOAK, WARM_UP, BenchWork
-from .dataset import SECONDS_PER_HOUR
-from .parameters import FogParameters
+from .parameters import SECONDS_PER_HOUR, FogParameters
 from .ramping import Ramp, coldest_degC, cool_down, last_turn, make_ramp, soak_again
 from .work import (
     CHAMBER,

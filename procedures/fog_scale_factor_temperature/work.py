@@ -26,8 +26,7 @@ from station.method.set_points import Bounded, Bounds, Command
 from station.method.work import Rows, Work
 from station.procedure import RecordUse
 
-from .dataset import FULL_TURN_DEG, SECONDS_PER_HOUR
-from .parameters import FogParameters, Verification
+from .parameters import FULL_TURN_DEG, SECONDS_PER_HOUR, FogParameters, Verification
 
 if TYPE_CHECKING:
     from station.instruments.bench import Bench

@@ -79,7 +79,7 @@ class SetPoint:
     angle_deg: float | None = None
     temperature_slew_degC_per_min: float | None = None
     voltage_V: float | None = None
-    limited: Mapping[str, float] | None = None
+    limited: Mapping[str, float] | None = field(default=None, hash=False)
     decided_by: Where | None = None
 
 
