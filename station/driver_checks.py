@@ -6,6 +6,7 @@ A driver declares its settings in `Settings`, and what can be watched of it in `
 
 from __future__ import annotations
 
+import inspect
 import re
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import suppress
@@ -113,6 +114,30 @@ def _own_faults(document: Document, name: str, driver: object) -> Iterator[Fault
             where = ("instruments", name, "settings", key)
             yield document.fault(where, what, hint and f"'{hint}'", at_key=True)
     yield from _settings_faults(document, name, model, own, "this driver")
+    for wrong in wrong_units(driver, name):
+        yield document.fault(("instruments", name, "driver"), wrong)
+
+
+def wrong_units(driver: object, instance: str) -> Iterator[str]:
+    """Yield a sentence for each quantity that a driver publishes otherwise than its role has it.
+
+    An interlock compares the number with a limit in the unit of the role.
+    """
+    watched = quantities_of(instance)
+    for _, read in inspect.getmembers(driver if isinstance(driver, type) else type(driver)):
+        quantity, unit, states = getattr(read, "publishes", None) or ("", "", None)
+        if quantity not in watched:
+            continue
+        kind = watched[quantity]
+        has = " or ".join(sorted(states)) if states else unit or "no unit"
+        wanted = " or ".join(sorted(kind.states)) or kind.unit
+        if kind.states and not states and not unit:
+            continue  # the method returns the word itself
+        if has != wanted:
+            yield (
+                f"the driver publishes '{quantity}' in {has}, a {role_of(instance)} has it in "
+                f"{wanted}; convert it in the driver's {read.__name__}"
+            )
 
 
 def _settings_faults(

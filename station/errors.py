@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from pathlib import Path
+from traceback import extract_tb
 from typing import Any
 
 EXIT_DONE = 0
@@ -168,3 +170,16 @@ class NotAcknowledged(StationError):
     """A bench whose interlock tripped and whose cause nobody has acknowledged yet."""
 
     exit_code = EXIT_INTERLOCK
+
+
+NUMERICS = ("numpy", "scipy")
+
+
+def place_of(error: BaseException) -> str:
+    """Return file and line that raised an error, such as `, in evaluate.py:52`, for a sentence.
+
+    Of one that NumPy or SciPy raised, the line that called them.
+    """
+    frames = [(Path(one.filename), one.lineno) for one in extract_tb(error.__traceback__)]
+    own = [f"{path.name}:{line}" for path, line in frames if not set(NUMERICS) & set(path.parts)]
+    return f", in {own[-1]}" if own else ""

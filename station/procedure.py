@@ -303,3 +303,18 @@ class Procedures(Mapping[str, Procedure]):
         if name not in self:
             raise KeyError(name)
         return procedure_of(name)
+
+
+def in_declared_units(procedure: Procedure, findings: Findings) -> Findings:
+    """Return findings; InputError for an estimate in another unit than its result is declared in.
+
+    A limit of the plan is converted to the declared unit, and compared with the estimate's number.
+    """
+    for estimate in findings.estimates:
+        declared = procedure.results.get(estimate.name)
+        if declared is not None and declared.unit != estimate.unit:
+            raise InputError(
+                f"the evaluation gives {estimate.name} in {estimate.unit}, its procedure declares "
+                f"{declared.unit}; convert it in the evaluation"
+            )
+    return findings

@@ -24,12 +24,13 @@ OURS = "station."
 
 @lru_cache
 def offers() -> tuple[dict[str, dict[str, EntryPoint]], tuple[str, ...]]:
-    """Return all entry points by group and name, and a sentence on each package without any.
+    """Return all entry points by group and name, and a sentence on each package that is odd.
 
     Of two that have one name, that of the package which Python finds first counts.
     """
     found: dict[str, dict[str, EntryPoint]] = {}
     odd: list[str] = []
+    doubled: list[str] = []
     for package in distributions():
         try:
             offered = [one for one in package.entry_points if one.group.startswith(OURS)]
@@ -40,10 +41,21 @@ def offers() -> tuple[dict[str, dict[str, EntryPoint]], tuple[str, ...]]:
             )
             continue
         for entry in offered:
-            found.setdefault(entry.group, {}).setdefault(entry.name, entry)
+            first = found.setdefault(entry.group, {}).setdefault(entry.name, entry)
+            if name_of(first.dist) != name_of(package):
+                doubled.append(
+                    f"the {kind_in(entry.group)} '{entry.name}' is offered by two packages, "
+                    f"{name_of(first.dist)}, which is taken, and {name_of(package)}; rename it in "
+                    "one of them, or remove that package"
+                )
     if odd:
         have_none_where_unreadable()
-    return found, tuple(odd)
+    return found, (*odd, *doubled)
+
+
+def kind_in(group: str) -> str:
+    """Return what a group holds: `driver` of `station.drivers`."""
+    return group.removeprefix(OURS).removesuffix("s")
 
 
 def have_none_where_unreadable() -> None:
@@ -82,7 +94,7 @@ def names(group: str) -> tuple[str, ...]:
 def load(group: str, name: str) -> Any:
     """Return the object that a package offers under `name`; InputError when it cannot be loaded."""
     entry = offers()[0].get(group, {}).get(name)
-    kind = group.removeprefix(OURS).removesuffix("s")
+    kind = kind_in(group)
     if entry is None:
         known = ", ".join(names(group)) or "none"
         raise InputError(f"there is no {kind} named {name!r}; there are: {known}")

@@ -89,7 +89,8 @@ class World(Room, ABC):
         if prompt_id not in self.acts:
             raise SimulationError(
                 f"the simulated world does not know the act '{prompt_id}' "
-                f"(it knows: {', '.join(self.acts)})"
+                f"(it knows: {', '.join(self.acts)}); add it to `acts` of {type(self).__name__}, "
+                "or take it out of its `preparations`"
             )
         happens, sentence = self.acts[prompt_id]
         with self.lock:

@@ -34,6 +34,9 @@ Traced = Annotated[
 ]
 RunFolder = Annotated[Path, typer.Argument(metavar="RUN", help="Run folder.")]
 BenchFile = Annotated[str, typer.Argument(help="Bench file: a path, or a name.")]
+Procedure = Annotated[
+    str, typer.Option(help="The procedure whose device a simulated bench mounts.")
+]
 DEFAULT_BENCH = "sim"
 MOUNTED = "rlg-magnetic-sensitivity"
 """The procedure whose device a simulated bench mounts where nobody says otherwise."""
@@ -271,12 +274,13 @@ def acknowledge(
 @app.command()
 def identify(
     bench: BenchFile = DEFAULT_BENCH,
+    procedure: Procedure = MOUNTED,
     json: Json = False,
 ) -> None:
     """Identify every instrument of a bench."""
     from station.cli.instruments import identify_bench
 
-    raise typer.Exit(identify_bench(bench, MOUNTED, as_json=json))
+    raise typer.Exit(identify_bench(bench, procedure, as_json=json))
 
 
 @app.command()
@@ -298,9 +302,7 @@ def scan(
 @app.command()
 def sim(
     bench: Annotated[str, typer.Argument(help="Simulated bench: path or name.")] = DEFAULT_BENCH,
-    procedure: Annotated[
-        str, typer.Option(help="The procedure whose device is mounted.")
-    ] = MOUNTED,
+    procedure: Procedure = MOUNTED,
     speed: Annotated[float, typer.Option(help="How many times as fast as real time.")] = 1.0,
 ) -> None:
     """Serve simulated instruments until interrupted."""

@@ -11,7 +11,7 @@ import pytest
 
 from station.conformance.faulty_server import FaultyServer, closed_port, is_can, moved_to
 from station.conformance.fixture import Fixture
-from station.driver_checks import settings_of
+from station.driver_checks import settings_of, wrong_units
 from station.errors import InstrumentError
 from station.fields import StrictModel
 from station.roles.role import Role, quantities_of
@@ -99,6 +99,7 @@ def test_it_declares_its_settings_and_what_it_reads(fixture: Fixture, instrument
     assert not unknown, f"an interlock on its role cannot name {', '.join(sorted(unknown))}"
     for quantity, read in getattr(instrument, "quantities", {}).items():
         assert callable(read), f"nothing reads {quantity}"
+    assert not list(wrong_units(instrument, fixture.name))
 
 
 def test_it_says_who_is_there(fixture: Fixture, instrument: Any) -> None:

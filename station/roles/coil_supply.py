@@ -34,7 +34,11 @@ class CoilSettings(DriverSettings):
 
 @runtime_checkable
 class CoilSupply(Instrument, MadeSafe, Protocol):
-    """A bipolar current source with a coil at its output."""
+    """A bipolar current source with a coil at its output.
+
+    At `coil_supply.dc` it also holds steady currents: there it needs `switch_on()` and
+    `ramp_to(current_A)` beside these verbs (`DirectCurrentSupply`).
+    """
 
     coil_constant_mT_per_A: float
 

@@ -21,11 +21,12 @@ from station.errors import (
     EXIT_UNDETERMINED,
     InputError,
     MissingRows,
+    place_of,
 )
 from station.files.faults import FaultList, listed, not_there
 from station.findings import Findings, Flag
 from station.instruments.bench import Bench
-from station.procedure import Procedures, procedure_of
+from station.procedure import Procedures, in_declared_units, procedure_of
 from station.record.events import RESUMED
 from station.record.files import write_whole_file
 from station.record.folder import REPORT, RESULTS, RunFolder
@@ -80,8 +81,8 @@ def evaluate_run(folder: RunFolder) -> tuple[ResultDocument, Findings]:
         )
     except (ArithmeticError, ValueError) as error:  # LinAlgError is a ValueError
         raise InputError(
-            f"{folder.path}: the analysis finds no solution in the data of this run ({error}); "
-            "look at them with `station export`"
+            f"{folder.path}: the analysis finds no solution in the data of this run "
+            f"({error}{place_of(error)}); look at them with `station export`"
         ) from error
     return document, findings
 
@@ -94,7 +95,8 @@ def findings_of_run(folder: RunFolder, plan: Plan, bench: Bench) -> tuple[Findin
     procedure, missing = procedure_of(plan.procedure), list[Flag]()
     while True:
         try:
-            return procedure.evaluate_run(folder, plan.parameters, bench), missing
+            findings = procedure.evaluate_run(folder, plan.parameters, bench)
+            return in_declared_units(procedure, findings), missing
         except MissingRows as error:
             if error.unit not in folder.finished_units():
                 raise
@@ -284,12 +286,13 @@ def evaluate_dataset(raw: RawDataset) -> tuple[ResultDocument, Findings]:
     procedure = procedure_of(raw.procedure)
     try:
         with quiet_numbers():
-            findings = procedure.evaluate_dataset(raw)
+            findings = in_declared_units(procedure, procedure.evaluate_dataset(raw))
             return conclude(raw.procedure, findings, {}, "simple"), findings
     except (ArithmeticError, ValueError) as error:  # LinAlgError is a ValueError
         raise InputError(
-            f"{raw.document.path}: the analysis finds no solution in these numbers ({error}); look "
-            "for columns that never change, that repeat each other, or that have another unit"
+            f"{raw.document.path}: the analysis finds no solution in these numbers "
+            f"({error}{place_of(error)}); look for columns that never change, that repeat "
+            "each other, or that have another unit"
         ) from error
 
 

@@ -90,6 +90,10 @@ class Run:
 
     def role(self, name: str, kind: type[Role]) -> Role:
         """Return the opened instrument `name`, proven to have the verbs of role `kind`."""
+        if name not in self.instruments:
+            raise InputError(
+                f"{name}: a step uses it, and the procedure's `instruments` does not name it"
+            )
         instrument = self.instruments[name]
         if not isinstance(instrument, kind):
             raise InputError(

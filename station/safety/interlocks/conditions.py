@@ -228,7 +228,7 @@ class QuantityReader:
         """
         newest = self.readings.newest(instrument, quantity)
         if newest is not None and self.clock.now() - newest.time_s < YOUNGER * self.fresh_s:
-            return Seen(newest)
+            return in_unit_of_role(newest, instrument, quantity)
         read = getattr(self.instruments.get(instrument), "read_quantity", None)
         if read is None:
             raise InputError(
@@ -249,7 +249,7 @@ class QuantityReader:
             unit = kind_of(instrument, quantity).unit
             self.readings.publish(instrument, quantity, value, unit)
             told = Reading(value, unit, self.clock.now())
-        return Seen(told)
+        return in_unit_of_role(told, instrument, quantity)
 
     def explained(self, watched: Collection[Watched]) -> str:
         """Return in brackets what instruments say to explain a state: which contact is open."""
@@ -261,3 +261,13 @@ class QuantityReader:
                     said.append(str(explain(quantity)))
         told = ", ".join(one for one in said if one)
         return f" ({told})" if told else ""
+
+
+def in_unit_of_role(reading: Reading, instrument: str, quantity: str) -> Seen:
+    """Return a reading as seen; as none where its number is in another unit than its limits."""
+    wanted = kind_of(instrument, quantity).unit
+    if isinstance(reading.value, str) or reading.unit == wanted:
+        return Seen(reading)
+    return Seen(
+        None, f"is published in {reading.unit or 'no unit'} instead of {wanted} by its driver"
+    )

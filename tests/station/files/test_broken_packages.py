@@ -132,3 +132,13 @@ def test_a_package_of_odd_metadata_is_named_and_left_out(points: bytes, tmp_path
     done = station(tmp_path, "validate", "plan.yaml", PYTHONPATH=path)
     assert done.returncode == 0, done.stderr
     assert "WARNING: the entry points of the package oddware cannot be read" in done.stderr
+
+
+def test_a_name_that_two_packages_offer_is_named_with_both(tmp_path: Path) -> None:
+    points = b"[station.drivers]\nlab-driver = firstware_module:Thing\n"
+    first = package(tmp_path / "site", "firstware", points)
+    package(first, "otherware", points)
+    (tmp_path / "plan.yaml").write_text(PLAN, encoding="utf-8")
+    done = station(tmp_path, "validate", "plan.yaml", PYTHONPATH=str(first))
+    assert done.returncode == 0, done.stderr
+    assert "WARNING: the driver 'lab-driver' is offered by two packages" in done.stderr

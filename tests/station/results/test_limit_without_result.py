@@ -8,8 +8,9 @@ from pathlib import Path
 import pytest
 from campaign_helpers import finished_run
 
-from station.errors import EXIT_DONE, EXIT_OUTSIDE_LIMIT, EXIT_UNDETERMINED
+from station.errors import EXIT_DONE, EXIT_OUTSIDE_LIMIT, EXIT_UNDETERMINED, InputError
 from station.findings import Estimate, Findings
+from station.procedure import in_declared_units, procedure_of
 from station.record.folder import RunFolder
 from station.report.tables import junit_of
 from station.results import Limit, ResultDocument, conclude
@@ -71,3 +72,11 @@ def test_a_limit_for_a_whole_result_asks_for_the_axes_of_the_plan_only(run: Path
     assert found.to_data() == stored
     assert {result.estimate.axis for result in found.results} == {"IA", "LA"}
     assert all(result.limit is not None for result in found.results)
+
+
+def test_a_result_in_another_unit_than_declared_is_refused() -> None:
+    """A limit is compared with the number of the result."""
+    estimate = Estimate("magnetic_sensitivity", "IA", 4e-5, "deg/h/uT", 1e-6, 50.0, "x")
+    findings = Findings([estimate], (), (), (), None)
+    with pytest.raises(InputError, match="in deg/h/uT, its procedure declares deg/h/mT"):
+        in_declared_units(procedure_of("rlg-magnetic-sensitivity"), findings)

@@ -160,6 +160,21 @@ def test_what_is_wrong_with_it_is_refused_as_for_any_role(old: str, new: str, fa
 
 
 @pytest.mark.usefixtures("laboratory")
+def test_a_driver_that_publishes_in_another_unit_than_its_role_is_refused(
+    laboratory: Path,
+) -> None:
+    method = """
+    @quantity("power", "mW")
+    def power(self): return 1.0
+"""
+    text = DRIVER.replace("import Driver,", "import Driver, quantity,") + method
+    text = text.replace('    quantities: ClassVar = {"power": lambda self: 0.0}\n', "")
+    (laboratory / "site" / "heater_driver.py").write_text(text, encoding="utf-8")
+    (fault,) = faults_of(bench_text())
+    assert "publishes 'power' in mW, a cell_heater has it in W" in fault
+
+
+@pytest.mark.usefixtures("laboratory")
 def test_it_is_in_the_schema_and_not_in_the_built_in_one() -> None:
     shown = json.loads(schema_text("bench"))
     assert "cell_heater" not in schema_text("bench", built_in=True)

@@ -17,6 +17,7 @@ from station.safety.interlocks.conditions import (
     Not,
     Seen,
     State,
+    in_unit_of_role,
 )
 from station.safety.readings import Reading
 
@@ -129,3 +130,9 @@ def test_a_stack_says_what_decided_it() -> None:
     assert said.said == "first current is 1 A, not above 8 A and second current is 9.5 A, above 8 A"
     assert (said.value, said.limit) == (9.5, "above 8 A")
     assert AllOf([Not(TWO[0]), TWO[1]]).watched == {("first", "current"), ("second", "current")}
+
+
+def test_a_reading_in_another_unit_than_its_limit_cannot_be_read() -> None:
+    seen = in_unit_of_role(Reading(0.009, "kA", 0.0), "coil_supply.x", "current")
+    assert judged(ABOVE, seen).true is None
+    assert "in kA instead of A" in judged(ABOVE, seen).said
