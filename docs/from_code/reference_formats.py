@@ -73,14 +73,14 @@ RESULT_KEYS = {
     "safe_state[]": "`station run --json` only: how each instrument came to rest",
     "safe_state[].instrument": "its instance",
     "safe_state[].verified": "whether its safe state was read back",
-    "safe_state[].read_back": "what it said",
+    "safe_state[].read_back": "what it read back",
     "safe_state[].took_s": "the time it took, in s",
     "safe_state[].used": "false for an instrument that the run did not use and that is not at rest",
     "outside[]": "`station run --json` only: how everything else on the bench that can harm was "
     "read, as in `safe_state`",
     "outside[].instrument": "its instance",
     "outside[].verified": "whether it is at rest",
-    "outside[].read_back": "what it said",
+    "outside[].read_back": "what it read back",
     "outside[].took_s": "the time it took, in s",
     "outside[].used": "false",
     "left_out[]": "`station run --json` only: what can harm and was not read back, why, and what "

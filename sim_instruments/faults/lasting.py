@@ -89,7 +89,7 @@ class ListRefused(LastingFault):
 
 
 class Overdrive(LastingFault):
-    """The supply drives `factor` times the current that it is told, 3.5 unless said."""
+    """The supply drives `factor` times the current that is commanded, 3.5 unless said."""
 
     kind = "overdrive"
     options = ("factor",)
@@ -233,7 +233,7 @@ class AlignmentFails(LastingFault):
 
 
 class GyroFails(LastingFault):
-    """A gyro of the navigator, or of the nine-axis sensor, fails its own test; the status tells."""
+    """A gyro of navigator or nine-axis sensor fails its own test, as its status shows."""
 
     kind = "gyro-fails"
 

@@ -120,7 +120,7 @@ def test_closing_twice_does_no_harm(instrument: Any) -> None:
     instrument.close()
 
 
-def test_a_closed_port_is_told_clearly(fixture: Fixture) -> None:
+def test_a_closed_port_is_reported_clearly(fixture: Fixture) -> None:
     """Nobody listens: the instrument is off, or the address is wrong."""
     need_port(fixture)
     with no_thread_left():
@@ -129,7 +129,7 @@ def test_a_closed_port_is_told_clearly(fixture: Fixture) -> None:
 
 
 @pytest.mark.parametrize("greets", [True, False], ids=["silent", "silent-from-the-start"])
-def test_silence_is_told_clearly_and_in_time(fixture: Fixture, greets: bool) -> None:
+def test_silence_is_reported_clearly_and_in_time(fixture: Fixture, greets: bool) -> None:
     """The connection stands and no answer ever comes."""
     need_port(fixture)
     can = is_can(fixture.address)
@@ -139,7 +139,7 @@ def test_silence_is_told_clearly_and_in_time(fixture: Fixture, greets: bool) -> 
         fixture.close()
 
 
-def test_a_partner_that_hangs_up_is_told_clearly(fixture: Fixture) -> None:
+def test_a_partner_that_hangs_up_is_reported_clearly(fixture: Fixture) -> None:
     """The connection is closed in the middle of an exchange."""
     need_port(fixture)
     with (
@@ -151,7 +151,7 @@ def test_a_partner_that_hangs_up_is_told_clearly(fixture: Fixture) -> None:
 
 
 @pytest.mark.parametrize("kind", [*dict.fromkeys([*NONSENSE, *NONSENSE_ON_CAN])])
-def test_nonsense_is_told_clearly(fixture: Fixture, kind: str) -> None:
+def test_nonsense_is_reported_clearly(fixture: Fixture, kind: str) -> None:
     """Whatever comes back, an answer that is none never becomes an identity."""
     need_port(fixture)
     known = NONSENSE_ON_CAN if is_can(fixture.address) else NONSENSE

@@ -37,7 +37,7 @@ class Event:
 class EventLog:
     """Append events so that each survives the death of the process before the caller goes on.
 
-    A log that is there already is gone on with; a last line cut short is taken out of it first.
+    A log that is there already is continued; a last line cut short is taken out of it first.
     """
 
     def __init__(self, path: Path) -> None:

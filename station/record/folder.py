@@ -241,7 +241,7 @@ class RunFolder:
         return (event for event in self.events if event.kind == kind)
 
     def of_last_process(self, kind: str) -> list[Event]:
-        """Return the events of one kind since the run was begun, or last gone on with."""
+        """Return the events of one kind since the run was begun, or last resumed."""
         since = max((k for k, one in enumerate(self.events) if one.kind == RESUMED), default=0)
         return [event for event in self.events[since:] if event.kind == kind]
 

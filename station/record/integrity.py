@@ -229,7 +229,7 @@ def _altered_guardian_log(path: Path) -> Iterator[str]:
 
 
 def _log_against(folder: OpenedRecord, digest: str) -> tuple[bool, list[str]]:
-    """Return whether the log was gone on with since the manifest, and what is wrong with it.
+    """Return whether the log was continued since the manifest, and what is wrong with it.
 
     The manifest of a run that was resumed and killed is that of before: the log's beginning, up to
     where it was resumed, is the one that it names.

@@ -190,7 +190,7 @@ def record_flags(procedure: Procedure, parameters: Any, bench: Bench) -> Iterato
 
 
 def flags_of_gaps(folder: RunFolder) -> Iterator[Flag]:
-    """Yield a flag for each time the run was gone on with, and where its software had changed."""
+    """Yield a flag for each time the run was resumed, and where its software had changed."""
     for event in folder.events_of(RESUMED):
         details = event.details
         units = details["units_finished"]
@@ -199,7 +199,7 @@ def flags_of_gaps(folder: RunFolder) -> Iterator[Flag]:
             before = f"{len(units)} units of work, the last {units[-1]}"
         yield Flag(
             "resumed",
-            f"The run stopped at {details['stopped_s']:.0f} s of run time and was gone on with "
+            f"The run stopped at {details['stopped_s']:.0f} s of run time and was resumed "
             f"{span(details['silent_s'])} later; finished by then: {before}.",
             details={"stopped_s": details["stopped_s"], "gap_s": details["silent_s"]},
         )
@@ -208,7 +208,7 @@ def flags_of_gaps(folder: RunFolder) -> Iterator[Flag]:
             listed = ", ".join(f"{name} {old} → {new}" for name, (old, new) in changed.items())
             yield Flag(
                 "software-changed",
-                f"The run was gone on with by other software than it began with: {listed}.",
+                f"The run was resumed by other software than it began with: {listed}.",
                 details={"changed": changed},
             )
 

@@ -72,13 +72,13 @@ BROKEN_SUPPLIES = {
         "    def identify(self):\n"
         "        answer = self._line.query('*IDN?').split(',')\n"
         "        return __import__('station.roles').roles.Identity('', answer[0], '1', '')\n",
-        {"test_it_says_who_is_there", "test_nonsense_is_told_clearly"},
+        {"test_it_says_who_is_there", "test_nonsense_is_reported_clearly"},
     ),
     "lets errors through": (
         "    def __init__(self, place):\n"
         "        try:\n            super().__init__(place)\n            self.identify()\n"
         "        except Exception as error:\n            raise RuntimeError('no') from error\n",
-        {"test_a_closed_port_is_told_clearly", "test_silence_is_told_clearly_and_in_time"},
+        {"test_a_closed_port_is_reported_clearly", "test_silence_is_reported_clearly_and_in_time"},
     ),
     "closes once": (
         "    def close(self):\n        self._line.close()\n        del self._line\n",
