@@ -113,16 +113,19 @@ class Follower:
     def take(self, unit: str) -> dict[str, NDArray[Any]]:
         """Record what has come; return it by instrument, shape (rows,) each.
 
-        Raises InstrumentError for a source that is silent for longer than `SILENT_AFTER_S`.
+        Raises InstrumentError for a source that is silent for longer than `SILENT_AFTER_S`, counted
+        from when its last row arrived.
         """
+        from station.record.raw import ARRIVAL
+
         came = {}
         for name, source in self._sources.items():
             rows = keep(self._run, unit, source, source.drain())
             now_s = self._run.clock.now()
             if len(rows):
                 came[name], self.newest[name] = rows, rows[-1:]
-                self._heard_s[name] = now_s
-            elif now_s - self._heard_s[name] > SILENT_AFTER_S:
+                self._heard_s[name] = float(rows[ARRIVAL][-1])
+            elif now_s - self._heard_s[name] > self._run.clock.patience_s(SILENT_AFTER_S):
                 raise InstrumentError(
                     name,
                     f"record {unit}",
