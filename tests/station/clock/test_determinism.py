@@ -108,7 +108,8 @@ def test_a_stopped_thread_leaves_the_queue_of_a_lock() -> None:
 
 STUCK = """
 import ctypes, sys, threading
-from station.clock import ClockError, VirtualClock, watchdog
+from station.clock import ClockError, VirtualClock
+from station.clock import virtual as watchdog
 from station.control.signals import AbortSignals
 
 watchdog.HANGS_AFTER_S, watchdog.LOOKS_EVERY_S, watchdog.ENDS_AFTER_S = 0.6, 0.1, 0.5

@@ -93,7 +93,7 @@ def test_a_kill_on_scaled_time_leaves_a_safe_world_and_a_run_that_goes_on(
         (True, {"verdict": "inconclusive"}, "IA: the verdict is inconclusive with U"),
         (True, {"verdict": "fail", "U": 20.0}, "IA: the verdict is fail with U"),
         (True, {"off": 5.0}, "IA is 0."),
-        (True, {"off": 20.0, "verdict": "inconclusive", "U": 3.0}, "U off the truth"),
+        (True, {"off": 20.0, "verdict": "inconclusive", "U": 3.0}, "u off the truth"),
     ],
 )
 def test_a_resumed_run_may_be_less_sure_where_time_is_faster_and_never_wrong(
