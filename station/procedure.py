@@ -248,17 +248,42 @@ class Procedure:
                 return step
         raise InputError(f"{self.name} has no step {number}")
 
+    def declared(self, parameters: Any) -> tuple[Work, ...]:
+        """Return the work of a plan.
+
+        Raises InputError for work of a step, or of an instrument, that the procedure does not have.
+        """
+        work = tuple(self.work(parameters))
+        steps, instruments = [step.number for step in self.steps], self.instruments(parameters)
+        for one in work:
+            if one.step not in steps:
+                raise InputError(
+                    f"{self.name} declares work of step {one.step}, and its steps are "
+                    f"{', '.join(steps)}"
+                )
+            named = (
+                *(command.instrument for command in one.commands),
+                *(r.instrument for r in one.rows),
+            )
+            for instrument in named:
+                if instrument not in instruments:
+                    raise InputError(
+                        f"{self.name} declares work of {instrument} in step {one.step}, and its "
+                        f"`instruments` names {', '.join(instruments)}"
+                    )
+        return work
+
     def units(self, parameters: Any) -> tuple[str, ...]:
         """Return the units of work that a run of the plan will finish, in order."""
-        return units_of(self.work(parameters))
+        return units_of(self.declared(parameters))
 
     def expected_units(self, parameters: Any) -> dict[str, float]:
         """Return the units of work and the bench time in s that each is expected to take."""
-        return unit_durations_s(self.work(parameters))
+        return unit_durations_s(self.declared(parameters))
 
     def forecast(self, parameters: Any, bench: Bench) -> Forecast:
         """Return what a run will command and record; opens nothing."""
-        work = tuple(self.work(parameters))
+        work = self.declared(parameters)
         held_bytes = self.held_bytes(parameters, bench)
         return Forecast(set_points_of(work, bench), recordings_of(work, bench), held_bytes)
 
@@ -271,7 +296,7 @@ class Procedure:
     def timed_steps(self, parameters: Any) -> Iterator[tuple[Step, float]]:
         """Yield each step with the bench time in s that it is expected to take."""
         work_s: dict[str, float] = {}
-        for one in self.work(parameters):
+        for one in self.declared(parameters):
             work_s[one.step] = work_s.get(one.step, 0.0) + one.duration_s
         for step in self.steps:
             yield step, step.duration_s(parameters) + work_s.get(step.number, 0.0)
@@ -305,14 +330,19 @@ class Procedures(Mapping[str, Procedure]):
         return procedure_of(name)
 
 
-def in_declared_units(procedure: Procedure, findings: Findings) -> Findings:
-    """Return findings; InputError for an estimate in another unit than its result is declared in.
+def as_declared(procedure: Procedure, findings: Findings) -> Findings:
+    """Return findings; InputError for an estimate that the procedure does not declare so.
 
     A limit of the plan is converted to the declared unit, and compared with the estimate's number.
     """
     for estimate in findings.estimates:
         declared = procedure.results.get(estimate.name)
-        if declared is not None and declared.unit != estimate.unit:
+        if declared is None:
+            raise InputError(
+                f"the evaluation gives {estimate.name}, and the `results` of {procedure.name} name "
+                f"{', '.join(procedure.results)}"
+            )
+        if declared.unit != estimate.unit:
             raise InputError(
                 f"the evaluation gives {estimate.name} in {estimate.unit}, its procedure declares "
                 f"{declared.unit}; convert it in the evaluation"

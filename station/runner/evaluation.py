@@ -26,7 +26,7 @@ from station.errors import (
 from station.files.faults import FaultList, listed, not_there
 from station.findings import Findings, Flag
 from station.instruments.bench import Bench
-from station.procedure import Procedures, in_declared_units, procedure_of
+from station.procedure import Procedures, as_declared, procedure_of
 from station.record.events import RESUMED
 from station.record.files import write_whole_file
 from station.record.folder import REPORT, RESULTS, RunFolder
@@ -96,7 +96,7 @@ def findings_of_run(folder: RunFolder, plan: Plan, bench: Bench) -> tuple[Findin
     while True:
         try:
             findings = procedure.evaluate_run(folder, plan.parameters, bench)
-            return in_declared_units(procedure, findings), missing
+            return as_declared(procedure, findings), missing
         except MissingRows as error:
             if error.unit not in folder.finished_units():
                 raise
@@ -286,7 +286,7 @@ def evaluate_dataset(raw: RawDataset) -> tuple[ResultDocument, Findings]:
     procedure = procedure_of(raw.procedure)
     try:
         with quiet_numbers():
-            findings = in_declared_units(procedure, procedure.evaluate_dataset(raw))
+            findings = as_declared(procedure, procedure.evaluate_dataset(raw))
             return conclude(raw.procedure, findings, {}, "simple"), findings
     except (ArithmeticError, ValueError) as error:  # LinAlgError is a ValueError
         raise InputError(

@@ -7,6 +7,7 @@ import math
 import re
 import sys
 import traceback
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +24,7 @@ from station.instruments.bench import Bench, read_bench
 from station.method.cell_commands import CellField
 from station.method.commands import Power, SineField, SteadyField
 from station.method.set_points import Bounded, Command, Envelope, SetPoint
+from station.method.work import Rows, Work
 from station.procedure import Procedures, no_work, procedure_of
 from station.record.folder import RunFolder
 from station.runner.execute import Request, execute
@@ -244,3 +246,20 @@ def test_the_field_that_degausses_a_coil_is_checked_where_no_point_goes_as_far()
         procedure = procedure_of(name)
         found = list(problems_of_plan(procedure, plan.parameters, bench()))
         assert len([one for one in found if "60 mT" in one.what]) == faults, found
+
+
+@pytest.mark.parametrize(
+    ("work", "sentence"),
+    [
+        (Work("S33", "IA"), "declares work of step S33, and its steps are S1, S2"),
+        (Work("S4", "IA", (Power("dut_powr", on=True),)), "declares work of dut_powr in step S4"),
+        (Work("S4", "IA", (), (Rows("gausmeter", 1.0),)), "declares work of gausmeter in step S4"),
+    ],
+    ids=["step", "instrument of a command", "instrument of rows"],
+)
+def test_work_of_what_the_procedure_does_not_have_is_refused(work: Work, sentence: str) -> None:
+    procedure = procedure_of("rlg-magnetic-sensitivity")
+    plan = read_plan(find(PLANS, procedure.name), Procedures())
+    wrong = replace(procedure, work=lambda _: (work,))
+    with pytest.raises(InputError, match=sentence):
+        wrong.units(plan.parameters)
