@@ -43,7 +43,7 @@ OF_AXIS = {
     10: ("the rate is above the stage's maximum", "lower limits.rate in the bench file"),
     11: ("the acceleration is above the stage's maximum", "lower limits.acceleration"),
     13: ("the motor is off", f"find out who or what switched it off, {HOME_AGAIN}"),
-    20: ("the search for its zero was broken off", "look what stopped it, then home it again"),
+    20: ("it stopped before it found its zero", "find what stopped it, then home it again"),
     29: ("a digital interlock is open", "close it, then run again"),
     30: ("it is still looking for its zero", "wait until it has found it"),
 }

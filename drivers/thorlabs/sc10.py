@@ -163,7 +163,7 @@ class ThorlabsSc10(Driver):
         self._await(
             False,
             "close the shutter",
-            "THE LIGHT STILL PASSES: switch the pump laser off by hand, then look what holds the "
+            "THE LIGHT STILL PASSES: switch the pump laser off by hand, then find what holds the "
             "blade",
             within_s,
             ask,

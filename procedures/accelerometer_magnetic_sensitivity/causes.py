@@ -246,10 +246,10 @@ def _lines(time_s: Array, design: Array, left: Array, inside: Mask) -> list[tupl
     (cc, ss), cs = np.einsum("anc,anc->ac", own, own), np.einsum("nc,nc->c", *own)
     cr, sr = np.einsum("anc,n->ac", own, left)
     determinant = cc * ss - cs**2
-    told = determinant > (LEAST_PART * count) ** 2
-    gains = (ss * cr**2 - 2.0 * cs * cr * sr + cc * sr**2) / np.where(told, determinant, 1.0)
-    best = int(np.argmax(np.where(told, gains, 0.0)))
-    if not told[best]:
+    determined = determinant > (LEAST_PART * count) ** 2
+    gains = (ss * cr**2 - 2.0 * cs * cr * sr + cc * sr**2) / np.where(determined, determinant, 1.0)
+    best = int(np.argmax(np.where(determined, gains, 0.0)))
+    if not determined[best]:
         return []
     what = f"{spacing_s / cycles[best]:.4g} s"
     return [(float(gains[best]), Cause("periodic", what, "V", waves[:, :, best].T, None, PLACE))]

@@ -255,7 +255,7 @@ def result_flags(
     if weak:
         yield Flag(
             "not-significant",
-            f"{listed(weak)} cannot be told from zero: the magnitude is below "
+            f"{listed(weak)} cannot be distinguished from zero: the magnitude is below "
             f"{settings.not_significant:g} standard uncertainties.",
             details={"coefficients": weak},
         )

@@ -36,7 +36,7 @@ FINER_DEG = (0.1, 0.005)
 MOST_POLISHED = 4
 SAME_ANGLE_DEG = 0.05
 TOLD_PART = 1e-6
-"""A jump whose column has less of its own cannot be told from the coefficients."""
+"""A jump whose column has less of its own cannot be distinguished from the coefficients."""
 RIDGE = 1e-12
 """Of each column's squares: a decomposition of none left fails otherwise."""
 MANY_STRAYS = 0.1

@@ -76,8 +76,8 @@ def expected_uncertainty(
 def _angle_shows(design: Array, plane: Names, theta_deg: Array, slope: Array) -> bool:
     """Whether three angles, each turned by itself, leave residuals of their own.
 
-    Where only one does, all leave the same residual and none can be told from the others; where two
-    do, a drift in the published order leaves one.
+    Where only one does, all leave the same residual and none is distinguished; where two do, a
+    drift in the published order leaves one.
     """
     places = sorted(set(zip(plane, theta_deg, strict=True)))[:ENOUGH_ANGLES]
     turned = [slope * ((plane == name) & (theta_deg == angle)) for name, angle in places]
@@ -125,6 +125,6 @@ def outlook(parameters: AccelerometerParameters) -> tuple[str, ...]:
     if not expected.angle_shows:
         lines.append(
             "With so few angles an encoder that is off at one of them looks like a coefficient, or "
-            "cannot be told from another angle: take more angles or a second plane."
+            "cannot be distinguished from another angle: take more angles or a second plane."
         )
     return tuple(line.rstrip() for line in lines)

@@ -161,7 +161,7 @@ def far(design: Array, sigmas: float) -> float:
 def group_weights(rows: Rows, design: Array, kept: Mask) -> Array:
     """Return one over the noise of each row's group, relative to all; ones without groups.
 
-    The noise of a group is told by its own residuals where there are enough of them.
+    The noise of a group is that of its own residuals where there are enough of them.
     """
     weight = np.ones(len(kept)) if rows.root_weight is None else rows.root_weight.copy()
     if rows.noise_group is None or len(np.unique(rows.noise_group)) < 2:

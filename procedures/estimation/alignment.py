@@ -45,8 +45,8 @@ def align(counter: Array, arrival_s: Array, nominal_rate: float) -> Alignment:
 def align_pieces(pieces: Iterable[tuple[Array, Array]], nominal_rate: float) -> Alignment:
     """Align as `align` does, from the rows of a record in pieces, each in its turn.
 
-    The hull is that of all rows: what is forgotten of a long record cannot touch the line. Of how
-    late the rows are, every so-manieth row of a long record tells as well as all.
+    The hull is that of all rows: what is forgotten of a long record cannot touch the line. How
+    late rows are is taken from every n-th row of a long record, which serves as well as all.
     """
     touching: list[Array] = []
     seen: list[Array] = []

@@ -38,7 +38,7 @@ PROCEDURE = Procedure(
         "The three positions do not determine the accelerometers or the magnetometer: each feels "
         "gravity or the field in too few directions. Their records are kept.",
         "A scale factor is that along the table's axis. An input axis tilted by 10 arcmin reads "
-        "4 ppm less; with one axis recorded that cannot be told from K.",
+        "4 ppm less; with one axis recorded that is not distinguished from K.",
         "Misalignments are towards the axes of the table as the sensor was mounted on it, so they "
         "hold the fixture's own errors.",
         "The bias is that of this switch-on and temperature, with the gyros at rest. It is "

@@ -258,7 +258,7 @@ def _noise(
         if small or agree:
             noise_said = (
                 f"The {one.name} of {one.axis}, {one.value:.3g} ppm with u = {u:.2g} ppm, cannot "
-                "be told from noise."
+                "be distinguished from noise."
             )
             details = {"name": one.name}
             flags.append(Flag("not-significant", noise_said, one.axis, details))

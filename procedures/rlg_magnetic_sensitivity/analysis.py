@@ -70,7 +70,7 @@ def analyse(dataset: RlgDataset, settings: AnalysisSettings | None = None) -> Rl
     driven = tuple(a for a in AXES if any(a in s.drive for s in dataset.segments))
     for axis, known in zip(response.axes, response.determined, strict=True):
         if not known:
-            reasons[axis] = "its field cannot be told from that of another driven axis"
+            reasons[axis] = "its field cannot be distinguished from that of another driven axis"
     determined = tuple(
         a for a, known in zip(response.axes, response.determined, strict=True) if known
     )

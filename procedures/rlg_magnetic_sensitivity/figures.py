@@ -161,7 +161,7 @@ def line_table(driven: Sequence[LineDetail]) -> Table:
         "The driven lines",
         "A real sensitivity answers in phase with the field, or against it where it is negative; "
         "a part in quadrature would point to a delay, eddy currents or pickup. Uncertainties are "
-        "standard, type A. The bound is given where the value is not told from zero.",
+        "standard, type A. The bound is given where the value is not distinguished from zero.",
         ["", *(line_name(line, driven) for line in driven)],
         [row for row in texts if any(cell != NOTHING for cell in row[1:])],
     )

@@ -150,7 +150,7 @@ def fit_gyro(
     sums = full.sum_of_squares + np.append(np.cumsum(full.gains[line_count + 1 :][::-1])[::-1], 0.0)
     samples = len(data_kept)
     # A slope costs next to nothing over whole cycles and its absence biases the lines: it is always
-    # in the fit. The reader is told of drift only when the evidence is beyond doubt.
+    # in the fit. Drift is reported only when the evidence is beyond doubt.
     order = max(drift_order(sums, samples, 1.0), min(1, top))
     evident = drift_order(sums, samples, 2.0) >= 1
     unknowns = line_count + order + 1

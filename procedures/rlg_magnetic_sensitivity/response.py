@@ -85,8 +85,8 @@ def solve(observed: Sequence[Observed | None]) -> Response:
 
     Weighted least squares on real and imaginary parts, with the measured field of all three
     components: the misalignment between coils and gyro axes drops out. What the field on an axis
-    that is driven nowhere does cannot be told from the drive: S is that of the driven axes with the
-    share `undriven` of the other's sensitivity in it.
+    that is driven nowhere does is not distinguished from the drive: S is that of the driven axes
+    with the share `undriven` of the other's sensitivity in it.
 
     The ambient field B0 makes 2 S2 B0 of the second-order term look like first-order sensitivity.
     Fitting both at once multiplies u(S) by sqrt(1 + c^2), c = 4 B0 / M: by 1.007 at 0.03 mT against

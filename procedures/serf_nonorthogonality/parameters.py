@@ -134,7 +134,7 @@ class SerfParameters(StrictModel):
 
     @property
     def field_levels_nT(self) -> dict[str, float]:
-        """The field of each coil that carries one: given, or where the angles are told best."""
+        """The field of each coil that carries one: given, or the best for the angles."""
         if self.fields is not None:
             return {"x": self.fields.x_nT, "y": self.fields.y_nT, "z": self.fields.z_nT}
         field_nT = self.field_nT if self.field_nT is not None else self.best_field_nT
@@ -144,7 +144,7 @@ class SerfParameters(StrictModel):
     def best_field_nT(self) -> float:
         """The field of each coil at which spin exchange broadens a pair's line by half its width.
 
-        There the frequency of a pair is told best in relation to itself.
+        There the relative uncertainty of the frequency of a pair is smallest.
         """
         assert self.relaxation_rate_Hz is not None
         assert self.exchange_rate_Hz is not None

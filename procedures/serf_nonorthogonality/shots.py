@@ -27,7 +27,7 @@ ROUND = ((1, 1), (-1, -1), (1, -1), (-1, 1))
 
 @dataclass(frozen=True)
 class Wanted:
-    """One shot of a plan: its name, and the field in nT that each coil is told."""
+    """One shot of a plan: its name, and the field in nT commanded of each coil."""
 
     id: str
     field_nT: tuple[float, float, float]

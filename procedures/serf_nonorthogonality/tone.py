@@ -187,10 +187,10 @@ def pooled_chirp(fits: Sequence[ToneFit]) -> tuple[float, float]:
 
 
 def pooled(values: Sequence[float], u: Sequence[float]) -> tuple[float, float]:
-    """Return the weighted mean of what several shots tell, and its u; infinite where none does."""
+    """Return the weighted mean over several shots, and its u; infinite where none does."""
     value, size = np.array(values), np.array(u)
-    told = np.isfinite(size) & (size > 0.0)
-    if not told.any():
+    known = np.isfinite(size) & (size > 0.0)
+    if not known.any():
         return 0.0, np.inf
-    weight = size[told] ** -2.0
-    return float(weight @ value[told] / weight.sum()), float(weight.sum() ** -0.5)
+    weight = size[known] ** -2.0
+    return float(weight @ value[known] / weight.sum()), float(weight.sum() ** -0.5)

@@ -248,7 +248,7 @@ def minimum_from(
 
 
 def beyond(normal: Array, right: Array, noise: float) -> tuple[float, float]:
-    """Return the last unknown of normal equations (k, k), and its u; infinite where not told."""
+    """Return the last unknown of normal equations (k, k), and its u, infinite where it has none."""
     scale = np.sqrt(np.diag(normal))
     if not bool(np.all(scale > 0.0)):
         return 0.0, np.inf

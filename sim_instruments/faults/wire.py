@@ -148,7 +148,7 @@ class PreviousReply(WireFault):
     """The reply is the one that the message before was given; the first one is lost."""
 
     kind = "previous-reply"
-    # Replies in RTU frames have no number: one of the same length could not be told from another.
+    # Replies in RTU frames have no number: one of the same length could not be distinguished.
     protocols = LINES | CAN | MODBUS_TCP | FRAMES
 
     def change(self, reply: Reply, previous: Reply | None) -> Reply | None:

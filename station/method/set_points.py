@@ -8,6 +8,7 @@ What the roles can be commanded is in `station.method.commands`.
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Generic, Protocol, Self, TypedDict, TypeVar
@@ -97,7 +98,7 @@ class Station(Protocol):
 
 
 @dataclass(frozen=True)
-class Command(Generic[Result]):
+class Command(ABC, Generic[Result]):
     """One act of one instrument; `decided_by` is the key of the plan that decides it.
 
     A laboratory's own command is a subclass of this: words, bounds where there are limits, and
@@ -107,9 +108,9 @@ class Command(Generic[Result]):
     instrument: str
     decided_by: Where | None = field(default=None, kw_only=True)
 
+    @abstractmethod
     def words(self, bench: Bench) -> str:
         """Return what is commanded, for dry run and panel."""
-        raise NotImplementedError
 
     def bounds(self, bench: Bench) -> Bounds:
         """Return the largest values that are set; nothing where no limit can concern them."""
@@ -119,9 +120,9 @@ class Command(Generic[Result]):
         """Load what is to start together with others; nothing is energised by it."""
         return None
 
+    @abstractmethod
     def apply(self, station: Station, prepared: Result | None) -> Result:
         """Send it; `prepared` is what `prepare` returned."""
-        raise NotImplementedError
 
     @classmethod
     def declare(cls, step: str, commands: Sequence[Self], bench: Bench) -> Iterator[SetPoint]:
@@ -149,6 +150,13 @@ class Bounded(Command[None]):
     def bounds(self, bench: Bench) -> Bounds:
         """Return the bounds given."""
         return self.within
+
+    def apply(self, station: Station, prepared: None) -> None:
+        """Raise InputError: what the data decide is a command of its own."""
+        raise InputError(
+            f"{self.instrument}: `{self.text}` declares how far a step may go; apply the command "
+            "that its data decide"
+        )
 
 
 @dataclass(frozen=True)

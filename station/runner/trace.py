@@ -29,7 +29,7 @@ ESCAPES = [
 
 
 def readable(data: bytes) -> str:
-    """Return bytes as text in which each of them can be told from every other."""
+    """Return bytes as text in which each of them can be distinguished."""
     return "".join(map(ESCAPES.__getitem__, data))
 
 

@@ -263,3 +263,9 @@ def test_work_of_what_the_procedure_does_not_have_is_refused(work: Work, sentenc
     wrong = replace(procedure, work=lambda _: (work,))
     with pytest.raises(InputError, match=sentence):
         wrong.units(plan.parameters)
+
+
+def test_the_bounds_of_an_act_that_depends_on_data_are_no_command_themselves() -> None:
+    nobody: Any = None
+    with pytest.raises(InputError, match="`null the field` declares how far a step may go"):
+        Bounded("coil_supply.x", "null the field").apply(nobody, None)
