@@ -14,11 +14,14 @@ from __future__ import annotations
 import errno
 import re
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 import yaml
+from yaml.composer import Composer
 from yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
+from yaml.resolver import Resolver
 
 from station.files.faults import Fault, FaultList, dotted
 from station.files.yaml.document import TOP, Document, Mark, Where, plain_scalar
@@ -107,25 +110,26 @@ MOST_BYTES = 500_000
 DEEPEST = 40
 
 
-class _Loader(yaml.SafeLoader):
-    """PyYAML up to the tree of nodes, with no opinion on what a word means."""
+class _Composer(Composer, Resolver):
+    """The tree of nodes from a parser's events, with no opinion on what a word means."""
 
     yaml_implicit_resolvers: dict[str, Any] = {}  # noqa: RUF012  (PyYAML's own name and kind)
 
-    def __init__(self, text: str, file: str) -> None:
-        super().__init__(text)
+    def __init__(self, file: str) -> None:
+        Composer.__init__(self)
+        Resolver.__init__(self)
         self.file = file
         self.refused: list[Fault] = []
         self.depth = 0
 
     def compose_node(self, parent: Node | None, index: int) -> Node | None:
         """Compose a node; note what we refuse and go on as if it were not there."""
-        event: Any = self.peek_event()  # type: ignore[no-untyped-call]
+        event: Any = self.peek_event()  # type: ignore[attr-defined]
         if self.depth >= DEEPEST:
             self._refuse(event, f"the keys are nested more than {DEEPEST} deep")
             raise FaultList(self.refused)
         if isinstance(event, yaml.AliasEvent):
-            self.get_event()  # type: ignore[no-untyped-call]
+            self.get_event()  # type: ignore[attr-defined]
             self._refuse(event, f"'*{event.anchor}' is an alias; write the value out")
             mark: Any = event.start_mark
             return ScalarNode("", "", mark, mark, style="'")
@@ -147,6 +151,39 @@ class _Loader(yaml.SafeLoader):
         self.refused.append(Fault(self.file, mark.line + 1, mark.column + 1, "YAML", what))
 
 
+class _Loader(_Composer, yaml.SafeLoader):
+    """From PyYAML's own parser, whose complaints are those that `_PLAINER` words."""
+
+    def __init__(self, text: str, file: str) -> None:
+        yaml.SafeLoader.__init__(self, text)
+        _Composer.__init__(self, file)
+
+
+if yaml.__with_libyaml__:
+
+    class _FastLoader(_Composer, yaml.CSafeLoader):
+        """From libyaml's parser."""
+
+        def __init__(self, text: str, file: str) -> None:
+            yaml.CSafeLoader.__init__(self, text)
+            _Composer.__init__(self, file)
+
+
+def _composed(text: str, file: str) -> tuple[Node | None, list[Fault]]:
+    """Compose a text by libyaml, ten times as fast, and by PyYAML's own parser where it has faults.
+
+    Raises yaml.YAMLError, RecursionError, and FaultList where the keys are nested too deeply.
+    """
+    if yaml.__with_libyaml__:
+        with suppress(yaml.YAMLError, RecursionError, FaultList):
+            fast = _FastLoader(text, file)
+            node = fast.get_single_node()
+            if not fast.refused:
+                return node, []
+    loader = _Loader(text, file)
+    return loader.get_single_node(), loader.refused
+
+
 class _Builder:
     """Turns the tree of nodes into data, places and faults."""
 
@@ -162,7 +199,7 @@ class _Builder:
             return [self.value(item, (*path, n)) for n, item in enumerate(node.value)]
         assert isinstance(node, ScalarNode)
         self.document.scalars[path] = node.value
-        return plain_scalar(node.value) if node.style is None else node.value
+        return plain_scalar(node.value) if not node.style else node.value
 
     def mapping(self, node: MappingNode, path: Where) -> dict[str, Any]:
         data: dict[str, Any] = {}
@@ -172,7 +209,7 @@ class _Builder:
                 self.fault(mark, path, "a key must be a word")
                 continue
             key = key_node.value
-            if key == "<<" and key_node.style is None:
+            if key == "<<" and not key_node.style:
                 self.fault(mark, path, "'<<' merges mappings; write the keys out")
                 continue
             here = (*path, key)
@@ -231,8 +268,7 @@ def read_yaml_text(text: str, path: Path) -> Document:
     if found:
         raise FaultList(found)
     try:
-        loader = _Loader(text, file)
-        node = loader.get_single_node()
+        node, refused = _composed(text, file)
     except yaml.MarkedYAMLError as error:
         raise FaultList([_syntax_fault(error, file, text)]) from None
     except yaml.reader.ReaderError as error:
@@ -248,7 +284,7 @@ def read_yaml_text(text: str, path: Path) -> Document:
     document = Document({}, path, text)
     builder = _Builder(document)
     data = builder.value(node, ())
-    faults = [*loader.refused, *builder.faults]
+    faults = [*refused, *builder.faults]
     if not isinstance(data, dict):
         mark = _mark(node)
         what = "the file must consist of 'key: value' lines"
