@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable
+from functools import cache
 from itertools import product
 from typing import NamedTuple
 
@@ -49,6 +50,29 @@ class Unit(NamedTuple):
     parameters: list[str]
 
 
+class Header(NamedTuple):
+    """All paths of short names that a header may be written as, and the short form of each name."""
+
+    paths: tuple[tuple[str, ...], ...]
+    query: bool
+    short: dict[str, str]
+
+
+@cache
+def parsed(pattern: str) -> Header:
+    """Return what a pattern such as `LIST:CURRent[:LEVel]?` stands for."""
+    text = pattern.removesuffix("?").replace("[:", "\0[").replace(":", "\0").replace("]", "")
+    shorts: dict[str, str] = {}
+    choices: list[list[tuple[str, ...]]] = []
+    for node in filter(None, text.split("\0")):
+        name = node.lstrip("[")
+        short = "".join(letter for letter in name if not letter.islower()).upper()
+        shorts |= {name.upper(): short, short: short}
+        choices.append([(short,), ()] if node.startswith("[") else [(short,)])
+    paths = tuple(tuple(name for part in pick for name in part) for pick in product(*choices))
+    return Header(paths, pattern.endswith("?"), shorts)
+
+
 class CommandTree:
     """Headers such as `LIST:CURRent[:LEVel]` with what they do; short and long forms, any case."""
 
@@ -58,19 +82,10 @@ class CommandTree:
 
     def add(self, pattern: str, handler: Handler) -> None:
         """Add a header; a final `?` makes it a query, `[:NODE]` may be left out."""
-        query = pattern.endswith("?")
-        text = pattern.removesuffix("?").replace("[:", "\0[").replace(":", "\0").replace("]", "")
-        choices: list[list[tuple[str, ...]]] = []
-        for node in text.split("\0"):
-            if not node:
-                continue
-            name = node.lstrip("[")
-            short = "".join(letter for letter in name if not letter.islower()).upper()
-            self._short[name.upper()] = short
-            self._short[short] = short
-            choices.append([(short,), ()] if node.startswith("[") else [(short,)])
-        for pick in product(*choices):
-            self._handlers[tuple(name for part in pick for name in part), query] = handler
+        header = parsed(pattern)
+        self._short.update(header.short)
+        for path in header.paths:
+            self._handlers[path, header.query] = handler
 
     def find(self, unit: Unit) -> Handler:
         """Return what a command does; ScpiError -113 when nothing has this header."""

@@ -11,6 +11,7 @@ import hashlib
 import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 from itertools import chain, repeat
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
@@ -206,12 +207,20 @@ def _recorded(folder: OpenedRecord) -> dict[str, str]:
 def data_hash(file: Path) -> str:
     """Return the SHA-256 of what a resolved plan or bench says, empty where it cannot be read."""
     from station.files.faults import FaultList
-    from station.files.yaml.reading import read_yaml
+    from station.files.yaml.reading import MOST_BYTES, read_text
 
     try:
-        return hash_of_data(read_yaml(file).data)
+        return _hash_of_yaml(read_text(file, MOST_BYTES), file)
     except FaultList:
         return ""
+
+
+@lru_cache(maxsize=4)
+def _hash_of_yaml(text: str, file: Path) -> str:
+    """Return the SHA-256 of a text's data; a run's plan and bench are asked for again and again."""
+    from station.files.yaml.reading import read_yaml_text
+
+    return hash_of_data(read_yaml_text(text, file).data)
 
 
 def hash_of_data(data: Mapping[str, Any]) -> str:

@@ -12,6 +12,7 @@ import shutil
 import socket
 import subprocess
 from collections.abc import Mapping
+from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
@@ -220,6 +221,7 @@ def versions() -> dict[str, Any]:
     }
 
 
+@cache
 def package_version(name: str) -> str | None:
     """Return the installed version of a package, None where it is not installed."""
     try:

@@ -17,10 +17,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 from command_line import station_command
 from mcap.exceptions import McapError
 from mcap.stream_reader import StreamReader
+from quick_yaml import dump_yaml, load_yaml
 
 from sim_instruments.bench import SimulatedBench
 from station import registry
@@ -42,7 +42,7 @@ FIRST_PREVIOUS = "0" * 64
 def shipped(kind: str, name: str) -> dict[str, Any]:
     """Return the data of a shipped plan or bench."""
     text = (files("config") / kind / f"{name}.yaml").read_text(encoding="utf-8")
-    data: dict[str, Any] = yaml.safe_load(text)
+    data: dict[str, Any] = load_yaml(text)
     return data
 
 
@@ -53,7 +53,7 @@ def short_plan(folder: Path, **parameters: Any) -> Path:
     plan["parameters"] |= {"duration": "100 s", "warm_up": warm_up, **parameters}
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / "plan.yaml"
-    path.write_text(yaml.safe_dump(plan), encoding="utf-8")
+    path.write_text(dump_yaml(plan), encoding="utf-8")
     return path
 
 

@@ -7,14 +7,14 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-import yaml
 from places import SIM
+from quick_yaml import load_yaml
 
 from sim_instruments.truth import Truth
 from sim_instruments.world.serf import SerfBench
 from sim_instruments.world.serf_coils import VoltageHistory
 
-BENCH: dict[str, Any] = yaml.safe_load(SIM.read_text(encoding="utf-8"))
+BENCH: dict[str, Any] = load_yaml(SIM.read_text(encoding="utf-8"))
 GAMMA = 2 * np.pi * 28.02495
 UPRIGHT = {"towards_x": "0 deg", "towards_y": "0 deg", "towards_z": "0 deg"}
 NO_EXCHANGE = "1e15 Hz"

@@ -17,8 +17,8 @@ from itertools import product
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import yaml
 from campaign_helpers import RawContent, raw_content
+from quick_yaml import dump_yaml, load_yaml
 from short_forms import SHORT_FORMS
 
 from sim_instruments.bench import SimulatedBench, installed_worlds
@@ -147,7 +147,7 @@ class Reference:
 
 def bench_data(bench: str = BENCH) -> dict[str, Any]:
     """Return the data of a simulated bench."""
-    data: dict[str, Any] = yaml.safe_load(find(BENCHES, bench).read_text(encoding="utf-8"))
+    data: dict[str, Any] = load_yaml(find(BENCHES, bench).read_text(encoding="utf-8"))
     return data
 
 
@@ -158,7 +158,7 @@ def read_bench_at(path: Path) -> Bench:
 
 def short(plan: str, bench: Bench) -> Plan:
     """Return a shipped plan in its short form; raises FaultList where it cannot run."""
-    name = yaml.safe_load(find(PLANS, plan).read_text(encoding="utf-8")).get("procedure", "")
+    name = load_yaml(find(PLANS, plan).read_text(encoding="utf-8")).get("procedure", "")
     return read_plan_for(plan, bench, SHORT_FORMS.get(plan, SHORT_FORMS.get(str(name), ())))
 
 
@@ -226,7 +226,7 @@ def reference_run(plan_name: str, folder: Path, bench_name: str = BENCH) -> Refe
     world, bench_file = folder / "world.json", folder / "bench.yaml"
     data = bench_data(bench_name)
     data["simulation"]["report"] = str(world)
-    bench_file.write_text(yaml.safe_dump(data), encoding="utf-8")
+    bench_file.write_text(dump_yaml(data), encoding="utf-8")
     bench = read_bench_at(bench_file)
     plan = short(plan_name, bench)
     procedure, simulated = procedure_of(plan.procedure), served(plan.procedure, bench_name)
@@ -263,7 +263,7 @@ def reference_run(plan_name: str, folder: Path, bench_name: str = BENCH) -> Refe
     return Reference(
         record.path,
         outcome,
-        yaml.safe_load(world.read_text(encoding="utf-8")),
+        load_yaml(world.read_text(encoding="utf-8")),
         tuple(marks),
         {file.name: raw_content(file) for file in sorted((record.path / "raw").iterdir())},
         {

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import yaml
 from fault_cases import Case, bench_data, read_bench_at, short
+from quick_yaml import dump_yaml
 
 from station.cli.running import report_outcome
 from station.errors import StationError
@@ -54,7 +54,7 @@ def run_case(case: Case, entry: Mapping[str, Any], folder: Path) -> Ended:
     data = bench_data(case.bench)
     report = folder / "world.json"
     data["simulation"] |= {"report": str(report), "faults": [dict(entry)]}
-    (folder / "bench.yaml").write_text(yaml.safe_dump(data), encoding="utf-8")
+    (folder / "bench.yaml").write_text(dump_yaml(data), encoding="utf-8")
     bench = read_bench_at(folder / "bench.yaml")
     request = Request(short(case.plan, bench), bench, folder / "runs", quiet=True, report=False)
     before, children = set(threading.enumerate()), child_processes()

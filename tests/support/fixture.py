@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from typing import Any, TypeVar
 
 import numpy as np
-import yaml
+from quick_yaml import load_yaml
 from sim_bench import Line
 
 from sim_instruments.faults.catalogue import read_fault
@@ -156,7 +156,7 @@ def said_of_a_line_that_is_gone(driver: Any) -> str:
 
 def bench_alone(name: str, shipped: str = "sim", entry: Any = None) -> dict[str, Any]:
     """Return a shipped bench as data, with one instrument, its own unless given, and no other."""
-    bench: dict[str, Any] = yaml.safe_load(find(BENCHES, shipped).read_text(encoding="utf-8"))
+    bench: dict[str, Any] = load_yaml(find(BENCHES, shipped).read_text(encoding="utf-8"))
     bench["instruments"] = {name: entry or bench["instruments"][name]}
     bench["safe_state"] = []
     bench.pop("interlocks", None)

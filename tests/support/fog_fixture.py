@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-import yaml
 from places import SIM
+from quick_yaml import load_yaml
 from scipy.spatial.transform import Rotation
 
 from sim_instruments.truth import Truth
@@ -16,7 +16,7 @@ from sim_instruments.world.fog import FogBench
 
 Array = npt.NDArray[np.float64]
 
-BENCH: dict[str, Any] = yaml.safe_load(SIM.read_text(encoding="utf-8"))
+BENCH: dict[str, Any] = load_yaml(SIM.read_text(encoding="utf-8"))
 LATITUDE_DEG = 39.9
 EARTH_DEG_PER_S = 15.041067 / 3600
 AXES = ("x", "y", "z")

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import yaml
+from quick_yaml import dump_yaml, load_yaml
 
 from station import registry
 from station.clock import VirtualClock
@@ -28,7 +28,7 @@ SUPPLY, GAUSSMETER, BOARD, CHAIN = (
     "gyro_acquisition",
     "interlock_chain",
 )
-SHIPPED: dict[str, Any] = yaml.safe_load(find(BENCHES, "sim").read_text(encoding="utf-8"))
+SHIPPED: dict[str, Any] = load_yaml(find(BENCHES, "sim").read_text(encoding="utf-8"))
 Entry = dict[str, Any]
 
 
@@ -43,7 +43,7 @@ def bench_with(
         del data["instruments"][CHAIN]
         data["interlocks"] = [one for one in data["interlocks"] if CHAIN not in str(one)]
     data["simulation"]["faults"] = list(faults)
-    return bench_from(yaml.safe_dump(data, sort_keys=False))
+    return bench_from(dump_yaml(data, sort_keys=False))
 
 
 def bench_from(text: str) -> Bench:

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import yaml
+from quick_yaml import dump_yaml, load_yaml
 
 from station import registry
 from station.files.lookup import BENCHES, PLANS, find
@@ -19,13 +19,13 @@ from station.runner.outcome import Outcome
 
 def shipped_plan(procedure: str) -> dict[str, Any]:
     """Return the shipped plan of a procedure as data."""
-    data: dict[str, Any] = yaml.safe_load(find(PLANS, procedure).read_text(encoding="utf-8"))
+    data: dict[str, Any] = load_yaml(find(PLANS, procedure).read_text(encoding="utf-8"))
     return data
 
 
 def shipped_bench(name: str = "sim") -> dict[str, Any]:
     """Return a shipped bench as data."""
-    data: dict[str, Any] = yaml.safe_load(find(BENCHES, name).read_text(encoding="utf-8"))
+    data: dict[str, Any] = load_yaml(find(BENCHES, name).read_text(encoding="utf-8"))
     return data
 
 
@@ -38,8 +38,8 @@ def run_of(
     """Run a plan on a bench, both as data, without a report; the run lies below `folder`/runs."""
     folder.mkdir(exist_ok=True)
     plan_path, bench_path = folder / "plan.yaml", folder / "bench.yaml"
-    plan_path.write_text(yaml.safe_dump(plan), encoding="utf-8")
-    bench_path.write_text(yaml.safe_dump(bench), encoding="utf-8")
+    plan_path.write_text(dump_yaml(plan), encoding="utf-8")
+    bench_path.write_text(dump_yaml(bench), encoding="utf-8")
     return execute(
         Request(
             read_plan(plan_path, Procedures()),

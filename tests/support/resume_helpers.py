@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 from campaign_helpers import station, whole_events
 from fault_truths import off_the_truth
+from quick_yaml import load_yaml
 
 from station.record.folder import RunFolder
 
@@ -103,7 +103,7 @@ def resume_and_judge(folder: Path, reference: Path, *options: str | Path) -> tup
 
 def wrong_results(folder: Path, reference: Path, *, scaled: bool) -> Iterator[str]:
     """Yield what is wrong with a run's results, held against the undisturbed run and the truth."""
-    bench = yaml.safe_load((folder / "bench.yaml").read_text(encoding="utf-8"))
+    bench = load_yaml((folder / "bench.yaml").read_text(encoding="utf-8"))
     yield from unlike(folder, reference)
     yield from off_the_truth(bench, results_of(folder))
     yield from wrong_verdicts(results_of(folder), results_of(reference), scaled=scaled)

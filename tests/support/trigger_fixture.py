@@ -6,8 +6,8 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
-import yaml
 from fixture import bench_alone
+from quick_yaml import dump_yaml
 
 from sim_instruments.world import base as world
 from sim_instruments.world.base import TriggerLine
@@ -44,4 +44,4 @@ def bench_with_only(name: str, driver: str, serial: str, truth: Mapping[str, Any
     entry = {"driver": driver, "serial": serial, "simulator": dict(truth)}
     bench = bench_alone(name, entry=entry)
     bench["safe_state"] = [{"role": name, "within": "5 s"}]
-    return yaml.safe_dump(bench)
+    return dump_yaml(bench)
