@@ -15,6 +15,7 @@ from pathlib import Path
 import reference_bad_input
 import reference_faults
 import reference_formats
+import reference_instruments
 import reference_keys
 import reference_roles
 import reference_verbs
@@ -30,6 +31,7 @@ MAKERS: dict[str, Callable[[], str]] = {
     "bench-keys": reference_keys.bench_keys,
     "drivers": reference_keys.drivers,
     "faults": reference_faults.faults,
+    "instruments": reference_instruments.instruments,
     "roles": reference_roles.roles,
     "safe-states": reference_roles.safe_states,
     "dataset-keys": reference_keys.dataset_keys,

@@ -144,6 +144,10 @@ RUN_EVENTS = {
     "frames-dropped": "a stream was not taken in time; its oldest frames were dropped",
     "switched-off-at-once": "no answer could be understood: the command to switch off was sent "
     "without a ramp, and no more than that is known of it",
+    "instrument-settings": "a setting that the instrument keeps after the run, as it was met and "
+    "as the run set it; it is put back at the end",
+    "settings-stay": "settings that could not be put back at the end, as they were before, and why",
+    "instrument-variant": "which of its several forms or firmware versions an instrument has",
     "notes-dropped": "so many notes of drivers are not in the log",
     "pause-requested": "somebody asked for a pause, and the run has come to where it may pause",
     "paused": "the run waits; `devices` has the word of each instrument that can harm",

@@ -6,6 +6,14 @@ magnetometers). Rates are in steps of 2^-14 deg/s, specific forces of 2^-19 g.
 
 The sensor's interface has a supply of its own: it says who it is, and that the sensor behind it is
 off, before the device under test is switched on.
+
+Commands and their sources:
+    IMU_COMMAND - start, stop, identify, report status - this project's message file,
+        config/dbc/nine_axis.dbc - confirmed
+    IMU_ACK, IMU_STATUS, IMU_IDENTITY - what became of a command, and what it asks for - this
+        project's message file, config/dbc/nine_axis.dbc - confirmed
+    IMU_GYRO_XY, IMU_GYRO_Z_ACC_X, IMU_ACC_YZ, IMU_FURTHER - an output - this project's message
+        file, config/dbc/nine_axis.dbc - confirmed
 """
 
 from __future__ import annotations

@@ -3,6 +3,14 @@
 An output is three messages that bear the same counter and follow one another: `NAV_HEADING`
 (counter, heading, pitch), `NAV_ROLL` (counter, roll, status) and `NAV_TEMPERATURES` (counter, the
 three gyros). Angles are in steps of 0.0001 deg, temperatures of 0.01 degC.
+
+Commands and their sources:
+    NAV_COMMAND - start, stop, identify, report status - this project's message file,
+        config/dbc/navigator.dbc - confirmed
+    NAV_ACK, NAV_STATUS, NAV_IDENTITY - what became of a command, and what it asks for - this
+        project's message file, config/dbc/navigator.dbc - confirmed
+    NAV_HEADING, NAV_ROLL, NAV_TEMPERATURES - an output - this project's message file,
+        config/dbc/navigator.dbc - confirmed
 """
 
 from __future__ import annotations

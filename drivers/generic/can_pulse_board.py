@@ -1,4 +1,13 @@
-"""The laser-gyro pulse board on CAN, decoded by its message file `config/dbc/pulse_board.dbc`."""
+"""The laser-gyro pulse board on CAN, decoded by its message file `config/dbc/pulse_board.dbc`.
+
+Commands and their sources:
+    BOARD_COMMAND - start, stop, identify, report status - this project's message file,
+        config/dbc/pulse_board.dbc - confirmed
+    BOARD_ACK, BOARD_STATUS, BOARD_IDENTITY - what became of a command, and what it asks for - this
+        project's message file, config/dbc/pulse_board.dbc - confirmed
+    GYRO_COUNTS_1, GYRO_COUNTS_2, GYRO_COUNTS_3 - the counts of a channel - this project's message
+        file, config/dbc/pulse_board.dbc - confirmed
+"""
 
 from __future__ import annotations
 

@@ -25,6 +25,10 @@ exchanges.
 | ACUTROL3000 | `interlock`: what the manuals call a hardware abort, in the state of any axis |
 | Watlow F4T | `door`: the input of `settings.door`; each alarm that is on, limit that tripped |
 | Watlow F4 | `door`: the input of `settings.door`; each alarm that is on, its sensor's error |
+
+Commands and their sources:
+    *IDN?, CHAIN?, CHAIN:LIST?, SYST:ERR? - a reader of contacts - the protocol in its docstring -
+        confirmed
 """
 
 from __future__ import annotations

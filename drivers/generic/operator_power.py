@@ -1,4 +1,9 @@
-"""Power of the device under test, switched by the operator's hand on request."""
+"""Power of the device under test, switched by the operator's hand on request.
+
+Commands and their sources:
+    dut-power-on, dut-power-off - what the operator is asked for - this project's prompts -
+        confirmed
+"""
 
 from __future__ import annotations
 

@@ -33,6 +33,11 @@ hardware revision, protocol version (1 each).
 
 Status: bit 0 aligned, 1 aligning; faults: bit 8 unit off, 9 alignment failed, 10 a gyro failed its
 own test. The interface has a supply of its own and answers while the unit behind it is off.
+
+Commands and their sources:
+    10 - a command - the frames in its docstring - confirmed
+    90, 91, 92, 93 - an output, and what became of a command - this project's frames, above -
+        confirmed
 """
 
 from __future__ import annotations

@@ -27,6 +27,12 @@ of four: three of them with 0x94. What is the board's own stands below.
 | | 4 x 1 | firmware major and minor, hardware revision, channels |
 
 A STIM300 counts its own samples of 2000 Hz in its counter, this board those that it outputs.
+
+Commands and their sources:
+    94 - an output - data sheet of STIM300, TS1524 - confirmed
+    60 - a command - the frames in its docstring - confirmed
+    61, 62, 63 - what became of a command, status, identity - this project's frames, above -
+        confirmed
 """
 
 from __future__ import annotations

@@ -11,6 +11,7 @@ from station import registry
 from station.clock import Clock, RealClock
 from station.errors import InputError, InstrumentError, InstrumentInUse, InstrumentsMissing
 from station.instruments.instrument_locks import Identity, InstrumentLocks
+from station.roles.base import Driver
 from station.safety.readings import Publisher, Readings, Value
 
 if TYPE_CHECKING:
@@ -261,6 +262,13 @@ def open_instruments(
             one.instrument.close()
         raise InstrumentsMissing(problems_of(wrong), len(wrong))
     return found
+
+
+def put_settings_back(instruments: Iterable[object]) -> None:
+    """Leave what instruments keep as it was met; drivers note what stays. Never raises."""
+    for one in instruments:
+        if isinstance(one, Driver):
+            one.kept.put_back()
 
 
 def problems_of(wrong: Iterable[Probe]) -> list[str]:

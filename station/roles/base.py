@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import partial, wraps
+from functools import cached_property, partial, wraps
 from typing import TYPE_CHECKING, Any, ClassVar, Protocol, Self, TypeVar, cast, runtime_checkable
 
 from pydantic import ValidationError
@@ -13,6 +13,7 @@ from pydantic import ValidationError
 from station.clock import Clock
 from station.errors import InstrumentError, QuantityNotRead
 from station.fields import StrictModel, key_of
+from station.roles.kept_settings import KeptSettings
 
 if TYPE_CHECKING:
     import numpy as np
@@ -224,6 +225,21 @@ class Driver:
                 f"write it there; {self.without_limits} without it",
             )
         return self.place.limits[name]
+
+    @cached_property
+    def kept(self) -> KeptSettings:
+        """What the instrument keeps after a run; the run puts it back at its end."""
+        return KeptSettings(self.place.note)
+
+    def met(self, variant: str) -> None:
+        """Have the run's log say which of an instrument's several forms is met; each once."""
+        if variant not in self._variants:
+            self._variants.add(variant)
+            self.place.note("instrument-variant", met=variant)
+
+    @cached_property
+    def _variants(self) -> set[str]:
+        return set()
 
     def close(self) -> None:
         """Give the line back."""

@@ -31,6 +31,9 @@ SENTENCES = {
     "switched-off-at-once": "it did not do what it was asked; it was sent the command to switch "
     "off, without a ramp",
     "frames-dropped": "more came than was taken; the oldest frames were dropped",
+    "settings-stay": "settings that it keeps could not be put back; the log has what they were",
+    "instrument-settings": "",
+    "instrument-variant": "",
 }
 """What the operator reads of the first event of a kind of an instrument; all are in the log."""
 COMPUTES_WITHIN_S = 120.0
@@ -190,9 +193,10 @@ class Run:
                 noted_s=round(one.time_s, 6),
                 **one.details,
             )
-            if (one.instrument, one.kind) not in self._said:
+            sentence = SENTENCES.get(one.kind, one.kind)
+            if sentence and (one.instrument, one.kind) not in self._said:
                 self._said.add((one.instrument, one.kind))
-                self.progress.say(f"{one.instrument}: {SENTENCES.get(one.kind, one.kind)}")
+                self.progress.say(f"{one.instrument}: {sentence}")
         if dropped:
             self.record.note("notes-dropped", count=dropped)
 

@@ -17,7 +17,7 @@ from station.control.signals import AbortSignals
 from station.errors import EXIT_FAULT, InterlockTripped, StationError
 from station.guardian.supervisor import Guardian
 from station.instruments.instrument_locks import InstrumentLocks
-from station.instruments.opening import Found, open_instruments
+from station.instruments.opening import Found, open_instruments, put_settings_back
 from station.instruments.whole_bench import BenchReading, Bystanders, read_used
 from station.roles.base import MadeSafe
 from station.runner.outcome import Outcome, in_one_sentence
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 BALLAST_BYTES = 16_000_000
 """Memory that is given back when a run fails, so that making the bench safe has some."""
 READS_THE_REST_WITHIN_S = 20.0
-"""Real time to read what the plan did not use, which bounds itself at half of that."""
+"""Real time to read what the plan did not use, half of it at most, or to put settings back."""
 
 
 class StepRunner:
@@ -142,6 +142,8 @@ class StepRunner:
         if failure is not None:
             for cause in self._causes(run.record.presence.cause_of(failure)):
                 self._failed(outcome, cause)
+        with run.clock.allow(READS_THE_REST_WITHIN_S):
+            put_settings_back(run.instruments.values())
         run.log_notes()
         self._remember_trip()
         run.record.note("safe-state", **read.to_data())
