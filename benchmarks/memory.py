@@ -31,7 +31,7 @@ from station.instruments.bench import read_bench
 from station.instruments.opening import open_instruments
 from station.record.folder import RunRecord
 from station.registry import DRIVERS, names
-from station.runner.operator import Progress
+from station.runner.progress import Progress
 from station.runner.verbs import acquire
 
 HOUR_S = 3600.0

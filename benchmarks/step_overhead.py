@@ -25,7 +25,7 @@ from campaign_helpers import undirected_run
 
 from station.clock import VirtualClock
 from station.record.folder import RunRecord
-from station.runner.operator import Progress
+from station.runner.progress import Progress
 
 
 def main() -> None:

@@ -8,11 +8,45 @@ from typing import Annotated
 
 import typer
 
+
+def named_run(value: Path | None) -> Path | None:
+    """Return the run folder that a person means by a path, a name, or a part of a name."""
+    from station.record.run_names import find_run
+
+    return None if value is None else find_run(value)
+
+
+def complete_run(typed: str) -> list[str]:
+    """Return the names of runs that hold what was typed, for a shell that completes them."""
+    from station.record.run_names import RUNS, runs_below
+
+    return [path.name for path in reversed(runs_below(RUNS)) if typed in path.name]
+
+
+def complete_plan(typed: str) -> list[str]:
+    """Return the names of plans that begin with what was typed."""
+    from station.files.lookup import PLANS, available
+
+    return [name for name, _ in available(PLANS) if name.startswith(typed)]
+
+
+def complete_bench(typed: str) -> list[str]:
+    """Return the names of benches that begin with what was typed."""
+    from station.files.lookup import BENCHES, available
+
+    return [name for name, _ in available(BENCHES) if name.startswith(typed)]
+
+
 Json = Annotated[
     bool, typer.Option("--json", help="Print exactly one JSON document on standard output.")
 ]
 BenchName = Annotated[
-    str, typer.Option("--bench", help="Bench file: a path, or a name in config/benches.")
+    str,
+    typer.Option(
+        "--bench",
+        help="Bench file: a path, or a name in config/benches.",
+        autocompletion=complete_bench,
+    ),
 ]
 Overrides = Annotated[
     list[str] | None,
@@ -32,8 +66,16 @@ Served = Annotated[
 Traced = Annotated[
     bool, typer.Option("--trace", help="Write every byte on the wires into the run folder.")
 ]
-RunFolder = Annotated[Path, typer.Argument(metavar="RUN", help="Run folder.")]
-BenchFile = Annotated[str, typer.Argument(help="Bench file: a path, or a name.")]
+
+RUN_HELP = "Run folder, or a part of the name of one in ./runs."
+RunFolder = Annotated[
+    Path,
+    typer.Argument(metavar="RUN", help=RUN_HELP, callback=named_run, autocompletion=complete_run),
+]
+BenchFile = Annotated[
+    str,
+    typer.Argument(help="Bench file: a path, or a name.", autocompletion=complete_bench),
+]
 Procedure = Annotated[
     str, typer.Option(help="The procedure whose device a simulated bench mounts.")
 ]
@@ -81,9 +123,10 @@ app = typer.Typer(
     name="station",
     help="Run published calibration procedures of inertial sensors on a real or simulated bench.",
     no_args_is_help=True,
+    context_settings={"help_option_names": ["-h", "--help"]},
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
-    add_completion=False,
+    add_completion=True,
 )
 
 
@@ -97,7 +140,7 @@ def list_(kind: Annotated[Kind | None, typer.Argument()] = None, json: Json = Fa
 
 @app.command()
 def validate(
-    plans: Annotated[list[str], typer.Argument(metavar="PLAN...")],
+    plans: Annotated[list[str], typer.Argument(metavar="PLAN...", autocompletion=complete_plan)],
     bench: BenchName = DEFAULT_BENCH,
     set_: Overrides = None,
     resolved: Annotated[
@@ -113,7 +156,12 @@ def validate(
 
 @app.command()
 def run(
-    plan: Annotated[str, typer.Argument(help="Test plan: a path, or a name in config/plans.")],
+    plan: Annotated[
+        str,
+        typer.Argument(
+            help="Test plan: a path, or a name in config/plans.", autocompletion=complete_plan
+        ),
+    ],
     bench: BenchName = DEFAULT_BENCH,
     non_interactive: NonInteractive = False,
     answers: Answers = None,
@@ -124,6 +172,10 @@ def run(
         bool, typer.Option("--dry-run", help="Print durations and set-points; open nothing.")
     ] = False,
     trace: Traced = False,
+    rehearse: Annotated[
+        bool,
+        typer.Option("--rehearse", help="On a simulated bench, ask what a real one would ask."),
+    ] = False,
     json: Json = False,
 ) -> None:
     """Run a test plan; leaves a folder of data and report."""
@@ -148,6 +200,7 @@ def run(
             as_json=json,
             overrides=set_ or (),
             trace=trace,
+            rehearse=rehearse,
         )
     )
 
@@ -182,7 +235,14 @@ def resume(
 
 @app.command()
 def analyse(
-    data: Annotated[Path, typer.Argument(help="Run folder, dataset folder or dataset.yaml.")],
+    data: Annotated[
+        Path,
+        typer.Argument(
+            help="Run folder (a part of its name will do), dataset folder or dataset.yaml.",
+            callback=named_run,
+            autocompletion=complete_run,
+        ),
+    ],
     output: Annotated[
         Path | None, typer.Option(help="Folder for results.json and report.html.")
     ] = None,
@@ -225,7 +285,13 @@ def export(
 @app.command()
 def status(
     run: Annotated[
-        Path | None, typer.Argument(metavar="[RUN]", help="Run folder; else the newest in ./runs.")
+        Path | None,
+        typer.Argument(
+            metavar="[RUN]",
+            help=f"{RUN_HELP} Without it, the newest.",
+            callback=named_run,
+            autocompletion=complete_run,
+        ),
     ] = None,
     json: Json = False,
 ) -> None:

@@ -13,6 +13,7 @@ from station.errors import InputError
 from station.files.lookup import BENCHES, PLANS, available
 from station.procedure import procedure_of
 from station.record.events import whole_bench
+from station.record.run_names import RUNS, runs_below
 
 
 def list_what_there_is(kind: str | None, *, as_json: bool) -> None:
@@ -54,7 +55,7 @@ def entries(kind: str) -> list[dict[str, Any]]:
             }
             for name in registry.names(registry.DRIVERS)
         ]
-    return [{"name": path.name, "about": outcome_of(path)} for path in runs(Path("runs"))]
+    return [{"name": path.name, "about": outcome_of(path)} for path in runs_below(RUNS)]
 
 
 def about(procedure: str) -> str:
@@ -63,11 +64,6 @@ def about(procedure: str) -> str:
         return procedure_of(procedure).title
     except InputError as error:
         return str(error)
-
-
-def runs(parent: Path) -> list[Path]:
-    """Return the run folders below `parent`, oldest first."""
-    return sorted(path.parent for path in parent.glob("[!.]*/events.jsonl"))
 
 
 def outcome_of(path: Path) -> str:
@@ -79,7 +75,6 @@ def outcome_of(path: Path) -> str:
     return f"verdict {verdict}"
 
 
-RUNS = Path("runs")
 MOST_UNITS = 6
 
 

@@ -8,6 +8,7 @@ import sys
 from collections.abc import Iterator, Sequence
 from itertools import groupby
 from pathlib import Path
+from shlex import quote
 from typing import TYPE_CHECKING, Any
 
 from station.cli.analysing import print_document
@@ -50,9 +51,15 @@ def run_plan(
     as_json: bool,
     overrides: Sequence[str] = (),
     trace: bool = False,
+    rehearse: bool = False,
 ) -> int:
     """Run a plan, say how it ended, and return the exit code."""
     bench = read_bench_named(bench_name)
+    if rehearse and bench.simulation is None and served is None:
+        raise InputError(
+            f"--rehearse is for a simulated bench, where nobody would be asked; {bench.name} is a "
+            "real one, and asks in every run"
+        )
     plan = read_plan_for(plan_name, bench, overrides)
     request = Request(
         plan,
@@ -62,6 +69,7 @@ def run_plan(
         interactive=may_ask(non_interactive=non_interactive),
         served=read_served(served) if served else None,
         trace=trace,
+        rehearse=rehearse,
     )
     return report_outcome(execute(request), plan.procedure, as_json=as_json)
 
@@ -135,6 +143,11 @@ def report_end(outcome: Outcome) -> None:
     elif left_out:
         tell(not_known(left_out))
     tell(f"run folder: {outcome.folder}")
+    if outcome.error is not None and outcome.document is None:
+        first = (
+            "; first `station acknowledge` the bench" if outcome.exit_code == EXIT_INTERLOCK else ""
+        )
+        tell(f"to go on where it stopped: station resume {quote(str(outcome.folder))}{first}")
 
 
 def why_short(why: str, error: str) -> str:

@@ -26,9 +26,10 @@ from station.record.folder import EXPORTS, RunFolder, RunRecord
 from station.record.integrity import hash_of_data
 from station.record.layout import BENCH, PLAN, RUN, versions
 from station.runner.evaluation import conclude_run, exit_code_of
-from station.runner.operator import Operator, Progress, how_long
+from station.runner.operator import Operator
 from station.runner.outcome import NO_MEMORY, Outcome, in_one_sentence, is_lack_of_memory
 from station.runner.preflight import look_before_a_run, watch_system_clock
+from station.runner.progress import Progress, how_long
 from station.runner.run import Run
 from station.runner.session import BenchSession
 from station.runner.step_runner import StepRunner
@@ -53,6 +54,8 @@ class Request:
     """Whether a report and an HDF5 file are made beside the results."""
     served: Mapping[str, Any] | None = None
     trace: bool = False
+    rehearse: bool = False
+    """Whether a person is asked for what the simulated world would do by itself."""
 
 
 def execute(request: Request) -> Outcome:
@@ -67,7 +70,11 @@ def execute(request: Request) -> Outcome:
     with BenchSession(bench, plan.procedure, request.served) as session:
         clock = session.clock
         operator = Operator(
-            clock, request.answers, interactive=request.interactive, act=session.act
+            clock,
+            request.answers,
+            interactive=request.interactive,
+            act=session.act,
+            rehearse=request.rehearse,
         )
         operator.check(all_prompts(procedure, plan, bench))
         warned = look_before_a_run(plan, procedure, bench, request.output, clock, real=session.real)

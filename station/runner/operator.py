@@ -1,16 +1,15 @@
-"""The operator: requests that a person, a file or the simulated world answers; what is shown."""
+"""The operator: requests that a person, a file or the simulated world answers."""
 
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 
-from station.clock import Clock, boot_seconds
-from station.console import Prompt, span, tell
+from station.clock import Clock
+from station.console import Prompt, tell
 from station.control.signals import wishes_end_a_prompt
-from station.control.status import FinishedUnit, time_left_s
 from station.errors import Aborted, InputError, UnansweredPrompt
 
 DONE, ABORT = "done", "abort"
@@ -56,6 +55,7 @@ class Operator:
     """Whoever answers prompts in this run.
 
     `act` does a physical act in the simulated world and says what was done; None on a real bench.
+    `rehearse` asks a person for it first, as a real bench would.
     """
 
     def __init__(
@@ -65,11 +65,17 @@ class Operator:
         *,
         interactive: bool,
         act: Callable[[str], str] | None,
+        rehearse: bool = False,
     ) -> None:
         self._clock = clock
         self._answers = answers
         self._interactive = interactive
         self._act = act
+        self._rehearse = rehearse
+
+    def _acts_alone(self, prompt: Prompt) -> bool:
+        """Whether the simulated world does what a prompt asks for, and nobody is asked."""
+        return prompt.physical and self._act is not None and not self._rehearse
 
     def check(self, prompts: Sequence[Prompt]) -> None:
         """Raise UnansweredPrompt, naming all of them, when a prompt would stay unanswered.
@@ -91,7 +97,7 @@ class Operator:
         missing = [
             prompt
             for prompt in prompts
-            if prompt.id not in self._answers and not (prompt.physical and self._act)
+            if prompt.id not in self._answers and not self._acts_alone(prompt)
         ]
         if missing:
             listed = "".join(f"\n  {prompt.id}: {DONE}    # {prompt.text}" for prompt in missing)
@@ -105,10 +111,15 @@ class Operator:
         given = self._meant(prompt.id)
         if given == ABORT:
             raise Aborted(f"the answers file ended the run at the prompt {prompt.id}")
-        if prompt.physical and self._act is not None:  # a file saying `done` mounts nothing there
+        if self._act is not None and self._acts_alone(prompt):  # a file's `done` mounts nothing
             return Answer(self._act(prompt.id), "simulated world")
-        if given is not None:
-            return Answer(DONE, "answers file")
+        if given is None:
+            self._ask_a_person(prompt)
+        if self._act is not None and prompt.physical:
+            self._act(prompt.id)
+        return Answer(DONE, "operator" if given is None else "answers file")
+
+    def _ask_a_person(self, prompt: Prompt) -> None:
         if not self._interactive:
             self.check([prompt])
         with self._clock.waiting_for_person(), wishes_end_a_prompt(self._clock):
@@ -117,11 +128,10 @@ class Operator:
             answer = self._typed(f"   [{prompt.id}] {HINT}: ")
         if answer == ABORT:
             raise Aborted(f"the operator ended the run at the prompt {prompt.id}")
-        return Answer(DONE, "operator")
 
     def would_wait(self, prompt: Prompt) -> bool:
         """Whether a person would have to be waited for: neither file nor world says `done`."""
-        return self._meant(prompt.id) != DONE and not (prompt.physical and self._act is not None)
+        return self._meant(prompt.id) != DONE and not self._acts_alone(prompt)
 
     def would_ask(self, prompt: Prompt) -> bool:
         """Whether a person is asked: the answers file does not end the run there either."""
@@ -156,148 +166,3 @@ class Operator:
             if answer is not None:
                 return answer
             tell(f"   {line.strip()!r} is no answer here")
-
-
-LONGER = "not known, it takes longer than expected"
-LONGER_ON_A_BAR = "not known"
-BAR_WIDTH = 16
-LEFT_WIDTH = len("100 %  bench time left 26 h 15 min")
-"""On a narrow terminal what the step does is shortened, never the time left."""
-REPEAT_S = 2.0
-"""Real time between two lines of progress where the output is no terminal."""
-
-
-def how_long(expected_s: float, clock: Clock) -> str:
-    """Return how long a run is expected to take, in bench time and as the operator waits."""
-    speed: float | None = getattr(clock, "speed", None)
-    if speed is None:
-        return f"bench time about {span(expected_s)} (virtual: waiting is skipped)"
-    if speed == 1.0:
-        return f"about {span(expected_s)}"
-    waited = span(expected_s / speed)
-    return f"bench time about {span(expected_s)}, {speed:g} times as fast: about {waited}"
-
-
-class Progress:
-    """Write progress to standard error; a live bar on a terminal, a line now and then elsewhere."""
-
-    def __init__(
-        self, total_s: float, *, units: Mapping[str, float] | None = None, quiet: bool = False
-    ) -> None:
-        self._later_s = total_s
-        """What the steps after the present one should take."""
-        self._step_s = 0.0
-        self._before_s = 0.0
-        """What the steps before it took."""
-        self._elapsed_s = 0.0
-        self._units = dict(units or {})
-        """The units of work that are still to be done, and how long they should take."""
-        self._finished: list[FinishedUnit] = []
-        self._number = self._title = ""
-        self._quiet = quiet
-        self._said_at = 0.0
-        self._bar = None
-        self._task = None
-        if sys.stderr.isatty() and not quiet:
-            from rich.console import Console
-            from rich.progress import BarColumn, Progress, TextColumn
-            from rich.table import Column
-
-            self._bar = Progress(
-                BarColumn(bar_width=BAR_WIDTH),
-                TextColumn(
-                    "{task.percentage:>3.0f} %  bench time left {task.fields[left]}",
-                    table_column=Column(no_wrap=True, min_width=LEFT_WIDTH),
-                ),
-                TextColumn(
-                    "{task.description}", table_column=Column(no_wrap=True, overflow="ellipsis")
-                ),
-                console=Console(stderr=True),
-                transient=True,
-            )
-            self._task = self._bar.add_task("", total=max(total_s, 1e-9), left=span(total_s))
-
-    def __enter__(self) -> Progress:
-        if self._bar is not None:
-            with suppress(OSError):  # a terminal that is gone ends no run
-                self._bar.start()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        if self._bar is not None:
-            with suppress(OSError):
-                self._bar.stop()
-
-    def step(self, number: str, title: str, expected_s: float) -> None:
-        """Say that a step begins that is expected to take `expected_s` of bench time."""
-        self._before_s += self._elapsed_s
-        self._elapsed_s = 0.0
-        self._step_s = expected_s
-        self._later_s -= expected_s
-        self._number, self._title = number, f"{number}  {title}"
-        self.say(self._title)
-        self.at(0.0)
-
-    def unit_finished(self, unit: str) -> None:
-        """Take note that a unit of work is finished: the pace of the run shows in them."""
-        if unit in self._units:
-            at_s = self._before_s + self._elapsed_s
-            self._finished.append(FinishedUnit(at_s, self._units.pop(unit)))
-
-    def at(self, elapsed_s: float, detail: str = "") -> None:
-        """Say how the run stands after `elapsed_s` of work on its step."""
-        self._elapsed_s = elapsed_s
-        if self._quiet:
-            return
-        done_s = self._before_s + elapsed_s
-        forecast_s = max(self._later_s, 0.0) + max(self._step_s - elapsed_s, 0.0)
-        left_s = time_left_s(forecast_s, self._finished, sum(self._units.values()), done_s)
-        total_s = max(done_s + left_s, 1e-9)
-        left = span(left_s) if left_s > 0.0 else LONGER
-        if self._bar is not None and self._task is not None:
-            room = self._bar.console.width - BAR_WIDTH - LEFT_WIDTH - 2  # a blank between columns
-            text = doing(self._number, self._title, detail, room)
-            left = left if left_s > 0.0 else LONGER_ON_A_BAR
-            with suppress(OSError):
-                self._bar.update(
-                    self._task, completed=done_s, total=total_s, description=text, left=left
-                )
-        elif boot_seconds() - self._said_at >= REPEAT_S:
-            percent = 100 * done_s / total_s
-            self.say(f"    {percent:3.0f} %  bench time left {left}  {detail}".rstrip())
-
-    @contextmanager
-    def paused(self) -> Iterator[None]:
-        """Leave the terminal to somebody else for a while."""
-        if self._bar is not None:
-            self._bar.stop()
-        yield
-        if self._bar is not None:
-            self._bar.start()
-
-    def say(self, text: str) -> None:
-        """Write a line that stays."""
-        if self._quiet:
-            return
-        self._said_at = boot_seconds()
-        if self._bar is None:
-            tell(text)
-            return
-        with suppress(OSError):  # a terminal that is gone ends no run
-            self._bar.console.print(text, highlight=False)
-
-
-def doing(number: str, title: str, detail: str, room: int) -> str:
-    """Return what a step does in a line of `room` characters, in whole words.
-
-    The title, which stands in a line of its own above, gives way to what goes on just now.
-    """
-    text = f"{title}  {detail}".rstrip()
-    if len(text) > room and detail:
-        text = f"{number}  {detail}"
-    if len(text) <= room:
-        return text
-    kept = text[: max(room - 1, 0)]
-    if not text[len(kept)].isspace():
-        kept = kept.rpartition(" ")[0].rstrip() or kept
-    return kept.rstrip(" ,;:") + "…"

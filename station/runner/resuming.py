@@ -24,9 +24,10 @@ from station.record.layout import EVENTS, RUN, covered_files, versions
 from station.record.recorded import read_plan_and_bench, used_instruments
 from station.runner.evaluation import evaluate_run, exit_code_of
 from station.runner.execute import SERVED_SINCE, all_prompts, conclude
-from station.runner.operator import Operator, Progress, how_long
+from station.runner.operator import Operator
 from station.runner.outcome import Outcome
 from station.runner.preflight import watch_system_clock
+from station.runner.progress import Progress, how_long
 from station.runner.run import Past, Run
 from station.runner.session import RESUME, BenchSession
 from station.runner.step_runner import StepRunner

@@ -12,7 +12,8 @@ from station.console import Prompt
 from station.errors import InputError
 from station.record.events import LEFT_FOR_THE_END
 from station.record.folder import RunFolder, RunRecord
-from station.runner.operator import Operator, Progress
+from station.runner.operator import Operator
+from station.runner.progress import Progress
 from station.safety.readings import Readings
 
 if TYPE_CHECKING:

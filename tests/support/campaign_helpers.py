@@ -30,7 +30,8 @@ from station.instruments.bench import read_bench
 from station.instruments.opening import Place
 from station.procedure import Procedures
 from station.record.folder import RunRecord
-from station.runner.operator import Operator, Progress
+from station.runner.operator import Operator
+from station.runner.progress import Progress
 from station.runner.run import Run
 from station.runner.verbs import acquire
 

@@ -35,8 +35,9 @@ from station.instruments.bench import Bench, read_bench
 from station.procedure import Step, procedure_of
 from station.record.folder import RunFolder, RunRecord
 from station.runner.execute import conclude, head_of, inputs_of, what_is_planned
-from station.runner.operator import Operator, Progress
+from station.runner.operator import Operator
 from station.runner.outcome import Outcome
+from station.runner.progress import Progress
 from station.runner.run import Run
 from station.runner.session import BenchSession
 from station.runner.step_runner import StepRunner

@@ -38,7 +38,8 @@ from station.procedure import Prompt
 from station.record.events import Event as LogEvent
 from station.record.events import is_paused, paused_s
 from station.record.folder import RunRecord
-from station.runner.operator import Operator, Progress
+from station.runner.operator import Operator
+from station.runner.progress import Progress
 from station.runner.run import Run
 
 LIMITS = {"current": 8.0, "voltage": 30.0, "slew": 2.0, "zero_current": 0.02}

@@ -17,13 +17,14 @@ from station.clock import RealClock, VirtualClock, system_clock_synchronised
 from station.files.lookup import BENCHES, find
 from station.procedure import Prompt
 from station.record.folder import RunFolder, RunRecord
-from station.runner.operator import Operator, how_long
+from station.runner.operator import Operator
 from station.runner.preflight import (
     SystemClockWatch,
     fault_of_output,
     warned_of_clock,
     watch_system_clock,
 )
+from station.runner.progress import how_long
 
 NAME = "rlg-magnetic-sensitivity"
 ANSWERS = "mount: done\nconnect-cables: done\ndut-power-on: done\ndut-power-off: done\n"

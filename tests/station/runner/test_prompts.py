@@ -17,9 +17,15 @@ import pytest
 from rlg_runs import short_run
 
 from drivers.generic.operator_power import OperatorPower
-from station.cli.running import report_outcome
+from station.cli.running import report_outcome, run_plan
 from station.clock import RealClock
-from station.errors import Aborted, InputError
+from station.errors import (
+    EXIT_ABORTED,
+    EXIT_INTERLOCK,
+    Aborted,
+    InputError,
+    UnansweredPrompt,
+)
 from station.instruments.opening import Place
 from station.procedure import Prompt
 from station.record.folder import RunFolder
@@ -68,6 +74,56 @@ def test_an_answers_file_without_an_answer_is_refused_beforehand(given: str) -> 
     asked = Operator(RealClock(), {"mount": given}, interactive=False, act=None)
     with pytest.raises(InputError, match="nothing was energised"):
         asked.check([MOUNT])
+
+
+def rehearsed(answers: dict[str, str], *, interactive: bool, acts: list[str]) -> Operator:
+    def act(prompt_id: str) -> str:
+        acts.append(prompt_id)
+        return "the simulated world did it"
+
+    return Operator(RealClock(), answers, interactive=interactive, act=act, rehearse=True)
+
+
+def test_a_rehearsal_asks_what_a_real_bench_asks_and_then_the_world_acts(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    acts: list[str] = []
+    monkeypatch.setattr(sys, "stdin", io.StringIO("\nno\n"))
+    asked = rehearsed({}, interactive=True, acts=acts)
+    assert asked.ask(MOUNT).by == "operator"
+    assert acts == ["mount"]
+    with pytest.raises(Aborted, match="ended the run at the prompt mount"):
+        asked.ask(MOUNT)
+    assert acts == ["mount"], "a no mounts nothing"
+
+
+def test_a_rehearsal_without_a_person_needs_answers() -> None:
+    acts: list[str] = []
+    with pytest.raises(UnansweredPrompt, match="nobody can be asked"):
+        rehearsed({}, interactive=False, acts=acts).check([MOUNT])
+    answered = rehearsed({"mount": "done"}, interactive=False, acts=acts)
+    answered.check([MOUNT])
+    assert answered.ask(MOUNT).by == "answers file"
+    assert acts == ["mount"]
+
+
+def test_a_rehearsal_on_a_real_bench_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "bench.yaml").write_text(
+        "bench: 1\nname: real\nsafe_state: [{role: dut_power, within: 5 s}]\n"
+        "instruments:\n  dut_power: {driver: operator-power}\n",
+        encoding="utf-8",
+    )
+    with pytest.raises(InputError, match="is for a simulated bench"):
+        run_plan(
+            "rlg-magnetic-sensitivity",
+            str(tmp_path / "bench.yaml"),
+            non_interactive=True,
+            answers=None,
+            served=None,
+            output=tmp_path,
+            as_json=False,
+            rehearse=True,
+        )
 
 
 def test_keys_that_were_pressed_before_a_prompt_are_no_answer_to_it(
@@ -203,3 +259,14 @@ def test_the_hand_at_the_switch_is_asked_at_the_end_for_the_device_off_alone() -
     power.switch_on()
     power.switch_off()
     assert asked == [("dut-power-on", False), (OFF, True)]
+
+
+def test_a_run_that_did_not_finish_says_how_to_go_on(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = tmp_path / "a run"
+    report_outcome(Outcome(folder, EXIT_ABORTED, error="ended by the operator"), "x", as_json=False)
+    said = capsys.readouterr().err
+    assert f"to go on where it stopped: station resume '{folder}'\n" in said
+    report_outcome(Outcome(folder, EXIT_INTERLOCK, error="a door opened"), "x", as_json=False)
+    assert "; first `station acknowledge` the bench" in capsys.readouterr().err

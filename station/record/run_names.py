@@ -1,0 +1,43 @@
+"""Run folders by a part of their name, as a person types it: `SN-0042` for the one that has it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from station.errors import InputError
+from station.record.layout import EVENTS
+
+RUNS = Path("runs")
+"""Where `station run` puts its folders where nobody says otherwise."""
+
+
+def runs_below(parent: Path) -> list[Path]:
+    """Return the run folders below `parent`, oldest first."""
+    return sorted(path.parent for path in parent.glob(f"[!.]*/{EVENTS}"))
+
+
+def find_run(name: Path, parent: Path = RUNS) -> Path:
+    """Return the folder of a run from its path, its name, or what only its name holds.
+
+    A path that exists is taken as it is. Raises InputError where no name below `parent` holds the
+    text, or several do.
+    """
+    if name.exists() or len(name.parts) != 1:
+        return name
+    text = str(name).lower()
+    fitting = [path for path in runs_below(parent) if text in path.name.lower()]
+    exact = [path for path in fitting if path.name.lower() == text]
+    match exact or fitting:
+        case [only]:
+            return only
+        case []:
+            raise InputError(
+                f"there is no file or folder {name}, and no run below {parent} has a name that "
+                f"holds '{name}'; `station list runs` lists them"
+            )
+        case several:
+            newest_first = "".join(f"\n  {path.name}" for path in reversed(several))
+            raise InputError(
+                f"{len(several)} runs below {parent} have a name that holds '{name}'; write more "
+                f"of the one you mean:{newest_first}"
+            )

@@ -1,0 +1,60 @@
+"""A run by a part of its name."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from command_line import station
+
+from station.cli.app import complete_run
+from station.errors import InputError
+from station.record.layout import EVENTS
+from station.record.run_names import find_run
+
+NAMES = (
+    "20260101T000000Z-rlg-magnetic-sensitivity-SN-0042",
+    "20260102T000000Z-rlg-magnetic-sensitivity-SN-0043",
+    "20260103T000000Z-rlg-magnetic-sensitivity-SN-0043",
+)
+
+
+@pytest.fixture
+def runs(tmp_path: Path) -> Path:
+    for name in (*NAMES, ".hidden-SN-0042"):
+        (tmp_path / "runs" / name).mkdir(parents=True)
+        (tmp_path / "runs" / name / EVENTS).touch()
+    (tmp_path / "runs" / "no-run-SN-0042").mkdir()
+    return tmp_path / "runs"
+
+
+def test_a_part_that_one_name_holds_is_that_run(runs: Path) -> None:
+    assert find_run(Path("sn-0042"), runs) == runs / NAMES[0]
+    assert find_run(Path(NAMES[1]), runs) == runs / NAMES[1]
+    assert find_run(Path("20260103"), runs) == runs / NAMES[2]
+
+
+def test_a_path_is_taken_as_it_is(runs: Path) -> None:
+    assert find_run(runs, runs) == runs
+    assert find_run(Path("elsewhere/SN-0042"), runs) == Path("elsewhere/SN-0042")
+
+
+def test_several_are_listed_newest_first_and_none_is_refused(runs: Path) -> None:
+    with pytest.raises(InputError) as refused:
+        find_run(Path("SN-0043"), runs)
+    said = str(refused.value)
+    assert said.index(NAMES[2]) < said.index(NAMES[1])
+    with pytest.raises(InputError, match="no run below"):
+        find_run(Path("SN-0044"), runs)
+
+
+def test_the_command_line_takes_a_part_of_a_name(runs: Path) -> None:
+    done = station(runs.parent, "status", "SN-0043")
+    assert done.returncode == 2
+    assert NAMES[2] in done.stderr
+
+
+def test_a_shell_completes_it(runs: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(runs.parent)
+    assert complete_run("SN-004") == list(reversed(NAMES))
+    assert complete_run("SN-0042") == [NAMES[0]]
