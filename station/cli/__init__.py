@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import atexit
 import json
 import os
+import signal
 import sys
 from contextlib import suppress
 from typing import NoReturn
@@ -24,6 +26,8 @@ def main() -> None:
     from station.console import take_over_streams
 
     take_over_streams()
+    # The exit code is known then; the system's own reaction to Ctrl-C would replace it.
+    atexit.register(signal.signal, signal.SIGINT, signal.SIG_IGN)
     from station.cli.app import app
     from station.console import tell
     from station.errors import EXIT_ABORTED, EXIT_FAULT, EXIT_WRONG_INPUT, StationError

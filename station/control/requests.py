@@ -167,14 +167,12 @@ class Control:
             self._channel.close()
 
     def hold(self) -> None:
-        """From now on the bench is made safe: no wish interrupts that."""
+        """From now on the bench is made safe: a wish comes too late."""
         with self._lock:
             self._ending = True
             for one in self._waiting:
                 one.answer(outcome="ended", said=ENDS_FIRST)
             self._waiting.clear()
-            if self._abort is not None:
-                self._clock.interrupt(None)
 
     def made_safe(self, outcomes: Sequence[SafeOutcome]) -> None:
         """Let others know how the bench was left, whatever becomes of the log."""

@@ -96,10 +96,15 @@ class AbortSignals:
         for number, handler in self._before.items():
             signal.signal(number, handler)
 
-    def hold(self) -> None:
-        """From now on the bench is made safe: no wish ends that."""
+    def hold(self) -> Exception | None:
+        """From now on the bench is made safe: no wish ends that.
+
+        Return what was to end the run and was taken up by no wait of its steps.
+        """
         self._making_safe = True
+        left = self._clock.interruption
         self._clock.interrupt(None)
+        return left if isinstance(left, Exception) else None
 
     def _heard(self, number: int, frame: FrameType | None) -> None:
         self.heard += 1

@@ -17,8 +17,22 @@ if TYPE_CHECKING:
     from station.safety.safe_state import SafeOutcome
 
 NO_MEMORY = "this computer has no memory left; end other programs"
-UNLOADED = ("failed to map segment", "annot allocate memory")
-"""What the system says of a library that it has no memory for."""
+WITHOUT_MEMORY = (
+    "annot allocate memory",
+    "failed to map segment",
+    "emory allocation",
+    "ut of memory",
+    "not enough memory",
+    "insufficient memory",
+    "can't start new thread",
+    "can't allocate lock",
+    "without setting an exception",
+    "without exception set",
+)
+"""What the system, a C library or Python says where it got no memory; the last two are Python's
+words of a C function that failed and had no memory to say why."""
+FROM_C = (ImportError, OSError, RuntimeError, SystemError)
+"""As what such words come."""
 
 
 @dataclass
@@ -60,8 +74,17 @@ def in_one_sentence(error: Exception) -> str:
     return str(error) if known else f"a fault of the program: {error!r}{place_of(error)}"
 
 
-def is_lack_of_memory(error: Exception) -> bool:
-    """Whether there was no memory, be it for data or for a library that was to be loaded."""
-    unloaded = isinstance(error, ImportError) and any(one in str(error) for one in UNLOADED)
+def is_lack_of_memory(error: BaseException | None) -> bool:
+    """Whether there was no memory: for data, for a library, for a thread, or to say what failed.
+
+    Of an error that is not one of ours, what it came of counts, too.
+    """
+    if error is None:
+        return False
     full = isinstance(error, OSError) and error.errno == errno.ENOMEM
-    return isinstance(error, MemoryError) or unloaded or full
+    if isinstance(error, MemoryError) or full:
+        return True
+    if isinstance(error, StationError | ClockError):
+        return False
+    said = isinstance(error, FROM_C) and any(one in str(error) for one in WITHOUT_MEMORY)
+    return said or is_lack_of_memory(error.__cause__ or error.__context__)

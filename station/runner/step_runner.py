@@ -115,13 +115,14 @@ class StepRunner:
                 outcome.exit_code = 0
             except Exception as error:  # a bug in a step must still leave a safe bench
                 self._ballast.clear()
-                self._failed_s = run.clock.now()
                 failure = error
             finally:
                 if self._folder_watch is not None:
                     self._folder_watch.end()
-                signals.hold()
                 run.control.hold()
+                unheard = signals.hold()
+                failure = failure or unheard
+                self._failed_s = run.clock.now()
                 if self._stillness is not None:
                     self._stillness.run_ends()
                 if self._monitor is not None:
@@ -230,8 +231,7 @@ class StepRunner:
         )
         if self._guardian is not None:
             # What is reached over another's line has no rest of its own to be brought to.
-            entries = self._run.bench.instruments
-            names = [name for name in self._found if not entries[name].shares]
+            names = [one for one in self._found if not self._run.bench.instruments[one].shares]
             self._guardian.watch(names, self._locks)
         if self._awake is not None and (why := self._awake.refused()):
             self._run.record.event("sleep-allowed", message=f"the computer may go to sleep: {why}")

@@ -16,7 +16,7 @@ import numpy as np
 from command_line import station_command
 from guardian_helpers import World
 from loop_disk import LoopDisk
-from standstill_runs import CTRL_C, CTRL_S, MOVED, Attacked, memory_of
+from standstill_runs import CTRL_C, CTRL_S, LOOKS_EVERY_S, MOVED, Attacked, memory_of
 
 STRETCH_S = 1.0
 """From a terminal that stands still to a person's wish to end the run, at most."""
@@ -41,6 +41,12 @@ class Scene:
     """A person's `station abort`."""
     struck_s: float = 0.0
     """When that came from which the time is counted, Unix time."""
+    guardian_struck_s: float = 0.0
+    """When a guardian was struck, Unix time."""
+    guarded_by: frozenset[int] = frozenset()
+    """The guardians that there were then."""
+    to_guardian_s: float | None = None
+    """Real time from then until there was another; None before."""
 
     def signal(self, pid: int, number: signal.Signals) -> None:
         """Send a signal to a process."""
@@ -51,8 +57,15 @@ class Scene:
         found = self.run.guardians()
         assert found, "the run has no guardian"
         pid = found[int(self.rng.integers(len(found)))]
+        self.guardian_struck_s, self.guarded_by = time.time(), frozenset(found)
         self.struck.append(pid)
         return pid
+
+    def has_new_guardian(self) -> bool:
+        """Whether there has been a guardian since that was not there when one was struck."""
+        if self.to_guardian_s is None and set(self.run.guardians()) - self.guarded_by:
+            self.to_guardian_s = round(time.time() - self.guardian_struck_s, 2)
+        return self.to_guardian_s is not None
 
 
 def strike(name: str, scene: Scene) -> None:
@@ -108,9 +121,8 @@ def guardian_stopped(scene: Scene) -> None:
 def guardian_killed_runner_later(scene: Scene) -> None:
     guardian_killed(scene)
     until_s = time.time() + NEW_GUARDIAN_WITHIN_S
-    before = set(scene.run.guardians()) | set(scene.struck)
-    while time.time() < until_s and scene.run.alive and not set(scene.run.guardians()) - before:
-        time.sleep(0.05)
+    while time.time() < until_s and scene.run.alive and not scene.has_new_guardian():
+        time.sleep(LOOKS_EVERY_S)
     if scene.run.alive:
         time.sleep(scene.rng.uniform(0.0, 2.0))
     scene.struck_s = time.time()
@@ -178,6 +190,7 @@ def outage(name: str, scene: Scene) -> None:
     lasts: dict[str, Any] = {"for": f"{scene.outage_s * scene.bench.speed:g} s"}
     scene.bench.inject(instrument=instrument, fault=fault, **lasts)
     ends = signal.SIGKILL if "killed" in name else signal.SIGINT
+    scene.struck_s = time.time()
     scene.signal(scene.run.process.pid, ends)
 
 

@@ -141,7 +141,6 @@ def is_written(run: Attacked) -> bool:
 def watch(seen: Observed, scene: Scene, rest_of_run_s: float) -> None:
     """Look at world, words and processes until nothing of the run lives, or for too long."""
     run, attack = scene.run, seen.case.attack
-    before = set(run.guardians()) | set(scene.struck)
     ramps_s = RAMPS_BENCH_S / scene.bench.speed
     promised_s = (
         rest_of_run_s + GOES_ON_WITHIN_S if attack.within_s is None else attack.within_s + ramps_s
@@ -162,8 +161,8 @@ def watch(seen: Observed, scene: Scene, rest_of_run_s: float) -> None:
             seen.broken.append(f"a false word: the bench is not at rest at {new.strip()!r}")
         rest_since_s = (rest_since_s or now_s) if at_rest else None
         others = run.others()
-        if seen.to_guardian_s is None and attack.guardian and set(run.guardians()) - before:
-            seen.to_guardian_s = round(since_s, 2)
+        if attack.guardian and scene.has_new_guardian():
+            seen.to_guardian_s = scene.to_guardian_s
         frozen_long = since_s > promised_s or (
             rest_since_s is not None
             and now_s - rest_since_s > STAYS_S
@@ -202,12 +201,15 @@ def judge_end(seen: Observed, scene: Scene) -> None:
     run, attack = scene.run, seen.case.attack
     code = seen.exit_code = run.process.poll()
     left = [pid for pid in run.others() if pid not in scene.struck]
+    exits = attack.exits
+    if attack.name.startswith("outage-") and "abort" in attack.name and steps_were_done(scene):
+        exits |= GOOD
     if code is None:
         seen.broken.append("the run's process goes on for ever")
-    elif code not in attack.exits and code in ENDED_BY_ITSELF and not attack.outage_s:
+    elif code not in exits and code in ENDED_BY_ITSELF and not attack.outage_s:
         seen.busy = next((text for text in BUSY if text in run.all_words()), "")
-    if code is not None and code not in attack.exits and not seen.busy:
-        seen.broken.append(f"exit code {code}, {sorted(attack.exits)} promised")
+    if code is not None and code not in exits and not seen.busy:
+        seen.broken.append(f"exit code {code}, {sorted(exits)} promised")
     if left:
         seen.broken.append(f"{len(left)} processes are left behind")
     run.read_on()
@@ -234,6 +236,14 @@ def judge_end(seen: Observed, scene: Scene) -> None:
             seen.broken += guardian_noticed(seen, events, left_s(scene, events))
 
 
+def steps_were_done(scene: Scene) -> bool:
+    """Whether all steps of a run were done when it was struck: there is nothing left to abort."""
+    events = scene.run.events()
+    done = [float(one["t_s"]) for one in events if one["event"] == "step-finished"]
+    (began,) = [one for one in events if one["event"] == "run-started"]
+    return len(done) == len(began["steps"]) and done[-1] <= scene.bench.bench_s(scene.struck_s)
+
+
 def wrong_words(seen: Observed) -> Iterator[str]:
     """Yield what is wrong with what the operator reads."""
     for text in FAULTS_OF_THE_PROGRAM:
@@ -245,10 +255,10 @@ def wrong_words(seen: Observed) -> Iterator[str]:
 
 
 def left_s(scene: Scene, events: list[dict[str, Any]]) -> float:
-    """Return the real time that a run had after the attack until it let its guardians go."""
+    """Return the real time from the attack on a guardian until the run let its guardians go."""
     ends = [float(one["t_s"]) for one in events if one["event"] == "run-ended"]
     bench = scene.bench
-    return (ends[-1] - bench.bench_s(scene.struck_s)) / bench.speed if ends else math.inf
+    return (ends[-1] - bench.bench_s(scene.guardian_struck_s)) / bench.speed if ends else math.inf
 
 
 def guardian_noticed(seen: Observed, events: list[dict[str, Any]], left_s: float) -> Iterator[str]:

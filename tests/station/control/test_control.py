@@ -382,10 +382,19 @@ def test_an_abort_ends_the_run_at_its_next_wait(virtual: Desk) -> None:
 def test_an_abort_that_comes_while_the_bench_is_made_safe_interrupts_nothing(
     virtual: Desk,
 ) -> None:
+    with AbortSignals(virtual.run.clock) as signals:
+        virtual.control.hold()
+        assert signals.hold() is None
+        assert ask(virtual.folder, "abort")["said"] == ENDS_ALREADY
+        virtual.run.clock.sleep(1.0)
+
+
+def test_an_abort_that_no_wait_has_taken_up_is_not_lost(virtual: Desk) -> None:
     assert ask(virtual.folder, "abort")["outcome"] == "ending"
-    virtual.control.hold()
-    assert ask(virtual.folder, "abort")["said"] == ENDS_ALREADY
-    virtual.run.clock.sleep(1.0)
+    with AbortSignals(virtual.run.clock) as signals:
+        virtual.control.hold()
+        assert isinstance(signals.hold(), Aborted)
+        virtual.run.clock.sleep(1.0)
 
 
 @pytest.mark.parametrize("name", ["virtual", "real"])

@@ -5,12 +5,16 @@ Another procedure and step for each attack. `benchmarks/standstill_campaign.py` 
 
 from __future__ import annotations
 
+import signal
 import sys
 from collections.abc import Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
+import numpy as np
 import pytest
 
 if sys.platform != "linux":
@@ -18,9 +22,9 @@ if sys.platform != "linux":
 
 from fault_cases import plans, steps
 from loop_disk import why_not
-from standstill_attacks import ATTACKERS
+from standstill_attacks import ATTACKERS, Scene, strike
 from standstill_cases import ATTACKS, SPEEDS, Case
-from standstill_oracle import Observed, attack, reference_of
+from standstill_oracle import Observed, attack, reference_of, steps_were_done
 
 GYRO, CELL, ACCELEROMETER = (
     "rlg-magnetic-sensitivity",
@@ -92,3 +96,41 @@ def test_every_attack_can_be_made_in_every_plan_and_step() -> None:
     assert named == set(ATTACKERS)
     assert set(plans()) <= set(SPEEDS), "say how fast the bench of a new plan is served"
     assert all(steps(plan) for plan in plans())
+
+
+@dataclass
+class Signalled(Scene):
+    """A scene in which nobody is hurt."""
+
+    signals: tuple[tuple[int, signal.Signals], ...] = ()
+
+    def signal(self, pid: int, number: signal.Signals) -> None:
+        self.signals += ((pid, number),)
+
+
+def test_a_guardian_that_came_before_the_run_is_killed_is_seen() -> None:
+    guardians = iter([[11, 12], [11], [11, 13], [11]])
+    run: Any = SimpleNamespace(
+        guardians=lambda: next(guardians), alive=True, process=SimpleNamespace(pid=10)
+    )
+    rng: Any = SimpleNamespace(integers=lambda _: 1, uniform=np.minimum)
+    scene = Signalled(run, None, None, rng, [], 0.0, [])  # type: ignore[arg-type]
+    strike("guardian-killed-runner-later", scene)
+    assert scene.signals == ((12, signal.SIGKILL), (10, signal.SIGKILL))
+    assert scene.has_new_guardian()
+    assert scene.to_guardian_s is not None
+
+
+def test_steps_that_were_done_before_an_abort_are_distinguished() -> None:
+    events = [
+        {"event": "run-started", "t_s": 0.0, "steps": [{}, {}]},
+        {"event": "step-finished", "t_s": 4.0},
+        {"event": "step-finished", "t_s": 9.0},
+    ]
+    bench: Any = SimpleNamespace(bench_s=lambda unix_s: unix_s)
+    run: Any = SimpleNamespace(events=lambda: events)
+    rng: Any = None
+    assert steps_were_done(Scene(run, bench, None, rng, [], 0.0, [], struck_s=10.0))
+    assert not steps_were_done(Scene(run, bench, None, rng, [], 0.0, [], struck_s=8.0))
+    del events[-1]
+    assert not steps_were_done(Scene(run, bench, None, rng, [], 0.0, [], struck_s=10.0))

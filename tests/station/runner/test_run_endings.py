@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 from command_line import PLAN, begun
@@ -13,7 +15,8 @@ from rlg_runs import short_run
 
 from station.cli import main
 from station.cli.analysing import analyse_run
-from station.record.folder import RunFolder
+from station.errors import InterlockTripped
+from station.record.folder import RunFolder, RunRecord
 from station.record.layout import Presence
 from station.runner import evaluation
 from station.runner.outcome import NO_MEMORY, in_one_sentence
@@ -96,6 +99,65 @@ def test_a_run_without_memory_says_so_in_one_sentence() -> None:
     unloaded = ImportError("a.so: failed to map segment from shared object")
     assert in_one_sentence(unloaded) == in_one_sentence(MemoryError())
     assert in_one_sentence(KeyError("x")) == "a fault of the program: KeyError('x')"
+
+
+@pytest.mark.parametrize(
+    "error",
+    [
+        SystemError("<built-in function len> returned NULL without setting an exception"),
+        SystemError("error return without exception set"),
+        RuntimeError("can't start new thread"),
+        OSError("Unable to synchronously create dataset (memory allocation failed)"),
+        RuntimeError("Allocation error : not enough memory"),
+    ],
+    ids=str,
+)
+def test_a_c_library_without_memory_is_no_fault_of_the_program(error: Exception) -> None:
+    assert in_one_sentence(error) == in_one_sentence(MemoryError())
+
+
+def test_what_comes_of_a_lack_of_memory_is_no_fault_of_the_program() -> None:
+    come_of_it = SystemError("<class 'Event'> returned a result with an exception set")
+    come_of_it.__cause__ = MemoryError()
+    assert in_one_sentence(come_of_it) == in_one_sentence(MemoryError())
+    ours = InterlockTripped("a", "it is warm", 0.0)
+    ours.__context__ = MemoryError()
+    assert in_one_sentence(ours) == str(ours)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no SIGINT to itself there")
+def test_ctrl_c_at_the_end_of_the_last_step_ends_the_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    noted = RunRecord.event
+
+    def note(record: RunRecord, kind: str, **details: Any) -> None:
+        noted(record, kind, **details)
+        if kind == "step-finished" and details["step"] == "S9":
+            os.kill(os.getpid(), signal.SIGINT)
+
+    monkeypatch.setattr(RunRecord, "event", note)
+    outcome, _ = short_run(tmp_path, plan=ONE_AXIS)
+    assert (outcome.exit_code, outcome.error) == (4, "the run was ended by SIGINT")
+    assert outcome.document is None
+
+
+LATE = """
+import os, signal, sys
+class Late:
+    def __del__(self):
+        os.kill(os.getpid(), signal.SIGINT)
+late = Late()
+sys.argv = ["station", "validate", "no-such-plan"]
+from station.cli import main
+main()
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no SIGINT to itself there")
+def test_ctrl_c_while_the_interpreter_ends_changes_no_exit_code() -> None:
+    done = subprocess.run([sys.executable, "-c", LATE], capture_output=True, check=False)
+    assert done.returncode == 2, done.stderr
 
 
 def test_a_file_that_is_gone_with_its_run_folder_is_not_a_fault_of_the_program(
