@@ -142,11 +142,14 @@ def conclude(record: RunRecord, outcome: Outcome, *, report: bool, ended: bool =
             outcome.error, outcome.exit_code = str(error), EXIT_FAULT
         return
     with wishes_held():
-        if not ended:
-            with suppress(RecordError):  # a full disk was reported when the run met it
-                note_end(record)
-        evaluate(record, outcome, report=report)
-        record.seal()
+        try:
+            if not ended:
+                with suppress(RecordError):  # a full disk was reported when the run met it
+                    note_end(record)
+            evaluate(record, outcome, report=report)
+            record.seal()
+        except Exception as error:  # the operator must still read how the bench was left
+            record.faults.append(in_one_sentence(error))
         if report and outcome.error is None and not record.faults:
             export(record)  # not on a disk that is full: the HDF5 library crashes there
     if record.faults and outcome.exit_code not in (EXIT_ABORTED, EXIT_INTERLOCK):
@@ -220,12 +223,13 @@ def content_hashes(plan: Plan, bench: Bench) -> dict[str, str]:
 
 def export(record: RunRecord) -> None:
     """Leave the raw data as HDF5 for other tools; what cannot be exported now can be later."""
-    from station.record.export.hdf5 import export_hdf5
-
     try:
+        from station.record.export.hdf5 import export_hdf5
+
         export_hdf5(RunFolder(record.path), record.path / EXPORTS / f"{record.path.name}.h5")
     except Exception as error:  # the record itself is complete without it
-        tell(f"not exported: {error}; `station export` does it again")
+        why = NO_MEMORY if is_lack_of_memory(error) else error
+        tell(f"not exported: {why}; `station export` does it again")
 
 
 def evaluate(record: RunRecord, outcome: Outcome, *, report: bool) -> None:

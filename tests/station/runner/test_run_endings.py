@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -19,6 +20,7 @@ from station.errors import InterlockTripped
 from station.record.folder import RunFolder, RunRecord
 from station.record.layout import Presence
 from station.runner import evaluation
+from station.runner.execute import export
 from station.runner.outcome import NO_MEMORY, in_one_sentence
 
 ONE_AXIS = {"parameters/axes": ["IA"], "parameters/duration": "100 s"}
@@ -140,6 +142,27 @@ def test_ctrl_c_at_the_end_of_the_last_step_ends_the_run(
     outcome, _ = short_run(tmp_path, plan=ONE_AXIS)
     assert (outcome.exit_code, outcome.error) == (4, "the run was ended by SIGINT")
     assert outcome.document is None
+
+
+def test_a_folder_that_cannot_be_sealed_keeps_back_no_word_of_the_bench(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def without_memory(record: RunRecord) -> None:
+        raise MemoryError
+
+    monkeypatch.setattr(RunRecord, "seal", without_memory)
+    outcome, _ = short_run(tmp_path, plan=ONE_AXIS)
+    assert outcome.exit_code == 3
+    assert outcome.error == f"not everything was recorded: {in_one_sentence(MemoryError())}"
+    assert outcome.safe and not outcome.unsafe
+
+
+def test_a_run_that_cannot_load_what_exports_it_is_finished_without_an_export(
+    one_axis_run: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setitem(sys.modules, "station.record.export.hdf5", None)
+    export(SimpleNamespace(path=one_axis_run))  # type: ignore[arg-type]
+    assert capsys.readouterr().err.startswith("not exported: ")
 
 
 LATE = """
