@@ -3,6 +3,12 @@
 Sources: BIT 4886 manual P/N 243-1303 for the list system and the 253-character limit. Not confirmed
 in a primary source: the header `CURR:LIM` of the card's own current limit. A card that does not
 know it (-113) keeps its rating as limit, and the bench limit must not be above it.
+
+Commands and their sources:
+    CURR:LIM - the card's own current limit - BOP 1KW-MG manual, another model - not confirmed
+    VOLT - the compliance voltage in current mode - BIT 4886 manual 243-1303 - confirmed
+    LIST:CURR, LIST:CURR:POIN?, LIST:DWEL - a period of up to 1002 points in lines of 253
+        characters, dwells of 0.5 ms to 10 s - BIT 4886 manual 243-1303 - confirmed
 """
 
 from __future__ import annotations
@@ -11,7 +17,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from drivers.kepco.supply import KepcoSupply
+from drivers.kepco.supply import BEHIND_MODEL, KepcoSupply
 from drivers.transport.retry import Repeatable
 from drivers.transport.visa_line import ERROR_QUERY
 
@@ -23,7 +29,9 @@ DWELL_RANGE_S = (0.0005, 10.0)
 class KepcoBop(KepcoSupply):
     """A coil supply whose sine is a list that the card repeats until stopped."""
 
-    recognises: ClassVar[str] = r"^KEPCO,[^,]*36-12[^,]*,(?P<serial>[^,]+)"
+    recognises: ClassVar[str] = (
+        r"^KEPCO,\s*(?P<model>BIT\s?[\w-]+\s+\d+-\d+\w*|BOP \d+-\d+[A-Z]?(?<![GL]))" + BEHIND_MODEL
+    )
     repeatable: ClassVar[Repeatable] = Repeatable(
         r"\*IDN\?|\*CLS|SYST:ERR\?",
         r"(CURR|VOLT|OUTP|MEAS:CURR|MEAS:VOLT|STAT:OPER:COND|LIST:CURR:POIN)\?( MAX)?",
@@ -42,6 +50,7 @@ class KepcoBop(KepcoSupply):
         answer = self._line.query(f"CURR:LIM {self._current_limit_A:.4f};{ERROR_QUERY}")
         if not answer.startswith(("0,", "-113")):
             raise self._line.refused("CURR:LIM", answer)
+        self.met("CURR:LIM is known" if answer.startswith("0,") else "limited by its rating alone")
 
     def _prepare(self, frequency_Hz: float, amplitude_A: float) -> float:
         dwell_s = 1.0 / (frequency_Hz * LIST_POINTS)

@@ -8,7 +8,15 @@ anything at the output; `VOLT:PROT` as the clamp in current mode, which cannot b
 From general knowledge: that `CURR:LIM?` and `VOLT:PROT?` tell what was set, within 1 %; the form
 of its identity; that its frequency is as exact as its clock; that a sine begins at zero. Which of
 the two `CURR:MODE FIX` does is no matter here: the list is left near a zero of its sine, and what
-remains is ramped.
+remains is ramped. Numbers have at most 4 digits before the point and 8 behind it (manual, p.B-2).
+
+Commands and their sources:
+    SYST:REM ON - takes the output over - BOP-GL guide - not confirmed
+    OUTP:CONT OFF, OUTP:MODE ACTIVE - the output into a coil - BOP 1KW-MG manual, BOP-GL guide -
+        confirmed
+    VOLT:PROT, VOLT:PROT? - the clamp in current mode, both sides - BOP-GL guide - not confirmed
+    CURR:LIM, CURR:LIM? - the current limit, both sides - BOP-GL guide - not confirmed
+    LIST:CURR:APPL SINE - a sine of the instrument's own - BOP-GL guide - not confirmed
 """
 
 from __future__ import annotations
@@ -16,7 +24,7 @@ from __future__ import annotations
 from contextlib import suppress
 from typing import ClassVar
 
-from drivers.kepco.supply import KepcoSupply
+from drivers.kepco.supply import BEHIND_MODEL, KepcoSupply
 from drivers.transport.retry import Repeatable
 from drivers.transport.visa_line import ERROR_QUERY
 from station.errors import InstrumentError
@@ -28,7 +36,9 @@ TOLERANCE = 0.01
 class KepcoBop1kW(KepcoSupply):
     """A coil supply whose sine the instrument makes itself."""
 
-    recognises: ClassVar[str] = r"^KEPCO,\s*BOP[^,]*\d+-\d+\s*M?E?[GL]L?\b[^,]*,(?P<serial>[^,]+)"
+    recognises: ClassVar[str] = (
+        r"^KEPCO,\s*(?P<model>BOP\s?1KW\s+\d+-\d+\w*|BOP[^,]*?\d+-\d+\s*M?E?[GL]L?)" + BEHIND_MODEL
+    )
     repeatable: ClassVar[Repeatable] = Repeatable(
         r"\*IDN\?|\*CLS|SYST:ERR\?",
         r"(CURR|VOLT|OUTP|MEAS:CURR|MEAS:VOLT|STAT:OPER:COND|CURR:LIM|VOLT:PROT)\?( MAX)?",

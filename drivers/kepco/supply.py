@@ -1,22 +1,40 @@
 """What a driver of a Kepco BOP does alike whatever makes its sine: limits, ramps, the way to rest.
 
 Sources: BIT 4886 manual P/N 243-1303 for the error codes and the rounding by calibration constants;
-`FUNC:MODE` and the status bits from public client code.
+`FUNC:MODE` and the status bits from public client code. Identities as in the manuals 051010 (p.A-3)
+and 111315 (A.6) and as answered by real units: commas or blanks between, a calibration date before
+or after the serial number, or none.
+
+Commands and their sources:
+    *IDN? - who answers, in every recorded form - manuals 051010 p.A-3 and 111315 A.6, answers of
+        real units - confirmed
+    *CLS, SYST:ERR? - the error queue - BIT 4886 manual 243-1303 - confirmed
+    FUNC:MODE CURR - current mode - public client code, BOP-GL guide - confirmed
+    CURR, CURR?, CURR? MAX - the set-point and the rating - BIT 4886 manual 243-1303 - confirmed
+    CURR:MODE FIX, CURR:MODE LIST - leaves and starts a list - BIT 4886 manual 243-1303 - confirmed
+    CURR:RANG 1 - one range, without a jump at a quarter of the scale - BOP-GL guide - not confirmed
+    OUTP ON, OUTP OFF, OUTP? - the output - BOP 1KW-MG manual - confirmed
+    MEAS:CURR?, MEAS:VOLT? - what flows - BIT 4886 manual 243-1303 - confirmed
+    STAT:OPER:COND? - bits 8 voltage mode, 14 list running - BOP-GL guide - not confirmed
+    LIST:CLE, LIST:COUN 0 - an empty list, for ever - BIT 4886 manual 243-1303 - confirmed
 """
 
 from __future__ import annotations
 
 import math
+import re
 from abc import abstractmethod
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
+from typing import ClassVar
 
 from drivers.kepco.steady_current import STEP_S, SteadyCurrent, set_point_A
+from drivers.transport.line import odd
 from drivers.transport.visa_line import ERROR_QUERY
 from station.clock import Clock
 from station.errors import InstrumentError, PauseRefused
-from station.roles import Place, SafetyReading, published, quantity
+from station.roles import Identity, Place, SafetyReading, published, quantity
 
 OPERATION = "STAT:OPER:COND?"
 LIST_RUNNING = 1 << 14
@@ -28,6 +46,16 @@ LONGEST_HALF_PERIOD_S = 10.5
 LOOK_S = 0.01
 LOOKS = 6
 """A sine near its zero changes by several times its read-back's noise in as many looks."""
+DATE = r"\d+[-/]\d+[-/]\d+"
+BEHIND_MODEL = (
+    rf"[\s,]+(?P<before>{DATE}[\s,]+)?(?P<serial>\w+)[\s,]+(?P<after>{DATE}[\s,]+)?"
+    r"(?P<firmware>\d+\.\d+\S*?)\.?\s*$"
+)
+"""What follows the model in an identity: perhaps a calibration date, serial number, revision."""
+ECHO = repr("*IDN?\r")[:-1]
+"""How an error of the line begins to show an echo that its answer follows at once."""
+TELNET = "it echoes what it is sent, as on its telnet port: write the port of bare sockets, 5025"
+DIFFERENT = "compare its identity with the driver's model in the bench file"
 
 
 class KepcoSupply(SteadyCurrent):
@@ -37,12 +65,35 @@ class KepcoSupply(SteadyCurrent):
     that counts as zero.
     """
 
+    recognises: ClassVar[str]
+
     def __init__(self, place: Place) -> None:
         super().__init__(place)
         self._voltage_limit_V = self.limit("voltage")
         self._half_period_s = LONGEST_HALF_PERIOD_S
         self._sine: Sine | None = None
         self._stood_still = False
+
+    def identify(self) -> Identity:
+        """Ask `*IDN?`: maker, model with ratings, serial number, firmware.
+
+        The serial number is the field or word that is neither date, model nor revision.
+        """
+        try:
+            answer = self._line.query("*IDN?")
+        except InstrumentError as error:
+            if ECHO not in str(error):
+                raise
+            answer = "*IDN?"
+        found = re.match(self.recognises, answer)
+        if found is None:
+            echo = answer.strip() == "*IDN?"
+            raise odd(self.place.name, "asked *IDN?", answer, TELNET if echo else DIFFERENT)
+        dated = found["before"] or found["after"]
+        self.met(f"identity {'with' if dated else 'without'} a calibration date")
+        return Identity(
+            "KEPCO", " ".join(found["model"].split()), found["serial"], found["firmware"]
+        )
 
     def programme_limits(self) -> None:
         """Set current mode, zero, and the instrument's own current and voltage limits.

@@ -8,6 +8,7 @@ a list may be armed with the output off; protection cannot be set below 1 % of t
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import partial
 from typing import ClassVar
 
@@ -23,6 +24,7 @@ from sim_instruments.faults.lasting import (
 from sim_instruments.instrument import Setting
 from sim_instruments.kepco.output import Output, add_limit_commands, scientific
 from sim_instruments.kepco.output_list import ListMemory, add_list_commands
+from sim_instruments.truth import SimulationError
 from sim_instruments.wire.scpi import ScpiError, boolean, choice, number, one
 from sim_instruments.wire.scpi import whole_number as whole
 from sim_instruments.wire.scpi_device import ScpiDevice, Value
@@ -41,20 +43,37 @@ class KepcoBop(ScpiDevice):
     """One supply, driving one coil of the simulated world.
 
     Truth (`simulator` mapping): `coil` (x, y, z), `gain_error` and `offset` of the output,
-    `readback_gain_error`, `readback_offset`, `readback_noise`, `time_base_error` of the list.
+    `readback_gain_error`, `readback_offset`, `readback_noise`, `time_base_error` of the list. May
+    be given: `identity`, the form of the answer to `*IDN?`; `current_loop: true`, the coil follows
+    as the supply's loop drives it and not with its own time constant; `command_time`, what each
+    message takes (about 25 ms with a BIT 802E); `telnet: true`, each message is echoed;
+    `current_limit: false`, a card without `CURR:LIM`.
     """
 
     model = "Kepco BOP 36-12"
-    identity_of = "KEPCO,BIT 802E 36-12,{serial},1.15-1.80"
+    identities: ClassVar[Mapping[str, str]] = {
+        "lan": "KEPCO,BIT 802E 36-12,{serial},1.15-1.80",
+        "blanks": "KEPCO, BIT 4886 36-12 {serial} 1.8-1.8",
+        "date-after-serial": "KEPCO, BIT4886-6 36-12, {serial} 11/10/98, 1.81-1.81.",
+        "date-before-serial": "KEPCO,BIT 4886 36-12  08-04-2023,{serial},4.04-1.82",
+    }
+    """As answered by real units and printed in the manuals."""
     output_stage: ClassVar[type[Output]] = Output
 
     error_queue_depth = 20
     lasting_faults: ClassVar = (Frozen.kind, Compliance.kind, ListRefused.kind, Overdrive.kind)
 
     def __init__(self, setting: Setting) -> None:
-        super().__init__(self.identity_of.format(serial=setting.serial))
-        self._clock, self._rng = setting.clock, setting.rng
         truth = setting.truth
+        form = truth.text("identity", next(iter(self.identities)))
+        if form not in self.identities:
+            raise SimulationError(
+                f"{truth.where}.identity: one of {', '.join(self.identities)} was expected"
+            )
+        super().__init__(self.identities[form].format(serial=setting.serial))
+        self._clock, self._rng = setting.clock, setting.rng
+        self.busy_s = truth.quantity("command_time", "s", 0.0)
+        self._echoes = truth.switch("telnet")
         self._output = self.output_stage(setting.world.coil(truth.text("coil")), truth)
         self._stretch = 1.0 + truth.quantity("time_base_error", "1")
         self._read_gain = 1.0 + truth.quantity("readback_gain_error", "1")
@@ -69,7 +88,8 @@ class KepcoBop(ScpiDevice):
         self._transient_s = 0.0
         self._ends_s = np.inf
         self._add_source()
-        add_limit_commands(self, self._output, setting.clock, self._list_runs)
+        limited = truth.text("current_limit", "true").lower() != "false"
+        add_limit_commands(self, self._output, setting.clock, self._list_runs, limited=limited)
         self._add_list()
         self.begin_to_serve(setting)
 
@@ -102,9 +122,12 @@ class KepcoBop(ScpiDevice):
             self._ends_s = np.inf
 
     def _line(self, line: bytes) -> bytes:
+        answer = self._answered(line)
+        return line.rstrip(b"\r") + b"\r\n" + answer if self._echoes else answer
+
+    def _answered(self, line: bytes) -> bytes:
         if len(line.rstrip(b"\r")) > LONGEST_MESSAGE:
-            self.refuse(-363)
-            return b""
+            return self._too_long()
         reply = self.execute(line.decode("ascii", "replace").strip())
         if reply is None:
             return b""

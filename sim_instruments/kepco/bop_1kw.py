@@ -10,6 +10,7 @@ sine starts at zero; `LIST:CURR:APPL:SWE` and the other waveforms are left out, 
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping
 from typing import ClassVar
 
@@ -19,13 +20,30 @@ from sim_instruments.instrument import Setting
 from sim_instruments.kepco.bop import ROOTS, KepcoBop
 from sim_instruments.kepco.output import Output
 from sim_instruments.kepco.output_list import ListMemory, not_while
-from sim_instruments.wire.scpi import ScpiError, boolean, choice, number
+from sim_instruments.wire.scpi import Handler, ScpiError, boolean, choice, number
 
 RATED = {"CURR": 14.0, "VOLT": 72.0}
 MOST_POINTS, SINE_POINTS = 3933, 3840
 LOWEST_HZ, HIGHEST_HZ = 0.01, 1.8
 LOADS = {name: name for name in ("ACTIVE", "RESISTIVE", "BATTERY")}
 PIN_CONTROLS = {name: name for name in ("HIGH", "LOW", "STAN", "OFF")}
+
+
+NUMBER = re.compile(r"[+-]?(\d*)\.?(\d*)")
+LARGEST_NUMBER = 6500.9999
+TRAILING = re.compile(r"\.?0+E(?=-?\d)")
+
+
+def fits(parameter: str) -> bool:
+    """Return whether a number, if it is one, has at most 4 digits before and 8 after the point.
+
+    Manual of the 1 kW family, p.B-2: beyond these, and above 6500.9999, it is refused with -120.
+    """
+    found = NUMBER.fullmatch(parameter)
+    if found is None or not (found[1] or found[2]):
+        return True
+    short = len(found[1]) <= 4 and len(found[2]) <= 8
+    return short and abs(float(parameter)) <= LARGEST_NUMBER
 
 
 class ClampedOutput(Output):
@@ -55,7 +73,11 @@ class KepcoBop1kW(KepcoBop):
     """One supply, driving one coil of the simulated world; its truth is that of `KepcoBop`."""
 
     model = "Kepco BOP 72-14MG"
-    identity_of = "KEPCO,BOP 72-14MG,{serial},2.24"
+    identities: ClassVar[Mapping[str, str]] = {
+        "plain": "KEPCO,BOP 72-14MG,{serial},2.24",
+        "firmware-2": "KEPCO,BOP1KW 72-14 ,{serial}, 2.01",
+        "calibration-date": "KEPCO,BOP 72-14MG,05-11-2021,{serial},4.05",
+    }
     output_stage = ClampedOutput
 
     def __init__(self, setting: Setting) -> None:
@@ -87,6 +109,17 @@ class KepcoBop1kW(KepcoBop):
 
     def _leave_list(self, now_s: float) -> None:
         self._output.stay(now_s)
+
+    def _lookup(self, message: str) -> list[tuple[Handler | ScpiError, list[str]]]:
+        return [
+            (handler if all(map(fits, parameters)) else ScpiError(-120), parameters)
+            for handler, parameters in super()._lookup(message)
+        ]
+
+    def execute(self, message: str) -> str | None:
+        """Carry out one message; numbers are answered without zeros at their end."""
+        reply = super().execute(message)
+        return reply and TRAILING.sub("E", reply)
 
     def _set_remote(self, text: str) -> None:
         self._remote = boolean(text)

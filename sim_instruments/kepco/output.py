@@ -12,14 +12,13 @@ from typing import ClassVar
 
 import numpy as np
 
+from sim_instruments.kepco.current_loop import CurrentLoop, Pass
 from sim_instruments.truth import Truth
 from sim_instruments.wire.scpi import ScpiError, number
 from sim_instruments.wire.scpi_device import ScpiDevice, Value
 from sim_instruments.world.currents import CurrentHistory
 from sim_instruments.world.piecewise import Array
 from station.clock import Clock
-
-Pass = tuple[Array, Array, int]
 
 RATED = {"CURR": 12.0, "VOLT": 36.0}
 CONVERTER_STEPS = 2**15
@@ -62,6 +61,8 @@ class Output:
         self._sagging_V = np.inf
         self._overdrive = 1.0
         self._list: tuple[float, list[Pass]] | None = None
+        loop = CurrentLoop(coil, lambda: self._compliance_A() if self.mode == "CURR" else None)
+        self._stage = loop if truth.switch("current_loop") else coil
 
     def reset(self, time_s: float) -> None:
         """Go to voltage mode, zero, output off; limits stay as programmed."""
@@ -106,7 +107,7 @@ class Output:
         during = self._driven(np.array([self.levels[self.mode]]))[0]
         self.levels[kind] = before
         then = self._driven(np.array([self.levels[self.mode]]))[0]
-        self.coil.pulse(time_s, float(during), until_s, float(then))
+        self._stage.pulse(time_s, float(during), until_s, float(then))
 
     def set_mode(self, time_s: float, mode: str) -> None:
         """Change between controlling the voltage and the current."""
@@ -146,7 +147,7 @@ class Output:
         """Drive the fixed set point from now on."""
         self._list = None
         level = float(self._driven(np.array([self.levels[self.mode]]))[0])
-        self.coil.hold(time_s, level if self.on else 0.0)
+        self._stage.hold(time_s, level if self.on else 0.0)
 
     def stay(self, time_s: float) -> None:
         """Hold the point where a list is, which becomes the set point."""
@@ -174,7 +175,7 @@ class Output:
         then = float(self._driven(np.array([self.levels[self.mode]]))[0]) if self.on else 0.0
         if not self.on:
             then = 0.0
-        return self.coil.run(time_s, driven, then)
+        return self._stage.run(time_s, driven, then)
 
     def sag(self, time_s: float, volts: float) -> None:
         """Give no more than `volts` from now on, whatever the voltage is set to; a list goes on."""
@@ -263,9 +264,14 @@ SIDES: tuple[tuple[tuple[str, ...], tuple[str, ...]], ...] = (
 
 
 def add_limit_commands(
-    device: ScpiDevice, output: Output, clock: Clock, list_runs: Callable[[], bool]
+    device: ScpiDevice,
+    output: Output,
+    clock: Clock,
+    list_runs: Callable[[], bool],
+    *,
+    limited: bool,
 ) -> None:
-    """Add `CURR|VOLT:LIM` and `CURR|VOLT:PROT` with their queries.
+    """Add `CURR|VOLT:LIM`, where `limited`, and `CURR|VOLT:PROT` with their queries.
 
     A set point beyond a limit is refused; an output beyond a protection is switched off. A set
     point that a new limit leaves outside is brought within it.
@@ -282,7 +288,7 @@ def add_limit_commands(
 
     for kind, word in (("CURR", "CURRent"), ("VOLT", "VOLTage")):
         for what, table, lowest, highest in (
-            ("LIMit", output.limits, 0.0, 1.0),
+            *([("LIMit", output.limits, 0.0, 1.0)] if limited else []),
             ("PROTection", output.protections, 0.01, 1.01),
             ("PROTect", output.protections, 0.01, 1.01),
         ):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import select
 import socket
 from abc import ABC, abstractmethod
@@ -16,7 +17,10 @@ from sim_instruments.instrument import ServedInstrument, Setting
 from sim_instruments.wire.tcp import TcpServer, is_closed
 from station.clock import Clock, ClockStopped
 
-LONGEST_LINE = LARGEST_READ_BYTES = 65536
+LARGEST_READ_BYTES = 65536
+LONGEST_LINE = 1 << 20
+"""Of an instrument whose own limit no source gives."""
+BLOCK = re.compile(rb"#([1-9])")
 AT_ONCE = getattr(socket, "MSG_DONTWAIT", 0)
 """Windows has no such option; there the read waits for what is on its way."""
 CHATTER = b"BUSY\r\n"
@@ -58,7 +62,7 @@ class RequestServer(TcpServer):
     """Pass each request to an instrument and send back what it replies.
 
     With `at_once` no answer takes time of its own, and a clock may have requests answered in the
-    thread that sends them.
+    thread that sends them. An answer goes out `busy_s` after its request.
     """
 
     def __init__(
@@ -71,8 +75,10 @@ class RequestServer(TcpServer):
         faults: InstrumentFaults | None = None,
         *,
         at_once: bool = False,
+        busy_s: float = 0.0,
     ) -> None:
         super().__init__(name, port, clock, faults)
+        self._busy_s = busy_s
         self._wire = clock.wire(self.address)
         self._lock = lock
         self._tap = tap
@@ -148,7 +154,7 @@ class RequestServer(TcpServer):
                 self._wire.answered(len(reply.ahead))
             for after_s, more in reply.afterwards:
                 self._unasked_later(reply.delay_s + after_s, client, more)
-            talk.free_s = max(talk.free_s, now_s + reply.delay_s)
+            talk.free_s = max(talk.free_s, now_s + self._busy_s + reply.delay_s)
             if talk.free_s <= now_s:
                 client.sendall(data)
                 self._wire.answered(len(data))
@@ -192,7 +198,11 @@ class RequestServer(TcpServer):
 
 
 class LineServer(RequestServer):
-    """Answer lines, which end with `end`, by what `execute` makes of them."""
+    """Answer lines, which end with `end`, by what `execute` makes of them.
+
+    Of a line beyond `longest` bytes no more than shows that is kept; `too_long` answers it. With
+    `blocks` the bytes of a block of definite length (IEEE 488.2, 7.7.6) end no line.
+    """
 
     def __init__(
         self,
@@ -205,20 +215,58 @@ class LineServer(RequestServer):
         *,
         end: bytes = b"\n",
         at_once: bool = False,
+        longest: int = LONGEST_LINE,
+        too_long: Callable[[], bytes] = bytes,
+        blocks: bool = False,
+        busy_s: float = 0.0,
     ) -> None:
-        super().__init__(name, port, clock, lock, LineTap(faults), faults, at_once=at_once)
+        tap = LineTap(faults)
+        super().__init__(name, port, clock, lock, tap, faults, at_once=at_once, busy_s=busy_s)
         self._end = end
         self._execute = execute
+        self._longest, self._too_long, self._blocks = longest, too_long, blocks
 
     def requests(self, talk: Conversation, data: bytes) -> Iterator[bytes]:
-        """Yield each line that is whole; the beginning of one that never ends is forgotten."""
-        *lines, pending = (talk.pending + data).split(self._end)
-        talk.pending = pending[:LONGEST_LINE]
+        """Yield each line that is whole, or so much of it as shows that it is too long."""
+        *lines, pending = self._split(talk.pending + data)
+        talk.pending = pending[: self._longest + 1]
         yield from lines
 
     def execute(self, request: bytes) -> bytes:
         """Return the answer to a line."""
-        return self._execute(request)
+        return self._too_long() if len(request) > self._longest else self._execute(request)
+
+    def _split(self, data: bytes) -> list[bytes]:
+        if not self._blocks or b"#" not in data:
+            return data.split(self._end)
+        lines, begin, look = [], 0, 0
+        while (end := data.find(self._end, look)) >= 0:
+            inside = block_around(data, look, end)
+            if inside > end:
+                look = inside
+                if look > len(data):
+                    break
+                continue
+            lines.append(data[begin:end])
+            begin = look = end + len(self._end)
+        return [*lines, data[begin:]]
+
+
+def block_around(data: bytes, begin: int, place: int) -> int:
+    """Return where a block ends that begins between two places and goes beyond the second, else 0.
+
+    In a block there are no others; its head is `#`, the number of digits, and its length in them.
+    """
+    while head := BLOCK.search(data, begin, place):
+        digits = int(head[1])
+        length = data[head.end() : head.end() + digits]
+        if not length.isdigit() or len(length) < digits:
+            begin = head.end()
+            continue
+        begin = head.end() + digits + int(length)
+        if begin > place:
+            return begin
+    return 0
 
 
 class LineInstrument(ServedInstrument, ABC):
@@ -231,6 +279,10 @@ class LineInstrument(ServedInstrument, ABC):
     resource: ClassVar[str] = "TCPIP::{host}::{port}::SOCKET"
     line_end: ClassVar[bytes] = b"\n"
     at_once: ClassVar[bool] = True
+    longest_line: ClassVar[int] = LONGEST_LINE
+    takes_blocks: ClassVar[bool] = False
+    busy_s: float = 0.0
+    """How long after a line its answer goes out."""
 
     def begin_to_serve(
         self, setting: Setting, lock: AbstractContextManager[object] | None = None
@@ -245,12 +297,20 @@ class LineInstrument(ServedInstrument, ABC):
             setting.faults,
             end=self.line_end,
             at_once=self.at_once,
+            longest=self.longest_line,
+            too_long=self._too_long,
+            blocks=self.takes_blocks,
+            busy_s=self.busy_s,
         )
         self._server.begin()
 
     @abstractmethod
     def _line(self, line: bytes) -> bytes:
         """Return the answer to a line, with its end; nothing where the instrument says nothing."""
+
+    def _too_long(self) -> bytes:
+        """Return the answer to a line that does not fit into the instrument's input."""
+        return b""
 
 
 @contextmanager

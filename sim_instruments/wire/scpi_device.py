@@ -9,7 +9,7 @@ from sim_instruments.wire.requests import LineInstrument
 from sim_instruments.wire.scpi import CommandTree, ErrorQueue, Handler, ScpiError, none, one
 from sim_instruments.wire.scpi import whole_number as whole
 
-REMEMBERED_MESSAGES = 4096
+REMEMBERED_MESSAGES, LONGEST_REMEMBERED = 4096, 1024
 Value = tuple[Callable[[str], None] | None, Callable[[], str] | None]
 """What takes the parameter of a header, and what gives the answer to its query."""
 
@@ -104,6 +104,10 @@ class ScpiDevice(LineInstrument):
         reply = self.execute(line.decode("ascii", "replace").strip())
         return b"" if reply is None else reply.encode("ascii") + self.reply_end
 
+    def _too_long(self) -> bytes:
+        self.refuse(-363)
+        return b""
+
     def add_settings(self, settings: Mapping[str, Value], *roots: str) -> None:
         """Add headers, behind each of the `roots` where there are any, that hold one value.
 
@@ -132,7 +136,7 @@ class ScpiDevice(LineInstrument):
                 except ScpiError as error:
                     handler = error
                 known.append((handler, unit.parameters))
-            if len(self._parsed) < REMEMBERED_MESSAGES:
+            if len(self._parsed) < REMEMBERED_MESSAGES and len(message) < LONGEST_REMEMBERED:
                 self._parsed[message] = known
         return known
 
