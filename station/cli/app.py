@@ -2,121 +2,34 @@
 
 from __future__ import annotations
 
-from enum import StrEnum
+import sys
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-
-def named_run(value: Path | None) -> Path | None:
-    """Return the run folder that a person means by a path, a name, or a part of a name."""
-    from station.record.run_names import find_run
-
-    return None if value is None else find_run(value)
-
-
-def complete_run(typed: str) -> list[str]:
-    """Return the names of runs that hold what was typed, for a shell that completes them."""
-    from station.record.run_names import RUNS, runs_below
-
-    return [path.name for path in reversed(runs_below(RUNS)) if typed in path.name]
-
-
-def complete_plan(typed: str) -> list[str]:
-    """Return the names of plans that begin with what was typed."""
-    from station.files.lookup import PLANS, available
-
-    return [name for name, _ in available(PLANS) if name.startswith(typed)]
-
-
-def complete_bench(typed: str) -> list[str]:
-    """Return the names of benches that begin with what was typed."""
-    from station.files.lookup import BENCHES, available
-
-    return [name for name, _ in available(BENCHES) if name.startswith(typed)]
-
-
-Json = Annotated[
-    bool, typer.Option("--json", help="Print exactly one JSON document on standard output.")
-]
-BenchName = Annotated[
-    str,
-    typer.Option(
-        "--bench",
-        help="Bench file: a path, or a name in config/benches.",
-        autocompletion=complete_bench,
-    ),
-]
-Overrides = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--set",
-        metavar="KEY=VALUE",
-        help="Change a value of the plan, as in `--set 'parameters.frequency=0.2 Hz'`; repeatable.",
-    ),
-]
-NonInteractive = Annotated[
-    bool, typer.Option("--non-interactive", help="Ask nobody; CI=true implies it.")
-]
-Answers = Annotated[Path | None, typer.Option(help="YAML file of prompt ids and answers.")]
-Served = Annotated[
-    Path | None, typer.Option(help="File with the first line of a running `station sim`.")
-]
-Traced = Annotated[
-    bool, typer.Option("--trace", help="Write every byte on the wires into the run folder.")
-]
-
-RUN_HELP = "Run folder, or a part of the name of one in ./runs."
-RunFolder = Annotated[
-    Path,
-    typer.Argument(metavar="RUN", help=RUN_HELP, callback=named_run, autocompletion=complete_run),
-]
-BenchFile = Annotated[
-    str,
-    typer.Argument(help="Bench file: a path, or a name.", autocompletion=complete_bench),
-]
-Procedure = Annotated[
-    str, typer.Option(help="The procedure whose device a simulated bench mounts.")
-]
-DEFAULT_BENCH = "sim"
-MOUNTED = "rlg-magnetic-sensitivity"
-"""The procedure whose device a simulated bench mounts where nobody says otherwise."""
-
-
-class Kind(StrEnum):
-    """What `list` can list."""
-
-    PROCEDURES = "procedures"
-    PLANS = "plans"
-    BENCHES = "benches"
-    DRIVERS = "drivers"
-    RUNS = "runs"
-
-
-class SchemaKind(StrEnum):
-    """What `schema` can describe."""
-
-    PLAN = "plan"
-    BENCH = "bench"
-    DATASET = "dataset"
-
-
-class ReportFormat(StrEnum):
-    """What `report` can write."""
-
-    HTML = "html"
-    CSV = "csv"
-    JUNIT = "junit"
-
-
-class ExportFormat(StrEnum):
-    """What `export` can write."""
-
-    HDF5 = "hdf5"
-    CSV = "csv"
-    MAT = "mat"
-
+from station.cli.options import (
+    DEFAULT_BENCH,
+    MOUNTED,
+    RUN_HELP,
+    Answers,
+    BenchFile,
+    BenchName,
+    ExportFormat,
+    Json,
+    Kind,
+    NonInteractive,
+    Overrides,
+    Procedure,
+    ReportFormat,
+    RunFolder,
+    SchemaKind,
+    Served,
+    Traced,
+    complete_plan,
+    complete_run,
+    named_run,
+)
 
 # rich would draw the same help in twice the time.
 app = typer.Typer(
@@ -176,9 +89,17 @@ def run(
         bool,
         typer.Option("--rehearse", help="On a simulated bench, ask what a real one would ask."),
     ] = False,
+    detach: Annotated[
+        bool,
+        typer.Option("--detach", help="Run without this terminal; `station attach` shows it."),
+    ] = False,
     json: Json = False,
 ) -> None:
     """Run a test plan; leaves a folder of data and report."""
+    if detach and not dry_run:
+        from station.cli.attaching import run_detached
+
+        raise typer.Exit(run_detached([one for one in sys.argv[1:] if one != "--detach"]))
     if dry_run:
         from station.cli.running import dry_run_plan
 
@@ -231,6 +152,14 @@ def resume(
             as_json=json,
         )
     )
+
+
+@app.command()
+def attach(run: RunFolder) -> None:
+    """Show a running run and answer its prompts."""
+    from station.cli.attaching import attach as attach_to
+
+    raise typer.Exit(attach_to(run))
 
 
 @app.command()

@@ -39,6 +39,9 @@ if TYPE_CHECKING:
 
 # `station run`.
 
+ANNOUNCE = "STATION_ANNOUNCE"
+"""Names the file into which a detached run writes its folder; only `--detach` sets it."""
+
 
 def run_plan(
     plan_name: str,
@@ -61,23 +64,34 @@ def run_plan(
             "real one, and asks in every run"
         )
     plan = read_plan_for(plan_name, bench, overrides)
+    announce = announcement()
     request = Request(
         plan,
         bench,
         output,
         answers=read_answers(answers) if answers else {},
-        interactive=may_ask(non_interactive=non_interactive),
+        interactive=may_ask(non_interactive=non_interactive, attached=announce is not None),
         served=read_served(served) if served else None,
         trace=trace,
         rehearse=rehearse,
+        announce=announce,
     )
     return report_outcome(execute(request), plan.procedure, as_json=as_json)
 
 
-def may_ask(*, non_interactive: bool) -> bool:
-    """Whether a person can be asked: there is a terminal, and nobody said otherwise."""
+def may_ask(*, non_interactive: bool, attached: bool = False) -> bool:
+    """Whether a person can be asked, and nobody said otherwise.
+
+    There is a terminal, or the run is detached and whoever is `attached` to it answers.
+    """
     in_ci = os.environ.get("CI", "").lower() == "true"
-    return not non_interactive and not in_ci and sys.stdin.isatty()
+    return not non_interactive and not in_ci and (attached or sys.stdin.isatty())
+
+
+def announcement() -> Path | None:
+    """Return where this process announces its run folder; None where it is not detached."""
+    place = os.environ.pop(ANNOUNCE, None)
+    return Path(place) if place else None
 
 
 def report_outcome(outcome: Outcome, procedure: str, *, as_json: bool) -> int:

@@ -132,8 +132,9 @@ BROKEN = (OSError, EOFError, ValueError, AuthenticationError)
 class Incoming:
     """One request: it is answered once, by whichever thread knows the answer."""
 
-    def __init__(self, asked: str) -> None:
+    def __init__(self, asked: str, details: Mapping[str, Any]) -> None:
         self.asked = asked
+        self.details = details
         self.meanwhile: Mapping[str, Any] | None = None
         """What who asks is told at once where the answer takes its time."""
         self.withdrawn = False
@@ -228,7 +229,7 @@ class Channel:
         request = json.loads(connection.recv_bytes(LONGEST_MESSAGE))
         if not isinstance(request, dict):
             raise ValueError("no request")
-        return Incoming(str(request.get("ask")))
+        return Incoming(str(request.pop("ask", None)), request)
 
 
 def answer_in_time(connection: Connection, incoming: Incoming) -> None:

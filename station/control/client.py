@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from multiprocessing import AuthenticationError
 from multiprocessing.connection import Client, Connection, answer_challenge, deliver_challenge
 from pathlib import Path
@@ -42,9 +42,11 @@ def ask(
     *,
     meanwhile: Callable[[dict[str, Any]], None] | None = None,
     waiting: Callable[[], None] | None = None,
+    details: Mapping[str, str] | None = None,
 ) -> dict[str, Any]:
-    """Ask `pause`, `go-on`, `abort` or `status` and return the last answer.
+    """Ask `pause`, `go-on`, `abort`, `status` or `answer` and return the last answer.
 
+    `details` go with the request: the `id` of a prompt and the `text` of its answer.
     `meanwhile` gets what is said at once where that takes longer than `ANSWERS_WITHIN_S` allows,
     and `waiting` is then called now and again. Without `timeout_s` the last answer may take any
     time. Who leaves without it has taken the request back.
@@ -55,7 +57,7 @@ def ask(
     with connection:
         try:
             prove(folder, connection, key)
-            connection.send_bytes(json.dumps({"ask": request}).encode())
+            connection.send_bytes(json.dumps({"ask": request, **(details or {})}).encode())
             answer = received(folder, connection, ANSWERS_WITHIN_S)
             if answer.get("final"):
                 return answer

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
 from station.clock import Clock
 from station.console import tell
+from station.control.answers import Desk, wait_for_person
 from station.control.channel import Channel, Incoming
 from station.errors import Aborted, InstrumentError, PauseRefused
 from station.roles.base import MadeSafe
@@ -79,8 +80,6 @@ def ask_for_rest(name: str, instrument: MadeSafe, words: Words) -> None:
         words.refused[name] = f"it is not at rest: {reading.read_back}"
 
 
-LOOKS_EVERY_S = 0.1
-"""Real time between two looks of a paused run."""
 ENDED_FROM_OUTSIDE = "the run was ended by `station abort`"
 ENDS_FIRST = "the run ends first"
 RECEIVED = "the request was received: the run ends at its next wait, and then makes the bench safe"
@@ -153,6 +152,7 @@ class Control:
         self._ending = False
         self._abort: Aborted | None = None
         self._made_safe: list[dict[str, Any]] | None = None
+        self.desk = Desk(clock)
 
     def __enter__(self) -> Control:
         try:
@@ -202,20 +202,9 @@ class Control:
             self._wakes.clear()
 
     def wait_for_go_on(self, clock: Clock) -> None:
-        """Wait until somebody lets the run go on; raises what ends it instead.
-
-        Time goes on meanwhile, so that interlocks are watched. Virtual time stands still: it would
-        come to the end of all days.
-        """
-        speed: float | None = getattr(clock, "speed", None)
+        """Wait until somebody lets the run go on; raises what ends it instead."""
         try:
-            with clock.waiting_for_person():
-                while not self._goes_on:
-                    if speed is None:
-                        self._wakes.wait(LOOKS_EVERY_S)
-                        clock.sleep(0.0)  # raises what ends the run
-                    else:
-                        clock.sleep(LOOKS_EVERY_S * speed)
+            wait_for_person(clock, self._wakes, lambda: self._goes_on)
         finally:
             with self._lock:
                 self._paused, self._goes_on = None, False
@@ -251,6 +240,8 @@ class Control:
                     self._wish_to_pause(incoming)
                 case "go-on":
                     self._wish_to_go_on(incoming)
+                case "answer":
+                    self.desk.take(incoming)
                 case "status":
                     incoming.answer(
                         outcome="status",

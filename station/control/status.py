@@ -276,7 +276,7 @@ def in_words(event: Event) -> str:
         case "step-finished":
             return f"{details['step']} is done"
         case "prompt-shown":
-            return f"waits at its terminal for an answer to [{details['id']}] {details['text']}"
+            return f"waits for an answer to [{details['id']}] {details['text']}"
         case "prompt":
             return f"{details['text']} Answered: {details['answer']}"
         case "unit-started":

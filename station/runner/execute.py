@@ -21,7 +21,7 @@ from station.files.plan.resolved import resolved_text
 from station.files.yaml.document import yaml_text
 from station.instruments.bench import Bench
 from station.procedure import Procedure, Prompt, procedure_of
-from station.record.files import json_text
+from station.record.files import json_text, write_whole_file
 from station.record.folder import EXPORTS, RunFolder, RunRecord
 from station.record.integrity import hash_of_data
 from station.record.layout import BENCH, PLAN, RUN, versions
@@ -56,6 +56,8 @@ class Request:
     trace: bool = False
     rehearse: bool = False
     """Whether a person is asked for what the simulated world would do by itself."""
+    announce: Path | None = None
+    """A file to write the run folder into: this process is detached, and has no terminal."""
 
 
 def execute(request: Request) -> Outcome:
@@ -75,6 +77,7 @@ def execute(request: Request) -> Outcome:
             interactive=request.interactive,
             act=session.act,
             rehearse=request.rehearse,
+            detached=request.announce is not None,
         )
         operator.check(all_prompts(procedure, plan, bench))
         warned = look_before_a_run(plan, procedure, bench, request.output, clock, real=session.real)
@@ -85,6 +88,8 @@ def execute(request: Request) -> Outcome:
         }
         record = RunRecord(request.output, plan.procedure, plan.dut.serial, clock, head)
         outcome = Outcome(record.path)
+        if request.announce is not None:
+            write_whole_file(request.announce, str(record.path.resolve()).encode())
         expected_s = procedure.duration_s(plan.parameters)
         units = procedure.expected_units(plan.parameters)
         with Progress(expected_s, units=units, quiet=request.quiet) as progress:

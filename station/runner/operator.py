@@ -9,23 +9,12 @@ from dataclasses import dataclass
 
 from station.clock import Clock
 from station.console import Prompt, tell
+from station.control.answers import ABORT, DONE, Desk, meaning
 from station.control.signals import wishes_end_a_prompt
 from station.errors import Aborted, InputError, UnansweredPrompt
 
-DONE, ABORT = "done", "abort"
-GO_ON = frozenset(("", DONE, "y", "yes"))
-END = frozenset(("no", "n", "q", "quit", ABORT))
 HINT = f"Enter or `{DONE}` to go on, `{ABORT}` to end the run"
 HINT_AT_THE_END = f"Enter or `{DONE}` once it is, `{ABORT}` to leave it; nothing else waits"
-
-
-def meaning(text: str) -> str | None:
-    """Return `done`, `abort`, or None for what is neither: nobody guesses at a safety question."""
-    word = text.strip().lower()
-    if word in GO_ON:
-        return DONE
-    # In doubt towards the end: `abort!` is meant.
-    return ABORT if word.rstrip("!.") in END else None
 
 
 def discard_typed() -> None:
@@ -55,7 +44,8 @@ class Operator:
     """Whoever answers prompts in this run.
 
     `act` does a physical act in the simulated world and says what was done; None on a real bench.
-    `rehearse` asks a person for it first, as a real bench would.
+    `rehearse` asks a person for it first, as a real bench would. One that is `detached` has no
+    terminal: whoever is attached to its run answers.
     """
 
     def __init__(
@@ -66,12 +56,20 @@ class Operator:
         interactive: bool,
         act: Callable[[str], str] | None,
         rehearse: bool = False,
+        detached: bool = False,
     ) -> None:
         self._clock = clock
         self._answers = answers
         self._interactive = interactive
         self._act = act
         self._rehearse = rehearse
+        self._detached = detached
+        self._desk: Desk | None = None
+        """Where a detached run gets its answers, None where this process has a terminal."""
+
+    def listen_at(self, desk: Desk) -> None:
+        """Get the answers of a detached run from there."""
+        self._desk = desk if self._detached else None
 
     def _acts_alone(self, prompt: Prompt) -> bool:
         """Whether the simulated world does what a prompt asks for, and nobody is asked."""
@@ -122,6 +120,10 @@ class Operator:
     def _ask_a_person(self, prompt: Prompt) -> None:
         if not self._interactive:
             self.check([prompt])
+        if self._desk is not None:
+            if self._desk.ask(prompt) == ABORT:
+                raise Aborted(f"the operator ended the run at the prompt {prompt.id}")
+            return
         with self._clock.waiting_for_person(), wishes_end_a_prompt(self._clock):
             tell(f"\n>> {prompt.text}")
             discard_typed()
@@ -145,7 +147,7 @@ class Operator:
         for prompt in prompts:
             tell(f"\n>> {prompt.text}")
             answer = ABORT
-            if self._interactive and self._meant(prompt.id) is None:
+            if self._interactive and not self._detached and self._meant(prompt.id) is None:
                 with suppress(Aborted), wishes_end_a_prompt(self._clock):
                     discard_typed()
                     answer = self._typed(f"   [{prompt.id}] {HINT_AT_THE_END}: ")

@@ -92,6 +92,12 @@ class Run:
         """The plan's parameters, an instance of the procedure's own model."""
         return self.plan.parameters
 
+    def listen_to(self, control: Control) -> Control:
+        """Let other terminals act on this run from now on; returns what they act by."""
+        self.control = control
+        self._operator.listen_at(control.desk)
+        return control
+
     def role(self, name: str, kind: type[Role]) -> Role:
         """Return the opened instrument `name`, proven to have the verbs of role `kind`."""
         if name not in self.instruments:

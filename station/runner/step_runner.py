@@ -97,7 +97,7 @@ class StepRunner:
         with ExitStack() as stack:
             stack.enter_context(run.clock.participant("run"))
             signals = stack.enter_context(AbortSignals(run.clock))
-            run.control = stack.enter_context(Control(run.record.path, run.clock))
+            control = run.listen_to(stack.enter_context(Control(run.record.path, run.clock)))
             if isinstance(run.clock, RealClock):
                 self._stillness = stack.enter_context(
                     Stillness(run.clock, signals, lambda: self._make_safe(signals))
@@ -119,7 +119,7 @@ class StepRunner:
             finally:
                 if self._folder_watch is not None:
                     self._folder_watch.end()
-                run.control.hold()
+                control.hold()
                 unheard = signals.hold()
                 failure = failure or unheard
                 self._failed_s = run.clock.now()

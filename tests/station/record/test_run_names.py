@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from command_line import station
 
-from station.cli.app import complete_run
+from station.cli.options import complete_run
 from station.errors import InputError
 from station.record.layout import EVENTS
 from station.record.run_names import find_run

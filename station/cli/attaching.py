@@ -1,0 +1,250 @@
+"""`station run --detach` and `station attach`: a run that outlives every terminal."""
+
+from __future__ import annotations
+
+import os
+import select
+import subprocess
+import sys
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+from shlex import quote
+from threading import Thread
+from typing import IO
+
+from station.cli.analysing import print_document
+from station.cli.controlling import abort_run
+from station.cli.running import ANNOUNCE
+from station.clock import RealClock, boot_seconds
+from station.console import tell
+from station.control.answers import ABORT, DONE
+from station.control.client import NotRunning, ask
+from station.control.status import RUN_STARTED, in_words, read_status
+from station.errors import EXIT_ABORTED, EXIT_DONE, EXIT_FAULT, InputError
+from station.files.locks import is_held
+from station.record.events import RESUMED, Event
+from station.record.folder import REPORT, RESULTS, RunFolder
+from station.record.layout import EVENTS, LOCK
+from station.record.log_tail import LogTail
+from station.runner.evaluation import evaluate_run, exit_code_of
+from station.runner.progress import Progress
+
+LOOKS_EVERY_S = 0.2
+"""Real time between two looks at the log."""
+AGAIN_WITHIN_S = 2.0
+"""The log has a prompt a moment before the run takes answers to it."""
+ABORT_WITHIN_S = 120.0
+DETACH = "d"
+
+
+def run_detached(arguments: Sequence[str]) -> int:
+    """Begin a run in a process of its own that no terminal ends, and return once it has a folder.
+
+    `arguments` are those of the command line, without `--detach`. What keeps the run from
+    beginning is shown here, with its exit code.
+    """
+    with tempfile.TemporaryDirectory(prefix="station-") as place:
+        announced = Path(place) / "folder"
+        process = subprocess.Popen(
+            [sys.executable, "-m", "station", *arguments],
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.PIPE,
+            env={**os.environ, ANNOUNCE: str(announced)},
+            start_new_session=True,
+        )
+        assert process.stderr is not None
+        relay = Thread(target=relayed, args=(process.stderr, announced), daemon=True)
+        relay.start()
+        while not announced.exists() and process.poll() is None:
+            RealClock().sleep(LOOKS_EVERY_S / 10)
+        if not announced.exists():
+            relay.join(1.0)
+            return process.returncode or EXIT_FAULT
+        folder = announced.read_text(encoding="utf-8")
+    print(f"the run goes on in process {process.pid}, without this terminal")
+    print(f"to watch it and answer its prompts: station attach {quote(folder)}")
+    return EXIT_DONE
+
+
+def relayed(messages: IO[bytes], announced: Path) -> None:
+    """Show what a run says until it has its folder, where the rest is recorded."""
+    for line in messages:
+        if announced.exists():
+            return
+        tell(line.decode(errors="replace"), end="")
+
+
+def attach(folder: Path) -> int:
+    """Show a running run, and answer its prompts; return the exit code of the run.
+
+    Ctrl-C ends the run with a safe bench; `d` and Enter leaves it to itself.
+    """
+    if not (folder / EVENTS).is_file():
+        raise InputError(f"{folder} is no run folder: it holds no {EVENTS}")
+    if not is_held(folder / LOCK):
+        tell(f"{folder} is not running: {read_status(folder).message}")
+        return how_it_ended(folder, "")
+    if sys.stdin.isatty():
+        tell(f"Ctrl-C ends this run with a safe bench; `{DETACH}` and Enter leaves it running")
+    viewer = Viewer(folder)
+    try:
+        left = viewer.watch()
+    except EOFError:  # this terminal is gone, not the run
+        left = is_held(folder / LOCK)
+    except KeyboardInterrupt:
+        tell("\nthe run is being ended; its bench is made safe")
+        abort_run(folder, ABORT_WITHIN_S, as_json=False)
+        tell(f"to go on where it stopped: station resume {quote(str(folder))}")
+        return EXIT_ABORTED
+    if left:
+        tell(f"the run goes on; to come back: station attach {quote(str(folder))}")
+        return EXIT_DONE
+    return how_it_ended(folder, viewer.failure)
+
+
+def how_it_ended(folder: Path, failure: str) -> int:
+    """Say how a run that is over has ended, and return its exit code."""
+    if failure:
+        tell(f"the run did not finish: {failure}")
+    status = read_status(folder)
+    if status.state == "finished" and (folder / RESULTS).is_file():
+        document, _ = evaluate_run(RunFolder(folder))
+        print_document(document)
+        print(f"report: {folder / REPORT}")
+        return exit_code_of(document)
+    if status.bench_safe is False:
+        tell("NOT VERIFIED: the bench could not be proven safe; look at it now")
+        return EXIT_FAULT
+    failed = [event for event in LogTail(folder).new_events() if event.kind == "failed"]
+    return int(failed[-1].details["exit_code"]) if failed else EXIT_FAULT
+
+
+class Viewer:
+    """One terminal on a run: what its log says as progress, and the prompts that wait."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self._log = LogTail(folder)
+        self._open: dict[str, str] = {}
+        """The prompts that wait for an answer, by id."""
+        self._expected_s: dict[str, float] = {}
+        self._units: dict[str, float] = {}
+        self._speed = 0.0
+        self._latest_s = self._step_s = 0.0
+        self._looked_s = boot_seconds()
+        self.failure = ""
+
+    def watch(self) -> bool:
+        """Show the run until it ends; whether the operator left before."""
+        caught_up = list(self._log.new_events())
+        for event in caught_up:
+            self._note(event)
+        with Progress(sum(self._expected_s.values()), units=self._units) as progress:
+            for event in caught_up:
+                self._show(event, progress)
+            while True:
+                alive = is_held(self._folder / LOCK)
+                for event in self._log.new_events():
+                    self._note(event)
+                    self._show(event, progress)
+                if not alive:
+                    return False
+                if self._open and sys.stdin.isatty():
+                    with progress.paused():
+                        self._answer()
+                elif self._wants_to_leave():
+                    return True
+                now_s = self._latest_s + (boot_seconds() - self._looked_s) * self._speed
+                progress.at(now_s - self._step_s)
+
+    def _note(self, event: Event) -> None:
+        """Keep what an event says of the run's plan and its prompts."""
+        details = event.details
+        self._latest_s, self._looked_s = event.time_s, boot_seconds()
+        match event.kind:
+            case kind if kind == RUN_STARTED:
+                self._speed = float(details.get("speed") or 0.0)
+                self._units = dict(details.get("units_expected", {}))
+                self._expected_s = {
+                    one["step"]: float(one["expected_s"]) for one in details.get("steps", ())
+                }
+            case "step-started":
+                self._step_s = event.time_s
+            case "prompt-shown":
+                self._open[details["id"]] = details["text"]
+            case "prompt":
+                self._open.pop(details["id"], None)
+            case "failed":
+                self.failure = str(details.get("message", ""))
+                self._open.clear()
+            case kind if kind == RESUMED:
+                self._open.clear()
+
+    def _show(self, event: Event, progress: Progress) -> None:
+        """Show an event as the run's own terminal would."""
+        details = event.details
+        match event.kind:
+            case "step-started":
+                number = details["step"]
+                progress.step(number, details["title"], self._expected_s.get(number, 0.0))
+            case "unit-finished":
+                progress.unit_finished(details["unit"])
+                progress.at(event.time_s - self._step_s, details["unit"])
+            case "prompt-shown" if not sys.stdin.isatty():
+                progress.say(in_words(event))
+            case "failed" | "paused" | "went-on" | "safe-state" | "pause-refused":
+                progress.say(in_words(event))
+
+    def _answer(self) -> None:
+        """Put the oldest prompt that waits, until somebody has answered it, here or elsewhere."""
+        prompt_id, text = next(iter(self._open.items()))
+        tell(f"\n>> {text}")
+        tell(f"   [{prompt_id}] Enter or `{DONE}` to go on, `{ABORT}` to end the run: ", end="")
+        while prompt_id in self._open and is_held(self._folder / LOCK):
+            line = typed_line(LOOKS_EVERY_S)
+            for event in self._log.new_events():
+                self._note(event)
+            if prompt_id not in self._open:
+                tell("   answered by somebody else")
+                return
+            if line is not None and self._sent(prompt_id, line):
+                self._open.pop(prompt_id, None)
+
+    def _sent(self, prompt_id: str, line: str) -> bool:
+        """Send an answer; whether it was taken."""
+        until_s = boot_seconds() + AGAIN_WITHIN_S
+        while True:
+            try:
+                word = ask(self._folder, "answer", details={"id": prompt_id, "text": line})
+            except NotRunning:
+                return True
+            if word.get("outcome") != "refused" or boot_seconds() > until_s:
+                break
+            RealClock().sleep(LOOKS_EVERY_S)
+        if word.get("outcome") == "taken":
+            return True
+        tell(f"   {line!r}: {word.get('said')}: ", end="")
+        return False
+
+    def _wants_to_leave(self) -> bool:
+        """Wait a moment; whether the operator asked to leave meanwhile."""
+        if not sys.stdin.isatty():
+            RealClock().sleep(LOOKS_EVERY_S)
+            return False
+        line = typed_line(LOOKS_EVERY_S)
+        return line is not None and line.strip().lower() == DETACH
+
+
+def typed_line(within_s: float) -> str | None:
+    """Return the line that a person types within that time, None where there is none.
+
+    Raises EOFError where the terminal is gone.
+    """
+    if not select.select([sys.stdin], [], [], within_s)[0]:
+        return None
+    line = sys.stdin.readline()
+    if not line:
+        raise EOFError
+    return line.rstrip("\n")

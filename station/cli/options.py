@@ -1,0 +1,118 @@
+"""The options and arguments that several verbs have, and how a shell completes them."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def named_run(value: Path | None) -> Path | None:
+    """Return the run folder that a person means by a path, a name, or a part of a name."""
+    from station.record.run_names import find_run
+
+    return None if value is None else find_run(value)
+
+
+def complete_run(typed: str) -> list[str]:
+    """Return the names of runs that hold what was typed, for a shell that completes them."""
+    from station.record.run_names import RUNS, runs_below
+
+    return [path.name for path in reversed(runs_below(RUNS)) if typed in path.name]
+
+
+def complete_plan(typed: str) -> list[str]:
+    """Return the names of plans that begin with what was typed."""
+    from station.files.lookup import PLANS, available
+
+    return [name for name, _ in available(PLANS) if name.startswith(typed)]
+
+
+def complete_bench(typed: str) -> list[str]:
+    """Return the names of benches that begin with what was typed."""
+    from station.files.lookup import BENCHES, available
+
+    return [name for name, _ in available(BENCHES) if name.startswith(typed)]
+
+
+Json = Annotated[
+    bool, typer.Option("--json", help="Print exactly one JSON document on standard output.")
+]
+BenchName = Annotated[
+    str,
+    typer.Option(
+        "--bench",
+        help="Bench file: a path, or a name in config/benches.",
+        autocompletion=complete_bench,
+    ),
+]
+Overrides = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--set",
+        metavar="KEY=VALUE",
+        help="Change a value of the plan, as in `--set 'parameters.frequency=0.2 Hz'`; repeatable.",
+    ),
+]
+NonInteractive = Annotated[
+    bool, typer.Option("--non-interactive", help="Ask nobody; CI=true implies it.")
+]
+Answers = Annotated[Path | None, typer.Option(help="YAML file of prompt ids and answers.")]
+Served = Annotated[
+    Path | None, typer.Option(help="File with the first line of a running `station sim`.")
+]
+Traced = Annotated[
+    bool, typer.Option("--trace", help="Write every byte on the wires into the run folder.")
+]
+
+RUN_HELP = "Run folder, or a part of the name of one in ./runs."
+RunFolder = Annotated[
+    Path,
+    typer.Argument(metavar="RUN", help=RUN_HELP, callback=named_run, autocompletion=complete_run),
+]
+BenchFile = Annotated[
+    str,
+    typer.Argument(help="Bench file: a path, or a name.", autocompletion=complete_bench),
+]
+Procedure = Annotated[
+    str, typer.Option(help="The procedure whose device a simulated bench mounts.")
+]
+DEFAULT_BENCH = "sim"
+MOUNTED = "rlg-magnetic-sensitivity"
+"""The procedure whose device a simulated bench mounts where nobody says otherwise."""
+
+
+class Kind(StrEnum):
+    """What `list` can list."""
+
+    PROCEDURES = "procedures"
+    PLANS = "plans"
+    BENCHES = "benches"
+    DRIVERS = "drivers"
+    RUNS = "runs"
+
+
+class SchemaKind(StrEnum):
+    """What `schema` can describe."""
+
+    PLAN = "plan"
+    BENCH = "bench"
+    DATASET = "dataset"
+
+
+class ReportFormat(StrEnum):
+    """What `report` can write."""
+
+    HTML = "html"
+    CSV = "csv"
+    JUNIT = "junit"
+
+
+class ExportFormat(StrEnum):
+    """What `export` can write."""
+
+    HDF5 = "hdf5"
+    CSV = "csv"
+    MAT = "mat"

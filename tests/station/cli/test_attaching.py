@@ -1,0 +1,182 @@
+"""A run that outlives its terminal, and terminals that come and go."""
+
+from __future__ import annotations
+
+import os
+import pty
+import signal
+import subprocess
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from threading import Thread
+
+import pytest
+from command_line import PLAN, station, station_command
+
+from station.clock import RealClock
+from station.console import Prompt
+from station.control.answers import Desk
+from station.control.channel import Incoming
+from station.control.status import read_status
+from station.errors import Aborted
+from station.record.log_tail import LogTail
+
+WITHIN_S = 60.0
+MOUNT = Prompt("mount", "Mount the gyro.")
+
+
+class OnTerminal:
+    """A verb on a pseudo-terminal of its own, typed at like a person does."""
+
+    def __init__(self, folder: Path, *arguments: str | Path) -> None:
+        self._master, slave = pty.openpty()
+        self.shown = ""
+        self.process = subprocess.Popen(
+            station_command(*arguments),
+            cwd=folder,
+            stdin=slave,
+            stdout=slave,
+            stderr=slave,
+            start_new_session=True,
+            env={key: value for key, value in os.environ.items() if key != "CI"},
+        )
+        os.close(slave)
+        Thread(target=self._read, daemon=True).start()
+
+    def _read(self) -> None:
+        try:
+            while data := os.read(self._master, 65536):
+                self.shown += data.decode(errors="replace")
+        except OSError:
+            return
+
+    def wait_for(self, text: str) -> None:
+        until_s = time.monotonic() + WITHIN_S
+        while text not in self.shown:
+            assert time.monotonic() < until_s, self.shown
+            time.sleep(0.02)
+
+    def type(self, text: str) -> None:
+        os.write(self._master, text.encode())
+
+    def ended(self) -> int:
+        return self.process.wait(WITHIN_S)
+
+
+@contextmanager
+def detached_run(folder: Path) -> Iterator[Path]:
+    """A run that waits at its first prompt, as on a real bench, with no terminal."""
+    (folder / "plan.yaml").write_text(PLAN, encoding="utf-8")
+    started = station(folder, "run", "plan.yaml", "--rehearse", "--detach", CI="")
+    assert started.returncode == 0, started.stderr
+    (run,) = (folder / "runs").iterdir()
+    assert f"station attach {run}" in started.stdout
+    try:
+        yield run
+    finally:
+        if read_status(run).running:
+            station(folder, "abort", str(run))
+
+
+def answers(run: Path) -> list[tuple[str, str]]:
+    events = LogTail(run).new_events()
+    return [(one.details["id"], one.details["by"]) for one in events if one.kind == "prompt"]
+
+
+def test_whoever_attaches_answers_and_whoever_leaves_ends_nothing(tmp_path: Path) -> None:
+    with detached_run(tmp_path) as run:
+        first = OnTerminal(tmp_path, "attach", run)
+        first.wait_for("[mount]")
+        first.process.send_signal(signal.SIGHUP)  # its window is closed
+        first.ended()
+        assert read_status(run).running
+        second = OnTerminal(tmp_path, "attach", "SN-1")
+        second.wait_for("[mount]")
+        second.type("perhaps\n")
+        second.wait_for("'perhaps': write `done`, or `abort`")
+        second.type("yes\n")
+        second.wait_for("[connect-cables]")
+        assert answers(run) == [("mount", "operator")]
+        second.type("no\n")
+        assert second.ended() == 4
+        second.wait_for("ended the run at the prompt connect-cables")
+        status = read_status(run)
+        assert not status.running
+        assert status.bench_safe
+
+
+def test_ctrl_c_in_an_attached_terminal_ends_the_run_safely(tmp_path: Path) -> None:
+    with detached_run(tmp_path) as run:
+        terminal = OnTerminal(tmp_path, "attach", run)
+        terminal.wait_for("[mount]")
+        terminal.process.send_signal(signal.SIGINT)
+        assert terminal.ended() == 4
+        terminal.wait_for(f"station resume {run}")
+        status = read_status(run)
+        assert (status.running, status.bench_safe) == (False, True)
+
+
+def test_a_detached_run_goes_to_its_end_and_attach_shows_its_results(tmp_path: Path) -> None:
+    (tmp_path / "plan.yaml").write_text(PLAN, encoding="utf-8")
+    started = station(tmp_path, "run", "plan.yaml", "--detach", "--non-interactive")
+    assert started.returncode == 0, started.stderr
+    (run,) = (tmp_path / "runs").iterdir()
+    seen = station(tmp_path, "attach", str(run))
+    assert seen.returncode == 0, seen.stderr
+    assert "magnetic_sensitivity IA" in seen.stdout
+    assert "S9  Switch the coils and the gyro off" in seen.stderr
+    again = station(tmp_path, "attach", str(run))
+    assert again.returncode == 0
+    assert "is not running" in again.stderr
+
+
+def test_what_keeps_a_detached_run_from_beginning_is_shown(tmp_path: Path) -> None:
+    refused = station(tmp_path, "run", "no-such-plan", "--detach", "--non-interactive")
+    assert refused.returncode == 2
+    assert "no-such-plan" in refused.stderr
+    assert not (tmp_path / "runs").exists()
+
+
+def asked(desk: Desk, prompt_id: str, text: str) -> str:
+    incoming = Incoming("answer", {"id": prompt_id, "text": text})
+    desk.take(incoming)
+    return str(incoming.final["outcome"])
+
+
+def test_a_prompt_that_nobody_answers_ends_the_run() -> None:
+    with pytest.raises(Aborted, match="nobody answered the prompt mount"):
+        Desk(RealClock(), within_s=0.2).ask(MOUNT)
+
+
+def test_an_answer_counts_once_and_for_the_prompt_that_waits() -> None:
+    desk, said = Desk(RealClock(), within_s=30.0), list[str]()
+    waiting = Thread(target=lambda: said.append(desk.ask(MOUNT)))
+    waiting.start()
+    while asked(desk, "mount", "maybe") != "no-answer":
+        time.sleep(0.01)
+    assert asked(desk, "connect-cables", "yes") == "refused"
+    assert asked(desk, "mount", "n") == "taken"
+    waiting.join(WITHIN_S)
+    assert said == ["abort"]
+    assert asked(desk, "mount", "yes") == "refused"
+
+
+def test_without_a_terminal_attach_names_the_prompt_and_waits(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with detached_run(tmp_path) as run:
+        watching = subprocess.Popen(
+            station_command("attach", run),
+            cwd=tmp_path,
+            stdin=subprocess.DEVNULL,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+        assert watching.stderr is not None
+        assert any("[mount]" in line for line in watching.stderr)
+        assert read_status(run).running
+        station(tmp_path, "abort", str(run))
+        watching.communicate(timeout=WITHIN_S)
+        assert watching.returncode == 4
