@@ -13,7 +13,19 @@ sources, and for levels that are clipped with an error; public client code for t
 `+0,"No error"`, and 9.9E+37 for an open end; guides of older models of the family for the limit of
 |offset| + Vpp/2. Not confirmed in a primary source: port 5025, that a burst of pulses waits at the
 low level, that an inverted one waits at the high level, that `*RST` is done within 0.5 s, and the
-105 ns from trigger to output.
+105 ns from trigger to output. Units answer as Agilent or Keysight Technologies (guide, p.172).
+
+Commands and their sources:
+    *IDN?, *CLS, *RST, SYST:ERR? - who answers, a known state, the error queue of 20, judged by its
+        number - 33500 series guide p.165 and 172 - confirmed
+    OUTP, OUTP:LOAD, OUTP:POL - the output - 33500 series guide p.84 - confirmed
+    SOUR:FUNC, SOUR:VOLT, SOUR:VOLT:OFFS - a steady voltage and a pulse - 33500 series guide p.84 -
+        confirmed
+    SOUR:VOLT:LIM:HIGH, SOUR:VOLT:LIM:LOW, SOUR:VOLT:LIM:STAT - the instrument's own limits - 33500
+        series guide - confirmed
+    SOUR:FUNC:PULS:PER, SOUR:FUNC:PULS:WIDT - the length of a step - public client code - confirmed
+    SOUR:BURS:STAT, SOUR:BURS:MODE, SOUR:BURS:NCYC - a single step - public client code - confirmed
+    TRIG:SOUR, TRIG:SLOP, TRIG:DEL, *TRG - what starts a step - public client code - confirmed
 """
 
 from __future__ import annotations
@@ -41,7 +53,7 @@ from drivers.transport.line import shortened
 from drivers.transport.retry import Repeatable
 from drivers.transport.visa_line import ERROR_QUERY, ScpiDriver, VisaSettings
 from station.errors import InstrumentError
-from station.roles import Place, SafetyReading, quantity
+from station.roles import Identity, Place, SafetyReading, quantity
 
 LONGEST_DELAY_S = 1000.0
 
@@ -80,6 +92,12 @@ class Keysight33522B(ScpiDriver):
         self._steady: set[int] = set()
         self._armed: set[int] = set()
         """Channels that are proven to hold a voltage, and those proven to wait for a trigger."""
+
+    def identify(self) -> Identity:
+        """Ask `*IDN?`: maker, model, serial number, firmware."""
+        identity = super().identify()
+        self.met(f"answers as {identity.maker}")
+        return identity
 
     def programme_limits(self) -> None:
         """Reset the instrument, outputs off, then write and read back terminations and limits.

@@ -6,6 +6,18 @@ auto-zero; public client code for the integration times, `+0,"No error"`, and ±
 overload. Not confirmed in a primary source: port 5025, that the 1000 V range has no over-range, and
 that `*RST` is done within 0.5 s.
 READ? is not used: its answer comes only when the burst is over, which may be minutes later.
+Function, range and resolution are put back as they were met; `*RST` loses what else was set.
+
+Commands and their sources:
+    *IDN?, *CLS, *RST, SYST:ERR? - who answers, a known state, the error queue - Truevolt guide -
+        confirmed
+    CONF? - function, range and resolution as they were met - Truevolt guide - confirmed
+    SYST:LFR? - the frequency of the mains - public client code - confirmed
+    FUNC, RANG, NPLC, ZERO:AUTO - the measurement - Truevolt guide, public client code - confirmed
+    VOLT:DC:IMP:AUTO - an input above 10 Gohm - Truevolt guide - confirmed
+    TRIG:SOUR, TRIG:COUN, TRIG:DEL:AUTO, SAMP:SOUR, SAMP:COUN - a burst - Truevolt guide - confirmed
+    INIT, ABOR, STAT:OPER:COND?, DATA:POIN?, DATA:LAST?, FETC? - start, poll, fetch - Truevolt
+        guide - confirmed
 """
 
 from __future__ import annotations
@@ -22,7 +34,7 @@ from drivers.transport.retry import Repeatable
 from drivers.transport.visa_line import ERROR_QUERY, PatientLine, ScpiDriver, ScpiLine, VisaSettings
 from station.errors import InstrumentError
 from station.fields import Unit
-from station.roles import Place
+from station.roles import Identity, Place
 
 INTEGRATION_CYCLES = (0.001, 0.002, 0.006, 0.02, 0.06, 0.2, 1.0, 10.0, 100.0)
 MOST_READINGS = 10_000
@@ -61,7 +73,10 @@ class BurstMeter(ScpiDriver):
     """A 34465A set to one function; raises InstrumentError for whatever it answers wrongly."""
 
     Settings: ClassVar[type[MainsSettings]] = MainsSettings
-    recognises: ClassVar[str] = r"^Keysight Technologies,34465A,(?P<serial>[^,]+)"
+    recognises: ClassVar[str] = (
+        r"^(Keysight Technologies,34465A|Agilent Technologies,3441[01]A),(?P<serial>[^,]+)"
+    )
+    """`SYSTem:IDENtify` has it answer as its predecessors."""
     repeatable: ClassVar[Repeatable] = Repeatable(
         r"\*IDN\?|\*CLS|SYST:(ERR|LFR)\?|STAT:OPER:COND\?|DATA:(POIN|LAST)\?|FETC\?",
         r"ABOR|SAMP:COUN \d+|INIT",
@@ -80,6 +95,21 @@ class BurstMeter(ScpiDriver):
         self._began_s = 0.0
         # Held while a burst is begun, and for the whole of a single reading of an interlock's.
         self._turn = place.clock.lock(f"{place.name} burst")
+
+    def identify(self) -> Identity:
+        """Ask `*IDN?`; what answers as a predecessor is noted."""
+        identity = super().identify()
+        if identity.model != "34465A":
+            self.met(f"answers as {identity.maker} {identity.model} (SYST:IDEN)")
+        return identity
+
+    def _configured(self) -> str:
+        """Return function, range and resolution, as `CONF:` takes them behind a colon."""
+        return self._line.query("CONF?").strip().strip('"')
+
+    def _configure_as(self, configured: str) -> None:
+        self._line.command("ABOR")
+        self._line.command(f"CONF:{configured}")
 
     def _choose(
         self, range_: float, nplc: float, auto_zero: bool | None, *, once: bool = False
@@ -103,6 +133,8 @@ class BurstMeter(ScpiDriver):
             # What was refused before must not be taken for a refusal of what follows.
             self._line.query(f"*CLS;{ERROR_QUERY}")
             cycles_per_s = self._line_frequency_Hz()
+            if not self._known:
+                self.kept.meet("CONF", header, self._configured, self._configure_as)
             for message in (
                 "ABOR" if self._known else "*RST",
                 f'FUNC "{header}"',

@@ -5,8 +5,8 @@ ends an error queue of 20, a trigger from the connector that both channels share
 channels whose source is BUS. A value that is clipped is changed all the same, and the error says
 so. Levels, termination and limits: see `Channel`; functions: see `Wave`. Its coils hang on drivers
 of high impedance. Numbers are written as `+1.0000000000000E+00`, an open end as 9.9E+37. Assumed:
-the error of an output whose protection has tripped, and that modulation, sweep, coupling and sums,
-which are not here, are refused as unknown.
+the error of an output whose protection has tripped, the byte order of blocks, and that modulation,
+coupling and sums, which are not here, are refused as unknown.
 """
 
 from __future__ import annotations
@@ -24,14 +24,17 @@ from sim_instruments.faults.lasting import (
 )
 from sim_instruments.instrument import Setting
 from sim_instruments.keysight.generator_33522b_channel import LOADS_OHM, OPEN, Channel
+from sim_instruments.keysight.generator_33522b_everyday import Everyday, SyncOutput
 from sim_instruments.keysight.generator_33522b_wave import (
     FUNCTIONS,
     OWN_TEXTS,
     PERIODS_S,
     TRIPPED,
     Refusal,
+    Wave,
 )
 from sim_instruments.truth import SimulationError, Truth
+from sim_instruments.wire.requests import without_blocks
 from sim_instruments.wire.scpi import (
     TEXTS,
     ErrorQueue,
@@ -88,10 +91,11 @@ class CoilWorld(Protocol):
 
 
 class WordedErrors(ErrorQueue):
-    """An error queue whose entries say more than their number does."""
+    """An error queue whose entries say more than their number does; `empty` when there is none."""
 
-    def __init__(self, depth: int) -> None:
+    def __init__(self, depth: int, empty: str) -> None:
         super().__init__(depth)
+        self._empty = f'+0,"{empty}"'
         self._entries: deque[Any] = deque()
 
     def push(self, code: int, more: str = "") -> None:
@@ -104,7 +108,7 @@ class WordedErrors(ErrorQueue):
 
     def pop(self) -> str:
         """Return and remove the oldest error."""
-        return str(self._entries.popleft()) if self._entries else '+0,"No error"'
+        return str(self._entries.popleft()) if self._entries else self._empty
 
 
 class Keysight33522B(ScpiDevice):
@@ -112,20 +116,28 @@ class Keysight33522B(ScpiDevice):
 
     Truth (`simulator` mapping): by channel, 1 and 2, `coils` (x, y, z, gradient or none),
     `gain_error` and `offset` (V, at an open end, while the output is on); `trigger_latency`, from
-    the edge to the output (105 ns).
+    the edge to the output (105 ns). May be given: `maker`, Keysight or Agilent Technologies;
+    `empty_queue`, the words of an empty error queue.
     """
 
     model = "Keysight 33522B"
+    longest_line = 1 << 24
+    takes_blocks = True
 
     lasting_faults: ClassVar = (NoTrigger.kind, OutputTripped.kind, LoadReset.kind)
 
     def __init__(self, setting: Setting) -> None:
-        super().__init__(f"Keysight Technologies,33522B,{setting.serial},{FIRMWARE}")
-        self.errors: WordedErrors = WordedErrors(self.error_queue_depth)
+        truth = setting.truth
+        maker = truth.text("maker", "Keysight Technologies")
+        super().__init__(f"{maker},33522B,{setting.serial},{FIRMWARE}")
+        empty = truth.text("empty_queue", "No error")
+        self.errors: WordedErrors = WordedErrors(self.error_queue_depth, empty)
         self.tree.add("SYSTem:ERRor[:NEXT]?", self._answer(self.errors.pop))
         self.tree.add("SYSTem:ERRor:ALL?", self._answer(self.errors.pop_all))
         self._clock, self._faults = setting.clock, setting.faults
-        truth = setting.truth
+        self._blocks: list[bytes] = []
+        self._sync = SyncOutput()
+        self._everyday: dict[int, Everyday] = {}
         self._latency_s = truth.quantity("trigger_latency", "s")
         coils, gains, offsets = (truth.section(key) for key in ("coils", "gain_error", "offset"))
         driven, wire = setting.world.find(CoilWorld), setting.world.find(TriggerLine)
@@ -144,6 +156,7 @@ class Keysight33522B(ScpiDevice):
         if wire is not None:
             wire.listen(lambda time_s: self._edge(time_s, "POS"), self._fall)
         self.tree.add("*TRG", self._do(self._bus_trigger))
+        self.tree.add("SYSTem:BEEPer[:IMMediate]", self._do(lambda: None))
         self._faults.when_changed(OutputTripped.kind, self._trip)
         self._faults.when_changed(LoadReset.kind, self._reset_loads)
         self.begin_to_serve(setting)
@@ -226,9 +239,12 @@ class Keysight33522B(ScpiDevice):
                 ),
             },
         }
+        everyday = self._everyday[number] = Everyday(channel)
+        held["SOURce"] |= everyday.source()
+        held["OUTPut"] |= self._sync.of(number) | (self._sync.common() if number == 1 else {})
         acts: dict[str, Callable[[list[str]], None]] = {
-            "DATA:ARBitrary": wave.take,
-            "DATA:ARBitrary:DAC": partial(wave.take, counts=True),
+            "DATA:ARBitrary": partial(self._take_points, wave, counts=False),
+            "DATA:ARBitrary:DAC": partial(self._take_points, wave, counts=True),
             "DATA:VOLatile:CLEar": lambda _: wave.clear(),
         }
 
@@ -250,6 +266,11 @@ class Keysight33522B(ScpiDevice):
             for header, act in acts.items():
                 self.tree.add(root + header, partial(applied, act))
             self.add_settings({f"{root}DATA:VOLatile:CATalog": (None, wave.catalogue)})
+        everyday.add_to(
+            self.tree,
+            [f"SOURce{number}:", *(("SOURce:", "") if first else ())],
+            lambda: channel.apply(self._clock.now()),
+        )
 
     def energised(self) -> bool:
         """Return whether an output is on."""
@@ -261,9 +282,22 @@ class Keysight33522B(ScpiDevice):
 
     def reset(self) -> None:
         """Go to sines of 100 mVpp into 50 ohm, both outputs off."""
-        for channel in self._channels.values():
+        self._sync.reset()
+        for number, channel in self._channels.items():
+            self._everyday[number].reset()
             channel.reset()
             channel.apply(self._clock.now())
+
+    def _line(self, line: bytes) -> bytes:
+        # The parser splits at characters that a block may hold: in its place stands its number.
+        text, self._blocks = without_blocks(line)
+        return super()._line(text)
+
+    def _take_points(self, wave: Wave, parameters: list[str], *, counts: bool) -> None:
+        block = None
+        if len(parameters) == 2 and parameters[1].startswith("#") and self._blocks:
+            block = self._blocks[int(parameters[1][1:])]
+        wave.take(parameters, counts=counts, block=block)
 
     def _complain(self, code: int, more: str) -> None:
         self._standard_event |= 16

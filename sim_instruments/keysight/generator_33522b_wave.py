@@ -75,7 +75,7 @@ class Wave:
         """Go to a sine of 1 kHz."""
         self.function = "SIN"
         self.period_s, self.width_s, self.hold = 1e-3, 100e-6, "WIDT"
-        self.rate_per_s, self.filter = 40e3, "STEP"
+        self.rate_per_s, self.filter, self.duty_percent = 40e3, "STEP", 50.0
         self.clear()
 
     def clear(self) -> None:
@@ -97,7 +97,7 @@ class Wave:
         if self.function == "PULS":
             return [(0.0, 1.0), (self.width_s, -1.0)]
         if self.function == "SQU":
-            return [(0.0, 1.0), (self.period_s / 2, -1.0)]
+            return [(0.0, 1.0), (self.period_s * self.duty_percent / 100.0, -1.0)]
         if self.function == "ARB":
             values = self._memory[self.arb]
             steps = np.concatenate(([0], np.flatnonzero(np.diff(values)) + 1))
@@ -134,6 +134,18 @@ class Wave:
         width_s = words[word] if word in words else number(text)
         self.width_s = self._clipped(width_s, LEAST_WIDTH_S, longest_s)
 
+    def set_duty(self, text: str) -> None:
+        """Set the duty cycle of a square wave, in %."""
+        self.duty_percent = numeric(text, 0.01, 99.99, 50.0)
+
+    def set_pulse_duty(self, text: str) -> None:
+        """Set the width of the pulse as a part of the period, in %."""
+        self.set_width(str(numeric(text, 0.01, 99.99, 10.0) / 100.0 * self.period_s))
+
+    def pulse_duty(self) -> float:
+        """Return the width of the pulse as a part of the period, in %."""
+        return 100.0 * self.width_s / self.period_s
+
     def set_hold(self, text: str) -> None:
         """Say whether width or duty cycle stays when the period changes."""
         self.hold = choice(text, HOLDS)
@@ -153,14 +165,25 @@ class Wave:
             raise Refusal(NO_SUCH_ARB)
         self.arb = name
 
-    def take(self, parameters: list[str], *, counts: bool = False) -> None:
-        """Take an arbitrary waveform: its name, then its points."""
+    def take(
+        self, parameters: list[str], *, counts: bool = False, block: bytes | None = None
+    ) -> None:
+        """Take an arbitrary waveform: its name, then its points, or a `block` of them.
+
+        A block holds DAC counts of 16 bits or single floats, the most significant byte first.
+        """
         if len(parameters) < 2:
             raise ScpiError(-109)
         name = unquoted(parameters[0])
         if name in self._memory:
             raise Refusal(ARB_EXISTS)
-        values = np.array([number(text) for text in parameters[1:]])
+        if block is None:
+            values = np.array([number(text) for text in parameters[1:]])
+        else:
+            kind = np.dtype(">i2" if counts else ">f4")
+            if len(block) % kind.itemsize:
+                raise ScpiError(-161)
+            values = np.frombuffer(block, kind).astype(np.float64)
         if not LEAST_POINTS <= len(values) <= MOST_POINTS:
             raise ScpiError(OUT_OF_RANGE)
         values = values / LARGEST_COUNT if counts else values

@@ -17,11 +17,8 @@ import numpy as np
 from sim_instruments.faults.lasting import Frozen, Overload
 from sim_instruments.instrument import Setting
 from sim_instruments.keysight.multimeter_34465a_converter import Converter
-from sim_instruments.keysight.multimeter_34465a_settings import (
-    Sense,
-    TriggerSystem,
-    add_trigger_commands,
-)
+from sim_instruments.keysight.multimeter_34465a_settings import Sense
+from sim_instruments.keysight.multimeter_34465a_trigger import TriggerSystem, add_trigger_commands
 from sim_instruments.wire.requests import released
 from sim_instruments.wire.scpi import ScpiError, boolean, choice, one, whole_number
 from sim_instruments.wire.scpi_device import ScpiDevice
@@ -33,12 +30,19 @@ MEMORY = 2_000_000
 MEASURING, WAITING, CHANGED, ANY_ERROR = 16, 32, 256, 8192
 MEMORY_OVERFLOW = 16384
 NOT_A_NUMBER = 9.91e37
+IDENTITIES = {
+    "DEF": "Keysight Technologies,34465A",
+    "AT34410A": "Agilent Technologies,34410A",
+    "AT34411A": "Agilent Technologies,34411A",
+}
+"""What `SYSTem:IDENtify` makes of maker and model (Truevolt guide, p.270); it outlasts `*RST`."""
 
 
 class Keysight34465A(ScpiDevice):
     """The meter, in whatever simulated world has something for it to measure.
 
-    Truth (`simulator` mapping): see `Converter`.
+    Truth (`simulator` mapping): see `Converter`; `identity` may be given, what `SYSTem:IDENtify`
+    was set to: DEF, AT34410A or AT34411A.
     """
 
     model = "Keysight 34465A"
@@ -47,7 +51,9 @@ class Keysight34465A(ScpiDevice):
     lasting_faults: ClassVar = (Frozen.kind, Overload.kind)
 
     def __init__(self, setting: Setting) -> None:
-        super().__init__(f"Keysight Technologies,34465A,{setting.serial},{FIRMWARE}")
+        super().__init__("")
+        self._serial, self._beeps = setting.serial, True
+        self._identify(setting.truth.text("identity", "DEF"))
         self._clock, self._lock = setting.clock, setting.world.lock
         self._converter = Converter(setting)
         self._trigger = TriggerSystem()
@@ -137,6 +143,13 @@ class Keysight34465A(ScpiDevice):
         add("SYSTem:ERRor[:NEXT]?", answer(lambda: signed(self.errors.pop())))
         add("SYSTem:LFRequency?", answer(lambda: f"{self._converter.line_frequency_Hz:+.0f}"))
         add("SYSTem:PRESet", do(self.reset))
+        add("SYSTem:BEEPer[:IMMediate]", do(lambda: None))
+        self.add_settings(
+            {
+                "SYSTem:IDENtify": (self._identify, lambda: self._identity),
+                "SYSTem:BEEPer:STATe": (self._set_beeper, lambda: str(int(self._beeps))),
+            }
+        )
         add("SYSTem:LICense:CATalog?", answer(lambda: '"' + OPTIONS.replace(",", '","') + '"'))
         add("*OPT?", answer(lambda: OPTIONS))
         add("ROUTe:TERMinals?", answer(lambda: "FRON"))
@@ -147,6 +160,13 @@ class Keysight34465A(ScpiDevice):
         add("DISPlay:TEXT[:DATA]", self._show)
         add("DISPlay:TEXT[:DATA]?", answer(lambda: self._display))
         add("DISPlay:TEXT:CLEar", do(lambda: self._show(['""'])))
+
+    def _identify(self, text: str) -> None:
+        self._identity = choice(text, {name: name for name in IDENTITIES} | {"DEFAULT": "DEF"})
+        self.identity = f"{IDENTITIES[self._identity]},{self._serial},{FIRMWARE}"
+
+    def _set_beeper(self, text: str) -> None:
+        self._beeps = boolean(text)
 
     def _set_format(self, parameters: list[str]) -> None:
         choice(parameters[0] if parameters else "", {"ASC": "ASC", "ASCII": "ASC"})

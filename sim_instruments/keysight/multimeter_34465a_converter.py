@@ -83,6 +83,11 @@ def functions() -> dict[str, Function]:
         Function("CURR:AC", "AAC", amperes, 2, range=0.1),
         Function("RES", "OHM", ohms, 512, range=1e3),
         Function("FRES", "OHM", ohms, 512, can_zero=False, range=1e3),
+        Function("VOLT:RAT", "", volts, 1, range=10.0),
+        Function("FREQ", "HZ", (3e5,), 1, can_zero=False, range=3e5),
+        Function("PER", "S", (3.33e-1,), 1, can_zero=False, range=3.33e-1),
+        Function("CONT", "OHM", (1e3,), 512, can_zero=False, range=1e3),
+        Function("DIOD", "VDC", (5.0,), 1, can_zero=False, range=5.0),
     )
     return {one.name: one for one in made}
 

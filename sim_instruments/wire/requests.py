@@ -269,6 +269,22 @@ def block_around(data: bytes, begin: int, place: int) -> int:
     return 0
 
 
+def without_blocks(line: bytes) -> tuple[bytes, list[bytes]]:
+    """Return a line with `#0`, `#1`, … in the place of its blocks, and the blocks."""
+    blocks: list[bytes] = []
+    text = b""
+    while head := BLOCK.search(line):
+        begin = head.end() + int(head[1])
+        length = line[head.end() : begin]
+        if not length.isdigit():
+            break
+        end = begin + int(length)
+        text += line[: head.start()] + b"#%d" % len(blocks)
+        blocks.append(line[begin:end])
+        line = line[end:]
+    return text + line, blocks
+
+
 class LineInstrument(ServedInstrument, ABC):
     """An instrument on a TCP port of its own; `_line` answers.
 

@@ -18,6 +18,7 @@ TEXTS = {
     -113: "Undefined header",
     -120: "Numeric data error",
     -151: "Invalid string data",
+    -161: "Invalid block data",
     -203: "Command protected",
     -211: "Trigger ignored",
     -213: "Init ignored",

@@ -35,13 +35,19 @@ class KeptSettings:
         `read` returns the present setting as a text that `write` takes again, and `write` proves
         what it does; InstrumentError of either is passed on.
         """
-        if name not in self._met:
-            was = read()
-            self._note("instrument-settings", setting=name, was=was, set=value)
-            self._met[name] = Met(was, read, write)
-            if was == value:
-                return
-        write(value)
+        if self.meet(name, value, read, write) != value:
+            write(value)
+
+    def meet(
+        self, name: str, value: str, read: Callable[[], str], write: Callable[[str], None]
+    ) -> str | None:
+        """Remember what is there before its driver sets it to `value`; None where it is known."""
+        if name in self._met:
+            return None
+        was = read()
+        self._note("instrument-settings", setting=name, was=was, set=value)
+        self._met[name] = Met(was, read, write)
+        return was
 
     def put_back(self) -> None:
         """Put every setting back as it was met, the last one first; never raises.

@@ -68,8 +68,6 @@ def variant(name: str, procedure: str, bench: str = "sim", **truth: Any) -> Iter
         one for one in data["interlocks"] if one["when"].get("instrument") == name
     ]
     data["safe_state"] = [one for one in data["safe_state"] if name.startswith(one["role"])]
-    if not data["safe_state"]:
-        del data["safe_state"]
     data["simulation"].pop("faults", None)
     with TemporaryDirectory() as folder:
         path = Path(folder) / "bench.yaml"

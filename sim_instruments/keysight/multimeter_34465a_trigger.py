@@ -1,0 +1,173 @@
+"""When a Keysight 34465A measures: TRIG and SAMP.
+
+From the Truevolt guide and public client code: `INITiate` leaves idle and forgets older readings,
+each trigger starts `SAMPle:COUNt` readings, after `TRIGger:COUNt` triggers it is idle again, the
+trigger delay comes before every reading, or before the first one only where a sample timer paces
+them. Assumed: the automatic delay, and what the instrument needs between two readings.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from sim_instruments.wire.scpi import CommandTree, ScpiError, boolean, choice, numeric, one
+from sim_instruments.wire.scpi import whole_number as whole
+from sim_instruments.world.piecewise import Array
+
+MOST_SAMPLES = 1_000_000_000
+AUTOMATIC_DELAY_S = 1e-3
+BETWEEN_READINGS_S = 0.2e-3
+ROUNDING = 1e-6
+"""Of one reading: one that ends at this very moment is finished, whatever the last bit says."""
+
+
+class TriggerSystem:
+    """When readings begin; `reset` gives the state after `*RST`."""
+
+    def __init__(self) -> None:
+        self.reset()
+
+    def reset(self) -> None:
+        """Go idle, one reading for one trigger that is always there."""
+        self.source, self.slope, self.level_V = "IMM", "NEG", 0.0
+        self.triggers = 1.0
+        self.samples = 1
+        self.delay_s: float | None = None
+        self.timed, self.timer_s, self.before = False, 1.0, 0
+        self.abort()
+
+    def abort(self) -> None:
+        """Go idle."""
+        self._triggers_left = 0.0
+        self._planned = self._taken = 0
+        self._begin_s = self._period_s = self._busy_s = 0.0
+
+    @property
+    def waiting(self) -> bool:
+        """Whether a trigger is waited for."""
+        return self._taken == self._planned and self._triggers_left > 0
+
+    @property
+    def idle(self) -> bool:
+        """Whether nothing is measured and nothing waited for."""
+        return self._taken == self._planned and not self._triggers_left
+
+    @property
+    def end_s(self) -> float:
+        """When the readings of the present trigger are finished."""
+        return self._begin_s + (self._planned - 1) * self._period_s + self._busy_s
+
+    def pause_s(self) -> float:
+        """Return the delay before a reading."""
+        return AUTOMATIC_DELAY_S if self.delay_s is None else self.delay_s
+
+    def least_period_s(self, busy_s: float) -> float:
+        """Return the shortest time from reading to reading, each taking `busy_s`."""
+        return busy_s + BETWEEN_READINGS_S + (0.0 if self.timed else self.pause_s())
+
+    def initiate(self, now_s: float, busy_s: float) -> None:
+        """Leave idle; ScpiError -213 when it is not idle."""
+        if not self.idle:
+            raise ScpiError(-213)
+        self._busy_s = busy_s
+        self._triggers_left = self.triggers
+        self._planned = self._taken = 0
+        if self.source == "IMM":
+            at_once = min(self.triggers, MOST_SAMPLES)
+            self._triggers_left = 0.0
+            self._start(now_s, self.samples * int(at_once))
+
+    def trigger(self, now_s: float) -> None:
+        """Take a trigger over the line; ScpiError -211 when none is waited for."""
+        if self.source != "BUS" or not self.waiting:
+            raise ScpiError(-211)
+        self._triggers_left -= 1
+        self._start(now_s, self.samples)
+
+    def finished(self, now_s: float, room: int) -> tuple[Array, int]:
+        """Return when the newly finished readings began, and how many there are in all.
+
+        Of more than `room` only the last ones are told.
+        """
+        new = 0
+        if self._taken < self._planned:
+            ended = (now_s - self._begin_s - self._busy_s) / self._period_s + ROUNDING
+            new = min(math.floor(ended) + 1, self._planned) - self._taken
+        if new <= 0:
+            return np.empty(0, dtype=np.float64), 0
+        self._taken += new
+        first = self._taken - min(new, room)
+        numbers = np.arange(first, self._taken, dtype=np.float64)
+        return self._begin_s + self._period_s * numbers, new
+
+    def _start(self, now_s: float, readings: int) -> None:
+        self._begin_s = now_s + self.pause_s()
+        period_s = self.least_period_s(self._busy_s)
+        self._period_s = max(period_s, self.timer_s) if self.timed else period_s
+        self._planned, self._taken = readings, 0
+
+
+SOURCES = {"IMM": "IMM", "IMMEDIATE": "IMM", "BUS": "BUS", "EXT": "EXT", "EXTERNAL": "EXT"}
+SOURCES |= {"INT": "INT", "INTERNAL": "INT"}
+SLOPES = {"POS": "POS", "POSITIVE": "POS", "NEG": "NEG", "NEGATIVE": "NEG"}
+PACES = {"IMM": "", "IMMEDIATE": "", "TIM": "TIM", "TIMER": "TIM"}
+
+
+def add_trigger_commands(
+    tree: CommandTree,
+    trigger: TriggerSystem,
+    changed: Callable[[], None],
+    least_period_s: Callable[[], float],
+) -> None:
+    """Add the commands TRIGger and SAMPle to a device's; `changed` is called after each change."""
+
+    def add(header: str, name: str, read: Callable[[str], Any], give: Callable[[], str]) -> None:
+        def handler(parameters: list[str]) -> None:
+            setattr(trigger, name, read(one(parameters)))
+            changed()
+
+        tree.add(header, handler)
+        tree.add(f"{header}?", lambda _: give())
+
+    def count(text: str) -> int:
+        return round(numeric(text, 1, MOST_SAMPLES, 1))
+
+    def many(text: str) -> float:
+        return math.inf if text.upper() in ("INF", "INFINITY") else count(text)
+
+    def delay(text: str) -> float | None:
+        return None if boolean(text) else trigger.pause_s()
+
+    def interval(text: str) -> float:
+        return numeric(text, min(least_period_s(), 3600.0), 3600.0, 1.0)
+
+    add("TRIGger:SOURce", "source", lambda t: choice(t, SOURCES), lambda: trigger.source)
+    add("TRIGger:SLOPe", "slope", lambda t: choice(t, SLOPES), lambda: trigger.slope)
+    add("TRIGger:LEVel", "level_V", level, lambda: f"{trigger.level_V:+.8E}")
+    add("TRIGger:COUNt", "triggers", many, lambda: f"{min(trigger.triggers, 9.9e37):+.8E}")
+    add("TRIGger:DELay", "delay_s", pause, lambda: f"{trigger.pause_s():+.8E}")
+    add("TRIGger:DELay:AUTO", "delay_s", delay, lambda: str(int(trigger.delay_s is None)))
+    add("SAMPle:COUNt", "samples", count, lambda: f"{trigger.samples:+d}")
+    add("SAMPle:COUNt:PRETrigger", "before", lambda t: whole(t, 0, 0), lambda: "+0")
+    add("SAMPle:SOURce", "timed", paced, lambda: "TIM" if trigger.timed else "IMM")
+    add("SAMPle:TIMer", "timer_s", interval, lambda: f"{trigger.timer_s:+.8E}")
+    tree.add("SAMPle:TIMer?", lambda p: f"{interval(p[0]) if p else trigger.timer_s:+.8E}")
+
+
+def level(text: str) -> float:
+    """Return the level of an internal trigger in V."""
+    return numeric(text, -1000.0, 1000.0, 0.0)
+
+
+def pause(text: str) -> float:
+    """Return a trigger delay in s."""
+    return numeric(text, 0.0, 3600.0, 1.0)
+
+
+def paced(text: str) -> bool:
+    """Return whether a sample timer paces the readings."""
+    return choice(text, PACES) == "TIM"
