@@ -238,6 +238,17 @@ class GyroFails(LastingFault):
     kind = "gyro-fails"
 
 
+class DeviceShorted(LastingFault):
+    """The device under test takes what `resistance` takes, 0.5 ohm unless said."""
+
+    kind = "device-shorted"
+    options = ("resistance",)
+
+    def read(self, truth: Truth) -> None:
+        """Take the options."""
+        self.resistance_ohm = truth.positive("resistance", "ohm", 0.5)
+
+
 LASTING_FAULTS = {fault.kind: fault for fault in LastingFault.__subclasses__()}
 
 EVERYWHERE = (PortGone.kind,)

@@ -1,0 +1,219 @@
+"""Keysight E36312A triple-output DC supply, SCPI over TCP.
+
+From the data sheet 5992-2124EN: 6 V and 5 A at output 1, 25 V and 1 A at outputs 2 and 3. From
+public clients of the model: channel lists `(@1)` behind a comma, or behind the blank of a query,
+`OUTP?` as 0 or 1, over-current protection that is a switch with a delay and no level of its own (it
+trips where the output has been limiting its current for that long), trips that are read and cleared
+by output. Assumed, since no source at hand says it: what a setting beyond the rating answers
+(-222), the form of numbers, that both protections end at 110 % of the rating, that an output
+without a channel list is output 1, the default delay, and that a tripped output reads 0.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import ClassVar, Protocol, runtime_checkable
+
+from sim_instruments.faults.lasting import DeviceShorted
+from sim_instruments.instrument import Setting
+from sim_instruments.truth import SimulationError
+from sim_instruments.wire.scpi import ScpiError, boolean, numeric
+from sim_instruments.wire.scpi_device import ScpiDevice
+
+RATINGS = {1: (6.0, 5.0), 2: (25.0, 1.0), 3: (25.0, 1.0)}
+HEADROOM = 1.1
+LONGEST_DELAY_S = 3600.0
+ROOTS = ("", "SOURce:")
+
+
+@runtime_checkable
+class PoweredWorld(Protocol):
+    """A world whose device can be switched on and off."""
+
+    def power(self, time_s: float, on: bool) -> None:
+        """Switch the device under test on or off."""
+
+
+@dataclass
+class Output:
+    """One output with its settings, as after `*RST`: off, at 0 V."""
+
+    rated_V: float
+    rated_A: float
+    voltage_V: float = 0.0
+    current_A: float = 0.1
+    protect_V: float = 0.0
+    protects_current: bool = False
+    delay_s: float = 0.05
+    on: bool = False
+    over_current: bool = False
+    over_voltage: bool = False
+    limiting_since_s: float | None = None
+
+    def __post_init__(self) -> None:
+        self.protect_V = HEADROOM * self.rated_V
+
+
+class KeysightE36312A(ScpiDevice):
+    """The supply, one of whose outputs may feed the device of the world.
+
+    Truth (`simulator` mapping): `feeds` (`1`, `2`, `3` or `nothing`); `resistance` of the device;
+    `readback_gain_error` and `readback_offset` of the measured current. May be given:
+    `own_limit: false`, an output that neither limits its current nor trips.
+    """
+
+    model = "Keysight E36312A"
+    lasting_faults: ClassVar = (DeviceShorted.kind,)
+
+    def __init__(self, setting: Setting) -> None:
+        super().__init__(f"Keysight Technologies,E36312A,{setting.serial},2.1.0-1.0.4-1.12")
+        truth = setting.truth
+        self._clock, self._faults = setting.clock, setting.faults
+        self._world = setting.world.find(PoweredWorld)
+        feeds = truth.text("feeds")
+        if feeds not in ("1", "2", "3", "nothing"):
+            raise SimulationError(f"{truth.where}.feeds: write an output, 1 to 3, or nothing")
+        self._feeds = int(feeds) if feeds != "nothing" else 0
+        self._device_ohm = truth.positive("resistance", "ohm")
+        self._gain = 1.0 + truth.quantity("readback_gain_error", "1")
+        self._offset_A = truth.quantity("readback_offset", "A")
+        self._limits_itself = truth.switch("own_limit") if "own_limit" in truth else True
+        self._powered = False
+        self._switched_s = 0.0
+        self._outputs: dict[int, Output] = {}
+        self.reset()
+        self._add_commands()
+        self.begin_to_serve(setting)
+
+    def energised(self) -> bool:
+        """Whether an output is on."""
+        self.before_each()
+        return any(one.on for one in self._outputs.values())
+
+    def reset(self) -> None:
+        """Go to the state after `*RST`: all outputs off, at 0 V."""
+        self._outputs = {number: Output(*rating) for number, rating in RATINGS.items()}
+        self._power()
+
+    def before_each(self) -> None:
+        """Trip what has limited its current for longer than its delay."""
+        now_s = self._clock.now()
+        for number, output in self._outputs.items():
+            if output.on and output.voltage_V > output.protect_V:
+                output.on, output.over_voltage = False, True
+            if not (
+                output.on and self._limits_itself and self._wanted_A(number) > output.current_A
+            ):
+                output.limiting_since_s = None
+                continue
+            if output.limiting_since_s is None:
+                output.limiting_since_s = self._began_s(now_s)
+            if output.protects_current and now_s - output.limiting_since_s >= output.delay_s:
+                output.on, output.over_current = False, True
+        self._power()
+
+    def _began_s(self, now_s: float) -> float:
+        """Return when limiting began: with the short where there is one, else with this look."""
+        short = self._faults.now(DeviceShorted.kind)
+        return now_s if short is None else max(short.begin_s, self._switched_s)
+
+    def _wanted_A(self, number: int) -> float:
+        if number != self._feeds:
+            return 0.0
+        short = self._faults.now(DeviceShorted.kind)
+        ohm = short.resistance_ohm if isinstance(short, DeviceShorted) else self._device_ohm
+        return self._outputs[number].voltage_V / ohm
+
+    def _flows(self, number: int) -> tuple[float, float]:
+        """Return what an output gives, in V and A."""
+        output = self._outputs[number]
+        if not output.on:
+            return 0.0, 0.0
+        wanted_A = self._wanted_A(number)
+        if self._limits_itself and wanted_A > output.current_A:
+            return output.voltage_V * output.current_A / wanted_A, output.current_A
+        return output.voltage_V, wanted_A
+
+    def _power(self) -> None:
+        on = bool(self._feeds) and self._outputs[self._feeds].on
+        if on != self._powered:
+            self._powered = on
+            if self._world is not None:
+                self._world.power(self._clock.now(), on)
+
+    # Commands.
+
+    def _add_commands(self) -> None:
+        level = "[:LEVel][:IMMediate][:AMPlitude]"
+        for root in ROOTS:
+            self._number(f"{root}VOLTage{level}", "voltage_V", lambda one: one.rated_V)
+            self._number(f"{root}CURRent{level}", "current_A", lambda one: one.rated_A)
+            protect = f"{root}VOLTage:PROTection"
+            self._number(f"{protect}[:LEVel]", "protect_V", lambda one: HEADROOM * one.rated_V)
+            self._get(f"{protect}:TRIPped?", lambda n: str(int(self._outputs[n].over_voltage)))
+            protect = f"{root}CURRent:PROTection"
+            self._number(f"{protect}:DELay[:TIME]", "delay_s", lambda one: LONGEST_DELAY_S)
+            self._set(f"{protect}:STATe", self._protect)
+            self._get(f"{protect}:STATe?", lambda n: str(int(self._outputs[n].protects_current)))
+            self._get(f"{protect}:TRIPped?", lambda n: str(int(self._outputs[n].over_current)))
+        self._set("OUTPut[:STATe]", self._switch)
+        self._get("OUTPut[:STATe]?", lambda n: str(int(self._outputs[n].on)))
+        self.tree.add("OUTPut:PROTection:CLEar", self._clear_trips)
+        dc = "[:SCALar]{}[:DC]?"
+        self._get("MEASure" + dc.format("[:VOLTage]"), lambda n: f"{self._flows(n)[0]:+.8E}")
+        self._get("MEASure" + dc.format(":CURRent"), self._measured)
+
+    def _number(self, header: str, name: str, largest: Callable[[Output], float]) -> None:
+        def take(output: Output, text: str) -> None:
+            setattr(output, name, numeric(text, 0.0, largest(output), 0.0))
+
+        self._set(header, take)
+        self._get(f"{header}?", lambda n: f"{getattr(self._outputs[n], name):+.8E}")
+
+    def _set(self, header: str, take: Callable[[Output, str], None]) -> None:
+        def handler(parameters: list[str]) -> None:
+            if not parameters:
+                raise ScpiError(-109)
+            for number in listed(parameters[1:]):
+                take(self._outputs[number], parameters[0])
+            self.before_each()
+
+        self.tree.add(header, handler)
+
+    def _get(self, header: str, give: Callable[[int], str]) -> None:
+        self.tree.add(header, lambda parameters: ",".join(map(give, listed(parameters))))
+
+    def _measured(self, number: int) -> str:
+        return f"{self._gain * self._flows(number)[1] + self._offset_A:+.8E}"
+
+    def _protect(self, output: Output, text: str) -> None:
+        output.protects_current = boolean(text)
+
+    def _switch(self, output: Output, text: str) -> None:
+        on = boolean(text) and not (output.over_current or output.over_voltage)
+        if on and not output.on:
+            self._switched_s = self._clock.now()
+        output.on = on
+
+    def _clear_trips(self, parameters: list[str]) -> None:
+        for number in listed(parameters):
+            self._outputs[number].over_current = self._outputs[number].over_voltage = False
+
+
+def listed(parameters: list[str]) -> list[int]:
+    """Return the outputs of a channel list, output 1 without one; ScpiError where it is none."""
+    text = ",".join(parameters).replace(" ", "")
+    if not text:
+        return [1]
+    if not (text.startswith("(@") and text.endswith(")")):
+        raise ScpiError(-108)
+    numbers: list[int] = []
+    for part in text[2:-1].split(","):
+        first, _, last = part.partition(":")
+        if not (first.isdigit() and (last or first).isdigit()):
+            raise ScpiError(-102)
+        numbers += range(int(first), int(last or first) + 1)
+    if not numbers or not set(numbers) <= set(RATINGS):
+        raise ScpiError(-222)
+    return numbers
