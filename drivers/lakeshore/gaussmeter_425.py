@@ -11,7 +11,16 @@ It knows no error queue, so every setting is read back, and each reading brings 
 by turns: that shows an answer to the question before. That answers to queries in
 one line are joined by `;` is from general knowledge. It keeps no readings and has no clock: each
 `drain` asks for the newest reading and stamps it with the run time in the middle of the exchange.
-The average had ended up to one `averaging` before.
+The average had ended up to one `averaging` before. Which settings outlast
+a run is not documented: unit, mode and range are put back as they were met.
+
+Commands and their sources:
+    *IDN? - who answers - 425 manual p.60 - confirmed
+    RDGFIELD? - the newest reading - 425 manual p.64 - confirmed
+    UNIT, UNIT? - 2 is tesla - 425 manual p.65 - confirmed
+    RDGMODE, RDGMODE? - direct field, no filter - 425 manual p.64 - confirmed
+    RANGE, RANGE? - 35 G, 350 G, 3.5 kG, 35 kG - public client code - not confirmed
+    AUTO, AUTO? - the range stays - 425 manual p.50 - confirmed
 """
 
 from __future__ import annotations
@@ -118,9 +127,9 @@ class Lakeshore425(Driver):
             )
         self._range_T = fitting[0]
         self._prepare()
-        self._set("AUTO 0", "AUTO?", "0")
-        number = str(RANGES_T.index(self._range_T) + 1)
-        self._set(f"RANGE {number}", "RANGE?", number)
+        # Put back in the reverse order: a range that is set ends the automatic one.
+        self._keep("AUTO", "0")
+        self._keep("RANGE", str(RANGES_T.index(self._range_T) + 1))
 
     def drain(self) -> Block:
         """Return the newest reading, one row."""
@@ -148,9 +157,19 @@ class Lakeshore425(Driver):
         return self._shown_mT(field_T)
 
     def _prepare(self) -> None:
-        self._set(f"UNIT {TESLA}", "UNIT?", TESLA)
-        self._set(f"RDGMODE {DIRECT},1", "RDGMODE?", DIRECT)
+        self._keep("UNIT", TESLA)
+        self._keep("RDGMODE", f"{DIRECT},1")
         self._gives_tesla = True
+
+    def _keep(self, name: str, value: str) -> None:
+        """Set what may outlast the run, so that it can be put back."""
+        query = f"{name}?"
+        self.kept.set(
+            name,
+            value,
+            lambda: self._line.repeated(query, lambda: self._ask(query)).replace(" ", ""),
+            lambda text: self._set(f"{name} {text}", query, text),
+        )
 
     def _set(self, command: str, query: str, wanted: str) -> None:
         """Send a command and prove by its query that it was taken."""

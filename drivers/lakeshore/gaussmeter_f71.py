@@ -3,13 +3,24 @@
 Sources: F71 manual and the maker's Python client for the buffer format and the error query. Not
 confirmed in a primary source: which instant of the averaging the time stamp means; the bench
 file's `timestamp` says it and the laboratory must have established it; and that `FETC:DC?` without
-a parameter gives the newest magnitude and leaves the buffer alone.
+a parameter gives the newest magnitude and leaves the buffer alone; and the order of `FETC:DC? ALL`,
+which is compared once with x, y, z asked singly, and noted. What outlasts a run is not documented:
+mode, unit, averaging and range are put back as they were met.
+
+Commands and their sources:
+    *IDN? - who answers - F71 manual p.74, the maker's client - confirmed
+    SYST:ERR:CLE, SYST:ERR:ALL? - the error queue - the maker's client - confirmed
+    SENS:MODE, UNIT:FIELD, SENS:AVER:COUN, SENS:RANG, SENS:RANG:AUTO - the measurement - the maker's
+        client - confirmed
+    FETC:BUFF:DC? - the buffered readings - the maker's client - confirmed
+    FETC:DC? - the magnitude now - F71 manual p.50 - confirmed
+    FETC:DC? X|Y|Z|ALL - the components; the order of ALL - F71 manual p.50 - not confirmed
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from datetime import datetime
 from typing import ClassVar, Literal
 
@@ -25,6 +36,8 @@ from station.roles import Block, Identity, Place, published, quantity
 
 READING_PERIOD_S = 0.01
 OVERLOAD_T = 9e37
+SAME = 0.05
+"""Of the largest component: two readings of one axis, one after the other, differ by less."""
 
 
 class LakeshoreF71(ScpiDriver):
@@ -40,7 +53,7 @@ class LakeshoreF71(ScpiDriver):
 
     recognises: ClassVar[str] = r"^Lake ?Shore[^,]*,F71,(?P<serial>[^,/]+)"
     repeatable: ClassVar[Repeatable] = Repeatable(
-        r"\*IDN\?|FETC:DC\?|SYST:ERR:ALL\?",
+        r"\*IDN\?|FETC:DC\?( X| Y| Z| ALL)?|SYST:ERR:(ALL\?|CLE)|(SENS|UNIT):[A-Z:]+\?",
         r"SENS:MODE DC|UNIT:FIELD TESLA|SENS:AVER:COUN \d+|SENS:RANG [\d.e+-]+",
     )
     """Not the buffer: reading empties it, and what was lost on its way is lost."""
@@ -66,7 +79,7 @@ class LakeshoreF71(ScpiDriver):
         self.averaging_s = self._averaging_count * READING_PERIOD_S
         self._first_stamp: datetime | None = None
         self._newest_s = -math.inf
-        self._gives_tesla = False
+        self._gives_tesla = self._order_known = False
 
     def identify(self) -> Identity:
         """Ask `*IDN?`: maker, model, serial number, options and firmware."""
@@ -78,11 +91,18 @@ class LakeshoreF71(ScpiDriver):
 
     def start(self, largest_field_mT: float) -> None:
         """Select DC mode, tesla, averaging and the range, and empty the buffer."""
-        self._line.command("SENS:MODE DC")
-        self._line.command("UNIT:FIELD TESLA")
+        if not self._order_known:
+            # What was refused before must not be taken for a refusal of what follows.
+            self._line.command("SYST:ERR:CLE")
+        self._keep("SENS:MODE", "DC")
+        self._keep("UNIT:FIELD", "TESLA")
         self._gives_tesla = True
-        self._line.command(f"SENS:AVER:COUN {self._averaging_count}")
+        self._keep("SENS:AVER:COUN", str(self._averaging_count))
+        # Put back in the reverse order: a range that is set ends the automatic one.
+        self.kept.meet("SENS:RANG:AUTO", "0", *self._as("SENS:RANG:AUTO"))
+        self.kept.meet("SENS:RANG", f"{largest_field_mT * 1e-3:.6g}", *self._as("SENS:RANG"))
         self._line.command(f"SENS:RANG {largest_field_mT * 1e-3:.6g}")
+        self._look_at_order()
         self._line.query("FETC:BUFF:DC?")
         self._first_stamp = None
         self._newest_s = -math.inf
@@ -106,10 +126,40 @@ class LakeshoreF71(ScpiDriver):
         """
         if not self._gives_tesla:
             # Before the first start it is as somebody left it, perhaps in gauss.
-            self._line.patient.command("SENS:MODE DC")
-            self._line.patient.command("UNIT:FIELD TESLA")
+            self._keep("SENS:MODE", "DC")
+            self._keep("UNIT:FIELD", "TESLA")
             self._gives_tesla = True
         return in_mT(self._line.patient.number("FETC:DC?"))
+
+    def _as(self, header: str) -> tuple[Callable[[], str], Callable[[str], None]]:
+        """Return what reads a setting, and what writes it."""
+        patient = self._line.patient
+        return (
+            lambda: patient.query(f"{header}?").strip(),
+            lambda text: patient.command(f"{header} {text}"),
+        )
+
+    def _keep(self, header: str, value: str) -> None:
+        """Set what may outlast the run, so that it can be put back."""
+        self.kept.set(header, value, *self._as(header))
+
+    def _look_at_order(self) -> None:
+        """Note once in which order `ALL` comes: as x, y, z do that are asked singly."""
+        if self._order_known:
+            return
+        self._order_known = True
+        ask = self._line.patient.query
+        every = [float(text) for text in ask("FETC:DC? ALL").split(",")]
+        singly = [float(ask(f"FETC:DC? {axis}")) for axis in "XYZ"]
+        near = max(map(abs, singly)) * SAME
+        orders = [
+            words
+            for words, first in (("magnitude, x, y, z", 1), ("x, y, z", 0))
+            if len(every[first : first + 3]) == 3
+            and all(abs(a - b) <= near for a, b in zip(every[first:], singly, strict=False))
+        ]
+        order = orders[0] if len(orders) == 1 else "in an order that does not show"
+        self.met(f"FETC:DC? ALL gives {order}")
 
     @published("field", "mT")
     def _shown_mT(self, magnitude_T: float) -> float:

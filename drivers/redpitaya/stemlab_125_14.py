@@ -13,6 +13,18 @@ the trigger: `time_s` is up to half an interval early or late, the same for a wh
 
 The board tells no serial number (`*IDN?` has 0 in its place, or nothing, which is made 0): its
 address is all that tells one from another.
+
+Commands and their sources:
+    *IDN? - who answers, without a serial number - the server's source - confirmed
+    ACQ:RST, ACQ:START, ACQ:DEC, ACQ:DEC:F, ACQ:AVG, ACQ:DATA:UNITS, ACQ:SOUR:GAIN - a record - the
+        maker's list of commands - confirmed
+    ACQ:TRIG, ACQ:TRIG:STAT?, ACQ:TRIG:FILL?, ACQ:TRIG:DLY - its trigger - the maker's list of
+        commands - confirmed
+    ACQ:SOUR:DATA:START:N?, ACQ:SOUR:DATA:STA:N? - values from a place on - the server's source -
+        confirmed
+    ACQ:WPOS?, ACQ:TPOS? - the pointers, which system keeps which - the server's source -
+        not confirmed
+    DIG:PIN, DIG:PIN:DIR - the trigger output - the maker's list of commands - confirmed
 """
 
 from __future__ import annotations

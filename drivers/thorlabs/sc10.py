@@ -10,6 +10,12 @@ number: its identity holds `untold` in that place.
 The bench's trigger goes high at time zero, and then the light must go off. Between the trigger and
 the gate an inverter is needed for that, and the driver looks whether there is one: a shutter that
 stays closed while the trigger is at rest is an error.
+
+Commands and their sources:
+    id?, ens, ens?, mode, closed?, interlock? - who answers, enabling, the mode, the sensor, the
+        interlock, 1 for a tripped one - SC10 manual 8654-D02 p.15 - confirmed
+    CMD_NOT_DEFINED, CMD_ARG_INVALID - refusals, bare or behind `Command error` - the maker's TC200,
+        public client code - not confirmed
 """
 
 from __future__ import annotations

@@ -1,12 +1,14 @@
 """Lake Shore 425 gaussmeter with a probe of one axis, in lines of text.
 
 From its manual: the mnemonics and their parameters, `+nnn.nnnE+nn`, the identity, commands chained
-with `;`, `?` alone for the last query again, zero as the minimum of `RDGMNMX?`, and that it must be
-left alone for 30 ms after a line; what comes sooner is lost here. From a public client: the ranges
-35 G to 35 kG. Assumed, since no source at hand says it: answers to
-chained queries are joined by `;`; a reading is the mean of the last whole
+with `;`, `?` alone for the last query again, zero as the minimum of `RDGMNMX?`, `*RST` for the
+settings at power-up and `DFLT` for the maker's, and that it must be left alone for 30 ms after a
+line, else it fails from time to time: of the lines that come sooner every second one is lost here.
+From public clients: the ranges 35 G to 35 kG, the bits of `OPST?`. Assumed, since no source at hand
+says it: answers to chained queries are joined by `;`; a reading is the mean of the last whole
 0.1 s; beyond its range it reads 999.999E+09; autorange takes the lowest range that holds the last
-reading; what it does not know or like it passes over in silence. Left out: alarm, relay, zeroing.
+reading; what it does not know or like it passes over in silence. An alarm does not sound here,
+zeroing takes no time, and the relay is left out.
 """
 
 from __future__ import annotations
@@ -28,9 +30,11 @@ PERIOD_S = 0.1
 PAUSE_S = 0.03
 PATIENCE = 1e-6
 RANGES_MT = (3.5, 35.0, 350.0, 3500.0)
-PER_MT = {1: 10.0, 2: 1e-3, 3: 10.0, 4: 1e3 / (4e-7 * np.pi) * 1e-3}
+PER_MT = {1: 10.0, 2: 1e-3, 3: 10.0, 4: 1e-3 / (4e-7 * np.pi)}
 """Gauss, tesla, oersted (in air), ampere per metre."""
 OVERLOAD = 999.999e9
+NUMBER = re.compile(r"[+-]?\d+(\.\d*)?([Ee][+-]?\d+)?")
+ALARM = re.compile(r"[01],[12],[^,]+,[^,]+,[0-2]")
 MODE = re.compile(r"([12]),([01]),([12])")
 
 
@@ -38,7 +42,8 @@ class Lakeshore425(LineInstrument):
     """The gaussmeter at the probe's place, turned to x until somebody turns it.
 
     Truth (`simulator` mapping): `noise` of a reading (rms), `gain_error`, `zero_offset`, and
-    `turned` (x, y, z): by how much the probe leans towards the other axes when it is turned there.
+    `turned` (x, y, z): by how much the probe leans towards the other axes when it is turned there;
+    `unit`, 1 to 4, may be given: as somebody left it.
     """
 
     model = "Lake Shore 425"
@@ -59,9 +64,13 @@ class Lakeshore425(LineInstrument):
         self._directions = {axis: direction_near(axis, turned.section(axis)) for axis in AXES}
         self._free_s = 0.0
         self._last_query = ""
-        self._reading_mT, self._largest_mT = 0.0, 0.0
+        self._measured_mT, self._reading_mT, self._largest_mT = 0.0, 0.0, 0.0
         self._period = -1
+        self._early = 0
+        self._new = self._zeroed = False
+        self._zero_now_mT = 0.0
         self._restore()
+        self._unit_at_power_up = self._unit = truth.integer("unit", 1, 1)
         self._queries: dict[str, Callable[[], str]] = {
             "*IDN?": lambda: f"LSCI,MODEL425,{self._serial},{FIRMWARE}",
             "RDGFIELD?": lambda: self._shown(self._read_mT()),
@@ -72,16 +81,28 @@ class Lakeshore425(LineInstrument):
             "AUTO?": lambda: str(int(self._auto)),
             "RDGMODE?": lambda: self._mode,
             "TYPE?": lambda: "40",
+            "OPST?": self._operation_status,
+            "RDGREL?": lambda: self._shown(self._read_mT() - self._relative_mT),
+            "REL?": lambda: str(int(self._relative)),
+            "RELSP?": lambda: self._shown(self._relative_mT),
+            "ALARM?": lambda: self._alarm,
         }
         self.begin_to_serve(setting)
 
     def _restore(self) -> None:
         self._unit, self._range, self._auto, self._mode = 1, 4, True, "1,1,1"
+        self._relative, self._relative_mT, self._alarm = (
+            False,
+            0.0,
+            "0,2,+000.000E+00,+000.000E+00,0",
+        )
 
     def _line(self, line: bytes) -> bytes:
         now_s = self._clock.now()
         if now_s < self._free_s - PATIENCE:
-            return b""
+            self._early += 1
+            if self._early % 2:
+                return b""
         self._free_s = now_s + PAUSE_S
         text = line.decode("ascii", "replace").strip().upper()
         if text == "?":
@@ -104,8 +125,20 @@ class Lakeshore425(LineInstrument):
             self._auto = number != 0
         elif name == "RDGMODE" and MODE.fullmatch(parameter.replace(" ", "")):
             self._mode = parameter.replace(" ", "")
-        elif name == "*RST":
+        elif name in ("*RST", "DFLT"):
             self._restore()
+            self._unit = self._unit if name == "DFLT" else self._unit_at_power_up
+        elif name == "REL" and number in (0, 1):
+            self._relative = number == 1
+            self._relative_mT = self._read_mT() if self._relative else self._relative_mT
+        elif name == "RELSP" and NUMBER.fullmatch(parameter):
+            self._relative_mT = float(parameter) / PER_MT[self._unit]
+        elif name == "ALARM" and ALARM.fullmatch(parameter):
+            self._alarm = parameter
+        elif name == "ZPROBE":
+            self._zero_now_mT, self._zeroed = self._zero_now_mT + self._read_mT(), True
+        elif name == "ZCLEAR":
+            self._zero_now_mT, self._zeroed = 0.0, False
         return None
 
     def _read_mT(self) -> float:
@@ -117,8 +150,9 @@ class Lakeshore425(LineInstrument):
             axis = self._turned.probe_axis if self._turned is not None else "x"
             field_mT = self._world.mean_probe_field_mT(edges_s)[0] @ self._directions[axis]
             noise_mT = self._noise_mT * float(self._rng.standard_normal())
-            self._reading_mT = float(field_mT) * self._gain + self._zero_mT + noise_mT
-            self._period = period
+            self._measured_mT = float(field_mT) * self._gain + self._zero_mT + noise_mT
+            self._period, self._new = period, True
+        self._reading_mT = self._measured_mT - self._zero_now_mT
         if self._auto:
             fitting = [k for k, end in enumerate(RANGES_MT, 1) if abs(self._reading_mT) <= end]
             self._range = fitting[0] if fitting else len(RANGES_MT)
@@ -127,6 +161,13 @@ class Lakeshore425(LineInstrument):
             return float("inf")
         self._largest_mT = max(self._largest_mT, abs(self._reading_mT))
         return self._reading_mT
+
+    def _operation_status(self) -> str:
+        """Return bit 1 overload, bit 2 a new reading since the last question, bit 7 zeroed."""
+        overload = not np.isfinite(self._read_mT())
+        status = 2 * overload + 4 * self._new + 128 * self._zeroed
+        self._new = self._zeroed = False
+        return f"{status:03d}"
 
     def _shown(self, field_mT: float) -> str:
         """Return a reading in the present unit as `+nnn.nnnE+nn`."""

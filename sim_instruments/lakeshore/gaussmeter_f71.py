@@ -1,15 +1,18 @@
 """Lake Shore F71 teslameter with a three-axis probe, SCPI over TCP.
 
 From the F71 manual and the maker's public client: LF ends a command, CR LF a reply, an empty line
-produces nothing, averaging counts samples of 10 ms, the buffer is emptied by reading. Assumed,
-since no source at hand says it: readings are block averages stamped at the END of their window,
-`FETCh:DC? ALL` gives magnitude, x, y, z in the order of the buffer, the buffer holds 1000 records
-and loses the oldest, an overloaded axis reads 9.9E37, ranges are 35 mT, 350 mT and 3.5 T.
+produces nothing, averaging counts samples of 10 ms, the buffer is emptied by reading, `FETCh` with
+or without FIELd. Assumed, since no source at hand says it: readings are block averages stamped at
+the END of their window, `FETCh:DC? ALL` gives magnitude, x, y, z in the order of the buffer, the
+buffer holds 1000 records and loses the oldest, an overloaded axis reads 9.9E37, ranges are 35 mT,
+350 mT and 3.5 T, which settings outlast `*RST`: none. What of a field has no meaning in DC mode,
+its rms and its frequency, is refused with -221 there; the modes AC and HIFR have no readings here.
 """
 
 from __future__ import annotations
 
 from datetime import UTC, datetime, timedelta
+from functools import partial
 from typing import ClassVar
 
 import numpy as np
@@ -46,7 +49,9 @@ class LakeshoreF71(ScpiDevice):
 
     Truth (`simulator` mapping): `noise_per_sample` (rms of one 10 ms sample of one axis),
     `gain_error` and `zero_offset` (x, y, z), `rotation` (about_x, about_y, about_z of the probe in
-    the coil frame), `clock_offset` and `clock_error` of its own clock, `probe_temperature`.
+    the coil frame), `clock_offset` and `clock_error` of its own clock, `probe_temperature`. May be
+    given: `all_order`, magnitude-first or magnitude-last, of `FETCh:DC? ALL`; `field_unit`, TESLA
+    or GAUSS, as somebody left it.
     """
 
     model = "Lake Shore F71"
@@ -67,7 +72,9 @@ class LakeshoreF71(ScpiDevice):
         self._probe_degC = truth.quantity("probe_temperature", "degC")
         self._faults = setting.faults
         self._probe_serial = f"{setting.serial}-P"
+        self._last_first = truth.text("all_order", "magnitude-first") == "magnitude-last"
         self._restore_defaults()
+        self._set_unit(truth.text("field_unit", "TESLA"))
         self._add_commands()
         self.begin_to_serve(setting)
 
@@ -85,6 +92,8 @@ class LakeshoreF71(ScpiDevice):
         self._autorange, self._range_T = True, RANGES_T[0]
         self._averaged = 20
         self._last_T = np.zeros(3)
+        self._tare_T, self._temperature_source = np.zeros(4), "PROBE"
+        self._least_T, self._largest_T = np.inf, -np.inf
         self._buffer: list[Readings] = []
         self._next_tick = self._tick_now() - self._averaged
         self._collect()
@@ -97,16 +106,61 @@ class LakeshoreF71(ScpiDevice):
                 "SENSe:AVERage:COUNt": (self._set_averaging, lambda: str(self._averaged)),
                 "SENSe:RANGe[:UPPer]": (self._set_range, lambda: f"{self._range_T:.6E}"),
                 "SENSe:RANGe:AUTO": (self._set_autorange, lambda: str(int(self._autorange))),
-                "UNIT:FIELD": (
+                "UNIT:FIELd": (
                     self._set_unit,
                     lambda: "TESLA" if self._unit_T == 1.0 else "GAUSS",
                 ),
                 "FETCh:BUFFer:DC": (None, self._read_buffer),
                 "FETCh:TEMPerature": (None, lambda: f"{self._probe_degC:.3f}"),
-                "PROBe:SNUMber": (None, lambda: f'"{self._probe_serial}"'),
+                "SENSe:TCOMpensation:TSOURce": (self._set_source, lambda: self._temperature_source),
+                "FETCh[:FIELd]:MAXimum": (None, lambda: self._shown(self._largest_T)),
+                "FETCh[:FIELd]:MINimum": (None, lambda: self._shown(self._least_T)),
+                **{f"PROBe:{name}": (None, partial(str, text)) for name, text in self._probe()},
             }
         )
-        self.tree.add("FETCh[:SCALar]:DC?", self._fetch)
+        do = self._do
+        for fetch in ("FETCh[:FIELd]:DC?", "FETCh[:SCALar]:DC?"):
+            self.tree.add(fetch, self._fetch)
+        self.tree.add("FETCh[:FIELd]:RELative?", partial(self._fetch, relative=True))
+        for other in ("RMS", "FREQuency"):
+            self.tree.add(f"FETCh[:FIELd]:{other}?", do(self._only_alternating))
+        self.tree.add("SENSe:MRESet", do(self._forget_extremes))
+        self.tree.add("SENSe:RELative:TARE", do(self._take_tare))
+        self.tree.add("SYSTem:ERRor:CLEar", do(self.errors.clear))
+
+    def _probe(self) -> tuple[tuple[str, str], ...]:
+        """Return what the memory of the probe says of it, by header."""
+        return (
+            ("MODel", '"FP-2X-250-ZS15M-6"'),
+            ("SNUMber", f'"{self._probe_serial}"'),
+            ("PTYPe", '"THREE"'),
+            ("STYPe", '"FIELDPROBE"'),
+            ("SOR", '"ASYMMETRIC"'),
+            ("AXES", "3"),
+            ("CALDate", '"2026-01-15"'),
+        )
+
+    def _set_source(self, text: str) -> None:
+        words = {name: name for name in ("PROBE", "MTEMP", "NONE")}
+        self._temperature_source = choice(text, words)
+
+    def _only_alternating(self) -> None:
+        raise ScpiError(-221)
+
+    def _magnitude_T(self) -> float:
+        self._collect()
+        return float(np.linalg.norm(self._last_T))
+
+    def _forget_extremes(self) -> None:
+        self._least_T = self._largest_T = self._magnitude_T()
+
+    def _take_tare(self) -> None:
+        magnitude_T = self._magnitude_T()
+        self._tare_T = np.array([magnitude_T, *self._last_T])
+
+    def _shown(self, extreme_T: float) -> str:
+        self._collect()
+        return f"{(extreme_T if np.isfinite(extreme_T) else 0.0) / self._unit_T:+.7E}"
 
     def _set_mode(self, text: str) -> None:
         mode = choice(text, {"DC": "DC", "AC": "AC", "HIFR": "HIFR"})
@@ -137,7 +191,7 @@ class LakeshoreF71(ScpiDevice):
         unit = choice(text, {"TESLA": "T", "T": "T", "GAUSS": "G", "G": "G"})
         self._unit_T = 1.0 if unit == "T" else 1e-4
 
-    def _fetch(self, parameters: list[str]) -> str:
+    def _fetch(self, parameters: list[str], *, relative: bool = False) -> str:
         names = {"": 0, "MAGNITUDE": 0, "MAG": 0, "X": 1, "Y": 2, "Z": 3, "ALL": 4}
         wanted = one(parameters).upper() if parameters else ""
         if wanted not in names:
@@ -146,6 +200,10 @@ class LakeshoreF71(ScpiDevice):
             raise ScpiError(-221)
         self._collect()
         values = self._in_unit(self._last_T[None, :])[0]
+        if relative:
+            values = values - self._tare_T / self._unit_T
+        if names[wanted] == 4 and self._last_first:
+            values = np.roll(values, -1)
         shown = values if names[wanted] == 4 else values[names[wanted] : names[wanted] + 1]
         return ",".join(f"{value:+.7E}" for value in shown)
 

@@ -15,30 +15,22 @@ is read out.
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass
 from functools import partial
 from typing import ClassVar, Protocol, runtime_checkable
 
 import numpy as np
-import numpy.typing as npt
 
 from sim_instruments.faults.lasting import NoTrigger, Overload
 from sim_instruments.instrument import Setting
+from sim_instruments.redpitaya.stemlab_capture import CONVERTER_HZ, SLOTS, Capture, Numbers
 from sim_instruments.truth import SimulationError
 from sim_instruments.wire.requests import released
-from sim_instruments.wire.scpi import ScpiError, choice, whole_number
+from sim_instruments.wire.scpi import ScpiError, choice, number, whole_number
 from sim_instruments.wire.scpi_device import ScpiDevice
 from sim_instruments.world.base import TriggerLine
 from sim_instruments.world.piecewise import Array
 
-Numbers = npt.NDArray[np.int64]
-
-CONVERTER_HZ = 125e6
-SLOTS = 16384
 HALF = SLOTS // 2
-SYNCHRONISED_S = 5 / CONVERTER_HZ
-"""From an edge at the input to the trigger: three clocks to synchronise it, two to make it one."""
 CLASSIC = (1, 8, 64, 1024, 8192, 65536)
 POWERS = tuple(2**power for power in range(17))
 LARGEST_DECIMATION = 65536
@@ -46,61 +38,9 @@ FULL_SCALE_V = {"LV": 1.0, "HV": 20.0}
 LARGEST_CODE = 8191
 OUTPUT, LOOP = "DIO0_N", "DIO0_P"
 PINS = {f"DIO{number}_{side}": f"DIO{number}_{side}" for side in "PN" for number in range(8)}
-SOURCES = {name: name for name in ("DISABLED", "NOW", "EXT_PE", "EXT_NE")}
+SLOPES = {f"CH{channel}_{way}E": (channel, way) for channel in "12" for way in "PN"}
+SOURCES = {name: name for name in ("DISABLED", "NOW", "EXT_PE", "EXT_NE", *SLOPES)}
 TRANSFER_S = 20e-6
-
-
-@dataclass
-class Capture:
-    """One capture, from its arming on; values are numbered from 0, number 0 lies in `first_slot`.
-
-    `delay` counts the values that are stored after the trigger. `stopped_s`: told to stop then.
-    """
-
-    began_s: float
-    interval_s: float
-    first_slot: int
-    delay: int
-    triggered_at: int | None = None
-    stopped_s: float = math.inf
-
-    def number_at(self, time_s: float) -> int:
-        """Return the number of the value that is being taken at a time."""
-        return math.floor((min(time_s, self.stopped_s) - self.began_s) / self.interval_s + 1e-9)
-
-    def last_at(self, time_s: float) -> int:
-        """Return the number of the last value that is stored at a time; -1 for none."""
-        last = self.number_at(time_s) - 1
-        return last if self.triggered_at is None else min(last, self.last_of_all)
-
-    @property
-    def last_of_all(self) -> int:
-        """The number of the value with which a triggered capture ends."""
-        assert self.triggered_at is not None
-        return self.triggered_at + max(self.delay, 1) - 1
-
-    def is_full(self, time_s: float) -> bool:
-        """Return whether it was triggered and its delay is over."""
-        return self.triggered_at is not None and self.last_at(time_s) >= self.last_of_all
-
-    def trigger(self, time_s: float) -> None:
-        """Take an edge at the input; only the first counts."""
-        if self.triggered_at is None and time_s <= self.stopped_s:
-            self.triggered_at = self.number_at(time_s + SYNCHRONISED_S)
-
-    def slot(self, number: int) -> int:
-        """Return where a value lies in the ring."""
-        return (self.first_slot + number) % SLOTS
-
-    def numbers(self, start: int, count: int, now_s: float) -> Numbers:
-        """Return the numbers of the values in `count` slots from `start` on; negative for none."""
-        last = self.last_at(now_s)
-        slots = (start + np.arange(count)) % SLOTS
-        return np.asarray(last - (self.slot(last) - slots) % SLOTS)
-
-    def middles_s(self, numbers: Numbers) -> Array:
-        """Return the times in the middle of values."""
-        return np.asarray(self.began_s + (numbers + 0.5) * self.interval_s)
 
 
 @runtime_checkable
@@ -167,12 +107,12 @@ class RedPitaya(ScpiDevice):
     def _reset_acquisition(self) -> None:
         self._decimation, self._averages, self._delay = 1, True, HALF
         self._gains = {"1": "LV", "2": "LV"}
-        self._source = "DISABLED"
+        self._source, self._level_V, self._units = "DISABLED", 0.0, "VOLTS"
         self._noise = np.zeros(SLOTS)
         self._capture = Capture(self._clock.now(), 1.0, 0, HALF, stopped_s=self._clock.now())
 
     def _add_acquisition(self) -> None:
-        volts, ascii_only = {"VOLTS": "VOLTS"}, {"ASCII": "ASCII"}
+        units, ascii_only = {"VOLTS": "VOLTS", "RAW": "RAW"}, {"ASCII": "ASCII"}
         self.tree.add("ACQ:RST", self._do(self._reset_acquisition))
         self.tree.add("ACQ:START", self._do(self._arm))
         self.tree.add("ACQ:STOP", self._do(self._stop))
@@ -180,11 +120,22 @@ class RedPitaya(ScpiDevice):
             {
                 "ACQ:DEC": (self._set_decimation, lambda: str(self._decimation)),
                 "ACQ:AVG": (self._set_averaging, lambda: "ON" if self._averages else "OFF"),
-                "ACQ:DATA:UNITS": (lambda text: ignored(choice(text, volts)), lambda: "VOLTS"),
-                "ACQ:DATA:FORMAT": (lambda text: ignored(choice(text, ascii_only)), None),
+                "ACQ:DATA:UNITS": (
+                    lambda text: setattr(self, "_units", choice(text, units)),
+                    lambda: self._units,
+                ),
+                "ACQ:DATA:FORMAT": (
+                    lambda text: ignored(choice(text, ascii_only)),
+                    lambda: "ASCII",
+                ),
                 "ACQ:TRIG": (self._set_source, None),
                 "ACQ:TRIG:STAT": (None, lambda: "TD" if self._source == "DISABLED" else "WAIT"),
+                "ACQ:TRIG:LEV": (self._set_level, lambda: f"{self._level_V:.6g}"),
                 "ACQ:TRIG:DLY": (self._set_delay, lambda: str(self._delay - HALF)),
+                "ACQ:TRIG:DLY:NS": (self._set_delay_ns, lambda: f"{self._delay_ns():.0f}"),
+                "SYST:VERSion": (None, lambda: "1999.0"),
+                "SYST:BRD:ID": (None, lambda: "0"),
+                "SYST:BRD:Name": (None, lambda: "STEMlab 125-14 v1.0"),
                 "ACQ:WPOS": (None, lambda: str(self._pointer())),
                 "ACQ:TPOS": (None, lambda: str(self._pointer_at_trigger())),
                 "ACQ:BUF:SIZE": (None, lambda: str(SLOTS)),
@@ -196,9 +147,16 @@ class RedPitaya(ScpiDevice):
             self.add_settings({"ACQ:DEC:Factor": (self._set_factor, lambda: str(self._decimation))})
         if self._version >= (2, 0, 15):
             self.add_settings({"ACQ:TRIG:FILL": (None, self._is_full)})
-        start = "START" if self._version >= (2, 0, 0) else "STA"
+        both = ["START", "STA"] if self._version >= (2, 5, 0) else ["START"]
+        starts = both if self._version >= (2, 0, 0) else ["STA"]
         for channel in ("1", "2"):
-            self.tree.add(f"ACQ:SOUR{channel}:DATA:{start}:N?", partial(self._data, channel))
+            data = f"ACQ:SOUR{channel}:DATA"
+            for start in starts:
+                self.tree.add(f"{data}:{start}:N?", partial(self._data, channel))
+                self.tree.add(f"{data}:{start}:END?", partial(self._data, channel, to_end=True))
+            self.tree.add(f"{data}:OLD:N?", partial(self._oldest, channel))
+            self.tree.add(f"{data}:LAT:N?", partial(self._latest, channel))
+            self.tree.add(f"{data}?", self._answer(partial(self._oldest, channel, [str(SLOTS)])))
 
     # The capture.
 
@@ -209,6 +167,33 @@ class RedPitaya(ScpiDevice):
         began_s = self._clock.now() + interval_s * self._rng.random()
         self._capture = Capture(began_s, interval_s, first, self._delay)
         self._noise = self._noise_V * self._rng.standard_normal(SLOTS)
+
+    def before_each(self) -> None:
+        """See whether an input has come to the level that is waited for."""
+        if self._source not in SLOPES or self._capture.triggered_at is not None:
+            return
+        channel, way = SLOPES[self._source]
+        last = self._capture.last_at(self._clock.now())
+        numbers = np.arange(max(last - SLOTS, 0), last + 1)
+        if numbers.size < 2:
+            return
+        above = self._read(channel, numbers) >= self._level_V
+        crossed = above[1:] & ~above[:-1] if way == "P" else ~above[1:] & above[:-1]
+        if crossed.any():
+            self._capture.triggered_at = int(numbers[1 + int(np.argmax(crossed))])
+            self._source = "DISABLED"
+
+    def _set_level(self, text: str) -> None:
+        self._level_V = number(text)
+
+    def _set_delay_ns(self, text: str) -> None:
+        self._set_delay(str(round(number(text) / self._interval_ns())))
+
+    def _delay_ns(self) -> float:
+        return (self._delay - HALF) * self._interval_ns()
+
+    def _interval_ns(self) -> float:
+        return 1e9 * self._decimation / CONVERTER_HZ
 
     def _stop(self) -> None:
         self._capture.stopped_s = min(self._capture.stopped_s, self._clock.now())
@@ -261,14 +246,29 @@ class RedPitaya(ScpiDevice):
             return 0
         return self._capture.slot(number if self._version >= (2, 5, 0) else number - 1)
 
-    def _data(self, channel: str, given: list[str]) -> str:
+    def _data(self, channel: str, given: list[str], *, to_end: bool = False) -> str:
+        """Answer values from a place in the ring on: so many, or up to another place."""
         if len(given) != 2:
             raise ScpiError(-109)
-        start, count = whole_number(given[0], 0, SLOTS), whole_number(given[1], 1, SLOTS)
-        numbers = self._capture.numbers(start, count, self._clock.now())
+        start, count = whole_number(given[0], 0, SLOTS), whole_number(given[1], to_end ^ 1, SLOTS)
+        return self._values(channel, start, (count - start) % SLOTS + 1 if to_end else count)
+
+    def _oldest(self, channel: str, given: list[str]) -> str:
+        return self._values(channel, self._pointer() + 1, whole_number(self.only(given), 1, SLOTS))
+
+    def _latest(self, channel: str, given: list[str]) -> str:
+        count = whole_number(self.only(given), 1, SLOTS)
+        return self._values(channel, self._pointer() + 1 - count, count)
+
+    def _values(self, channel: str, start: int, count: int) -> str:
+        numbers = self._capture.numbers(start % SLOTS, count, self._clock.now())
         with released(self._lock):  # the world goes on meanwhile, and others are served
             self._clock.sleep(TRANSFER_S * count)
-        return "{" + ",".join(f"{value:.6f}" for value in self._read(channel, numbers)) + "}"
+        volts = self._read(channel, numbers)
+        if self._units == "RAW":
+            codes = np.round(volts / FULL_SCALE_V[self._gains[channel]] * (LARGEST_CODE + 1))
+            return "{" + ",".join(f"{code:.0f}" for code in codes) + "}"
+        return "{" + ",".join(f"{value:.6f}" for value in volts) + "}"
 
     def _read(self, channel: str, numbers: Numbers) -> Array:
         """Return what the board makes of the values with these numbers, in V."""

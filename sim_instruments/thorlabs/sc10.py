@@ -3,8 +3,10 @@
 From the manual's table of commands and public clients: CR ends a command; the answer is its echo,
 CR, the value and CR where there is one, and the prompt `> `; `ens` toggles; `closed?` is 1 for a
 closed shutter, `interlock?` 1 for a tripped one; errors read `Command error CMD_NOT_DEFINED` and
-`Command error CMD_ARG_INVALID`. What no source at hand says, and is assumed: in the external gate
-mode an enabled shutter is open while the gate is high; a change of the mode leaves `ens?` as it is;
+`Command error CMD_ARG_INVALID`, on some bare; `?` lists the commands, which are in lower case;
+`save` and `savp` store, `resp` loads what `savp` stored. What no source at hand says, and is
+assumed: in the external gate mode an enabled shutter is open while the gate is high; a change of
+the mode leaves `ens?` as it is;
 an open interlock disables the shutter, and `ens` is then taken without effect; an empty line is
 answered by the prompt. The sequences of the modes auto, single and repeat are left out: there an
 enabled shutter is open.
@@ -54,7 +56,8 @@ class ThorlabsSc10(LineInstrument):
 
     Truth (`simulator` mapping): `opening_time` and `closing_time` (from the change of the gate or
     a command until the light is let through or blocked, which is when its sensor says so, too),
-    `gate_inverter` (whether an inverter stands between the trigger and the gate).
+    `gate_inverter` (whether an inverter stands between the trigger and the gate). May be given:
+    `errors: bare`, errors without `Command error` before them.
     """
 
     model = "Thorlabs SC10"
@@ -72,13 +75,19 @@ class ThorlabsSc10(LineInstrument):
         self._light = setting.world.find(PumpWorld)
         self._wire = setting.world.find(TriggerLine) or TriggerLine()
         self._wire.listen(self._move_blade, self._move_blade)
+        self._error = "" if setting.truth.text("errors", "worded") == "bare" else "Command error "
         self._values = dict(AT_POWER_ON)
+        self._stored = dict(AT_POWER_ON)
         self._commands: dict[str, Callable[[], str | None]] = {
             "id?": lambda: IDENTITY,
             "ens?": lambda: str(int(self._enabled)),
             "closed?": lambda: str(int(self._is_closed(self._clock.now()))),
             "interlock?": lambda: str(int(self._tripped())),
             "ens": self._toggle,
+            "?": lambda: "\r".join([*self._commands, *(f"{name}=" for name in RANGES)]),
+            "save": self._store,
+            "savp": self._store,
+            "resp": self._load,
         }
         self._enabled = False
         self._open_since_s: float | None = None
@@ -134,7 +143,7 @@ class ThorlabsSc10(LineInstrument):
         try:
             value = self._carry_out(text)
         except RefusedCommand as error:
-            value = f"Command error {error}"
+            value = f"{self._error}{error}"
         parts = [text] if value is None else [text, value]
         return "\r".join([*parts, ""]).encode("ascii", "replace") + PROMPT
 
@@ -158,6 +167,13 @@ class ThorlabsSc10(LineInstrument):
         if not value.isdecimal() or not low <= int(value) <= high:
             raise RefusedCommand("CMD_ARG_INVALID")
         self._values[name] = int(value)
+        self._move_blade(self._clock.now())
+
+    def _store(self) -> None:
+        self._stored = dict(self._values)
+
+    def _load(self) -> None:
+        self._values = dict(self._stored)
         self._move_blade(self._clock.now())
 
     def _tripped(self) -> bool:

@@ -189,8 +189,6 @@ def test_what_a_page_prints_is_compared_line_by_line() -> None:
 NOT_YET = {
     *("acutrol-3000", "kvh-1775", "newport-esp301", "watlow-f4", "watlow-f4t"),
     "watlow-output-power",
-    *("lakeshore-425", "lakeshore-f71"),
-    *("red-pitaya-125-14", "thorlabs-sc10"),
 }
 """Drivers whose commands are still to be listed."""
 
