@@ -1,129 +1,80 @@
 """KVH 1775 fibre-optic IMU on RS-422, nine axes in frames of format C.
 
-921600 Bd, 8 data bits, no parity, one stop bit unless the bench file says otherwise. From public
-clients: the frame (header FE 81 FF 57, three gyros and three accelerometers as floats, one further
-float, status, sequence number 0 to 127, CRC-32/MPEG-2; 38 bytes), that the further float is by
-turns the temperature and the magnetometers X, Y, Z in gauss, `=config,1` and `=config,0` about the
-settings `=dr`, `=rotfmt`, `=tempunits`, and `?bit`, answered by a frame.
-
-From general knowledge, not from the manual: `=outputfmt,C`, `=rotunits,DEG`, the queries `?is`
-(serial number) and `?ws` (firmware); that accelerometers are in g; that a setting or query is
-answered with its name, a comma and the value in force; that status bits 0, 1, 2 (gyros) and 4, 5, 6
-(accelerometers) are set while the axis is valid; that a bit of a built-in test is set while the
-part is well, the highest bit of each byte aside; which rates there are. Whatever is set is compared
-with what the unit answers, so that a unit that does otherwise ends in an error and not in wrong
-numbers.
+921600 Bd, 8 data bits, no parity, one stop bit unless the bench file says otherwise. From the
+interface control document ICD 56-0298 Rev B and public clients. A frame has the header FE 81 FF 57,
+three gyros and three accelerometers as floats, one further float, status, sequence number 0 to 127
+and CRC-32/MPEG-2: 38 bytes. The further float is by turns the temperature and the magnetometers X,
+Y, Z in gauss. Not confirmed in a primary source: that a bit of a built-in test is set while the
+part is well, the highest bit of each byte aside.
 
 The unit streams from power-up on. This driver keeps it in its configuration mode, where it is
-quiet, until it is started, and lets it stream again when it is closed.
+quiet, until it is started, and lets it stream again when it is closed. The unit never answers
+`=CONFIG,0`: that it streams again is proved by a frame.
+
+The unit keeps its settings without power. Those that outputs hang on are read, set for the run and
+put back at its end; whatever is set is compared with what the unit answers. The types of its
+filters are left as they are, because a custom filter cannot be written again, and reported.
+
+Commands and their sources:
+    =CONFIG,1, =CONFIG,0 - configuration mode, and back without an answer - ICD 56-0298 B p.32 -
+        confirmed
+    ?IS - serial number - ICD 56-0298 B p.54 - confirmed
+    ?WS - firmware, five lines - ICD 56-0298 B p.54 - confirmed
+    ?BIT - built-in test, in normal mode alone - ICD 56-0298 B p.26, 31 - confirmed
+    =OUTPUTFMT,C - frames with magnetometers - ICD 56-0298 B p.55 - confirmed
+    =ROTFMT,RATE - rates, not angles - ICD 56-0298 B p.55 - confirmed
+    =ROTUNITS,DEG - degrees - ICD 56-0298 B p.55 - confirmed
+    =LINFMT,ACCEL - accelerations in g, so that LINUNITS does not matter - ICD 56-0298 B p.55 -
+        confirmed
+    =TEMPUNITS,C - degC - ICD 56-0298 B p.55 - confirmed
+    =AXES,1,0,0,0,1,0,0,0,1 - axes as they are built in - ICD 56-0298 B p.55; how it is written is
+        taken from the answer - not confirmed
+    =FILTEN,1 - filters on - ICD 56-0298 B p.55 - confirmed
+    =MSYNC,IMU - outputs by its own clock - ICD 56-0298 B p.55 - confirmed
+    =DR - outputs per second - ICD 56-0298 B p.33 - confirmed
+    ?FILTTYPE,A, ?FILTTYPE,G - types of the filters; how it is asked is taken from the setting -
+        ICD 56-0298 B p.40, 55 - not confirmed
 """
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from contextlib import suppress
+from functools import partial
 from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from drivers.generic.nine_axis import ACCELEROMETERS, GYROS, MAGNETOMETERS, ROW, NineAxisSource
+from drivers.kvh.imu_1775_frames import OTHER_OUTPUT, OUTPUT, PAYLOAD, SELF_TEST, TEXT, split
 from drivers.transport.retry import Repeatable
 from drivers.transport.serial_port import BaudRate, SerialSettings
-from drivers.transport.serial_stream import (
-    Counting,
-    Numbering,
-    SerialStream,
-    Split,
-    StreamFrame,
-    ends_with_its_crc,
-)
+from drivers.transport.serial_stream import Counting, Numbering, SerialStream, StreamFrame
 from station.errors import InputError, InstrumentError, InstrumentTimeout
 from station.roles import Identity, Place, SensorStatus
 
-MARK = b"\xfe\x81"
-OUTPUT, TEXT, SELF_TEST = 0x57, 0x00, 0xAA
-OUTPUT_HEADER, OUTPUT_BYTES = b"\xfe\x81\xff\x57", 38
-HEADERS: dict[bytes, tuple[int, int]] = {
-    OUTPUT_HEADER: (OUTPUT, OUTPUT_BYTES),
-    b"\xfe\x81\x00\xaa": (SELF_TEST, 11),
-}
-"""By header: the kind of a frame and its length, header and check sum included."""
-HEADER_BYTES = 4
-CHECKSUM_BYTES = 4
-LINE = re.compile(rb"([A-Z][ -~]{1,63})\r?\n")
-UNFINISHED = re.compile(rb"[A-Z][ -~]{0,63}\r?\Z")
-PAYLOAD = np.dtype(
-    [("gyro", ">f4", 3), ("force", ">f4", 3), ("further", ">f4"), ("status", "u1"), ("seq", "u1")]
-)
-"""An output without header and checksum; `further` by `seq` modulo 4: temperature, field x y z."""
-
-
-def split(pending: bytes) -> Split:
-    """Return the frames and lines that bytes hold; outputs only with the right checksum.
-
-    After a wrong one the next header is looked for. The check sum of a built-in test, whose rule
-    is not known, is not looked at.
-    """
-    frames: list[tuple[int, bytes]] = []
-    position, skipped = 0, 0
-    while True:
-        begin = pending.find(MARK, position)
-        if begin < 0:
-            rest = _beginning(pending[position:])
-            end = len(pending) - len(rest)
-            skipped += _lines(pending[position:end], frames)
-            return Split(frames, rest, skipped)
-        skipped += _lines(pending[position:begin], frames)
-        header = pending[begin : begin + HEADER_BYTES]
-        kind, length = HEADERS.get(header, (TEXT, 0))
-        if len(header) < HEADER_BYTES or len(pending) < begin + length:
-            return Split(frames, pending[begin:], skipped)
-        position = begin + length
-        if kind == OUTPUT:
-            position = _outputs(pending, begin, frames)
-        elif kind != TEXT:
-            frames.append((kind, pending[begin + HEADER_BYTES : position - 1]))
-        if position == begin:  # damaged, or no frame
-            skipped += 1
-            position = begin + 1
-
-
-def _outputs(data: bytes, begin: int, frames: list[tuple[int, bytes]]) -> int:
-    """Take the outputs that follow one another from a place on; return where they end.
-
-    They are most of what comes, thousands a second.
-    """
-    while data.startswith(OUTPUT_HEADER, begin) and len(data) >= begin + OUTPUT_BYTES:
-        end = begin + OUTPUT_BYTES
-        if not ends_with_its_crc(data[begin:end]):
-            break
-        frames.append((OUTPUT, data[begin + HEADER_BYTES : end - CHECKSUM_BYTES]))
-        begin = end
-    return begin
-
-
-def _lines(data: bytes, frames: list[tuple[int, bytes]]) -> int:
-    """Take the lines of text out of bytes between frames; return how many bytes are none."""
-    if not data:
-        return 0
-    found = [match.group(1) for match in LINE.finditer(data)]
-    frames += [(TEXT, line) for line in found]
-    return len(data) - sum(len(match.group(0)) for match in LINE.finditer(data))
-
-
-def _beginning(data: bytes) -> bytes:
-    """Return the end of bytes that may be the beginning of a header or of a line."""
-    if data.endswith(MARK[:1]):
-        return data[-1:]
-    match = UNFINISHED.search(data)
-    return match.group(0) if match else b""
-
-
 ANSWER_WITHIN_S = 0.5
-RATES_HZ = (10, 50, 100, 250, 500, 750, 1000)
-SETTINGS = {"outputfmt": "C", "rotfmt": "RATE", "rotunits": "DEG", "tempunits": "C"}
+LOOK_S = 0.005
+RATES_HZ = (1, 5, 10, 25, 50, 100, 250, 500, 750, 1000)
+"""Of 3600 and 5000 frames a second 921600 Bd carries too few."""
+
+AS_BUILT = ",".join(f"{float(row == column):+.6E}" for row in range(3) for column in range(3))
+SETTINGS = {
+    "MSYNC": "IMU",
+    "OUTPUTFMT": "C",
+    "ROTFMT": "RATE",
+    "ROTUNITS": "DEG",
+    "LINFMT": "ACCEL",
+    "TEMPUNITS": "C",
+    "AXES": AS_BUILT,
+    "FILTEN": "1",
+}
+"""In the order in which they are set; MSYNC first, because it may change the filters."""
+
+FILTERS = {"A": "accelerometers", "G": "gyros"}
+MODEL_LINE, LINES_OF_FIRMWARE = "1775 IMU", 5
+REFUSALS = ("INVALID", "USAGE", "ERROR")
 NT_PER_GAUSS = 1e5
 VALID_BITS = 0x77
 BITS_IN_USE = 7
@@ -150,13 +101,15 @@ class Kvh1775(NineAxisSource):
         self._sequence = Numbering(1.0, MODULUS)
         self._identity: Identity | None = None
         self._configures = False
+        self._came: list[StreamFrame] = []
+        """Outputs that came while a first one was waited for, and that nobody has taken yet."""
 
     def identify(self) -> Identity:
         """Ask for serial number and firmware; a unit that streams is not disturbed twice."""
         if self._identity is None:
             runs = self._streams
             self._configure()
-            serial, firmware = self._ask("?is", "IS"), self._ask("?ws", "WS")
+            serial, firmware = self._ask("?IS", "IS"), self._firmware()
             self._identity = Identity("KVH", "1775", serial, firmware)
             if runs:
                 self._leave()
@@ -175,18 +128,13 @@ class Kvh1775(NineAxisSource):
         if refusal := self.rates_said(rate_Hz):
             raise InputError(f"{self.place.name}: {refusal}; change the plan's sample_rate")
         self._configure()
-        for name, value in {**SETTINGS, "dr": f"{rate_Hz:.0f}"}.items():
-            answer = self._ask(f"={name},{value}", name.upper())
-            if answer.upper() != value:
-                raise self.error(
-                    f"set {name} to {value}",
-                    f"it answered {answer!r}",
-                    "check that the unit is a 1775 and this driver fits its firmware",
-                )
-        self._stream.take(OUTPUT)
+        for name, value in {**SETTINGS, "DR": f"{rate_Hz:.0f}"}.items():
+            self.kept.set(name, value, partial(self._setting, name), partial(self._set, name))
+        self.met(f"filters: {self._filters()}")
+        self._forget_outputs()
         self._sequence = Numbering(1.0 / rate_Hz, MODULUS)
         self._begin(rate_Hz)
-        self._leave()
+        self._leave(rate_Hz)
 
     def stop(self) -> None:
         """End the output; what came before can still be drained."""
@@ -194,12 +142,20 @@ class Kvh1775(NineAxisSource):
         self._configure()
 
     def status(self) -> SensorStatus:
-        """Ask for the built-in test."""
+        """Ask for the built-in test, for which a unit that is quiet streams a moment."""
+        quiet = self._configures
+        if quiet:
+            before = [*self._came, *self._stream.take(OUTPUT)]
+            self._leave()
         self._stream.take(SELF_TEST)
-        self._send("?bit")
+        self._send("?BIT")
         found = self._stream.wait_for(SELF_TEST, self._deadline_s())
+        if quiet:
+            self._configure()
+            self._forget_outputs()
+            self._came = before
         if not found:
-            raise self._silent("?bit", "built-in test")
+            raise self._silent("?BIT", "built-in test")
         failed = [
             f"built-in test, byte {place}, bit {bit}"
             for place, byte in enumerate(found[-1].payload, 1)
@@ -212,14 +168,15 @@ class Kvh1775(NineAxisSource):
         """Let it stream again as after power-up, and close the line."""
         if self._configures:
             with suppress(InstrumentError):
-                self._send("=config,0")
+                self._send("=CONFIG,0")
         self._stream.close()
 
     def _take(self) -> NDArray[np.void]:
-        return self._rows(self._stream.take(OUTPUT), self._sequence.numbers)
+        came, self._came = self._came, []
+        return self._rows([*came, *self._stream.take(OUTPUT)], self._sequence.numbers)
 
     def _newest(self) -> NDArray[np.void]:
-        found = self._stream.newest(OUTPUT)
+        found = self._stream.newest(OUTPUT) or (self._came[-1] if self._came else None)
         return self._rows([] if found is None else [found], self._sequence.looked_at)
 
     def _rows(self, frames: Sequence[StreamFrame], count: Counting) -> NDArray[np.void]:
@@ -241,12 +198,65 @@ class Kvh1775(NineAxisSource):
         return np.asarray(rows[new])
 
     def _configure(self) -> None:
-        self._ask("=config,1", "CONFIG")
+        self._ask("=CONFIG,1", "CONFIG")
         self._configures = True
 
-    def _leave(self) -> None:
-        self._ask("=config,0", "CONFIG")
+    def _leave(self, rate_Hz: float = 0.0) -> None:
+        """Leave the configuration mode, which is not answered, and wait for an output."""
+        self._stream.take(OTHER_OUTPUT)
+        self._came += self._stream.take(OUTPUT)
+        self._send("=CONFIG,0")
         self._configures = False
+        interval_s = 1.0 / (rate_Hz or RATES_HZ[0])
+        until_s = self._deadline_s() + interval_s
+        while not (found := self._stream.take(OUTPUT, OTHER_OUTPUT)):
+            if self.place.clock.now() >= until_s:
+                raise self._silent("=CONFIG,0", "output", ANSWER_WITHIN_S + interval_s)
+            self.place.clock.sleep(LOOK_S)
+        self._came += [one for one in found if one.kind == OUTPUT]
+
+    def _forget_outputs(self) -> None:
+        self._came = []
+        self._stream.take(OUTPUT, OTHER_OUTPUT)
+
+    def _setting(self, name: str) -> str:
+        """Return what a setting is now, in the form in which it is written."""
+        if not self._configures:
+            self._configure()
+        return canonical(name, self._ask(f"?{name}", name))
+
+    def _set(self, name: str, value: str) -> None:
+        answer = canonical(name, self._ask(f"={name},{value}", name))
+        if answer != value:
+            raise self._unfit(f"set {name} to {value}", answer)
+
+    def _filters(self) -> str:
+        """Return in words which filters the unit has."""
+        types = []
+        for letter, of in FILTERS.items():
+            try:
+                answer = self._ask(f"?FILTTYPE,{letter}", "FILTTYPE")
+            except InstrumentTimeout:
+                raise
+            except InstrumentError:
+                return "not read"
+            types.append(f"{answer.rpartition(',')[2]} for {of}")
+        return ", ".join(types)
+
+    def _firmware(self) -> str:
+        """Return the four versions of a unit, of which the model is the first line."""
+        self._stream.take(TEXT)
+        self._send("?WS")
+        lines: list[str] = []
+        deadline_s = self._deadline_s()
+        while len(lines) < LINES_OF_FIRMWARE:
+            found = self._stream.wait_for(TEXT, deadline_s)
+            if not found:
+                raise self._silent("?WS", "answer of five lines")
+            lines += [one.payload.decode("ascii").strip() for one in found]
+        if lines[0].upper() != MODEL_LINE:
+            raise self._unfit("sent ?WS", lines[0])
+        return "; ".join(lines[1:])
 
     def _ask(self, text: str, name: str) -> str:
         """Send a line and return the value that is answered under a name."""
@@ -258,12 +268,8 @@ class Kvh1775(NineAxisSource):
                 key, _, value = answer.partition(",")
                 if key == name:
                     return value.strip()
-                if key.startswith("INVALID"):
-                    raise self.error(
-                        f"sent {text}",
-                        f"it answered {answer!r}",
-                        "check that the unit is a 1775 and this driver fits its firmware",
-                    )
+                if key.startswith(REFUSALS):
+                    raise self._unfit(f"sent {text}", answer)
         raise self._silent(text, "answer")
 
     def _send(self, text: str) -> None:
@@ -273,10 +279,29 @@ class Kvh1775(NineAxisSource):
         clock = self.place.clock
         return clock.now() + clock.patience_s(ANSWER_WITHIN_S)
 
-    def _silent(self, text: str, answer: str) -> InstrumentTimeout:
+    def _unfit(self, attempted: str, answer: str) -> InstrumentError:
+        return self.error(
+            attempted,
+            f"it answered {answer!r}",
+            "check that the unit is a 1775 and this driver fits its firmware",
+        )
+
+    def _silent(
+        self, text: str, answer: str, within_s: float = ANSWER_WITHIN_S
+    ) -> InstrumentTimeout:
         return InstrumentTimeout(
             self.place.name,
             f"sent {text}",
-            f"no {answer} came within {ANSWER_WITHIN_S:g} s",
+            f"no {answer} came within {within_s:g} s",
             "check that the device under test is on, its cable and the baud rate",
         )
+
+
+def canonical(name: str, value: str) -> str:
+    """Return a setting in capitals, and the numbers of AXES as the unit writes them."""
+    if name != "AXES":
+        return value.upper()
+    try:
+        return ",".join(f"{float(one):+.6E}" for one in value.split(","))
+    except ValueError:
+        return value

@@ -1,17 +1,24 @@
-"""KVH 1775 fibre-optic IMU on RS-422: frames of format C, and its configuration in text.
+"""KVH 1775 fibre-optic IMU on RS-422: frames of formats A and C, and its configuration in text.
+
+From the interface control document ICD 56-0298 Rev B. After power-up one frame of the built-in test
+comes, then data. `=CONFIG,1` ends the data and is answered; `=CONFIG,0` begins them and is not.
+In configuration mode a line that is none is answered `INVALID,<echo>`, a bad value `USAGE` or
+`ERROR`; in normal mode all but `=CONFIG,1`, `?BIT` and `?BIT,2` is passed over. The built-in test
+is answered after the next data, and its check sum is the sum of all bytes before. Settings outlast
+the power, CONFIG and ECHO do not; `=RSTCFG` brings those of the maker back. `=MSYNC,EXT` leaves the
+filter AVE behind, and without its signal nothing is output.
 
 Frames as public clients read them: header FE 81 FF 57, three gyros and three accelerometers (float,
 the most significant byte first), one further float, status, sequence number, CRC-32/MPEG-2; 38
 bytes. The sequence number is 0 to 127, and its two lowest bits say what the further float is:
-temperature, magnetometer X, Y or Z. Written from that alone, with a checksum of its own.
+temperature, magnetometer X, Y or Z. Format A (header FE 81 FF 55, 36 bytes) has the temperature as
+a whole number after the sequence number. Written from that alone, with a checksum of its own.
 
-Assumed here: gyros in deg/s after `=rotunits,deg`, accelerometers in g, magnetometers in gauss and
-the temperature in degC; status bits 0, 1, 2 (gyros X, Y, Z) and 4, 5, 6 (accelerometers) are set
-while the axis is valid; what is answered to a setting or a query is its name and the value in
-force, in capitals; what the unit does not know it answers with `INVALID COMMAND`; outside of the
-configuration mode it takes `=config,1` and `?bit` alone; the sequence goes on from where it was; a
-frame of the built-in test has six bytes of seven bits, each set while its part is well, and ends
-with the low byte of the sum of all bytes before.
+Assumed here: accelerometers in g; what follows `USAGE` and `ERROR`; how the filters' types are
+asked (`?FILTTYPE,A`); the other baud rates; the sequence goes on from where it was; a frame of the
+built-in test has six bytes of seven bits, eight after `?BIT,2`, each bit set while its part is
+well. Of format B nothing is sent, as its layout is not known. Filters change nothing: outputs are
+means.
 
 A unit that is switched off is silent. One that is switched on streams; this one begins with the
 first byte that it hears, so that a bench where nobody looks at it costs nothing.
@@ -27,12 +34,22 @@ import numpy.typing as npt
 
 from sim_instruments.generic.nine_axis_model import LASTING_FAULTS, Counters, NineAxisModel
 from sim_instruments.instrument import Setting
+from sim_instruments.truth import SimulationError
 from sim_instruments.wire.frames import SEED, TABLE, Arrived, FrameInstrument
 from sim_instruments.world.nine_axis import Means
 
-FIRMWARE = "1775-1.04"
-HEADER = bytes((0xFE, 0x81, 0xFF, 0x57))
-SELF_TEST = bytes((0xFE, 0x81, 0x00, 0xAA))
+FIRMWARE = (
+    "1775 IMU",
+    "ICB DSP Rev B Version: 104",
+    "ICB FPGA Rev: 2A",
+    "GCB DSP Rev C Version: 31",
+    "GCB FPGA Rev: D",
+)
+HEADER_A, HEADER = bytes((0xFE, 0x81, 0xFF, 0x55)), bytes((0xFE, 0x81, 0xFF, 0x57))
+SELF_TEST, LONG_SELF_TEST = bytes((0xFE, 0x81, 0x00, 0xAA)), bytes((0xFE, 0x81, 0x00, 0xAB))
+SELF_TESTS = {"?BIT": (SELF_TEST, 6), "?BIT,2": (LONG_SELF_TEST, 8)}
+"""By query: header of the answer and how many bytes of seven bits it has."""
+
 FRAME = np.dtype(
     [
         ("header", "V4"),
@@ -44,20 +61,46 @@ FRAME = np.dtype(
         ("crc", ">u4"),
     ]
 )
-BODY_BYTES = FRAME.itemsize - 4
+FRAME_A = np.dtype(
+    [
+        ("header", "V4"),
+        ("gyro", ">f4", 3),
+        ("force", ">f4", 3),
+        ("status", "u1"),
+        ("sequence", "u1"),
+        ("temperature", ">i2"),
+        ("crc", ">u4"),
+    ]
+)
 MODULUS = 128
 GYRO_BITS = np.array([1, 2, 4], dtype=np.uint8)
 FORCE_BITS = 0x70
 GAUSS = 1e-5  # per nT
-RATES_HZ = (10, 50, 100, 250, 500, 750, 1000, 5000)
+RATES_HZ = (1, 5, 10, 25, 50, 100, 250, 500, 750, 1000, 3600, 5000)
+UNIT_MATRIX = ",".join(f"{value:+.6E}" for value in np.eye(3).ravel())
 SETTINGS = {
-    "OUTPUTFMT": ("C", ("A", "B", "C")),
-    "ROTFMT": ("RATE", ("DELTA", "RATE")),
+    "OUTPUTFMT": ("A", ("A", "B", "C")),
+    "ROTFMT": ("DELTA", ("DELTA", "RATE", "RESET")),
     "ROTUNITS": ("RAD", ("DEG", "RAD")),
-    "TEMPUNITS": ("C", ("C", "C_100")),
     "DR": ("1000", tuple(str(rate) for rate in RATES_HZ)),
+    "TEMPUNITS": ("C", ("C", "F", "C_100", "F_100")),
+    "LINFMT": ("ACCEL", ("ACCEL", "DELTA")),
+    "LINUNITS": ("METERS", ("METERS", "FEET")),
+    "FILTEN": ("1", ("0", "1")),
+    "MSYNC": ("IMU", ("IMU", "EXT")),
+    "BAUD": ("921600", ("9600", "19200", "38400", "57600", "115200", "460800", "921600")),
+    "ECHO": ("0", ("0", "1")),
 }
-"""Of each setting: what the unit comes with, and what it may be."""
+"""Of each setting of one word: what the unit comes with, and what it may be."""
+
+FILTERS = ("CHEBY", "BUTTER", "AVE")
+FACTORY = {
+    **{name: first for name, (first, _) in SETTINGS.items()},
+    "AXES": UNIT_MATRIX,
+    "FILTTYPE,A": "CHEBY",
+    "FILTTYPE,G": "CHEBY",
+}
+STANDARD_GRAVITY, METRES_PER_FOOT = 9.80665, 0.3048
 WELL = 0x7F
 X_FAILED = 0x01
 
@@ -84,7 +127,9 @@ def commands_in(pending: bytes) -> Arrived:
 class Kvh1775(FrameInstrument):
     """The nine-axis sensor of the simulated world, where it has one, as a KVH 1775.
 
-    Truth (`simulator` mapping): `latency` and `clock_error` of the sensor.
+    Truth (`simulator` mapping): `latency` and `clock_error` of the sensor; `settings`, what
+    somebody before has left in it by name, as `{OUTPUTFMT: B, AXES: "0,1,0,1,0,0,0,0,-1"}`; the
+    maker's where nothing is given.
     """
 
     model = "KVH 1775"
@@ -92,8 +137,14 @@ class Kvh1775(FrameInstrument):
 
     def __init__(self, setting: Setting) -> None:
         self._serial = setting.serial
-        self._settings = {name: value for name, (value, _) in SETTINGS.items()}
+        self._settings = dict(FACTORY)
+        if "settings" in setting.truth:
+            left = setting.truth.section("settings")
+            for name in FACTORY:
+                if name in left and not self._sets(name, left.text(name).upper()):
+                    raise SimulationError(f"{left.where}.{name}: it has no such value")
         self._awake = self._configures = False
+        self._tests: list[bytes] = []
         self._sequence = 0
         self._model = NineAxisModel(setting, self._frames, self._send)
         self.begin_to_serve(setting, commands_in, self._model)
@@ -103,70 +154,122 @@ class Kvh1775(FrameInstrument):
             self._awake = False
             return
         if not self._awake:
-            self._awake, self._configures = True, False
-            self._stream()
+            self._power_up()
         text = line.decode("ascii", "replace").strip().upper()
         if text == "=CONFIG,1":
             self._configures = True
             self._model.stop()
             self._say("CONFIG,1")
-        elif text == "?BIT":
-            self._server.send("self-test", self._self_test())
         elif self._configures and text:
-            self._say(self._configured(text))
+            answer = self._configured(text)
+            if answer:
+                self._say(answer)
+        elif text in SELF_TESTS:
+            self._tests.append(self._self_test(*SELF_TESTS[text]))
+
+    def _power_up(self) -> None:
+        self._awake, self._configures = True, False
+        self._settings["ECHO"] = FACTORY["ECHO"]
+        self._server.send("self-test", self._self_test(*SELF_TESTS["?BIT"]))
+        self._stream()
 
     def _configured(self, text: str) -> str:
-        """Return what is answered to a line in configuration mode."""
-        name, _, value = text[1:].partition(",")
+        """Return what is answered to a line in configuration mode, nothing to some."""
         if text == "=CONFIG,0":
             self._configures = False
             self._stream()
-            return text[1:]
-        if text == "?IS":
-            return f"IS,{self._serial}"
-        if text == "?WS":
-            return f"WS,{FIRMWARE}"
-        known = name in SETTINGS
-        if text.startswith("=") and known and value in SETTINGS[name][1]:
-            self._settings[name] = value
-        elif not (text.startswith("?") and known and not value):
-            return "INVALID COMMAND"
+            return ""
+        if text == "=RESTART":
+            self._power_up()
+            return ""
+        if text == "=RSTCFG":
+            self._settings = dict(FACTORY)
+            return "RSTCFG"
+        fixed = {"?CONFIG": "CONFIG,1", "?IS": f"IS,{self._serial}", "?WS": "\r\n".join(FIRMWARE)}
+        if text in fixed:
+            return fixed[text]
+        asks, name, value = text[:1], *setting_of(text[1:])
+        if asks not in "?=" or name not in FACTORY:
+            return f"INVALID,{text}"
+        if asks == "?" and value:
+            return f"USAGE,?{name}"
+        if asks == "=" and not self._sets(name, value):
+            return f"ERROR,{text}" if value else f"USAGE,={name},<value>"
         return f"{name},{self._settings[name]}"
+
+    def _sets(self, name: str, value: str) -> bool:
+        """Take a value; return whether the setting may have it."""
+        if name == "AXES":
+            try:
+                numbers = [float(one) for one in value.split(",")]
+            except ValueError:
+                return False
+            if len(numbers) != 9 or not np.isfinite(numbers).all():
+                return False
+            value = ",".join(f"{one:+.6E}" for one in numbers)
+        elif value not in (FILTERS if name.startswith("FILTTYPE") else SETTINGS[name][1]):
+            return False
+        self._settings[name] = value
+        if (name, value) == ("MSYNC", "EXT"):
+            self._settings["FILTTYPE,A"] = self._settings["FILTTYPE,G"] = "AVE"
+        return True
 
     def _stream(self) -> None:
         self._sequence = (self._sequence + self._model.counter) % MODULUS
         self._model.start(float(self._settings["DR"]))
 
     def _frames(self, counters: Counters, means: Means) -> list[bytes]:
-        """Return the frames of outputs in the units that are set."""
-        rows = np.zeros(len(counters), dtype=FRAME)
-        gyro = means.gyro_deg_per_s
-        if self._settings["ROTUNITS"] == "RAD":
+        """Return the frames of outputs in the format and units that are set."""
+        kept = self._settings
+        long = kept["OUTPUTFMT"] == "C"
+        rows = np.zeros(len(counters), dtype=FRAME if long else FRAME_A)
+        axes = np.array([float(one) for one in kept["AXES"].split(",")]).reshape(3, 3).T
+        gyro, force = means.gyro_deg_per_s @ axes, means.accelerometer_g @ axes
+        if kept["ROTUNITS"] == "RAD":
             gyro = np.radians(gyro)
-        if self._settings["ROTFMT"] == "DELTA":
-            gyro = gyro / float(self._settings["DR"])
+        if kept["ROTFMT"] != "RATE":
+            gyro = gyro / float(kept["DR"])
+        if kept["LINFMT"] == "DELTA":
+            force = force * STANDARD_GRAVITY / float(kept["DR"])
+            force = force / METRES_PER_FOOT if kept["LINUNITS"] == "FEET" else force
         sequence = (self._sequence + counters) % MODULUS
-        warm = means.temperature_degC * (100.0 if self._settings["TEMPUNITS"] == "C_100" else 1.0)
-        further = np.column_stack((warm, means.magnetometer_nT * GAUSS))
-        rows["header"] = np.void(HEADER)
-        rows["gyro"], rows["force"] = gyro, means.accelerometer_g
-        rows["further"] = further[np.arange(len(counters)), sequence % 4]
+        warm = means.temperature_degC
+        warm = warm * 1.8 + 32.0 if kept["TEMPUNITS"].startswith("F") else warm
+        warm = warm * 100.0 if kept["TEMPUNITS"].endswith("_100") else warm
+        rows["header"] = np.void(HEADER if long else HEADER_A)
+        rows["gyro"], rows["force"] = gyro, force
         rows["status"] = FORCE_BITS | (means.valid @ GYRO_BITS).astype(np.uint8)
         rows["sequence"] = sequence
-        body = rows.view(np.uint8).reshape(len(rows), FRAME.itemsize)[:, :BODY_BYTES]
-        rows["crc"] = crc32(body)
+        if long:
+            further = np.column_stack((warm, means.magnetometer_nT * GAUSS))
+            rows["further"] = further[np.arange(len(counters)), sequence % 4]
+        else:
+            rows["temperature"] = np.round(warm)
+        size = rows.dtype.itemsize
+        rows["crc"] = crc32(rows.view(np.uint8).reshape(len(rows), size)[:, : size - 4])
         data = rows.tobytes()
-        return [data[k : k + FRAME.itemsize] for k in range(0, len(data), FRAME.itemsize)]
+        return [data[k : k + size] for k in range(0, len(data), size)]
 
     def _send(self, frames: Any) -> None:
-        # Of formats A and B, whose layouts it does not have, this unit sends nothing.
-        if self._settings["OUTPUTFMT"] == "C":
+        if self._settings["MSYNC"] == "IMU" and self._settings["OUTPUTFMT"] != "B":
             self._server.send_all("output", frames)
+        tests, self._tests = self._tests, []
+        for test in tests:
+            self._server.send("self-test", test)
 
-    def _self_test(self) -> bytes:
+    def _self_test(self, header: bytes, count: int) -> bytes:
         first = WELL & ~X_FAILED if self._model.gyro_failed else WELL
-        data = SELF_TEST + bytes((first, WELL, WELL, WELL, WELL, WELL))
+        data = header + bytes((first, *[WELL] * (count - 1)))
         return data + bytes((sum(data) & 0xFF,))
 
     def _say(self, text: str) -> None:
         self._server.send("answer", f"{text}\r\n".encode("ascii"))
+
+
+def setting_of(text: str) -> tuple[str, str]:
+    """Return the name of a setting, with a filter's the letter of its sensors, and a value."""
+    name, _, value = text.partition(",")
+    if name == "FILTTYPE":
+        letter, _, value = value.partition(",")
+        name = f"{name},{letter}"
+    return name, value

@@ -16,7 +16,7 @@ both = pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("seconds", [5, 20])
 def test_a_silent_sensor_leaves_a_gap_in_the_counter(kind: str, seconds: int) -> None:
     """Of seven bits, also a gap that is longer than a round of them."""
-    fault = {"fault": "silent", "at": "10 s", "for": f"{seconds} s"}
+    fault = {"fault": "silent", "at": "10.05 s", "for": f"{seconds} s"}
     with imu(kind, fault) as (fixture, driver):
         driver.start(10.0)
         steps = np.diff(recorded(fixture, driver, 40.0).columns["counter"].astype(int))
@@ -104,7 +104,7 @@ def test_an_overheated_sensor_reads_warmer(kind: str) -> None:
 @pytest.mark.parametrize(
     ("kind", "message", "said"),
     [
-        ("kvh", "command =dr", "sent =dr,10: no answer came within 0.5 s; check"),
+        ("kvh", "command =dr", "sent =DR,10: no answer came within 0.5 s; check"),
         ("can", "0C0", "sent the command start: no acknowledgement came within 0.5 s; check"),
     ],
 )

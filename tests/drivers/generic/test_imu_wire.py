@@ -32,11 +32,13 @@ def test_a_kvh_streams_from_power_up_as_its_clients_expect() -> None:
         driver.close()
         line = RawLine(fixture)
         try:
-            line.write(b"=config,1\n=rotunits,deg\n=dr,10\n")
-            assert line.received.startswith(b"CONFIG,1\r\nROTUNITS,DEG\r\nDR,10\r\n")
+            line.write(b"=config,1\n=outputfmt,c\n=rotfmt,rate\n=rotunits,deg\n=dr,10\n")
+            assert line.received[:4] == bytes.fromhex("FE8100AA")  # of the power-up, unasked
+            answers = b"CONFIG,1\r\nOUTPUTFMT,C\r\nROTFMT,RATE\r\nROTUNITS,DEG\r\nDR,10\r\n"
+            assert line.received[11:] == answers
             line.write(b"=config,0\n")
             fixture.clock.sleep(0.95)
-            data = line.received.removeprefix(b"CONFIG,0\r\n")
+            data = line.received  # CONFIG,0 is never answered
         finally:
             line.close()
         assert len(data) == 10 * 38
@@ -62,7 +64,8 @@ def frame_of(sequence: int) -> bytes:
 
 
 def test_frames_and_lines_are_found_however_the_bytes_come() -> None:
-    self_test = bytes.fromhex("FE8100AA") + bytes([0x7F] * 6) + b"\x00"
+    self_test = bytes.fromhex("FE8100AA") + bytes([0x7F] * 6)
+    self_test += bytes([sum(self_test) % 256])
     sent = [frame_of(1), b"DR,10\r\n", frame_of(2), self_test, b"\x12\xfe", frame_of(3)]
     damaged = bytearray(frame_of(4))
     damaged[20] ^= 1

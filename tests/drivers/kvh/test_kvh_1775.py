@@ -1,0 +1,172 @@
+"""A KVH 1775 as its interface control document has it: modes, settings that stay, what is refused.
+
+Strangers are raw clients on the line; the driver meets units that somebody else has set up.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+import pytest
+from fixture import recorded
+from imu_fixture import FORCE_G, imu
+from navigator_fixture import RawLine
+
+from sim_instruments.truth import SimulationError
+from station.errors import InstrumentTimeout
+
+Say = Callable[[bytes], bytes]
+
+
+@contextmanager
+def stranger(**truth: object) -> Iterator[Say]:
+    """Speak to a unit as a client of its own; a line gives what comes within a tenth of a second.
+
+    The built-in test of the power-up is over.
+    """
+    with imu("kvh", **truth) as (fixture, driver):
+        driver.close()
+        line = RawLine(fixture)
+
+        def say(data: bytes) -> bytes:
+            line.write(data)
+            return line.received
+
+        say(b"=config,1\n")
+        try:
+            yield say
+        finally:
+            line.close()
+
+
+def test_a_bad_line_is_answered_in_configuration_mode_alone() -> None:
+    with stranger() as say:
+        assert say(b"?hello\r") == b"INVALID,?HELLO\r\n"
+        assert say(b"=dr,33\r\n").startswith(b"ERROR")
+        assert say(b"=dr\n").startswith(b"USAGE")
+        assert say(b"=axes,1,2\n").startswith(b"ERROR")
+        assert say(b"?config\n") == b"CONFIG,1\r\n"
+        assert say(b"?bit\n").startswith(b"INVALID")
+        say(b"=msync,ext\n")
+        assert say(b"=config,0\n?hello\n?dr\n?config\n") == b""
+
+
+def test_it_says_what_it_is_in_five_lines() -> None:
+    with stranger() as say:
+        lines = say(b"?ws\n").decode().splitlines()
+        assert lines[0] == "1775 IMU" and len(lines) == 5
+        assert [line.split(" Rev")[0] for line in lines[1:]] == [
+            "ICB DSP",
+            "ICB FPGA",
+            "GCB DSP",
+            "GCB FPGA",
+        ]
+
+
+def test_settings_are_those_of_the_maker_until_somebody_changes_them() -> None:
+    with stranger() as say:
+        for name, value in (
+            ("OUTPUTFMT", "A"),
+            ("ROTFMT", "DELTA"),
+            ("ROTUNITS", "RAD"),
+            ("DR", "1000"),
+            ("TEMPUNITS", "C"),
+            ("LINFMT", "ACCEL"),
+            ("FILTEN", "1"),
+            ("FILTTYPE,A", "CHEBY"),
+            ("MSYNC", "IMU"),
+            ("BAUD", "921600"),
+        ):
+            assert say(f"?{name}\n".encode()) == f"{name},{value}\r\n".encode()
+        assert say(b"?axes\n").startswith(b"AXES,+1.000000E+00,+0.000000E+00,")
+        for rate in (1, 5, 25, 3600, 5000):
+            assert say(f"=DR,{rate}\n".encode()) == f"DR,{rate}\r\n".encode()
+        say(b"=msync,ext\n")
+        assert say(b"=msync,imu\n?filttype,g\n") == b"MSYNC,IMU\r\nFILTTYPE,G,AVE\r\n"
+        assert say(b"=rstcfg\n") == b"RSTCFG\r\n"
+        assert say(b"?dr\n") == b"DR,1000\r\n"
+
+
+def test_a_restart_begins_with_the_built_in_test_and_keeps_the_settings() -> None:
+    with stranger() as say:
+        say(b"=dr,10\n")
+        data = say(b"=restart\n")
+        assert data[:4] == bytes.fromhex("FE8100AA") and data[10] == sum(data[:10]) % 256
+        say(b"=config,1\n")
+        assert say(b"?dr\n") == b"DR,10\r\n"
+
+
+def test_the_built_in_test_comes_after_data() -> None:
+    with stranger() as say:
+        say(b"=dr,100\n")
+        data = say(b"=config,0\n") + say(b"?bit\n") + say(b"?bit,2\n") + say(b"")
+        assert data.count(bytes.fromhex("FE8100AA")) == 1
+        begin = data.index(bytes.fromhex("FE8100AA"))
+        assert begin and begin % 36 == 0 and data[begin - 36 :][:4] == bytes.fromhex("FE81FF55")
+        long = data[data.index(bytes.fromhex("FE8100AB")) :][:13]
+        assert long[12] == sum(long[:12]) % 256
+
+
+def test_frames_of_format_a_have_angles_in_radians_and_whole_degrees() -> None:
+    with stranger() as say:
+        say(b"=dr,50\n=axes,0,1,0,1,0,0,0,0,-1\n=linfmt,delta\n=tempunits,f\n")
+        data = say(b"=config,0\n") + say(b"")
+        gyro = struct.unpack_from(">3f", data, 4)
+        assert gyro == pytest.approx([-6.981e-4, 3.49e-4, -1.0472e-3], rel=1e-3)
+        force = struct.unpack_from(">3f", data, 16)
+        axes = (FORCE_G[1], FORCE_G[0], -FORCE_G[2])
+        assert force == pytest.approx([one * 9.80665 / 50 for one in axes])
+        assert data[28] == 0x77 and struct.unpack_from(">h", data, 30) == (68,)
+
+
+def test_no_unit_is_made_with_a_setting_that_it_does_not_have() -> None:
+    with (
+        pytest.raises(SimulationError, match=r"settings\.DR: it has no such value"),
+        imu("kvh", settings={"DR": "33"}),
+    ):
+        pass
+
+
+LEFT = [
+    {},
+    {"OUTPUTFMT": "B", "ROTFMT": "RESET", "TEMPUNITS": "F_100", "DR": "5000"},
+    {"MSYNC": "EXT", "LINFMT": "DELTA", "LINUNITS": "FEET", "FILTEN": "0"},
+    {"AXES": "0,1,0,1,0,0,0,0,-1", "ROTUNITS": "DEG", "FILTTYPE,G": "BUTTER"},
+]
+
+
+@pytest.mark.parametrize("left", LEFT)
+def test_a_unit_outputs_in_the_roles_units_and_is_left_as_it_was(left: dict[str, str]) -> None:
+    with imu("kvh", settings=left) as (fixture, driver):
+        before = dict(fixture.simulator._settings)
+        driver.start(10.0)
+        columns = recorded(fixture, driver, 4.0).columns
+        assert columns["counter"][:3].tolist() == [1, 2, 3]
+        assert columns["gyro_y_deg_per_s"] == pytest.approx(-2.0, abs=0.01)
+        assert columns["accelerometer_x_g"] == pytest.approx(FORCE_G[0])
+        assert driver.read_quantity("temperature") == pytest.approx(20.0, abs=0.1)
+        driver.stop()
+        driver.kept.put_back()
+        after = dict(fixture.simulator._settings)
+        assert after == before
+
+
+def test_the_built_in_test_is_asked_of_a_unit_that_is_quiet() -> None:
+    with imu("kvh") as (fixture, driver):
+        driver.start(10.0)
+        fixture.clock.sleep(3.0)
+        driver.stop()
+        assert driver.status().faults == ()
+        rows = driver.drain()
+        assert rows.columns["counter"].tolist() == list(range(1, len(rows) + 1))
+        assert 25 < len(rows) < 32
+        fixture.clock.sleep(3.0)
+        assert not len(driver.drain())
+
+
+def test_a_unit_that_does_not_stream_after_its_configuration_is_noticed() -> None:
+    fault = {"fault": "silent", "at": "0 s"}
+    with imu("kvh", fault) as (_, driver), pytest.raises(InstrumentTimeout, match="no output came"):
+        driver.start(10.0)
