@@ -17,6 +17,7 @@ from sabotage_serf_changes import (
     columns,
     fault,
     held,
+    inverted,
     line_V,
     moved,
     stated,
@@ -30,6 +31,7 @@ SHOTS = "shots-disagree shot-rejected"
 SHAPE = "misfit model-too-stiff"
 SPOILT = f"{SHAPE} {SHOTS} overload outliers-rejected"
 DENIED = "contradicts-statement"
+XY, X_TURNED = (1, 4, 7, 10), (-1, 1, 1)
 FACTOR = "slowing-down-factor-outside contradicts-statement"
 LEAK = {"relaxation": 330.0, "residual_nT": (0.0, 0.0, 1.0)}
 
@@ -145,6 +147,9 @@ FAULTS: Sequence[Fault] = (
     fault("a shot pumped less", SPOILT, cells((4,), polarisation=0.45), "strong"),
     fault("pumping wears off", SPOILT, wandering(lambda k: -0.005 * k, "polarisation"), "strong"),
     fault("a record begins late", SPOILT, cells((4, 9), delay_s=8e-4), "strong"),
+    fault("output inverted in half the shots", DENIED, inverted(range(0, 14, 2)), "strong"),
+    fault("output inverted for the first half", DENIED, inverted(range(7)), "strong"),
+    fault("coil x the other way in pairs xy", DENIED, stated(dict.fromkeys(XY, X_TURNED))),
     fault("field droops while it chirps", SPOILT, warped(lambda t, b: -0.05 * t**2), "strong"),
 )
 

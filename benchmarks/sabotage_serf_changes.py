@@ -252,6 +252,11 @@ def columns(order: Mapping[int, int]) -> Change:
     return change
 
 
+def inverted(shots: Sequence[int]) -> Change:
+    """Return the change of the sign of the output of some shots."""
+    return volts(lambda v, t, draw: -v, shots)
+
+
 def clock(factor: float) -> Change:
     """Return the change of the time stamps by a factor."""
     return lambda one, draw: replace(one, time_s=one.time_s * factor)

@@ -32,6 +32,7 @@ from .frequencies import agreed
 from .precession import Precession, look_at_all
 from .shot_flags import data_flags, misfit_flags
 from .shots import AXES, PAIRS
+from .signs import sign_flags
 
 Array = NDArray[np.float64]
 __all__ = ["AnalysisSettings", "SerfAnalysis", "analyse"]
@@ -62,6 +63,7 @@ def analyse(dataset: SerfDataset, settings: AnalysisSettings | None = None) -> S
     shots = _shots(dataset, seen, found)
     size_nT = residual_magnitude_nT(dataset, found.solution) if found is not None else None
     flags = [*data_flags(dataset, seen, shots, settings), *denied, *misfit_flags(dataset, shots)]
+    flags += sign_flags(dataset, seen, found)
     flags += result_flags(dataset, found, results, paper, size_nT, settings)
     return SerfAnalysis(
         estimates=results,

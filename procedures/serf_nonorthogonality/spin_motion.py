@@ -100,6 +100,11 @@ class Lean:
         """The unit vector of the spins at the beginning."""
         return _unit(np.array([self.rad[0], self.rad[1], 1.0]))
 
+    @property
+    def probe(self) -> Array:
+        """The unit vector of the probe."""
+        return _unit(np.array([self.rad[2], 1.0, self.rad[3]]))
+
     def but(self, number: int, more_rad: float) -> Lean:
         """Return the leans with one of them larger."""
         rad = self.rad.copy()

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from serf_shots import Cell
 
-from benchmarks.sabotage import analysed, clean_runs, faults_of
+from benchmarks.sabotage import analysed, clean_runs, error_u, faults_of
 from procedures.serf_nonorthogonality.analysis import analyse
 from procedures.serf_nonorthogonality.dataset import SerfAnalysis, SerfDataset
 from procedures.serf_nonorthogonality.precession import saturated_samples
@@ -135,6 +135,30 @@ def test_a_chirp_too_weak_to_be_seen_moves_no_slowing_down_factor() -> None:
 def test_a_planted_fault_is_named(name: str) -> None:
     fault = FAULTS[name]
     assert {flag["code"] for flag in analysed(fault.planted(0))["flags"]} & fault.flags
+
+
+@pytest.mark.parametrize(
+    "name, shots",
+    [
+        ("output inverted for the first half", [f"s{k:02d}" for k in range(1, 8)]),
+        ("coil x the other way in pairs xy", ["s02", "s05", "s08", "s11"]),
+    ],
+)
+def test_shots_with_the_wrong_sign_are_named(name: str, shots: list[str]) -> None:
+    made = FAULTS[name].planted(1)
+    document = analysed(made)
+    assert error_u(made, document["results"]) > 8.0
+    (flag,) = (one for one in document["flags"] if one.get("statement") == "shots")
+    every = {f"s{k:02d}" for k in range(1, 15)}
+    assert set(flag["shots"]) <= set(shots) or set(flag["shots"]) <= every - set(shots)
+    assert len(flag["shots"]) >= 3
+
+
+@pytest.mark.parametrize("late_s", [0.0, 6e-4])
+def test_an_output_that_is_inverted_throughout_is_no_wrong_sign(late_s: float) -> None:
+    dataset = Cell(residual_nT=RESIDUAL, polarisation=0.4, delay_s=late_s).dataset(1)
+    turned = [replace(one, voltage_V=-one.voltage_V) for one in dataset.shots]
+    assert "shots" not in statements(analyse(replace(dataset, shots=turned)))
 
 
 def test_clean_shots_of_every_kind_raise_no_flag_of_a_fault() -> None:
