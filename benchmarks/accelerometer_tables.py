@@ -156,4 +156,6 @@ PALINDROME = Kind(
 )
 ASCENDING = Kind(Case("two planes, ascending", ("io", "ip"), 12), drift_V=15e-6)
 ON_OFF = Kind(Case("fields 0 and B", ("io", "ip"), 24, (0.0, 0.05)), noise_V=1e-6)
-KINDS = (THREE_PLANES, ONE_PLANE, EFFICIENT, PALINDROME, ASCENDING, ON_OFF)
+LEVEL = Kind(Case("one plane and level", ("io", "level"), 12, TWO_SIDED))
+ONE_FIELD = Kind(Case("one field", ("io", "ip"), 24, (0.05,)))
+KINDS = (THREE_PLANES, ONE_PLANE, EFFICIENT, PALINDROME, ASCENDING, ON_OFF, LEVEL, ONE_FIELD)

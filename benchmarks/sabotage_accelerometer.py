@@ -143,6 +143,16 @@ def mixed_up(one: Table) -> None:
     one.output_V[rows] = one.output_V[np.roll(rows, 1)]
 
 
+def sign_lost(names: str) -> Plant:
+    """Columns of the field hold its size."""
+
+    def plant(one: Table) -> None:
+        for name in names.split():
+            setattr(one, name, np.abs(getattr(one, name)))
+
+    return plant
+
+
 def exchanged(one: Table) -> None:
     """The measured and the commanded field stand in each other's column."""
     one.field_T, one.field_commanded_T = one.field_commanded_T, one.field_T
@@ -167,6 +177,7 @@ FIELD = "field-differs-from-commanded"
 PLANE, ENCODER, MISFIT = "wrong-position", "encoder-jump misfit", "misfit"
 BURST = "outliers-rejected misfit output-step"
 UNIT = "contradicts-statement"
+SIGN = "contradicts-statement field-differs-from-commanded"
 
 
 def _field(change: Callable[[Table], NDArray[Any]]) -> Plant:
@@ -227,6 +238,9 @@ _PLANTED: Sequence[tuple[str, str, Sequence[Kind], Plant]] = (
      column("output_V", lambda t: before(t.output_V))),
     ("field one row late", FIELD, (_S, _P), column("field_T", lambda t: before(t.field_T))),
     ("field of the other sign", FIELD, (_S, _O), column("field_T", lambda t: -t.field_T)),
+    ("sign of the field lost", SIGN, (_S, _E, _P), sign_lost("field_T field_commanded_T")),
+    ("sign of the field lost, measured", FIELD, (_S, _E, _P), sign_lost("field_T")),
+    ("sign of the field lost, commanded", FIELD, (_S, _E, _P), sign_lost("field_commanded_T")),
     ("field in mT", FIELD, (_S, _A), column("field_T", lambda t: 1e3 * t.field_T)),
     ("field in G from a row on", FIELD, (_S, _A),
      column("field_T", lambda t: t.field_T * (1.0 + 9999.0 * after(t)))),
@@ -304,6 +318,10 @@ _PLANTED: Sequence[tuple[str, str, Sequence[Kind], Plant]] = (
      output(lambda t: -0.02 * np.sign(t.field_T) * np.maximum(np.abs(t.field_T) - 0.03, 0.0))),
     ("scale differs by sign, 50 ppm", MISFIT, (_S, _E, _A),
      output(lambda t: 5e-5 * np.abs(t.axes()[0]))),
+    ("scale differs by the field's sign, 50 ppm", MISFIT, (_S, _E, _P),
+     output(lambda t: 5e-5 * t.axes()[0] * np.sign(t.field_commanded_T))),
+    ("scale differs by the field's size, 50 ppm", MISFIT, (_S, _E, _P),
+     output(lambda t: 1e-3 * t.axes()[0] * np.abs(t.field_commanded_T))),
     ("a dead zone of 20 mV", MISFIT, (_S, _E), output(lambda t: -np.clip(t.output_V, -0.02, 0.02))),
     ("fifth order of the input, 50 uV", MISFIT, (_S, _A),
      output(lambda t: 50e-6 * t.axes()[0] ** 5)),

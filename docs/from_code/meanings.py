@@ -305,6 +305,9 @@ CONDITIONS = {
     },
     "accelerometer-magnetic-sensitivity": {
         "local_gravity": "gravity at the place; `1 g` where accelerations are to be in local g",
+        "mounting": "standard uncertainty of how the input axis lies to the encoder's zero, OA and "
+        "PA; where nobody states it, 0.0005 rad (100 arcsec) is assumed; it counts where the rows "
+        "do not tell a lean from a coefficient, as in plane `level` or at one field",
     },
     "serf-nonorthogonality": {
         "sample_rate": "of the records; the rows' times must agree",

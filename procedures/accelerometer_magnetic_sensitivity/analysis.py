@@ -39,7 +39,7 @@ from .model import (
     judge,
     model_columns,
 )
-from .nuisances import FEWEST_LEFT, KI_DRIFT, unit_of
+from .nuisances import FEWEST_LEFT, KI_DRIFT, KO, KP, OFFSET, unit_of
 from .screening import coarse_step_V, frozen_temperature, misread_flags, screen
 from .solution import solve_rows
 from .solved import Solution, groups_of
@@ -52,6 +52,13 @@ __all__ = ["AccelerometerAnalysis", "AnalysisSettings", "analyse"]
 BEYOND = "beyond {:g} sigma from the fit"
 SMALLEST_SINGULAR = 1e-7
 METHOD = "weighted"
+MOUNTING = {
+    OFFSET: "mounting_zero_rad",
+    KO: "mounting_towards_oa_rad",
+    KP: "mounting_towards_pa_rad",
+}
+USUAL_KI = 1.0
+"""V/g, where no row tells the scale factor."""
 
 
 def analyse(
@@ -194,7 +201,9 @@ def _estimates(
                 float(np.sqrt(solution.covariance[place, place])),
                 float(solution.degrees_of_freedom),
                 METHOD,
-                _sensitivities(name, values) | _by_graduation(found.terms[name], values),
+                _sensitivities(name, values)
+                | _by_graduation(found.terms[name], values)
+                | _by_mounting(solution, place, values),
                 {"terms": dict(found.terms[name]), **at},
             )
         )
@@ -229,6 +238,16 @@ def _by_graduation(terms: Mapping[str, float], values: Mapping[str, float]) -> d
     )
     found = {"graduation_sine_rad": sine, "graduation_cosine_rad": cosine}
     return {name: value for name, value in found.items() if value}
+
+
+def _by_mounting(solution: Solution, place: int, values: Mapping[str, float]) -> dict[str, float]:
+    """Return the derivatives of a combination by how the input axis is mounted, in rad.
+
+    Only where the rows do not tell a lean of the mounting from the combination, which holds it.
+    """
+    ki = values.get("Ki", USUAL_KI)
+    by = {MOUNTING[name]: ki * float(shares[place]) for name, shares in solution.folded.items()}
+    return {name: value for name, value in by.items() if value}
 
 
 def _path(

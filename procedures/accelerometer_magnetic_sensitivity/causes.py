@@ -81,6 +81,8 @@ def known_causes(rows: Rows, acceleration_g: Array, coefficients: Array) -> list
         ("misfit", "field", "V", b**4),
         ("misfit", "field", "V", np.column_stack((b**3, b**4))),
         ("misfit", "field and acceleration", "V/g", i * b**2),
+        ("misfit", "field's sign and acceleration", "V/g", i * np.sign(b)),
+        ("misfit", "field's sign and acceleration", "V/g", i * np.abs(b)),
         ("misfit", "acceleration", "V/g", np.abs(i)),
         ("misfit", "acceleration", "V/g^2", np.abs(i) * i),
         ("misfit", "acceleration", "V/g^4", i**4),

@@ -46,6 +46,8 @@ class AccelerometerDataset:
     """Whether rows were taken at equal intervals, so that a longer one is a gap."""
     gravity_g: float = 1.0
     """Local gravity in g; 1 where accelerations are in units of the local g."""
+    mounting_rad: float | None = None
+    """Standard uncertainty of how the input axis is mounted; None where nobody states it."""
 
     def __len__(self) -> int:
         """Return the number of rows."""

@@ -14,10 +14,11 @@ import numpy as np
 
 from station.findings import Findings, Flag, InputQuantity, findings_of
 
-from .analysis import analyse
-from .dataset import AccelerometerDataset, AnalysisSettings
+from .analysis import MOUNTING, analyse
+from .dataset import AccelerometerAnalysis, AccelerometerDataset, AnalysisSettings
 from .from_import import dataset_of_import
 from .measuring import AXIS_COLUMN, T_PER_MT, finished_points
+from .nuisances import KO, KP, OFFSET
 from .parameters import AccelerometerParameters, Point
 from .work import FULL_TURN_DEG, GAUSSMETER, MULTIMETER, STAGE, THERMOMETER
 
@@ -27,6 +28,13 @@ if TYPE_CHECKING:
     from station.record.folder import RunFolder
 
 ARRIVAL = "arrival_time_s"
+MOUNTING_RAD = 5e-4
+"""A device on a machined fixture lies to half a milliradian, 100 arcsec."""
+LEANS = {
+    MOUNTING[OFFSET]: "from the zero of the encoder",
+    MOUNTING[KO]: "towards OA",
+    MOUNTING[KP]: "towards PA",
+}
 
 
 def findings_of_run(
@@ -35,7 +43,8 @@ def findings_of_run(
     """Return what a run's finished points say, type B inputs from the bench's calibrations."""
     dataset = dataset_of_run(folder, parameters, bench)
     analysis = analyse(dataset, settings(parameters))
-    findings = findings_of(analysis, dataset, type_b_inputs(parameters, bench))
+    inputs = [*type_b_inputs(parameters, bench), *_mounting(analysis, dataset)]
+    findings = findings_of(analysis, dataset, inputs)
     finished = folder.finished_units()
     known = [point.unit for point in parameters.points if point.unit in finished]
     count = overloaded_readings(folder, known)
@@ -50,9 +59,13 @@ def findings_of_run(
 
 
 def findings_of_dataset(raw: RawDataset) -> Findings:
-    """Return what an imported dataset says; it brings no calibration records, so type A only."""
+    """Return what an imported dataset says; it brings no calibration records.
+
+    Of type B is only how the device is mounted, where the rows do not tell that.
+    """
     dataset = dataset_of_import(raw)
-    return findings_of(analyse(dataset), dataset, [])
+    analysis = analyse(dataset)
+    return findings_of(analysis, dataset, list(_mounting(analysis, dataset)))
 
 
 def settings(parameters: AccelerometerParameters) -> AnalysisSettings:
@@ -156,6 +169,23 @@ def _graduation(bench: Bench) -> Iterable[InputQuantity]:
             "rad",
             source,
         )
+
+
+def _mounting(
+    analysis: AccelerometerAnalysis, dataset: AccelerometerDataset
+) -> Iterable[InputQuantity]:
+    """Yield how the input axis leans, for what the rows do not tell apart from that."""
+    used = {name for one in analysis.estimates for name in one.sensitivities}
+    stated = dataset.mounting_rad
+    for name, where in LEANS.items():
+        if name in used:
+            yield InputQuantity(
+                name,
+                f"mounting: input axis {where}",
+                MOUNTING_RAD if stated is None else stated,
+                "rad",
+                "assumed, nobody states it" if stated is None else "conditions, mounting",
+            )
 
 
 def _gain_and_offset(

@@ -38,6 +38,7 @@ class Conditions(StrictModel):
 
     # On the ground it is 0.9957 g to 1.0028 g.
     local_gravity_g: Annotated[float, Unit("g"), Field(ge=0.99, le=1.01)] = 1.0
+    mounting_rad: Annotated[float, Unit("rad"), Field(gt=0, le=0.1)] | None = None
 
 
 def dataset_of_import(raw: RawDataset) -> AccelerometerDataset:
@@ -60,6 +61,7 @@ def dataset_of_import(raw: RawDataset) -> AccelerometerDataset:
         temperature_degC=table.get(TEMPERATURE),
         evenly_timed=_even(time_s),
         gravity_g=conditions.local_gravity_g,
+        mounting_rad=conditions.mounting_rad,
     )
 
 

@@ -6,7 +6,7 @@ with them.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -39,6 +39,10 @@ nor whether the model holds. Where temperature terms would leave fewer, the crit
 the same, and what is left out is in the uncertainty."""
 ARCSEC_PER_RAD = 3600.0 * 180.0 / np.pi
 OFFSET, KO, KP = "encoder offset", "Ko", "Kp"
+MOUNTED = (OFFSET, KO, KP)
+"""What the mounting decides: the input axis from the encoder's zero, towards OA, towards PA."""
+SINGULAR, SMALL_PART = 1e-9, 1e-3
+"""Of columns of unit length; of a column: what a coefficient takes less of, it does not hold."""
 K0_T, KI_T = "K0_T", "Ki_T"
 KI_DRIFT = "Ki drift"
 """Of the scale factor, linear in time, where no thermometer says what warmed it."""
@@ -161,6 +165,25 @@ def has_warmed(terms: Candidates, kept: Mask) -> bool:
     return float(np.ptp(terms.columns[kept, terms.names.index(K0_T)])) > WARMED_K
 
 
+def _folded(columns: Array, alignment: Array, taken: Sequence[int]) -> dict[str, Array]:
+    """Return what the coefficients (k,) take of each alignment term that is not fitted.
+
+    `columns` (rows, k), `alignment` (rows, m) those of `MOUNTED` first; `taken` are fitted.
+    """
+    both = np.column_stack((columns, alignment[:, list(taken)]))
+    size = np.linalg.norm(both, axis=0)
+    found = {}
+    for j, name in enumerate(MOUNTED):
+        if j in taken or not alignment[:, j].any():
+            continue
+        parts = np.linalg.lstsq(both / size, alignment[:, j], rcond=SINGULAR)[0]
+        parts = np.where(np.abs(parts) > SMALL_PART * np.linalg.norm(alignment[:, j]), parts, 0.0)
+        shares = (parts / size)[: columns.shape[1]]
+        if shares.any():
+            found[name] = np.asarray(shares)
+    return found
+
+
 class TurnedModel:
     """The columns of the model at an encoder offset, and which alignment terms go with them."""
 
@@ -183,6 +206,7 @@ class TurnedModel:
         self._alignment: tuple[str, ...] | None = None
         self._misalignment: list[int] | None = None
         self.not_separable: tuple[str, ...] = ()
+        self.folded: dict[str, Array] = {}
 
     def correction_rad(self, angles: Mapping[str, float]) -> Array:
         """Return what is added to the encoder's angle in each row."""
@@ -265,6 +289,7 @@ class TurnedModel:
             self.not_separable = tuple(
                 name for j, name in enumerate(known) if j not in taken and np.any(other[:, j])
             )
+            self.folded = _folded(columns[decide], large[decide], taken)
         places = [known.index(name) for name in self._alignment]
         names = (*self.names, *self._alignment, *self._more_names)
         return names, np.column_stack((columns, other[:, places], self._more))

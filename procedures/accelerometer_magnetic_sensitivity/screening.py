@@ -17,6 +17,7 @@ from procedures.estimation.recorder import equal_runs
 from station.findings import Flag
 
 from .dataset import AccelerometerDataset, LeftOut, Rows
+from .lost_signs import with_signs
 from .model import PLANES, model_columns
 from .nuisances import KO, KP, OFFSET
 from .solved import Solution
@@ -298,6 +299,10 @@ def _readings(rows: Rows) -> Iterator[tuple[Rows, str, dict[str, object]]]:
     yield replace(rows, output_V=np.append(output_V[1:], output_V[-1])), late, details
     early = "stands one row early"
     yield replace(rows, output_V=np.append(output_V[0], output_V[:-1])), early, details
+    signed = with_signs(rows)
+    if signed is not None:
+        lost = "holds the size of the field without its sign, and so does field_commanded_T"
+        yield signed, lost, {"statement": "field_T"}
     names = [str(name) for name in np.unique(rows.plane)]
     for name in names:
         there = rows.plane == name

@@ -213,4 +213,5 @@ def _solution(
         condition=fit.condition,
         not_separable=(*model.not_separable, *lost),
         jump=jump,
+        folded=model.folded,
     )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -80,7 +80,8 @@ class Solution:
 
     Offset and jump of the encoder are in arcsec; `jump` says in which rows it is off, `cause` what
     else moved the output. `kept` (rows,) are the rows that count; `covariance` holds the scale of
-    the noise. `shares` (names, 13) are what the solution takes of each column of the model.
+    the noise. `shares` (names, 13) are what the solution takes of each column of the model,
+    `folded` what the coefficients (k,) take of each alignment term that is not fitted.
     """
 
     names: tuple[str, ...]
@@ -97,6 +98,7 @@ class Solution:
     shares: Array | None = None
     misfit: Misfit | None = None
     uneven: Uneven | None = None
+    folded: Mapping[str, Array] = field(default_factory=dict)
 
     @property
     def sum_of_squares(self) -> float:

@@ -1,0 +1,91 @@
+"""What a mounting that leans, and a field without its sign, do to the combinations."""
+
+from __future__ import annotations
+
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import pytest
+from accelerometer_records import record
+
+from benchmarks.accelerometer_tables import LEVEL, ONE_FIELD, THREE_PLANES, Kind, made
+from benchmarks.sabotage import analysed, error_u
+from benchmarks.sabotage_accelerometer import FAULTS
+from procedures.accelerometer_magnetic_sensitivity.analysis import analyse
+from station.dataset_reading import read_dataset
+from station.runner.evaluation import evaluate_dataset
+
+HELD = {"level": {"K0", "Kii", "Koo"}, "one field": {"Kom", "Kpm"}}
+
+
+def u_of(document: dict[str, Any]) -> dict[str, float]:
+    """Return the u of each result that is determined."""
+    found = ((one["name"], one["standard_uncertainty"]) for one in document["results"])
+    return {name: u for name, u in found if u is not None}
+
+
+@pytest.mark.parametrize("kind, held", [(LEVEL, HELD["level"]), (ONE_FIELD, HELD["one field"])])
+def test_a_mounting_that_no_row_tells_is_in_the_uncertainty(kind: Kind, held: set[str]) -> None:
+    one = made(kind, 0)
+    document = analysed(one)
+    # The device leans by 0.2 and 0.3 mrad, which noise alone would not cover.
+    assert error_u(one, document["results"]) < 3.0
+    size = 5e-4 / (0.05 if kind is ONE_FIELD else 1.0)
+    for name, u in u_of(document).items():
+        if name in held:
+            assert size * 0.99 < u < 2.0 * size
+        elif name in {"Ki", "Kiii", "Kio"}:
+            assert u < 0.1 * size
+
+
+def test_a_stated_mounting_counts_in_the_place_of_the_assumed_one(tmp_path: Path) -> None:
+    folder = tmp_path / "dataset"
+    folder.mkdir()
+    made(LEVEL, 0).write(folder)
+    path = folder / "dataset.yaml"
+    u = []
+    for stated in ("", ", mounting: 20 arcsec"):
+        text = path.read_text(encoding="utf-8")
+        path.write_text(text.replace("1 g}", f"1 g{stated}}}"), encoding="utf-8")
+        document, findings = evaluate_dataset(read_dataset(folder))
+        u.append(u_of(document.to_data())["K0"])
+        source = "conditions, mounting" if stated else "assumed, nobody states it"
+        assert {one.source for one in findings.inputs} == {source}
+    assert u[0] == pytest.approx(5e-4, rel=0.01)
+    assert u[1] == pytest.approx(20 * 4.848e-6, rel=0.02)
+
+
+def test_where_the_rows_tell_the_mounting_nothing_is_assumed() -> None:
+    for planes in (("io",), ("io", "ip"), ("io", "ip", "op")):
+        analysis = analyse(record(0, planes, 12))
+        used = {name for one in analysis.estimates for name in one.sensitivities}
+        assert not any(name.startswith("mounting") for name in used)
+
+
+@pytest.mark.parametrize(
+    "name, flags",
+    [
+        ("sign of the field lost; three planes, 12 angles", {"contradicts-statement"}),
+        ("sign of the field lost; efficient", {"contradicts-statement"}),
+        ("sign of the field lost; palindrome", {"contradicts-statement"}),
+        ("sign of the field lost, measured; palindrome", {"field-differs-from-commanded"}),
+        ("scale differs by the field's sign, 50 ppm; palindrome", {"misfit"}),
+    ],
+)
+def test_a_field_that_lost_its_sign_is_named(name: str, flags: set[str]) -> None:
+    fault = next(one for one in FAULTS if one.name == name)
+    document = analysed(fault.planted(0))
+    assert flags <= {flag["code"] for flag in document["flags"]}
+    if "contradicts-statement" in flags:
+        (flag,) = (one for one in document["flags"] if one["code"] == "contradicts-statement")
+        assert flag["statement"] == "field_T" and "without its sign" in flag["message"]
+        assert not u_of(document)
+
+
+def test_fields_of_one_sign_are_no_lost_sign() -> None:
+    ascending = partial(record, planes=("io", "ip"), angles=9, fields_T=(0.0, 0.02, 0.05))
+    for seed, noise_V in ((0, 3e-6), (1, 1e-3)):
+        codes = {flag.code for flag in analyse(ascending(seed, noise_V=noise_V)).flags}
+        assert not codes & {"contradicts-statement", "misfit"}
+    assert THREE_PLANES.plan.fields_T[0] < 0.0
