@@ -111,6 +111,11 @@ def by_chamber(log: Log, _: np.random.Generator) -> Log:
     return replace(log, table=replace(new, chamber_degC=before))
 
 
+def late(names: str, rows: int) -> Change:
+    """Return the change that puts columns some rows too late; the first rows stay."""
+    return columns(names, lambda v: np.concatenate((v[:rows], v[:-rows])))
+
+
 def some_back(log: Log, generator: np.random.Generator) -> Log:
     """Return a log in which one command of five has the wrong sign."""
     sign = np.where(generator.random(len(log.table)) < 0.2, -1.0, 1.0)
@@ -197,6 +202,19 @@ FAULTS: tuple[Fault, ...] = (
         ("turns 10 deg short", sensed(lambda part: -27778.0)),
         ("turns back called double", columns("commanded", lambda c: np.where(c < 0, 2 * c, c))),
         ("earth's rate not taken off", added(lambda log, _: 350.0)),
+        detectable=True,
+    ),
+    *faults(
+        STATEMENT,
+        ("temperatures one row late", late("temperature", 1)),
+        ("temperatures three rows late", late("temperature", 3)),
+        ("temperatures after one row late", late("temperature_after", 1)),
+        ("headings one row late", late("attitude", 1)),
+        ("thermometers step by 2 degC", columns("temperature", lambda t: t + 2.0, 0.4)),
+        (
+            "thermometer of x steps by -3 degC",
+            columns("temperature", lambda t: t - 3.0, 0.6, axes="x"),
+        ),
         detectable=True,
     ),
     *faults(

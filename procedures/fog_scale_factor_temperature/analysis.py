@@ -27,6 +27,7 @@ from .dataset import (
     turn_errors_deg,
 )
 from .flags import axis_flags, check_flags, data_flags, drive_flags, fit_flags, stated_turn_ppm
+from .misplaced import misplaced_flags
 from .table_checks import (
     heading_resolution_deg,
     resolution_of,
@@ -67,7 +68,7 @@ def analyse(dataset: FogDataset, settings: AnalysisSettings | None = None) -> Fo
     settings = settings or AnalysisSettings()
     step_deg = max(dataset.heading_resolution_deg, heading_resolution_deg(dataset.turns))
     floor_ppm = NOT_REJECTED_RESOLUTIONS * step_deg / FULL_TURN_DEG * PPM
-    flags = table_flags(dataset)
+    flags = [*table_flags(dataset), *misplaced_flags(dataset)]
     tables = axis_tables(dataset, dataset.turns)
     fits: dict[str, AxisFit] = {}
     published: dict[str, Curve | None] = {}

@@ -30,7 +30,8 @@ ROUNDS = 25
 Gaps = tuple[tuple[float, float], ...]
 UNSEEN = 2.5
 """Standard deviations of a coefficient that the information criterion leaves out."""
-FURTHER_ORDERS = 2
+FURTHER_ORDERS, OTHER_ORDERS = 2, 3
+"""Above the chosen one: what may be there in a gap, and what counts beside it everywhere."""
 WIDE = 2.0
 """Times the threshold of the flag: from such a width on no value is given within."""
 LEAST_NOISE = 0.5
@@ -154,24 +155,27 @@ def within(gaps: Gaps, temperature_degC: float, wider_than: float) -> bool:
     return any(a < temperature_degC < b and b - a > wider_than for a, b in gaps)
 
 
-def unseen_orders_ppm(problem: AxisProblem, kept: Mask, solved: Solved, noise: float) -> Array:
-    """Return how far the published order is from a lower one, beyond chance, at `CHECKED` places.
+def other_orders_ppm(problem: AxisProblem, kept: Mask, solved: Solved) -> Array:
+    """Return how far curves of other orders are from the chosen one, at `CHECKED` places, rms.
 
-    The information criterion leaves out what noise may have made; much noise hides much of a
-    curve, and that is no proof that it is not there.
+    The criterion chooses one order where the turns leave several open, and rather a low one: much
+    noise hides much of a curve. Each order counts by its Akaike weight (Burnham and Anderson,
+    Sociological Methods and Research 33, 2004): how much the turns speak for it.
     """
-    if solved.order >= PUBLISHED_ORDER or problem.highest_order(kept) < PUBLISHED_ORDER:
-        return np.zeros(CHECKED)
-    whole = problem.fit_of_order(kept, solved.domain_degC, PUBLISHED_ORDER, solved.ratio)
-    grid = np.linspace(*solved.domain_degC, CHECKED)
-    apart, square = np.zeros(CHECKED), np.zeros(CHECKED)
-    for one, sign in ((whole, 1.0), (solved, -1.0)):
-        columns = chebyshev_columns(grid, solved.domain_degC, one.order)
-        count = one.order + 1
-        inverse = one.fit.inverse_normal[-count:, -count:]
-        apart += sign * combine(columns, one.fit.coefficients[-count:])
-        square += sign * noise**2 * np.einsum("ij,jk,ik->i", columns, inverse, columns)
-    return np.asarray(np.sqrt(np.maximum(apart**2 - square, 0.0)))
+    last = max(solved.order + OTHER_ORDERS, PUBLISHED_ORDER)
+    last = max(min(last, problem.highest_order(kept)), solved.order)
+    columns = chebyshev_columns(np.linspace(*solved.domain_degC, CHECKED), solved.domain_degC, last)
+    rows = int(kept.sum())
+    curves, costs = [], []
+    for order in range(last + 1):
+        fit = problem.fit_of_order(kept, solved.domain_degC, order, solved.ratio).fit
+        width = len(fit.coefficients)
+        square = max(fit.noise**2 * (rows - width), 1e-300)
+        curves.append(combine(columns[:, : order + 1], fit.coefficients[-order - 1 :]))
+        costs.append(rows * np.log(square / rows) + 2.0 * width)
+    weight = np.exp(-0.5 * (np.array(costs) - min(costs)))
+    apart = np.array(curves) - curves[solved.order]
+    return np.asarray(np.sqrt(np.einsum("m,mn->n", weight / weight.sum(), apart**2)))
 
 
 def unknown_in_gaps_ppm(
@@ -302,9 +306,7 @@ def fit_axis(
     if misfit is not None:
         curve = curve.checked(misfit.left_ppm)
     gaps = gaps_of(problem, kept)
-    unseen = unseen_orders_ppm(problem, kept, solved, noise)
-    if bool(unseen.any()):
-        curve = curve.checked(unseen)
+    curve = curve.checked(other_orders_ppm(problem, kept, solved))
     if gaps:
         curve = curve.checked(unknown_in_gaps_ppm(problem, kept, solved, noise, gaps))
     return AxisFit(

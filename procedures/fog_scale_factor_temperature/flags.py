@@ -26,6 +26,9 @@ FEW_SETS = 3 * PUBLISHED_ORDER
 """With no more of them, what is called noise may be a curve of a higher order than they carry."""
 SMOOTH, FEWEST_SETS = 0.3, 10
 """Of a difference within sets: the square of its steps over its own, 2 for noise."""
+MOST, MOST_SIGMA, PLAINLY = 0.85, 1.44, 0.75
+"""Of the turns, how far the outermost of them lies in standard deviations, and how much of a noise
+beyond the stated one they have to show: what a few turns make alone is no noise."""
 SPEEDS = 1.6
 """Of turns of two commands, one over the other."""
 
@@ -258,6 +261,12 @@ def _commands(turns: AxisTurns, sensing: Mask) -> list[Mask]:
     return [whole == one for one in np.unique(whole[sensing])]
 
 
+def _usual_ppm(fit: AxisFit) -> float:
+    """Return the noise of a turn by what most turns leave: a few wild ones make none."""
+    left = np.abs(fit.residual_ppm[fit.kept & np.isfinite(fit.residual_ppm)])
+    return float(np.quantile(left, MOST)) / MOST_SIGMA if len(left) else 0.0
+
+
 def check_flags(fit: AxisFit, stated_ppm: float | None, settings: AnalysisSettings) -> list[Flag]:
     """Return the flags of a curve that its own turns contradict, and of noise beyond the stated."""
     flags = []
@@ -278,7 +287,8 @@ def check_flags(fit: AxisFit, stated_ppm: float | None, settings: AnalysisSettin
         }
         flags.append(Flag("misfit", misfit_said, fit.axis, details))
     noise = fit.noise_ppm
-    if stated_ppm and noise is not None and noise > settings.noise_beyond_statement * stated_ppm:
+    most_ppm = settings.noise_beyond_statement * (stated_ppm or np.inf)
+    if noise is not None and noise > most_ppm and _usual_ppm(fit) > PLAINLY * most_ppm:
         few = fit.sets <= FEW_SETS
         more = f"measure more sets ({fit.sets} show no curve of high order), " if few else ""
         noise_said = (
