@@ -11,8 +11,8 @@ Wiring: DIO0_N is the bench's trigger output; a wire leads from it to DIO0_P, th
 trigger input, so that time zero is the edge that everybody else gets. Sampling is not in step with
 the trigger: `time_s` is up to half an interval early or late, the same for a whole record.
 
-The board tells no serial number (`*IDN?` has 0 in its place, or nothing, which is made 0): its
-address is all that tells one from another.
+The board reports no serial number (`*IDN?` has 0 in its place, or nothing, which is made 0): its
+address is all that distinguishes one from another.
 
 Commands and their sources:
     *IDN? - who answers, without a serial number - the server's source - confirmed

@@ -4,7 +4,7 @@ Sources: the manual's table of commands (mode 5 is the external gate, `ens` togg
 `interlock?`) and public clients for 9600 Bd, CR, the echo before each answer and the prompt after
 it. Not confirmed in a primary source: that an enabled shutter in the external gate mode is open
 while its gate is high; that `ens?` survives a change of the mode, so it is read and set again; the
-wording of errors around `CMD_NOT_DEFINED` and `CMD_ARG_INVALID`. The controller tells no serial
+wording of errors around `CMD_NOT_DEFINED` and `CMD_ARG_INVALID`. The controller reports no serial
 number: its identity holds `untold` in that place.
 
 The bench's trigger goes high at time zero, and then the light must go off. Between the trigger and

@@ -41,7 +41,7 @@ PROCEDURE = Procedure(
         "and acceleration (Kim, Kom, Kpm) have the same columns.",
         "The field is measured beside the accelerometer, whose own magnet disturbs the probe; the "
         "gaussmeter's record in the bench file covers that only as far as it says so.",
-        "Encoder offset and misalignment of the input axis are fitted wherever the plan tells "
+        "Encoder offset and misalignment of the input axis are fitted wherever the plan separates "
         "them from the coefficients. In one plane they have the same column.",
     ),
 )

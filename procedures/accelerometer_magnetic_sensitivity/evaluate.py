@@ -145,7 +145,7 @@ def overloaded_readings(folder: RunFolder, units: Sequence[str]) -> int:
 
 
 def type_b_inputs(parameters: AccelerometerParameters, bench: Bench) -> list[InputQuantity]:
-    """Return what the data cannot tell: gain and offset of gaussmeter and voltmeter."""
+    """Return what the data cannot determine: gain and offset of gaussmeter and voltmeter."""
     field_mT = parameters.largest_field_mT
     largest_V = parameters.scale_factor_V_per_g
     return [

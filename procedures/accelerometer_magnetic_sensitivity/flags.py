@@ -222,7 +222,7 @@ def result_flags(
     as_planned: bool = True,
     measured: Identifiability | None = None,
 ) -> Iterator[Flag]:
-    """Yield the flags on the solution: what it cannot tell, drift, what the model leaves."""
+    """Yield the flags on the solution: what it cannot determine, drift, what the model leaves."""
     undetermined = [one.name for one in estimates if one.value is None]
     wanting = [n for n in COEFFICIENTS if n in found.not_alone or n in undetermined]
     if wanting:

@@ -233,8 +233,8 @@ class FogParameters(StrictModel):
         """Require the gyro's bias specification where turns have one sense only."""
         if bias is None and info.data.get("turns") == "as_published":
             raise ValueError(
-                "is missing: turns of one sense cannot tell the gyro's bias from its scale factor; "
-                "give its specification as a standard uncertainty, or take turns: pairs"
+                "is missing: turns of one sense cannot separate the gyro's bias from its scale "
+                "factor; give its specification as a standard uncertainty, or take turns: pairs"
             )
         return bias
 

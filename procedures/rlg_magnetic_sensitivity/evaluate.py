@@ -180,7 +180,7 @@ def undriven_inputs(
 def type_b_inputs(
     folder: RunFolder, units: Sequence[str], parameters: RlgParameters, bench: Bench
 ) -> list[InputQuantity]:
-    """Return what the data cannot tell: field scale, time alignment, and the gyro's scale."""
+    """Return what the data cannot determine: field scale, time alignment, and the gyro's scale."""
     inputs: list[InputQuantity] = []
     if not units:
         return inputs

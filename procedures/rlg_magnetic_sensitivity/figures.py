@@ -27,7 +27,7 @@ ALLAN = (
     "SP 1065). The curve is σ²(τ) = 3 Q²/τ² + N²/τ + (2 ln 2/π) B² + K² τ/3 with the "
     "coefficients of the table of the records, not below zero (IEEE Std 952, annex C): Q "
     "quantisation, N angle random walk, B bias instability, K rate random walk. A short record "
-    "tells nothing of those that act in long times."
+    "says nothing of those that act in long times."
 )
 
 

@@ -34,7 +34,7 @@ def result_flags(
     residual_nT: float | None,
     settings: AnalysisSettings,
 ) -> Iterator[Flag]:
-    """Yield the flags on the solution: what it cannot tell and what stands against it."""
+    """Yield the flags on the solution: what it cannot determine and what stands against it."""
     yield from _not_identifiable(dataset, found, results)
     for pair, why in paper.wanting.items():
         said = f"As published the angle {pair} is undetermined: {why}."

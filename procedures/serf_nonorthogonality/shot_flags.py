@@ -155,7 +155,7 @@ def _shape(seen: Sequence[Precession], settings: AnalysisSettings) -> Iterator[F
             "few-cycles",
             f"Fewer than {settings.few_cycles:g} cycles pass within the 1/e time in "
             f"{', '.join(_names(few))}, the fewest in {least.shot.name}, {cycles:.2f}; a "
-            "larger field would be told better.",
+            "larger field would be measured better.",
             details={"shots": _names(few), "cycles": cycles},
         )
     large = [

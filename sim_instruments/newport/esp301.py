@@ -2,7 +2,7 @@
 
 From public clients of the ESP300 family and what they quote of its manual: `xxAAnn` with `;`
 between commands, at most 80 characters a line, CR at its end, CR LF at the end of an answer, error
-codes, ten errors kept in the order they came and told only when asked for. What no source at hand
+codes, ten errors kept in the order they came, reported only when asked. What no source at hand
 says, and is assumed: what comes when ten errors are kept is lost; a target beyond a software limit
 is refused with x06 or x07 and nothing moves; a changed velocity or acceleration holds from the
 next movement on; the maximum velocity can be lowered by VU, and VA follows it; a line that is too

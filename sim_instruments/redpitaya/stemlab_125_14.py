@@ -1,7 +1,7 @@
 """Red Pitaya STEMlab 125-14: its SCPI server, its oscilloscope, and one trigger output.
 
 From the maker's server and gateware: LF-ended lines (a real one wants CR LF), answers end with
-CR LF, `*IDN?` tells no serial number, a command that is unknown or refused is not answered and
+CR LF, `*IDN?` reports no serial number, a command that is unknown or refused is not answered and
 leaves an error in the queue, the trigger status is TD whenever no source is armed, an unconnected
 pin reads 1, a pin that is no output cannot be set, values come as `{0.123456,…}`. Systems before
 2.00-30 know no `ACQ:DEC:F`, before 2.00-15 no `ACQ:TRIG:FILL?`, and before 2.00 `DATA:STA:N?` in

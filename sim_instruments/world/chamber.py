@@ -28,7 +28,7 @@ def ignore_change(time_s: float) -> None:
 
 
 class Chamber:
-    """A chamber whose air is at room temperature, its control off, until it is told otherwise.
+    """A chamber whose air is at room temperature, its control off, until it is commanded otherwise.
 
     Every command takes the time from which it holds; a time before the last command's counts as
     that. `changed` is called with it after each command.

@@ -22,7 +22,7 @@ def ignore_change() -> None:
 
 
 class RotationHistory:
-    """One axis, at rest at `angle_deg` until it is told to move; angles are not wrapped.
+    """One axis, at rest at `angle_deg` until it is commanded to move; angles are not wrapped.
 
     Every command takes the time from which it holds and replaces what was planned after it; a
     time before the last command's counts as that. `changed` is called after each.
@@ -77,7 +77,7 @@ class RotationHistory:
 
     @property
     def at_rest_from_s(self) -> float:
-        """The time from which the axis stands still by what it was told; infinite if it never."""
+        """The time from which the axis stands still as it was commanded; infinite if it never."""
         still = self._rate[-1] == 0.0 and self._acceleration[-1] == 0.0
         return self._start_s[-1] if still else math.inf
 

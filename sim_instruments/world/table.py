@@ -105,11 +105,11 @@ class Table:
 
     @property
     def rests_from_s(self) -> float:
-        """The time from which all axes stand still by what they were told; infinite if never."""
+        """The time from which all axes stand still as commanded; infinite if never."""
         return max(ring.rotation.at_rest_from_s for ring in self._rings)
 
     def motion(self, time_s: Array) -> Motion:
-        """Return attitude and rate of the plate at each time, as the axes were told to move."""
+        """Return attitude and rate of the plate at each time, as the axes are commanded."""
         return self._motion(time_s)[0]
 
     def attitude(self, time_s: Array) -> Array:

@@ -121,7 +121,7 @@ def abort_run(run: Path, timeout_s: float, *, as_json: bool) -> int:
     """End a run, wait until its bench has been made safe, and return the exit code.
 
     A process that does not answer is about to be ended by its guardian, or is past its steps: the
-    bench is told of in every case.
+    bench is reported in every case.
     """
     guardian = guardian_at_work(run)
     if guardian is not None:
@@ -229,12 +229,12 @@ def end_guardian(run: Path, guardian: AtWork, timeout_s: float, *, as_json: bool
 
 
 def left_safe(run: Path) -> list[dict[str, Any]] | None:
-    """Return how each instrument came to rest; None where no log tells it, or not yet."""
+    """Return how each instrument came to rest; None where no log has it, or not yet."""
     return latest_safe_state(*logs_of(run))
 
 
 def logs_of(run: Path) -> tuple[tuple[Event, ...], tuple[Event, ...]]:
-    """Return what a run's log tells, and that of its guardian."""
+    """Return the events of a run's log, and of its guardian's."""
     return tuple(read_events(run / EVENTS)), guardian_events(run)
 
 
@@ -250,7 +250,7 @@ def say_how_it_ended(
     unverified = [one for one in outcomes or () if not one["verified"]]
     safe = outcomes is not None and not unverified
     exit_code = EXIT_DONE if safe and ended else EXIT_FAULT
-    # One that has not ended may have no log that can be read; it tells of what it used alone.
+    # One that has not ended may have no log that can be read; it reports what it used alone.
     left_out = latest_left_out(*logs_of(run)) if ended else []
     if as_json:
         data = {"run": str(run), "message": message, "bench_safe": safe}

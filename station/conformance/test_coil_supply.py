@@ -78,7 +78,7 @@ def at_rest(fixture: Fixture, supply: Any) -> None:
 def test_the_limits_go_into_the_instrument(fixture: Fixture, coil_supply: Any) -> None:
     """The instrument's own limits hold when the program does not."""
     coil_supply.identify()
-    assert fixture.heard, "the driver tells its place's `trace` nothing"
+    assert fixture.heard, "the driver passes nothing to the `trace` of its place"
     fixture.heard.clear()
     coil_supply.programme_limits()
     sent = [data for _, direction, data in fixture.heard if direction == ">"]

@@ -79,7 +79,7 @@ STATES: dict[str, Callable[[Fixture, Any], None]] = {
 def test_the_limits_go_into_the_controller(fixture: Fixture, rotary_stage: Any) -> None:
     """The controller's own limits hold when the program does not."""
     rotary_stage.identify()
-    assert fixture.heard, "the driver tells its place's `trace` nothing"
+    assert fixture.heard, "the driver passes nothing to the `trace` of its place"
     fixture.heard.clear()
     rotary_stage.programme_limits()
     sent = [data for _, direction, data in fixture.heard if direction == ">"]

@@ -58,7 +58,7 @@ STATES: dict[str, Callable[[Fixture, Any], None]] = {
 def test_limits_and_load_go_into_the_instrument(fixture: Fixture, signal_generator: Any) -> None:
     """The instrument's own limits hold when the program does not, and no output is on by then."""
     signal_generator.identify()
-    assert fixture.heard, "the driver tells its place's `trace` nothing"
+    assert fixture.heard, "the driver passes nothing to the `trace` of its place"
     fixture.heard.clear()
     signal_generator.programme_limits()
     sent = [data for _, direction, data in fixture.heard if direction == ">"]

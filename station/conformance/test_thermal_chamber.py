@@ -77,7 +77,7 @@ STATES: dict[str, Callable[[Fixture, Any], None]] = {
 def test_the_limits_go_into_the_controller(fixture: Fixture, thermal_chamber: Any) -> None:
     """The controller's own limits hold when the program does not, and nothing is on by then."""
     thermal_chamber.identify()
-    assert fixture.heard, "the driver tells its place's `trace` nothing"
+    assert fixture.heard, "the driver passes nothing to the `trace` of its place"
     fixture.heard.clear()
     thermal_chamber.programme_limits()
     sent = [data for _, direction, data in fixture.heard if direction == ">"]

@@ -101,7 +101,7 @@ STATES: dict[str, Callable[[Fixture, Any], None]] = {
 def test_the_limits_go_into_the_controller(fixture: Fixture, turntable: Any) -> None:
     """The controller's own limits hold when the program does not."""
     turntable.identify()
-    assert fixture.heard, "the driver tells its place's `trace` nothing"
+    assert fixture.heard, "the driver passes nothing to the `trace` of its place"
     fixture.heard.clear()
     turntable.programme_limits()
     sent = [data for _, direction, data in fixture.heard if direction == ">"]

@@ -122,7 +122,7 @@ def modbus_identity(answer: bytes) -> str:
         while len(rest) >= 2 and len(rest) >= 2 + rest[1]:
             names.append(rest[2 : 2 + rest[1]].decode("ascii", "replace"))
             rest = rest[2 + rest[1] :]
-    return "Modbus: " + (", ".join(names) or "a device that does not tell its name")
+    return "Modbus: " + (", ".join(names) or "a device without a name")
 
 
 def ask_served(entry: tuple[str, Mapping[str, Any]]) -> Seen:

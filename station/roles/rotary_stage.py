@@ -21,7 +21,7 @@ class RotaryStage(Instrument, MadeSafe, Protocol):
         ...
 
     def home(self) -> None:
-        """Begin to look for the encoder's zero; `is_moving` tells when it is found."""
+        """Begin to look for the encoder's zero; `is_moving` says when it is reached."""
         ...
 
     def move_to(self, angle_deg: float) -> None:

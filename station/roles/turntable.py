@@ -86,7 +86,7 @@ class Turntable(Instrument, MadeSafe, Protocol):
         ...
 
     def turn(self, axis: int, rate_deg_per_s: float) -> None:
-        """Begin to turn at a rate until told otherwise; returns at once."""
+        """Begin to turn at a rate until commanded otherwise; returns at once."""
         ...
 
     def stop(self, axis: int) -> None:

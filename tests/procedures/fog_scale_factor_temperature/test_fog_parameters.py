@@ -67,7 +67,7 @@ def test_the_shipped_plan_is_one() -> None:
         ({"reference_temperature": "70 degC"}, "not extrapolated"),
         ({"navigator_rate": "50 Hz"}, "less than or equal to 10"),
         ({"latitude": "95 deg"}, "less than or equal to 90"),
-        ({"gyro_bias": None}, "cannot tell the gyro's bias from its scale factor"),
+        ({"gyro_bias": None}, "cannot separate the gyro's bias from its scale factor"),
         ({"warm_up": {"window": "1 h", "at_most": "10 min"}}, "before its window"),
     ],
 )

@@ -142,7 +142,7 @@ def test_a_modbus_device_tells_its_maker_product_and_version() -> None:
     head = bytes.fromhex("0001 0000 0000 01 2b0e 01 01 00 00 03".replace(" ", ""))
     assert modbus_identity(head + names) == "Modbus: Watlow, F4T, 4"
     refusal = bytes.fromhex("000100000003 01 ab 01".replace(" ", ""))
-    assert modbus_identity(refusal) == "Modbus: a device that does not tell its name"
+    assert modbus_identity(refusal) == "Modbus: a device without a name"
     assert modbus_identity((head + names)[:-1]) == "Modbus: Watlow, F4T"
 
 
