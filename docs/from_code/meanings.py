@@ -23,6 +23,18 @@ PLAN = {
 }
 
 PARAMETERS = {
+    "commissioning": {
+        "field": "steady field of each coil, of either sense",
+        "record": "length of each record of the field",
+        "settle": "time between a change of the field and its record",
+        "turn_probe": "whether a person turns a probe of one axis along x, y and z",
+        "ambient": "the ambient field along the bench's axes, from a map and a compass; it decides "
+        "whether a coil or an axis of the probe is reversed",
+        "ambient.x": "component along x",
+        "ambient.y": "component along y",
+        "ambient.z": "component along z",
+        "ambient.standard_uncertainty": "of each component",
+    },
     "rlg-magnetic-sensitivity": {
         "excitation": "`sequential`: one coil after the other, as published; `simultaneous`: all "
         "at once, each at its own frequency",

@@ -20,6 +20,7 @@ import numpy.typing as npt
 
 from sim_instruments.faults.lasting import Frozen, Overload
 from sim_instruments.instrument import Setting
+from sim_instruments.truth import SimulationError, Truth
 from sim_instruments.wire.scpi import ScpiError, boolean, choice, number, one, whole_number
 from sim_instruments.wire.scpi_device import ScpiDevice
 from sim_instruments.world.coils import AXES, small_rotation
@@ -34,6 +35,18 @@ MOST_AVERAGED = 1000
 OVERLOAD_READING = 9.9e37
 OVERLOAD_BIT = 2
 EPOCH = datetime(2026, 1, 1, tzinfo=UTC)
+
+
+def wiring(truth: Truth) -> Array:
+    """Return the matrix from the probe's axes to those that are shown, shape (3, 3)."""
+    matrix = np.zeros((3, 3))
+    section = truth.section("wiring") if "wiring" in truth else None
+    for k, axis in enumerate(AXES):
+        shows = axis if section is None else section.text(axis, axis)
+        if shows.removeprefix("-") not in AXES:
+            raise SimulationError(f"{truth.where}.wiring.{axis}: an axis was expected, got {shows}")
+        matrix[k, AXES.index(shows.removeprefix("-"))] = -1.0 if shows.startswith("-") else 1.0
+    return matrix
 
 
 class Readings:
@@ -51,7 +64,8 @@ class LakeshoreF71(ScpiDevice):
     `gain_error` and `zero_offset` (x, y, z), `rotation` (about_x, about_y, about_z of the probe in
     the coil frame), `clock_offset` and `clock_error` of its own clock, `probe_temperature`. May be
     given: `all_order`, magnitude-first or magnitude-last, of `FETCh:DC? ALL`; `field_unit`, TESLA
-    or GAUSS, as somebody left it.
+    or GAUSS, as somebody left it; `wiring`, which axis of the probe an axis shows, such as
+    `{x: y, y: -x}`, each its own without it.
     """
 
     model = "Lake Shore F71"
@@ -66,7 +80,7 @@ class LakeshoreF71(ScpiDevice):
         self._noise_mT = truth.quantity("noise_per_sample", "mT")
         self._gain = 1.0 + np.array(truth.quantities("gain_error", AXES, "1"))
         self._zero_mT = np.array(truth.quantities("zero_offset", AXES, "mT"))
-        self._rotation = small_rotation(truth, "rotation")
+        self._rotation = wiring(truth) @ small_rotation(truth, "rotation")
         self._clock_offset_s = truth.quantity("clock_offset", "s")
         self._clock_rate = 1.0 + truth.quantity("clock_error", "1")
         self._probe_degC = truth.quantity("probe_temperature", "degC")

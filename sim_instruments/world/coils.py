@@ -33,7 +33,8 @@ class HelmholtzPair:
     """Two equal circular windings about a common normal through the origin.
 
     Truth: `radius`, `turns` of each winding, `spacing_error` of the distance relative to the
-    radius, `normal`: the angles by which the normal leans towards the two other axes.
+    radius, `normal`: the angles by which the normal leans towards the two other axes; `reversed`,
+    where the poles of its cable are exchanged.
     """
 
     def __init__(self, axis: str, truth: Truth) -> None:
@@ -43,6 +44,7 @@ class HelmholtzPair:
         if self.radius_m <= 0 or self.spacing_m <= 0:
             raise SimulationError(f"{truth.where}: radius and spacing must be positive")
         self.normal = direction_near(axis, truth.section("normal"))
+        self.sense = -1.0 if truth.switch("reversed") else 1.0
 
     def field_mT_per_A(self, point_m: Array) -> Array:
         """Return the field of one ampere at a point of the coil frame, shape (3,), in mT."""
@@ -53,7 +55,7 @@ class HelmholtzPair:
         field = np.zeros(3)
         for side in (-0.5, 0.5):
             loop = magpylib.current.Circle(
-                current=float(self.turns),
+                current=self.sense * self.turns,
                 diameter=2.0 * self.radius_m,
                 position=side * self.spacing_m * self.normal,
                 orientation=turn,

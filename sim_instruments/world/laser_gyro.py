@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from sim_instruments.truth import SimulationError, Truth
-from sim_instruments.world.base import World
+from sim_instruments.world.base import World, nothing
 from sim_instruments.world.coils import (
     AXES,
     HelmholtzPair,
@@ -219,6 +219,7 @@ class LaserGyroBench(World):
         if gyro.switch("powered_at_start"):
             self.power(0.0, True)
         self.acts = {
+            "place-probe": (nothing, "The simulated probe stood at the place of the device."),
             "mount": (
                 self._mount,
                 "The simulated gyro stands in the middle of the coils, IA NA LA along x y z.",

@@ -127,6 +127,22 @@ def run(
 
 
 @app.command()
+def commission(
+    bench: Annotated[str, typer.Argument(help="Bench file: a path, or a name in config/benches.")],
+    non_interactive: NonInteractive = False,
+    answers: Answers = None,
+    output: Annotated[Path, typer.Option(help="Parent of the run folder.")] = Path("runs"),
+    set_: Overrides = None,
+    json: Json = False,
+) -> None:
+    """Measure coils and field probe of a bench; name what is wrong."""
+    from station.cli.commissioning import commission_bench
+
+    code = commission_bench(bench, set_ or (), non_interactive, answers, output, as_json=json)
+    raise typer.Exit(code)
+
+
+@app.command()
 def resume(
     folder: RunFolder,
     bench: Annotated[

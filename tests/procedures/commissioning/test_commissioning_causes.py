@@ -1,0 +1,63 @@
+"""Causes as far as numbers decide them, without a bench."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from procedures.commissioning.causes import Measured, causes_of
+
+HEALTHY = Measured(
+    response=np.eye(3),
+    response_u=np.full((3, 3), 0.003),
+    constants_mT_per_A=np.array([0.3, 0.333, 0.375]),
+    after_off_mT=np.zeros((3, 3)),
+    after_off_u_mT=np.full((3, 3), 1e-4),
+    ambient_mT=np.array([0.02, 0.0, -0.04]),
+    expected_mT=None,
+    ambient_u_mT=0.001,
+)
+
+
+def codes(measured: Measured) -> list[str]:
+    return [flag.code for flag in causes_of(measured)]
+
+
+def test_a_healthy_bench_has_no_cause() -> None:
+    assert codes(HEALTHY) == []
+
+
+def test_a_field_that_stays_when_the_output_is_off_is_named() -> None:
+    left = np.zeros((3, 3))
+    left[1, 1] = 0.2
+    found = causes_of(replace(HEALTHY, after_off_mT=left))
+    assert [(one.code, one.axis) for one in found] == [("output-stays-on", "y")]
+
+
+def test_a_coil_without_any_field_is_named() -> None:
+    assert codes(replace(HEALTHY, response=np.diag([1.0, 0.0, 1.0]))) == ["coil-without-field"]
+
+
+def test_exchanged_axes_of_coils_with_one_constant_are_not_decided() -> None:
+    exchanged = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+    same = replace(HEALTHY, constants_mT_per_A=np.full(3, 0.3))
+    assert codes(replace(same, response=exchanged)) == ["axes-exchanged"]
+    assert codes(replace(HEALTHY, response=exchanged)) == ["probe-axes-swapped"]
+
+
+def test_two_coils_on_one_axis_mean_a_probe_that_stands_askew() -> None:
+    askew = np.array([[1.0, 0.8, 0.0], [0.1, 0.6, 0.0], [0.0, 0.0, 1.0]])
+    assert codes(replace(HEALTHY, response=askew)) == ["probe-askew"]
+
+
+def test_an_ambient_field_within_its_uncertainty_decides_no_sign() -> None:
+    turned = replace(HEALTHY, response=np.diag([1.0, -1.0, 1.0]))
+    near_zero = replace(turned, expected_mT=np.array([0.02, 0.001, -0.04]))
+    assert codes(near_zero) == ["field-reversed"]
+
+
+def test_a_constant_within_its_uncertainty_is_not_called_off() -> None:
+    off = replace(HEALTHY, response=np.diag([1.03, 1.0, 1.0]))
+    assert codes(off) == ["coil-constant-off"]
+    assert codes(replace(off, response_u=np.full((3, 3), 0.02))) == []
