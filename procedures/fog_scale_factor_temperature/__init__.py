@@ -1,14 +1,232 @@
-"""FOG scale factor over temperature: turns about three axes on a ramp, a polynomial, its proof."""
+"""FOG scale factor over temperature: turns about three axes on a ramp, a polynomial, its proof.
+
+Source: the Chinese patent text on calibrating the full-temperature scale factor of a fibre-optic
+gyro by continuous turns while the temperature rises, steps one to four.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from dataclasses import astuple
+from typing import TYPE_CHECKING
 
-from station.procedure import Later, Procedure, ResultKind, usual_modules
+from station.errors import ConditionNotReached
+from station.method.commands import Power
+from station.method.motion import ChamberOn
+from station.procedure import Later, Procedure, Prompt, ResultKind, Step, usual_modules
 
-from .parameters import FogParameters
-from .steps import STEPS, prompts
-from .work import instruments, records, work
+from .bench_work import PROOF, RAMP, RANDOM, SOAK, WARM_UP, BenchWork
+from .parameters import SECONDS_PER_HOUR, FogParameters
+from .ramping import Ramp, coldest_degC, cool_down, last_turn, make_ramp, soak_again
+from .work import (
+    CHAMBER,
+    EXPECTED_HEAT_DEGC,
+    NAVIGATOR,
+    POWER,
+    TABLE,
+    fitted_ramp,
+    instruments,
+    proof_ramp,
+    records,
+    to_soak,
+    to_zero,
+    turning,
+    work,
+)
+
+if TYPE_CHECKING:
+    from station.runner.run import Run
+
+LEG_S = 20.0
+
+MOUNT = Prompt(
+    "mount",
+    "Mount the navigation system on the three-axis table in the chamber, x along the inner axis "
+    "and z down with all axes at zero; close the door.",
+)
+CABLES = Prompt("connect-cables", "Connect its power and its data line through the slip rings.")
+
+
+def prompts(parameters: FogParameters) -> tuple[Prompt, ...]:
+    """Return what the operator may be asked to do."""
+    return (MOUNT, CABLES)
+
+
+def soak(run: Run) -> None:
+    """Step 1: mount, lowest temperature, soak, power on, align, warm gyros, random rotation.
+
+    The soak counts from the chamber's reaching the temperature. A run that goes on in the middle of
+    a ramp goes to where the ramp stood, and waits until the gyros are as warm as they were.
+    """
+    from station.runner.verbs import come_to_rest
+
+    parameters: FogParameters = run.parameters
+    run.ask(MOUNT.id, MOUNT.text)
+    run.ask(CABLES.id, CABLES.text)
+    work = run.state(BenchWork, run)
+    work.chamber.programme_limits()
+    work.table.programme_limits()
+    run.record.event("field-on", instrument=CHAMBER)
+    for axis in astuple(work.axes):
+        if not work.table.is_homed(axis):
+            work.table.home(axis)
+            come_to_rest(run, TABLE, "the table looks for its zeros", axis=axis, every_s=1.0)
+    stood = last_turn(run)
+    run.apply(ChamberOn(CHAMBER))
+    low_degC, high_degC = parameters.temperature_range_degC
+    begins_degC = low_degC
+    if stood is not None:
+        # Where the gyros, with their own heat, come to rest at the temperature that they had.
+        begins_degC = min(max(stood["gyro_degC"] - EXPECTED_HEAT_DEGC, low_degC), high_degC)
+    work.reach(to_soak(parameters, begins_degC), SOAK)
+    if stood is None:
+        began_s = run.clock.now()
+        work.follow(began_s + parameters.soak_s, SOAK, f"soaking at {low_degC:g} degC")
+    run.apply(Power(POWER, True))
+    work.start_navigator()
+    align(run)
+    if stood is None:
+        warm_up(run)
+        rotate_at_random(run)
+    else:
+        soak_again(run, stood)
+
+
+def align(run: Run) -> None:
+    """Let the navigator find its attitude at rest; raises ConditionNotReached where it does not."""
+    parameters: FogParameters = run.parameters
+    work = run.state(BenchWork, run)
+    work.go_to(to_zero(), WARM_UP, "the table goes to zero")
+    work.navigator.align(parameters.latitude_deg)
+    aligned = work.follow_until(
+        lambda: work.navigator.status().aligned,
+        parameters.alignment_at_most_s,
+        WARM_UP,
+        lambda: "the navigator aligns",
+    )
+    if not aligned:
+        faults = ", ".join(work.navigator.status().faults) or "none reported"
+        raise ConditionNotReached(
+            f"{NAVIGATOR} was not aligned within {parameters.alignment_at_most_s / 60:g} min "
+            f"(faults: {faults}); let it rest, and compare the plan's latitude with the place"
+        )
+
+
+def warm_up(run: Run) -> None:
+    """Wait until the gyros' own temperature is steady: self-heating is over.
+
+    Raises ConditionNotReached when |slope| + 2 u stays above the plan's limit.
+    """
+    import numpy as np
+
+    from procedures.estimation.linear import slope_with_uncertainty
+
+    rule = run.parameters.warm_up
+    work = run.state(BenchWork, run)
+    began_s = run.clock.now()
+    seen: list[tuple[float, float]] = []
+    said = "the gyros warm up"
+    while True:
+        work.follow(run.clock.now() + rule.window_s / 60, WARM_UP, said)
+        now_s = run.clock.now()
+        seen.append((now_s, float(np.mean(work.gyro_degC()))))
+        seen = [one for one in seen if one[0] > now_s - rule.window_s]
+        if now_s - began_s >= rule.window_s and len(seen) > 3:
+            times, temperatures = np.array(seen).T
+            slope, u = slope_with_uncertainty(times, temperatures)
+            size = SECONDS_PER_HOUR * (abs(slope) + 2 * u)
+            said = f"the gyros change by {SECONDS_PER_HOUR * slope:+.2f} degC/h"
+            if size < rule.slope_limit_degC_per_h:
+                run.progress.say(f"    warm: {said}")
+                return
+        if now_s - began_s > rule.at_most_s:
+            raise ConditionNotReached(
+                f"{NAVIGATOR}: the gyros did not become steady within {rule.at_most_s / 3600:.3g} "
+                f"h: {said}, the "
+                f"plan allows {rule.slope_limit_degC_per_h:g}; wait longer (warm_up.at_most)"
+            )
+
+
+def rotate_at_random(run: Run) -> None:
+    """Turn about changing axes at changing rates for a while; the navigator's output is kept."""
+    import random
+
+    from station.runner.verbs import come_to_rest
+
+    parameters: FogParameters = run.parameters
+    work = run.state(BenchWork, run)
+    draw = random.Random(1)
+    until_s = run.clock.now() + parameters.random_rotation_s
+    while run.clock.now() < until_s:
+        name = draw.choice(("outer", "middle", "inner"))
+        rate_deg_per_s = draw.uniform(-1.0, 1.0) * parameters.turn_rate_deg_per_s
+        leg = turning(rate_deg_per_s, "random rotation", name)
+        axis = leg.axis_number(run.bench)
+        run.apply(leg)
+        work.follow(min(run.clock.now() + LEG_S, until_s), RANDOM, "random rotation")
+        work.table.stop(axis)
+        come_to_rest(run, TABLE, "random rotation", axis=axis, every_s=0.5)
+
+
+def ramp_up(run: Run) -> None:
+    """Step 2: the chamber warms slowly; every interval each axis up in turn, and turned once."""
+    parameters: FogParameters = run.parameters
+    high_degC = parameters.temperature_range_degC[1]
+    make_ramp(run, Ramp(RAMP, fitted_ramp(parameters), high_degC, True))
+
+
+def fit(run: Run) -> None:
+    """Step 3: heading differences over gyro temperature, and a polynomial, of what is recorded."""
+    import numpy as np
+
+    from .analysis import analyse
+    from .from_record import dataset_of_run
+
+    found = analyse(dataset_of_run(run.read_back(), run.parameters, run.bench))
+    for axis, one in found.fits.items():
+        if one.curve is not None:
+            at = one.curve.largest_at_degC()
+            run.progress.say(
+                f"    {axis}: order {one.curve.order}, largest error "
+                f"{float(one.curve.error_ppm(np.array([at]))[0]):+.1f} ppm at {at:.1f} degC"
+            )
+
+
+def prove(run: Run) -> None:
+    """Step 4: another ramp, whose turns never enter the fit; then table, device and chamber off."""
+    parameters: FogParameters = run.parameters
+    work = run.state(BenchWork, run)
+    rule = parameters.verification
+    if rule is not None:
+        low_degC, high_degC = parameters.temperature_range_degC
+        down, cold_degC = rule.direction == "down", coldest_degC(run)
+        if not down and not any(unit.split(" ")[0] == PROOF for unit in run.past.finished):
+            cool_down(run, low_degC, cold_degC)
+        end_degC = cold_degC if down else high_degC
+        make_ramp(run, Ramp(PROOF, proof_ramp(parameters, rule), end_degC, not down))
+    for axis in astuple(work.axes):
+        work.table.stop(axis)
+    work.stop_navigator()
+    run.apply(Power(POWER, False))
+
+
+def recorded(body: Callable[[Run], None]) -> Callable[[Run], None]:
+    """Return a step that leaves on disk what had come, however it ends."""
+
+    def step(run: Run) -> None:
+        with run.state(BenchWork, run).keeps_what_came():
+            body(run)
+
+    return step
+
+
+STEPS = (
+    Step("1", "Lowest temperature, soak, power on, align, rotate", recorded(soak)),
+    Step("2", "Slow ramp; every 10 min each axis up and turned", recorded(ramp_up)),
+    Step("3", "Scale-factor error over temperature: a polynomial", fit),
+    Step("4", "Another ramp, compensated; then everything off", recorded(prove)),
+)
+
 
 AXES = ("x", "y", "z")
 

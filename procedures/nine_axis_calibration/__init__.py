@@ -1,14 +1,106 @@
-"""Nine-axis sensor: bias and scale factor of its three fibre-optic gyros."""
+"""Nine-axis sensor: bias and scale factor of its three fibre-optic gyros.
+
+The nine-axis calibration step by step, numbered by the claims that the source divides it into.
+
+Source: "A calibration method and device for a nine-axis sensor" (Chinese patent text 19276906,
+2018-10-30), claims 1 and 2; letters divide a claim in the order of its text. Claims 3 and 4 give
+the rates and the positions.
+"""
 
 from __future__ import annotations
 
-from station.procedure import Later, Procedure, ResultKind, usual_modules
+from typing import TYPE_CHECKING
 
-from .parameters import NineAxisParameters
-from .steps import STEPS
-from .work import check, instruments, prompts, records, work
+from station.method.commands import Power
+from station.procedure import Later, Procedure, ResultKind, Step, usual_modules
 
-AXES = ("X", "Y", "Z")
+from .parameters import AXES, NineAxisParameters, position_unit
+from .placing import ask_to_place, make_table_ready, turn_up
+from .work import POWER, check, instruments, prompts, records, work
+
+if TYPE_CHECKING:
+    from station.runner.run import Run
+
+
+def mount(run: Run) -> None:
+    """Claim 1: the sensor on its tooling; switched on and warm."""
+    parameters: NineAxisParameters = run.parameters
+    missing = [unit for unit in parameters.units if not run.is_finished(unit)]
+    if not missing:
+        return
+    ask_to_place(run, missing[0])
+    run.apply(Power(POWER, True))
+    run.wait(parameters.warm_up_s, "the gyros warm up")
+    if parameters.positioning == "table":
+        make_table_ready(run)
+
+
+def rest(run: Run) -> None:
+    """Claim 1: in each position the output at rest for the first preset time."""
+    from .measuring import need_sensor_well, stand
+
+    positions = run.parameters.all_positions
+    for number, position in enumerate(positions, 1):
+        if not run.is_finished(position_unit(position)):
+            need_sensor_well(run)
+        stand(run, position, f"position {position}, {number} of {len(positions)}")
+
+
+def biases(run: Run) -> None:
+    """Claim 1: each axis' bias is the mean of its rate where it faced east."""
+    say_published(run, "bias")
+
+
+def rotate(run: Run) -> None:
+    """Claim 2: on the turntable, each axis up in turn, N rates in both senses."""
+    from .measuring import need_sensor_well, turn
+
+    turns = run.parameters.all_turns
+    for axis in AXES:
+        own = [one for one in turns if one.axis == axis and not run.is_finished(one.unit)]
+        if not own:
+            continue
+        make_table_ready(run)
+        turn_up(run, axis)
+        need_sensor_well(run)
+        for one in own:
+            turn(run, one, f"record {turns.index(one) + 1} of {len(turns)}, {one.unit}")
+
+
+def scale_factors(run: Run) -> None:
+    """Claim 2: K from the mean outputs and the rates; then the device off."""
+    say_published(run, "scale_factor")
+    run.apply(Power(POWER, False))
+
+
+def say_published(run: Run, name: str) -> None:
+    """Say and record what the source's own rule gives for a result, from what is recorded."""
+    from .evaluate import POSITION, TURN, dataset_of_run
+    from .findings import UNITS, published_values
+
+    kinds = (POSITION,) if name == "bias" else (TURN,)
+    dataset = dataset_of_run(run.read_back(), run.parameters, run.bench, kinds)
+    turned = sorted({one.axis for one in dataset.turns})
+    said = []
+    for one in published_values(dataset, turned):
+        if one.name != name or one.value is None:
+            continue
+        unit = UNITS[name]
+        run.record.event("published-value", name=name, axis=one.axis, value=one.value, unit=unit)
+        said.append(f"{one.axis} {one.value:.7g}{'' if unit == '1' else f' {unit}'}")
+    if said:
+        run.progress.say(f"    as published, {name}: {', '.join(said)}")
+
+
+STEPS = (
+    Step("1a", "Mount the sensor, switch it on, let it warm up", mount),
+    Step("1b", "At rest in each position, one axis after the other facing east", rest),
+    Step("1c", "Biases: means of the axes that faced east", biases),
+    Step("2a", "Each axis up, N rates in both senses, whole turns", rotate),
+    Step("2b", "Scale factors from outputs and rates; then off", scale_factors),
+)
+
+
 PAIRS = ("XY", "XZ", "YX", "YZ", "ZX", "ZY")
 
 

@@ -1,13 +1,236 @@
-"""SERF gyro: angles between the three coils of its cell, from free precession in their fields."""
+"""SERF gyro: angles between the three coils of its cell, from free precession in their fields.
+
+Source: "In-situ calibration of the non-orthogonality angles of a SERF gyro's magnetic field by its
+built-in magnetometer" (Chinese patent text 36201635, 2023-01-04), claims and steps 1 to 7.
+"""
 
 from __future__ import annotations
 
-from station.procedure import Procedure, ResultKind, usual_modules
+import math
+from typing import TYPE_CHECKING
 
+from station.errors import ConditionNotReached
+from station.method.cell_commands import PumpLight
+from station.procedure import Procedure, Prompt, ResultKind, Step, usual_modules
+
+from .cell import Cell, LightPassed, fields_lost, null_residual_field
 from .parameters import SerfParameters
-from .shots import AXES, PAIRS
-from .steps import STEPS, prompts
-from .work import check, instruments, outlook, records, work
+from .shots import AXES, PAIRS, REPEATED, Wanted
+from .work import PUMP, check, fields_of, held, instruments, outlook, records, work
+
+if TYPE_CHECKING:
+    from station.runner.run import Run
+
+    from .checks import PublishedAngles
+
+CABLES = Prompt(
+    "connect-cables",
+    "Connect the generators to the coils x, y, z and the gradient coil, the detector to the "
+    "digitizer, and the digitizer's trigger output to its trigger input, to the generators and to "
+    "the shutter.",
+)
+HEAT = Prompt("heat-cell", "Bring the cell to its working temperature; note it as the answer.")
+REST = Prompt("gyro-at-rest", "Fix the gyro at rest in inertial space, its loops open.")
+
+
+def prompts(parameters: SerfParameters) -> tuple[Prompt, ...]:
+    """Return what the operator may be asked to do."""
+    return (CABLES, HEAT, REST)
+
+
+def all_finished(run: Run) -> bool:
+    """Whether nothing is left to measure."""
+    return all(run.is_finished(shot.id) for shot in run.parameters.wanted)
+
+
+def depolarise(run: Run) -> None:
+    """Step 1: cell warm, gyro at rest; where it was running, a gradient depolarises its nuclei."""
+    parameters: SerfParameters = run.parameters
+    run.ask(CABLES.id, CABLES.text)
+    run.ask(HEAT.id, HEAT.text)
+    run.ask(REST.id, REST.text)
+    if all_finished(run):
+        return
+    cell = run.state(Cell, run)
+    cell.prepare()
+    run.record.event("field-on", instrument="signal_generator")
+    if not parameters.gyro_was_running:
+        run.progress.say("    the gyro was not running: no nuclei to depolarise, as published")
+        return
+    rule = parameters.depolarise
+    for attempt in range(1, rule.rounds + 1):
+        run.apply(held("gradient", rule.gradient_nT_per_cm))
+        run.wait(rule.duration_s, "the gradient depolarises the nuclei")
+        cell.release("gradient")
+        seen_Hz = first_frequency_Hz(run, "the nuclei are looked for")
+        low_Hz, high_Hz = expected_Hz(parameters)
+        run.record.event("depolarised", attempt=attempt, frequency_Hz=seen_Hz)
+        if seen_Hz is not None and low_Hz <= seen_Hz <= high_Hz:
+            return
+    raise ConditionNotReached(
+        f"after {rule.rounds} times {rule.duration_s:g} s of {rule.gradient_nT_per_cm:g} nT/cm the "
+        f"precession at the digitizer is {'not seen' if seen_Hz is None else f'{seen_Hz:.1f} Hz'}, "
+        f"{low_Hz:.0f} Hz to {high_Hz:.0f} Hz would be right without a field of the nuclei; let "
+        "the gradient act longer (depolarise.duration), look for a field that nobody commanded, or "
+        "see that signal_generator.xy, signal_generator.z_gradient and pump_laser hear the trigger"
+    )
+
+
+def expected_Hz(parameters: SerfParameters) -> tuple[float, float]:
+    """Return the bounds of the first shot's frequency where only its field is there."""
+    field_nT = math.hypot(*parameters.wanted[0].field_nT)
+    gamma, q = parameters.gyromagnetic_ratio_Hz_per_nT, parameters.slowing_down
+    slack = fields_lost(field_nT)
+    return gamma * field_nT / q.at_rest * (1 - slack), gamma * field_nT / q.polarised * (1 + slack)
+
+
+def first_frequency_Hz(run: Run, said: str) -> float | None:
+    """Fire the plan's first shot, as a look, and return its frequency; None where none is seen."""
+    from .precession import fit_of
+
+    fit = fit_of(
+        run.state(Cell, run).look(run.parameters.wanted[0], said), run.parameters.mains_frequency_Hz
+    )
+    return None if fit is None else fit.frequency_Hz
+
+
+def null(run: Run) -> None:
+    """Step 2: the gradient is off; the residual field is nulled by what the spins tell of it."""
+    if all_finished(run):
+        return
+    run.may_pause()
+    null_residual_field(run, run.state(Cell, run))
+
+
+def take(run: Run, shot: Wanted) -> None:
+    """Take one shot; a bad one is taken again, up to the plan's number of times.
+
+    One that stays bad is kept as it is: the analysis leaves it out, and says so. A shutter that
+    stays open is an error, since every other shot would be as bad.
+    """
+    parameters: SerfParameters = run.parameters
+    if run.is_finished(shot.id):
+        return
+    run.may_pause()
+    cell = run.state(Cell, run)
+    details = {
+        "field_nT": list(shot.field_nT),
+        "held_nT": [cell.held_nT[axis] for axis in "xyz"],
+        "delay_s": cell.delay_s,
+    }
+    with run.unit(shot.id, **details):
+        for left in range(parameters.repeats, -1, -1):
+            reason = bad_attempt(run, cell, shot, last=left == 0)
+            if reason is None:
+                return
+            run.progress.say(f"    {shot.id}: {reason}")
+            if left:
+                run.record.event(REPEATED, unit=shot.id, reason=reason)
+        run.record.event("shot-stays-bad", unit=shot.id, reason=reason)
+
+
+def bad_attempt(run: Run, cell: Cell, shot: Wanted, *, last: bool) -> str | None:
+    """Fire a shot and record it; return why it is bad, None where it is good.
+
+    Raises LightPassed where the light was not blocked at the last attempt.
+    """
+    from station.runner.verbs import keep
+
+    from .precession import bad_because, fit_of
+
+    try:
+        block = cell.fire(fields_of(shot, run.parameters), f"shot {shot.id}")
+    except LightPassed:
+        if last:
+            raise
+        return "the shutter of the pump light stayed open"
+    keep(run, shot.id, cell.digitizer, block)
+    parameters: SerfParameters = run.parameters
+    seen = cell.shot_of(shot, block)
+    fit = fit_of(seen, parameters.mains_frequency_Hz) if len(seen.time_s) else None
+    reason = bad_because(seen, fit, cell.usual, max(parameters.field_levels_nT.values()))
+    if reason is None and fit is not None:
+        cell.usual.append(fit)
+    return reason
+
+
+def first_shot(run: Run) -> None:
+    """Step 3: the field of one coil on and the pump light off together; the signal is recorded."""
+    take(run, run.parameters.wanted[0])
+
+
+def read_slowing_down(run: Run) -> None:
+    """Step 4: the frequency of the first shot gives the slowing-down factor Q."""
+    paper, frequency_Hz = published_so_far(run, 1)
+    if paper.slowing_down is not None:
+        q = paper.slowing_down
+        run.record.event("published-value", name="slowing_down_factor", value=q, unit="1")
+        run.progress.say(f"    {frequency_Hz:.2f} Hz, Q = {q:.3f}")
+
+
+def published_so_far(run: Run, count: int) -> tuple[PublishedAngles, float]:
+    """Return what the published rule makes of the first shots, read back from the record.
+
+    With it the frequency of the last of them in Hz, NaN where it holds no tone.
+    """
+    import numpy as np
+
+    from .checks import published_angles
+    from .evaluate import shot_of_unit
+    from .precession import fit_of
+
+    parameters: SerfParameters = run.parameters
+    folder, wanted = run.read_back(), parameters.wanted[:count]
+    shots = [shot_of_unit(folder, one, parameters, run.bench) for one in wanted]
+    fits = [fit_of(shot, parameters.mains_frequency_Hz) for shot in shots]
+    hertz = np.array([np.nan if fit is None else fit.frequency_Hz for fit in fits])
+    paper = published_angles(
+        np.array([shot.field_nT for shot in shots]),
+        2.0 * np.pi * hertz,
+        2.0 * np.pi * parameters.gyromagnetic_ratio_Hz_per_nT,
+    )
+    return paper, float(hertz[-1])
+
+
+def first_pair(run: Run) -> None:
+    """Step 5: two coils together, the pump light off, and the signal is recorded."""
+    take(run, run.parameters.wanted[1])
+
+
+def read_first_angle(run: Run) -> None:
+    """Step 6: its frequency gives the total field; the law of cosines gives the angle."""
+    pair = run.parameters.wanted[1].coils
+    angle_deg = published_so_far(run, 2)[0].angles_deg[pair]
+    if angle_deg is not None:
+        name = "nonorthogonality_angle"
+        run.record.event("published-value", name=name, axis=pair, value=angle_deg, unit="deg")
+        run.progress.say(f"    as published theta_{pair} = {angle_deg:.3f} deg")
+
+
+def other_shots(run: Run) -> None:
+    """Step 7: the same for the other pairs, and every other shot of the plan; then all off."""
+    wanted = run.parameters.wanted
+    for number, shot in enumerate(wanted[2:], 3):
+        run.say_progress(f"shot {number} of {len(wanted)}")
+        take(run, shot)
+    cell = run.state(Cell, run)
+    run.apply(PumpLight(PUMP, False))
+    for generator in cell.generators.values():
+        for channel in (1, 2):
+            generator.switch_off(channel)
+    run.record.event("field-off", instrument="signal_generator")
+
+
+STEPS = (
+    Step("1", "Warm cell, gyro at rest; depolarise the nuclei", depolarise),
+    Step("2", "Gradient off; null the residual field", null),
+    Step("3", "One coil on, pump light off, record the precession", first_shot),
+    Step("4", "Read the frequency: slowing-down factor Q", read_slowing_down),
+    Step("5", "Two coils on, pump light off, record", first_pair),
+    Step("6", "Read the frequency: total field, angle", read_first_angle),
+    Step("7", "The other pairs, and the other shots of the plan", other_shots),
+)
+
 
 PROCEDURE = Procedure(
     name="serf-nonorthogonality",

@@ -1,1 +1,0 @@
-"""Estimators that several procedures share: pure functions of NumPy arrays."""

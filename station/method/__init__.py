@@ -1,1 +1,0 @@
-"""How a procedure is declared: commands, work and what follows from them."""

@@ -1,1 +1,0 @@
-"""From a plan and a bench to a sealed run folder."""

@@ -1,1 +1,0 @@
-"""What brings a bench to rest, watches its limits, and keeps a tripped one from being used."""
