@@ -96,7 +96,8 @@ RUN_FILES = {
     "values given with `--set`",
     "events.jsonl": "the log: one JSON object a line, each with the SHA-256 of the line before",
     "raw/SOURCE-NNN.mcap": "raw rows of one source, one file for each process that wrote",
-    "trace/INSTRUMENT.txt": "`run --trace`: every byte of one instrument's line, with its run time",
+    "trace/INSTRUMENT.txt": "`run --record-wire`: every exchange of one instrument, with its time; "
+    "in `segment-N/` that of a process which went on with the run",
     "spectrum-AXIS.csv": "rlg-magnetic-sensitivity: the table of step S6; `IA-NA-LA` for coils "
     "driven at once",
     "results.json": "the results; a copy of revision 000",

@@ -12,7 +12,7 @@ import can
 
 from drivers.transport.kept_frames import READ_SLICE_S, KeptFrames
 from drivers.transport.serial_port import CONNECT_DEADLINE_S, SocketPort, connected, one_line
-from station.clock import boot_seconds
+from station.clock import FarEnd, boot_seconds
 from station.roles import Place
 
 GREETING, OPENED = b"< hi >", b"< ok >"
@@ -121,6 +121,45 @@ class Socketcand(can.BusABC):  # type: ignore[misc]  # python-can is not typed h
 LONGEST_TRACE = 80
 
 
+class TextBus(can.BusABC):  # type: ignore[misc]  # python-can is not typed here
+    """A CAN bus whose far end gives and takes frames as a trace has them: `100#0300 NAME`."""
+
+    def __init__(self, far: FarEnd) -> None:
+        self._far = far
+        self._messages: deque[can.Message] = deque()
+        super().__init__(channel="a transcript")
+
+    @property
+    def waiting(self) -> bool:
+        """Whether a message has come that nobody has taken yet."""
+        return bool(self._messages)
+
+    def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
+        """Return the next message that has come; raises OSError."""
+        if not self._messages:
+            self._messages.extend(map(message_of, self._far.messages()))
+        return (self._messages.popleft() if self._messages else None), False
+
+    def send(self, msg: can.Message, timeout: float | None = None) -> None:
+        """Give a frame to the far end."""
+        self._far.write(frame_text(msg.arbitration_id, bytes(msg.data)).encode())
+
+
+Bus = Socketcand | TextBus
+
+
+def frame_text(identifier: int, data: bytes) -> str:
+    """Return a frame as a trace has it."""
+    return f"{identifier:03X}#{data.hex().upper()}"
+
+
+def message_of(text: bytes) -> can.Message:
+    """Return the frame that a trace has written."""
+    name, _, rest = text.decode("ascii").partition("#")
+    data = bytes.fromhex(rest.partition(" ")[0])
+    return can.Message(arbitration_id=int(name, 16), data=data, is_extended_id=len(name) > 3)
+
+
 @dataclass(frozen=True)
 class Frame:
     """A received frame: identifier, data and the run time at which it reached the computer."""
@@ -152,7 +191,12 @@ class CanLine(KeptFrames[Frame]):
                 "write socketcand://host:port/channel in the bench file",
             )
         try:
-            self._bus = Socketcand(parts.hostname, parts.port, channel, self._passed_over)
+            far = self._wire.port()
+            self._bus: Bus = (
+                TextBus(far)
+                if far
+                else Socketcand(parts.hostname, parts.port, channel, self._passed_over)
+            )
         except OSError as error:
             raise self._nobody_answers(
                 one_line(error), "start socketcand, check the adapter"
@@ -211,5 +255,5 @@ class CanLine(KeptFrames[Frame]):
     def _traced_frame(self, direction: str, identifier: int, data: bytes) -> None:
         if self._trace is not None:
             name = self._names.get(identifier, "")
-            text = f"{identifier:03X}#{data.hex().upper()} {name}".rstrip()
+            text = f"{frame_text(identifier, data)} {name}".rstrip()
             self._trace(direction, text.encode())

@@ -16,7 +16,7 @@ from typing import TypeVar
 
 from drivers.transport.line import AnswerInDoubt, LineBroken, TracedLine, shortened
 from drivers.transport.retry import NEVER, TRIES, Proof, Repeatable, repeated
-from drivers.transport.serial_port import Port, SocketPort, one_line
+from drivers.transport.serial_port import Port, one_line
 from station.errors import InstrumentError, InstrumentTimeout
 from station.roles import Place
 
@@ -28,7 +28,7 @@ QUIET_S = 0.1
 
 QUIET_LOOKS = 5
 LARGEST_ANSWER_BYTES = 1 << 20
-LARGEST_TRACE_BYTES = 4096
+LARGEST_NOTE_BYTES = 4096
 
 
 class ExchangePort(TracedLine, ABC):
@@ -78,7 +78,7 @@ class ExchangePort(TracedLine, ABC):
         """Have the next exchange begin on a line that is opened anew and quiet."""
         with self._lock:
             self._last, self._must_calm = None, True
-            if isinstance(self._port, SocketPort):
+            if self._port is not None and self._port.is_connection:
                 self._disconnect()
 
     @abstractmethod
@@ -149,7 +149,7 @@ class ExchangePort(TracedLine, ABC):
         if came:
             self._doubt(came, last[0] if last else "")
         self._must_calm = True
-        if isinstance(port, SocketPort):
+        if port.is_connection:
             self._disconnect()  # what is still on its way ends with the connection
             port = self._open()
         else:
@@ -172,9 +172,9 @@ class ExchangePort(TracedLine, ABC):
         """Note that something came which nobody had asked for, behind an answer to `asked`."""
         self.doubts += 1
         self._must_calm = True
-        self._traced("<", came[:LARGEST_TRACE_BYTES])
+        self._traced("<", came)
         self._traced("-", b"not asked for, forgotten")
-        text = came[:LARGEST_TRACE_BYTES].decode("ascii", "backslashreplace")
+        text = came[:LARGEST_NOTE_BYTES].decode("ascii", "backslashreplace")
         self._place.note("line-resynchronised", came=shortened(text), after=shortened(asked))
 
     def _attempt(self, send: Callable[[Port], None], attempted: str) -> None:
@@ -200,7 +200,7 @@ class ExchangePort(TracedLine, ABC):
     def _open(self, *, calm: bool = True) -> Port:
         port: Port | None = None
         try:
-            port = self._port_opened()
+            port = self._wire.port() or self._port_opened()
             self._wire.open()
             self._opened += 1
             self._traced("-", b"opened" if self._opened == 1 else b"reopened")
@@ -220,7 +220,7 @@ class ExchangePort(TracedLine, ABC):
 
     def _needs_quiet(self, port: Port) -> bool:
         """Whether late answers may still come over a line that has just been opened."""
-        return self._opened > 1 or not isinstance(port, SocketPort)
+        return self._opened > 1 or not port.is_connection
 
     def _await_quiet(self, port: Port) -> None:
         """Read until nothing has come for a while; what comes is no answer to anything.
@@ -233,7 +233,7 @@ class ExchangePort(TracedLine, ABC):
             if not came:
                 self._must_calm = False
                 return
-            self._traced("<", came[:LARGEST_TRACE_BYTES])
+            self._traced("<", came)
             self._traced("-", b"not asked for, forgotten")
         raise self._fault(
             f"waited {QUIET_LOOKS * QUIET_S:g} s for an empty line",
@@ -306,7 +306,7 @@ class ExchangePort(TracedLine, ABC):
             raise self._broken(attempted, error, answer) from error
         finally:
             if answer:
-                self._traced("<", answer[:LARGEST_TRACE_BYTES])
+                self._traced("<", answer)
         if not answer:
             raise self._silent(attempted, "no answer came", deadline_s)
         self._wire.received()

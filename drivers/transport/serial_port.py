@@ -41,6 +41,11 @@ class SerialSettings(DriverSettings):
 class Port(Protocol):
     """Bytes in and out; OSError once it is broken."""
 
+    @property
+    def is_connection(self) -> bool:
+        """Whether what was on its way ends with the port: a network connection."""
+        ...
+
     def read(self, timeout_s: float) -> bytes:
         """Return what has come, or what comes first within a real time; empty for nothing."""
         ...
@@ -59,6 +64,8 @@ class SocketPort:
 
     `give_back` closes a connection that somebody else has opened.
     """
+
+    is_connection = True
 
     def __init__(
         self, connection: socket.socket, give_back: Callable[[], None] | None = None
@@ -115,6 +122,8 @@ def connected(host: str, port: int) -> SocketPort:
 
 class DevicePort:
     """Whatever pyserial opens by name: `COM3`, `/dev/ttyUSB0`, `rfc2217://host:port`."""
+
+    is_connection = False
 
     def __init__(self, name: str, framing: SerialSettings) -> None:
         self._port: Any = serial.serial_for_url(

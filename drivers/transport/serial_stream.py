@@ -48,7 +48,7 @@ class SerialStream(KeptFrames[StreamFrame]):
         self._split = split
         self._pending = b""
         try:
-            self._port: Port = open_port(place.address, framing)
+            self._port: Port = self._wire.port() or open_port(place.address, framing)
         except (OSError, ValueError) as error:
             raise self._nobody_answers(one_line(error)) from error
         self._begin_to_read()

@@ -81,6 +81,8 @@ class VisaPort:
     connections. GPIB, USB, VXI-11 and HiSLIP keep answers and questions together themselves.
     """
 
+    is_connection = False
+
     def __init__(self, resource: Any, *, bare: bool) -> None:
         self._resource, self._bare = resource, bare
         self._timeout_ms = math.nan

@@ -11,16 +11,19 @@ import typer
 from station.cli.options import (
     DEFAULT_BENCH,
     MOUNTED,
-    RUN_HELP,
     Answers,
     BenchFile,
     BenchName,
+    Detached,
     ExportFormat,
     Json,
     Kind,
+    NewestRun,
     NonInteractive,
     Overrides,
+    PlanName,
     Procedure,
+    Rehearsed,
     ReportFormat,
     RunFolder,
     SchemaKind,
@@ -69,12 +72,7 @@ def validate(
 
 @app.command()
 def run(
-    plan: Annotated[
-        str,
-        typer.Argument(
-            help="Test plan: a path, or a name in config/plans.", autocompletion=complete_plan
-        ),
-    ],
+    plan: PlanName,
     bench: BenchName = DEFAULT_BENCH,
     non_interactive: NonInteractive = False,
     answers: Answers = None,
@@ -85,14 +83,8 @@ def run(
         bool, typer.Option("--dry-run", help="Print durations and set-points; open nothing.")
     ] = False,
     trace: Traced = False,
-    rehearse: Annotated[
-        bool,
-        typer.Option("--rehearse", help="On a simulated bench, ask what a real one would ask."),
-    ] = False,
-    detach: Annotated[
-        bool,
-        typer.Option("--detach", help="Run without this terminal; `station attach` shows it."),
-    ] = False,
+    rehearse: Rehearsed = False,
+    detach: Detached = False,
     json: Json = False,
 ) -> None:
     """Run a test plan; leaves a folder of data and report."""
@@ -228,16 +220,23 @@ def export(
 
 
 @app.command()
-def status(
-    run: Annotated[
+def replay(
+    folder: RunFolder,
+    write_test: Annotated[
         Path | None,
-        typer.Argument(
-            metavar="[RUN]",
-            help=f"{RUN_HELP} Without it, the newest.",
-            callback=named_run,
-            autocompletion=complete_run,
-        ),
+        typer.Option("--write-test", metavar="FILE", help="Write a pytest file that replays it."),
     ] = None,
+    json: Json = False,
+) -> None:
+    """Serve a run's transcript to the drivers; list deviations."""
+    from station.cli.replaying import replay_run
+
+    raise typer.Exit(replay_run(folder, write_test, as_json=json))
+
+
+@app.command()
+def status(
+    run: NewestRun = None,
     json: Json = False,
 ) -> None:
     """Show the state of a run, from its log alone."""

@@ -64,13 +64,37 @@ Served = Annotated[
     Path | None, typer.Option(help="File with the first line of a running `station sim`.")
 ]
 Traced = Annotated[
-    bool, typer.Option("--trace", help="Write every byte on the wires into the run folder.")
+    bool,
+    typer.Option(
+        "--record-wire", "--trace", help="Write every exchange on the wires into the run folder."
+    ),
 ]
 
 RUN_HELP = "Run folder, or a part of the name of one in ./runs."
+PlanName = Annotated[
+    str,
+    typer.Argument(
+        help="Test plan: a path, or a name in config/plans.", autocompletion=complete_plan
+    ),
+]
+Rehearsed = Annotated[
+    bool, typer.Option("--rehearse", help="On a simulated bench, ask what a real one would ask.")
+]
+Detached = Annotated[
+    bool, typer.Option("--detach", help="Run without this terminal; `station attach` shows it.")
+]
 RunFolder = Annotated[
     Path,
     typer.Argument(metavar="RUN", help=RUN_HELP, callback=named_run, autocompletion=complete_run),
+]
+NewestRun = Annotated[
+    Path | None,
+    typer.Argument(
+        metavar="[RUN]",
+        help=f"{RUN_HELP} Without it, the newest.",
+        callback=named_run,
+        autocompletion=complete_run,
+    ),
 ]
 BenchFile = Annotated[
     str,

@@ -1,6 +1,14 @@
 """Time for everything that waits or stamps; the only package that asks the operating system."""
 
-from station.clock.base import Attendant, Clock, ClockError, ClockStopped, ParticipantThread, Wire
+from station.clock.base import (
+    Attendant,
+    Clock,
+    ClockError,
+    ClockStopped,
+    FarEnd,
+    ParticipantThread,
+    Wire,
+)
 from station.clock.pulse import Pulse, Quiet
 from station.clock.real import (
     RealClock,
@@ -16,6 +24,7 @@ __all__ = [
     "Clock",
     "ClockError",
     "ClockStopped",
+    "FarEnd",
     "ParticipantThread",
     "Pulse",
     "Quiet",

@@ -62,6 +62,31 @@ class Attendant(Protocol):
         """Be told that nobody reads the connection any more; the server does so again itself."""
 
 
+class FarEnd(Protocol):
+    """What a wire of a recorded transcript gives a client in place of a port."""
+
+    @property
+    def is_connection(self) -> bool:
+        """Whether what was on its way ends with the port: a network connection."""
+        ...
+
+    def read(self, timeout_s: float) -> bytes:
+        """Return what has come; OSError where the line broke."""
+        ...
+
+    def messages(self) -> list[bytes]:
+        """Return each message that has come; OSError where the line broke."""
+        ...
+
+    def write(self, data: bytes) -> None:
+        """Take a message of the client."""
+        ...
+
+    def close(self) -> None:
+        """Let the client go."""
+        ...
+
+
 class Wire(ABC):
     """Count what is in flight between one client and one server, in units both sides can count.
 
@@ -75,6 +100,13 @@ class Wire(ABC):
     @abstractmethod
     def close(self) -> None:
         """Say that the client is gone; what was in flight is forgotten."""
+
+    def port(self) -> FarEnd | None:
+        """Return the far end where it is in this process, None where a client opens a real line.
+
+        Raises OSError where nobody answers.
+        """
+        return None
 
     @abstractmethod
     def sent(self, units: int) -> None:

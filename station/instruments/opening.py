@@ -130,7 +130,7 @@ def open_one(
         what = f"it is reached over {' and '.join(silent)}, which could not be opened"
         return Probe(name, False, f"{name}: {what}")
     address = addresses.get(name, entry.address or "")
-    tracer = trace.of(name) if trace else None
+    tracer = trace.of(name, address) if trace else None
     publisher = readings.publisher(name) if readings else None
     place = Place(
         name,

@@ -31,7 +31,7 @@ from station.runner.outcome import NO_MEMORY, Outcome, in_one_sentence, is_lack_
 from station.runner.preflight import look_before_a_run, watch_system_clock
 from station.runner.progress import Progress, how_long
 from station.runner.run import Run
-from station.runner.session import BenchSession
+from station.runner.session import BenchSession, Replay
 from station.runner.step_runner import StepRunner
 from station.runner.trace import Trace
 from station.safety.acknowledgement import addresses_of, refuse_until_acknowledged
@@ -58,6 +58,8 @@ class Request:
     """Whether a person is asked for what the simulated world would do by itself."""
     announce: Path | None = None
     """A file to write the run folder into: this process is detached, and has no terminal."""
+    replay: Replay | None = None
+    """The transcript that takes the place of every instrument."""
 
 
 def execute(request: Request) -> Outcome:
@@ -68,8 +70,9 @@ def execute(request: Request) -> Outcome:
     """
     plan, bench = request.plan, request.bench
     procedure = procedure_of(plan.procedure)
-    refuse_until_acknowledged(bench.path, [] if request.served else addresses_of(bench))
-    with BenchSession(bench, plan.procedure, request.served) as session:
+    if request.replay is None:
+        refuse_until_acknowledged(bench.path, [] if request.served else addresses_of(bench))
+    with BenchSession(bench, plan.procedure, request.served, replay=request.replay) as session:
         clock = session.clock
         operator = Operator(
             clock,

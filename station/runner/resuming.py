@@ -120,7 +120,7 @@ def resume(request: ResumeRequest) -> Outcome:
             record.after_unit.append(progress.unit_finished)
             watch_system_clock(record, clock)
             run = Run(plan, bench, clock, record, progress, operator, past)
-            trace = Trace(record.path, clock) if request.trace else None
+            trace = Trace(record.path, clock, record.segment) if request.trace else None
             StepRunner(run, procedure, session, bench_file, trace, first=AS_BEFORE).go(outcome)
     conclude(record, outcome, report=request.report)
     outcome.ask_at_the_end = lambda: operator.ask_at_the_end(run.left)

@@ -5,15 +5,12 @@ from __future__ import annotations
 import json
 import socket
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol
 
 from station import registry
 from station.clock import Clock, RealClock, VirtualClock, utc_now
 from station.errors import InputError, StationError
 from station.instruments.bench import Bench
-
-if TYPE_CHECKING:
-    pass
 
 
 def clock_for(bench: Bench, served: Mapping[str, Any] | None = None, began_s: float = 0.0) -> Clock:
@@ -90,12 +87,31 @@ def served_acts(place: Mapping[str, Any] | None) -> Callable[[str], str]:
     return act
 
 
+class Replay(Protocol):
+    """A transcript in the place of every instrument: its time, addresses, and what people did."""
+
+    @property
+    def clock(self) -> Clock:
+        """The time on which the transcript is served."""
+        ...
+
+    @property
+    def addresses(self) -> Mapping[str, str]:
+        """The address of each instrument."""
+        ...
+
+    def act(self, prompt_id: str) -> str:
+        """Return what was answered to a prompt."""
+        ...
+
+
 class BenchSession:
     """The clock and the addresses of a bench, for as long as it is in use.
 
     `addresses` are those of simulated instruments; `act` does a physical act in their world, None
     where a person must. `served` is the first line of `station sim`. `began_s` is the run time at
-    which a bench on virtual time begins: that of the log's last event where a run goes on.
+    which a bench on virtual time begins: that of the log's last event where a run goes on. `replay`
+    takes the place of every instrument.
     """
 
     def __init__(
@@ -104,17 +120,21 @@ class BenchSession:
         procedure: str,
         served: Mapping[str, Any] | None = None,
         began_s: float = 0.0,
+        replay: Replay | None = None,
     ) -> None:
-        self.real = bench.simulation is None and served is None
-        self.here = bench.simulation is not None and served is None
+        self.real = bench.simulation is None and served is None and replay is None
+        self.here = (bench.simulation is not None and served is None) or replay is not None
         """Whether the bench is simulated in this process, and ends with it."""
-        self.clock: Clock = clock_for(bench, served, began_s)
+        self.clock: Clock = replay.clock if replay else clock_for(bench, served, began_s)
+        self.replayed = replay is not None
         self._simulation = None
         self.addresses: dict[str, str] = {}
         self.world = "" if served is None else f"served since {served['clock']['epoch_unix']}"
         """What sets the instruments of a served bench apart from others of the same serials."""
         self.act: Callable[[str], str] | None = None
-        if served is not None:
+        if replay is not None:
+            self.addresses, self.act = dict(replay.addresses), replay.act
+        elif served is not None:
             self.addresses = {
                 name: str(one["address"]) for name, one in served["instruments"].items()
             }

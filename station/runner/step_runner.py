@@ -334,7 +334,7 @@ class StepRunner:
         A real one is known by its instruments: those that can harm, and those the interlock sees.
         """
         trip, instruments = self._trip, None
-        if trip is None:
+        if trip is None or self._session.replayed:
             return
         if self._session.real:
             concerned = {

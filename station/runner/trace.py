@@ -14,6 +14,7 @@ from station.clock import Clock, RealClock
 from station.console import tell
 
 FOLDER = "trace"
+ADDRESS = "# address: "
 MOST_WAITING = 20_000
 """Messages that wait for the disk."""
 ENDS_WITHIN_S = 5.0
@@ -21,7 +22,10 @@ HEAD = """\
 # {name}: what went over its wire. Run time in s; > sent, < received, ! a fault, - a remark.
 # \\n is a line feed, \\r a carriage return, \\\\ a backslash, \\x00 any other byte in hexadecimal.
 # A CAN frame is its identifier, # and its data in hexadecimal, then its name if it has one.
+{address}
 """
+SEGMENT = "segment-{}"
+"""Below the folder: what a process that went on with the run wrote."""
 NAMED = {ord("\n"): "\\n", ord("\r"): "\\r", ord("\t"): "\\t", ord("\\"): "\\\\"}
 ESCAPES = [
     NAMED.get(code, chr(code) if 32 <= code < 127 else f"\\x{code:02x}") for code in range(256)
@@ -36,25 +40,31 @@ def readable(data: bytes) -> str:
 class Trace:
     """One text file per instrument below `trace/` of a run folder, one line per message.
 
+    `segment` is that of a process which goes on with a run; 0 began it.
+
     A thread writes them, message by message, so that no disk holds up an instrument. It is no part
     of the record: where it cannot be written, or not fast enough, this is said on standard error
     and the run goes on without.
     """
 
-    def __init__(self, run_folder: Path, clock: Clock) -> None:
+    def __init__(self, run_folder: Path, clock: Clock, segment: int = 0) -> None:
         self.folder = run_folder / FOLDER
+        if segment:
+            self.folder /= SEGMENT.format(segment)
         self._clock = clock
         # Virtual time waits for whoever works; real time, and what flows meanwhile, does not.
         self._waits = not isinstance(clock, RealClock)
         self._lines: Queue[tuple[str, str] | None] = Queue(MOST_WAITING)
         self._lost: Counter[str] = Counter()
         self._files: dict[str, TextIO] = {}
+        self._addresses: dict[str, str] = {}
         self._failed = False
         self._thread = Thread(target=self._write_on, name="trace", daemon=True)
         self._thread.start()
 
-    def of(self, instrument: str) -> Callable[[str, bytes], None]:
+    def of(self, instrument: str, address: str = "") -> Callable[[str, bytes], None]:
         """Return what an instrument's driver tells of its wire: a direction and the bytes."""
+        self._addresses[instrument] = address
 
         def tell(direction: str, data: bytes) -> None:
             # Words of ours, unlike bytes of the wire, may hold any letter.
@@ -96,10 +106,11 @@ class Trace:
     def _write(self, instrument: str, line: str) -> None:
         try:
             if instrument not in self._files:
-                self.folder.mkdir(exist_ok=True)
+                self.folder.mkdir(parents=True, exist_ok=True)
                 path = self.folder / f"{instrument}.txt"
                 self._files[instrument] = path.open("w", encoding="utf-8", buffering=1)
-                self._files[instrument].write(HEAD.format(name=instrument))
+                address = f"{ADDRESS}{self._addresses.get(instrument, '')}"
+                self._files[instrument].write(HEAD.format(name=instrument, address=address))
             self._files[instrument].write(line)
         except OSError as error:
             self._failed = True

@@ -1,0 +1,1 @@
+"""A recorded transcript served back to the drivers, and what they do differently."""
