@@ -1,9 +1,26 @@
 """Newport ESP301 motion controller with a rotary stage, by serial port or the TCP port of one.
 
-Sources: public clients of the ESP300 family for the commands, the error codes and CR / CR LF; a
-digest of the ESP302 programmer's manual for 80 characters a line and ten kept errors. Not
-confirmed in a primary source: the serial settings (921600 Bd by USB on the ESP301, 19200 Bd with
-handshake on the ESP300), the form of `ID?`, `TV?`, and that VU and AU can be written.
+At most 80 characters a line and ten kept errors. Commands of a line are carried out in order and do
+not wait for a movement; that it is over is asked for. Not confirmed in a primary source: the serial
+settings (921600 Bd by USB on the ESP301, 19200 Bd with handshake on the ESP300).
+
+Commands and their sources:
+    VE? - version - ESP300 clients - not confirmed
+    ID? - stage and serial number; its form - ESP300 clients - not confirmed
+    TB? - oldest error as code, time stamp and text - ESP300 clients - not confirmed
+    SN - unit, 7 is degree - ESP300 clients - not confirmed
+    VU, AU - largest velocity and acceleration; that they can be written - ESP300 clients -
+        not confirmed
+    VA, AC, AG - velocity, acceleration, deceleration - ESP300 clients - not confirmed
+    SL, SR - software limits - ESP300 clients - not confirmed
+    MO, MO? - motor on, and whether it is - ESP300 clients - not confirmed
+    OR - search for the encoder's zero - ESP300 clients - not confirmed
+    PA - turn to an absolute angle, without waiting - ESP300 manual p.3-2, 3-8 - confirmed
+    MD? - whether the movement is over - ESP300 clients - not confirmed
+    TP? - angle of the encoder - ESP300 manual p.3-2, 3-8 - confirmed
+    DP?, TV? - commanded angle, velocity - ESP300 clients - not confirmed
+    ST - stop with the programmed deceleration - ESP300 clients - not confirmed
+    AB - abort all motion - ESP300 clients - not confirmed
 """
 
 from __future__ import annotations
@@ -110,7 +127,8 @@ class NewportEsp301(Driver):
         for name, unit, maximum, headers in MOVING:
             wanted = self.limit(name)
             command = self._of_axis(f"{maximum}{wanted:.6g}")
-            self._line.command(command, but_for=(PROTECTED, OUT_OF_RANGE))
+            if self._line.command(command, but_for=(PROTECTED, OUT_OF_RANGE)):
+                self.met(f"keeps its own {maximum}")
             rating = self._number(f"{maximum}?")
             if wanted > rating + AGREES:
                 raise self.error(

@@ -62,15 +62,16 @@ class EspLine(SerialLine):
         """Return the answer to a query as a finite number; anything else is InstrumentError."""
         return number_of(self._place.name, message, self.query(message))
 
-    def command(self, message: str, *, but_for: Collection[int] = ()) -> None:
+    def command(self, message: str, *, but_for: Collection[int] = ()) -> int:
         """Send a command and ask for an error in the same line; a reported one is raised.
 
-        `but_for` are errors of the axis that are no fault here.
+        `but_for` are errors of the axis that are no fault here. Returns such an error, or 0.
         """
         code, text = self._error(f"{message};{ERROR_QUERY}")
         if code and code not in [100 * self._axis + one for one in but_for]:
             self.forget_errors()
             raise self.named(f"sent {message!r}", code, text)
+        return code
 
     def check(self, attempted: str) -> None:
         """Raise InstrumentError for the oldest error that is kept, and forget the others."""

@@ -2,12 +2,14 @@
 
 From public clients of the ESP300 family and what they quote of its manual: `xxAAnn` with `;`
 between commands, at most 80 characters a line, CR at its end, CR LF at the end of an answer, error
-codes, ten errors kept in the order they came, reported only when asked. What no source at hand
-says, and is assumed: what comes when ten errors are kept is lost; a target beyond a software limit
-is refused with x06 or x07 and nothing moves; a changed velocity or acceleration holds from the
-next movement on; the maximum velocity can be lowered by VU, and VA follows it; a line that is too
-long is refused whole with 7. Left out: waiting commands (WS, WP, WT), groups, stored programs,
-units other than degrees.
+codes, ten errors kept in the order they came, reported only when asked. Commands do not wait; WS
+and WT hold the rest of the line and what comes after it. ST refuses no axis that exists.
+
+What no source at hand says, and is assumed: what comes when ten errors are kept is lost; a target
+beyond a software limit is refused with x06 or x07 and nothing moves; a changed velocity or
+acceleration holds from the next movement on; the maximum velocity can be lowered by VU, and VA
+follows it; a line that is too long is refused whole with 7; WT is taken with an axis and without.
+Left out: WP, groups, stored programs, units other than degrees.
 """
 
 from __future__ import annotations
@@ -21,7 +23,10 @@ from typing import ClassVar
 from sim_instruments.faults.lasting import EmergencyStop, EncoderJump, FollowingError, Stuck
 from sim_instruments.instrument import Setting
 from sim_instruments.newport.esp301_axis import AXIS, Axis, EspError, text_of
-from sim_instruments.wire.requests import LineInstrument
+from sim_instruments.newport.esp301_set_up import SetUp
+from sim_instruments.newport.esp301_waiting import Waiting
+from sim_instruments.wire.held_lines import HeldLineServer
+from sim_instruments.wire.requests import LineInstrument, LineServer
 from sim_instruments.world.rotation import RotationHistory
 
 VERSION = "ESP301 Version 3.0.1 6/1/99"
@@ -30,6 +35,7 @@ LONGEST_LINE = 80
 AXES = 3
 DEGREES = 7
 COMMAND = re.compile(r"(\d*)\s*([A-Z]{2})\s*(.*)", re.DOTALL)
+WAITS = re.compile(rb"\s*\d*\s*W[ST].*", re.IGNORECASE | re.DOTALL)
 HELD = {
     "VA": "rate",
     "VU": "largest_rate",
@@ -69,6 +75,8 @@ class NewportEsp301(LineInstrument):
         # In some worlds nothing is mounted on it.
         rotation = setting.world.find(RotationHistory) or RotationHistory()
         self._axis = Axis(setting.truth, rotation, setting.faults, setting.rng, setting.clock.now)
+        self._waiting = Waiting(self._axis)
+        self._set_up = SetUp(self._axis.step_deg, number)
         self._general = self._general_commands()
         self._of_axis = self._axis_commands()
         self.begin_to_serve(setting)
@@ -76,6 +84,12 @@ class NewportEsp301(LineInstrument):
     def energised(self) -> bool:
         """Return whether the stage turns."""
         return self._axis.turns()
+
+    def _server_kind(self) -> Callable[..., LineServer]:
+        return partial(HeldLineServer, parts=parts, held_s=self._held_s)
+
+    def _held_s(self) -> float:
+        return self._waiting.left_s(self._clock.now())
 
     def _line(self, line: bytes) -> bytes:
         text = line.decode("ascii", "replace").strip()
@@ -115,6 +129,8 @@ class NewportEsp301(LineInstrument):
         if not 1 <= int(axis) <= AXES:
             raise EspError(9)
         if int(axis) != AXIS:
+            if name == "ST":
+                return None
             raise EspError(100 * int(axis) + 8)
         return self._of_axis[key](parameter)
 
@@ -123,6 +139,8 @@ class NewportEsp301(LineInstrument):
             **asked({"VE": lambda _: VERSION, "TE": self._take_code, "TB": self._take_text}),
             "ST": done(self._axis.stop),
             "AB": done(self._axis.switch_off),
+            "WT": self._wait,
+            **self._set_up.of_controller(),
         }
 
     def _axis_commands(self) -> dict[str, Act]:
@@ -133,6 +151,8 @@ class NewportEsp301(LineInstrument):
                     "ID": lambda _: f"{STAGE}, SN{self._serial}",
                     "TP": lambda _: decimal(axis.position_deg()),
                     "TV": lambda _: decimal(axis.velocity_deg_per_s()),
+                    "DP": lambda _: decimal(axis.desired_deg()),
+                    "MD": lambda _: str(int(axis.is_done())),
                 }
             ),
             **{f"{name}?": partial(self._shown, held) for name, held in HELD.items()},
@@ -142,8 +162,8 @@ class NewportEsp301(LineInstrument):
             "MF?": lambda _: str(int(axis.motor_on)),
             "PA": lambda text: axis.move_to(number(text)),
             "PR": lambda text: axis.move_by(number(text)),
-            "DP?": lambda _: decimal(axis.desired_deg()),
-            "MD?": lambda _: str(int(axis.is_done())),
+            "WS": lambda text: self._waiting.for_stop(milliseconds(text or "0")),
+            "WT": self._wait,
             "ST": done(axis.stop),
             "OR": self._search_home,
             "DH": lambda text: axis.define_home(number(text or "0")),
@@ -159,7 +179,11 @@ class NewportEsp301(LineInstrument):
             "OH": lambda text: setattr(axis, "home_rate", self._rate(text)),
             "OL": lambda text: setattr(axis, "home_slow_rate", self._rate(text)),
             "SH": lambda text: setattr(axis, "home_deg", number(text)),
+            **self._set_up.of_axis(),
         }
+
+    def _wait(self, text: str) -> None:
+        self._waiting.for_time(self._clock.now(), milliseconds(text))
 
     def _shown(self, held: str, parameter: str) -> str:
         return decimal(getattr(self._axis, held))
@@ -234,6 +258,18 @@ class NewportEsp301(LineInstrument):
         self._axis.high_deg = value
 
 
+def parts(line: bytes) -> list[bytes]:
+    """Return a line cut behind each command that may hold the rest of it."""
+    if len(line.strip()) > LONGEST_LINE:
+        return [line]
+    cut: list[list[bytes]] = [[]]
+    for command in line.split(b";"):
+        cut[-1].append(command)
+        if WAITS.fullmatch(command):
+            cut.append([])
+    return [b";".join(commands) for commands in cut if commands]
+
+
 def asked(queries: dict[str, Act]) -> dict[str, Act]:
     """Return queries that are the same with a question mark and without."""
     return {**queries, **{f"{name}?": act for name, act in queries.items()}}
@@ -259,6 +295,14 @@ def number(text: str) -> float:
     if not math.isfinite(value):
         raise EspError(7)
     return value
+
+
+def milliseconds(text: str) -> float:
+    """Return a time in s of a parameter in ms; EspError x01 below zero."""
+    value = number(text)
+    if value < 0:
+        raise EspError(100 * AXIS + 1)
+    return value / 1000
 
 
 def positive(text: str) -> float:

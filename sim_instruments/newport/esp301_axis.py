@@ -111,7 +111,7 @@ class Axis:
         self._sine_deg = truth.error("encoder_sine", "deg")
         self._phase_deg = truth.error("encoder_phase", "deg")
         self._noise_deg = truth.quantity("encoder_noise", "deg")
-        self._step_deg = truth.quantity("resolution", "deg")
+        self.step_deg = truth.quantity("resolution", "deg")
         self._settling_s = truth.quantity("settling", "s")
         self.stage_rate = truth.quantity("maximum_rate", "deg/s")
         self.stage_acceleration = truth.quantity("maximum_acceleration", "deg/s^2")
@@ -160,7 +160,7 @@ class Axis:
         noise_deg = self._noise_deg * float(self._rng.standard_normal())
         sine_deg = self._sine_deg * np.sin(np.radians(true_deg + self._phase_deg))
         reading = true_deg + self._zero_deg + sine_deg + jump_deg + noise_deg
-        return float(round(reading / self._step_deg) * self._step_deg)
+        return float(round(reading / self.step_deg) * self.step_deg)
 
     def desired_deg(self) -> float:
         """Return where the trajectory is."""
@@ -173,7 +173,11 @@ class Axis:
     def is_done(self) -> bool:
         """Return whether the last movement is over and settled."""
         searching = self._homed_s is not None
-        return not searching and self._now() >= self._plan.at_rest_from_s + self._settling_s
+        return not searching and self.moves_s() <= 0
+
+    def moves_s(self) -> float:
+        """Return for how long the movement is not over, 0 or less where it is."""
+        return self._plan.at_rest_from_s + self._settling_s - self._now()
 
     def turns(self) -> bool:
         """Return whether the axis truly turns, or will without another command."""

@@ -304,7 +304,7 @@ class LineInstrument(ServedInstrument, ABC):
         self, setting: Setting, lock: AbstractContextManager[object] | None = None
     ) -> None:
         """Listen from now on; each line is answered while `lock`, or the world's, is held."""
-        self._server = LineServer(
+        self._server = self._server_kind()(
             setting.name,
             setting.port,
             setting.clock,
@@ -319,6 +319,10 @@ class LineInstrument(ServedInstrument, ABC):
             busy_s=self.busy_s,
         )
         self._server.begin()
+
+    def _server_kind(self) -> Callable[..., LineServer]:
+        """Return what makes the server of the port."""
+        return LineServer
 
     @abstractmethod
     def _line(self, line: bytes) -> bytes:

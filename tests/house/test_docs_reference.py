@@ -187,7 +187,7 @@ def test_what_a_page_prints_is_compared_line_by_line() -> None:
 
 
 NOT_YET = {
-    *("acutrol-3000", "kvh-1775", "newport-esp301", "watlow-f4", "watlow-f4t"),
+    *("acutrol-3000", "kvh-1775", "watlow-f4", "watlow-f4t"),
     "watlow-output-power",
 }
 """Drivers whose commands are still to be listed."""

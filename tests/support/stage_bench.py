@@ -115,7 +115,17 @@ class RawStage(Line):
 
     def lines(self, text: str) -> list[str]:
         """Send a line and return the lines of its answer."""
-        answer = self.raw_ask(text.encode("ascii") + b"\r").decode("ascii")
+        return self._lines(self.raw_ask(text.encode("ascii") + b"\r"))
+
+    def more(self) -> list[str]:
+        """Return the lines that a held part of a line answers later."""
+        assert self._wire.wait(self._clock.now() + 5.0)
+        data = self._socket.recv(65536)
+        self._wire.received()
+        return self._lines(data)
+
+    def _lines(self, data: bytes) -> list[str]:
+        answer = data.decode("ascii")
         assert answer.endswith("\r\n")
         return answer.removesuffix("\r\n").split("\r\n")
 
