@@ -10,96 +10,26 @@ Other sources, and what else is not confirmed: see `multimeter_34465a_bursts.py`
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import AfterValidator, Field
 
-from drivers.keysight.multimeter_34465a_bursts import (
-    INTEGRATION_CYCLES,
-    MOST_READINGS,
-    BurstMeter,
-    Function,
-    MainsSettings,
-    is_overload,
-)
-from station.errors import InstrumentError
+from drivers.generic.burst_meter import Function, MainsSettings, is_overload
+from drivers.generic.voltmeter import Voltmeter
+from drivers.keysight.multimeter_34465a_bursts import INTEGRATION_CYCLES, TruevoltMeter
 from station.fields import Unit
 from station.roles import Block, Place, quantity
 
 VOLTS = Function("VOLT:DC", "V", (0.1, 1.0, 10.0, 100.0, 1000.0), (0.12, 1.2, 12.0, 120.0, 1000.0))
 
 
-class Keysight34465A(BurstMeter):
+class Keysight34465A(Voltmeter, TruevoltMeter):
     """A voltmeter that takes bursts on one range, its input above 10 Gohm up to 10 V."""
 
-    class Settings(MainsSettings):
-        """How it measures."""
-
-        auto_zero: bool = Field(True, description="without it twice as fast, and the zero drifts")
-
-    roles: ClassVar = ("multimeter",)  # it has a thermometer's verbs, and measures volts
     function = VOLTS
-    source = "multimeter"
-    integration_cycles: ClassVar = INTEGRATION_CYCLES
     highest_V: ClassVar = VOLTS.limits[-1]
-    most_readings: ClassVar = MOST_READINGS
-    columns: ClassVar[Mapping[str, str]] = {
-        "reading": "1, number of the reading in its burst, from 0",
-        "voltage_V": "V at the input; ±9.9e37 beyond the range",
-        "overload": "1 the input was beyond the range, 0 it was not",
-    }
-
-    def __init__(self, place: Place) -> None:
-        super().__init__(place)
-        self._auto_zero = self.Settings.of(place).auto_zero
-
-    def configure(self, largest_V: float, nplc: float) -> float:
-        """Choose range and integration time in power-line cycles; return the range in V.
-
-        It is the lowest range that holds `largest_V`, with its over-range of 20 %.
-        """
-        range_V = VOLTS.range_for(largest_V)
-        if range_V is None:
-            raise self.error(
-                f"choose a range for {largest_V:g} V",
-                f"its highest one ends at {VOLTS.limits[-1]:g} V",
-                "lower the largest voltage in the plan, or put a divider before its input",
-            )
-        self._choose(range_V, nplc, self._auto_zero)
-        return range_V
-
-    def start(self, readings: int) -> None:
-        """Begin a burst of readings; returns at once."""
-        self._begin(readings)
-
-    def fetch(self) -> Block | None:
-        """Return the burst that was started, None while it is being taken."""
-        volts = self._values()
-        if volts is None:
-            return None
-        overload = is_overload(volts)
-        if not overload[-1]:
-            self.place.publish("voltage", float(volts[-1]), "V")
-        columns: dict[str, NDArray[Any]] = {
-            "reading": np.arange(len(volts)),
-            "voltage_V": volts,
-            "overload": overload.astype(np.uint8),
-        }
-        return Block(columns, np.full(len(volts), self.place.clock.now()))
-
-    def overload_error(self, reading_V: float) -> InstrumentError:
-        """Return the error of an overloaded reading: the range, and the next higher one."""
-        return self._overload(reading_V)
-
-    @quantity("voltage", "V")
-    def _voltage_V(self) -> float | None:
-        """Return the voltage now, None before a range was chosen; an overload is an error."""
-        volts = self._value_now()
-        if volts is not None and is_overload(volts):
-            raise self.overload_error(volts)
-        return volts
 
 
 OHMS = Function("FRES", "ohm", (100.0, 1e3, 1e4, 1e5, 1e6), (120.0, 1.2e3, 1.2e4, 1.2e5, 1.2e6))
@@ -118,7 +48,7 @@ def integrates_over(nplc: float) -> float:
     return nplc
 
 
-class Keysight34465APt100(BurstMeter):
+class Keysight34465APt100(TruevoltMeter):
     """A platinum thermometer at the device under test."""
 
     class Settings(MainsSettings):

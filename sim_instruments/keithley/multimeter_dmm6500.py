@@ -1,0 +1,304 @@
+"""Keithley DMM6500 digital multimeter, SCPI over TCP.
+
+From public notes that quote the manual DMM6500-901-01 Rev. A with its pages, and from what clients
+record of units: names of functions that are answered without quotes, `0,"No error;0;0 0"` for an
+empty error queue and entries with a severity and a time, readings as `-4.999995E-01`, an overload
+as 9.9E+37, integration times from 0.0005 cycles to 12 or at 60 Hz 15, a buffer of 100,000 readings
+that keeps the newest and that reading does not empty, `TRIG:STAT?` with two states and the number
+of a block, a command set that changes at the next start only. Assumed: 20 % over-range up to 100 V,
+a reading with auto-zero takes twice as long, settings are refused while it measures (-221), a
+second INIT too (-213), as INIT without a loaded loop (-221), the depth of the error queue, the
+numbers of blocks. Only DC volts are connected; other functions read zero or an open input.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from typing import Any, ClassVar
+
+import numpy as np
+
+from sim_instruments.faults.lasting import Frozen, Overload
+from sim_instruments.instrument import Setting
+from sim_instruments.keithley.multimeter_dmm6500_loop import SimpleLoop
+from sim_instruments.keysight.multimeter_34465a_converter import Converter, Function
+from sim_instruments.keysight.multimeter_34465a_settings import unquoted
+from sim_instruments.truth import SimulationError
+from sim_instruments.wire.requests import released
+from sim_instruments.wire.scpi import (
+    TEXTS,
+    ErrorQueue,
+    ScpiError,
+    boolean,
+    choice,
+    numeric,
+    one,
+    whole_number,
+)
+from sim_instruments.wire.scpi_device import ScpiDevice
+from sim_instruments.world.piecewise import Array
+
+LANGUAGES = ("SCPI", "TSP", "SCPI2000", "SCPI34401")
+BUFFER, CAPACITY = "defbuffer1", 100_000
+HEADERS = {
+    "VOLT:DC": "VOLTage[:DC]",
+    "VOLT:AC": "VOLTage:AC",
+    "CURR:DC": "CURRent[:DC]",
+    "RES": "RESistance",
+    "FRES": "FRESistance",
+}
+NAMES = {"VOLTAGE": "VOLT", "CURRENT": "CURR", "RESISTANCE": "RES", "FRESISTANCE": "FRES"}
+INPUTS = {"AUTO": "AUTO", "MOHM10": "MOHM10"}
+READ = {"READ": "READ", "READING": "READ"}
+LEAST_CYCLES = 0.0005
+
+
+class EventLog(ErrorQueue):
+    """Its errors, each with the severity and the time."""
+
+    def __init__(self, depth: int, now_s: Callable[[], float]) -> None:
+        super().__init__(depth)
+        self._now_s = now_s
+        self._texts: list[str] = []
+
+    def push(self, code: int) -> None:
+        """Append an error."""
+        super().push(code)
+        at = datetime.fromtimestamp(self._now_s(), UTC).strftime("%Y/%m/%d %H:%M:%S.%f")[:-3]
+        self._texts = [*self._texts[: len(self) - 1], f'{code},"{TEXTS[code]};1;{at}"']
+
+    def pop(self) -> str:
+        """Return and remove the oldest error."""
+        if not self:
+            return '0,"No error;0;0 0"'
+        super().pop()
+        return self._texts.pop(0)
+
+
+@dataclass
+class Measured(Function):
+    """A function with what this meter has besides: its input, and what may be put on readings."""
+
+    high_input: str = "MOHM10"
+    filtered: bool = False
+    nulled: bool = False
+    scaled: bool = False
+
+
+def functions() -> dict[str, Measured]:
+    """Return the functions as after `*RST`, by the name that `SENS:FUNC?` gives."""
+    volts = (0.1, 1.0, 10.0, 100.0, 1000.0)
+    amperes = (1e-5, 1e-4, 1e-3, 1e-2, 0.1, 1.0, 3.0)
+    ohms = (1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8)
+    return {
+        # The converter knows its functions by their names on the 34465A.
+        "VOLT:DC": Measured("VOLT", "VDC", volts, 1, range=1000.0, cycles=1.0),
+        "VOLT:AC": Measured("VOLT:AC", "VAC", (0.1, 1.0, 10.0, 100.0, 750.0), 1, range=750.0),
+        "CURR:DC": Measured("CURR", "ADC", amperes, 2, range=3.0, cycles=1.0),
+        "RES": Measured("RES", "OHM", ohms, 512, range=1e8, cycles=1.0),
+        "FRES": Measured("FRES", "OHM", ohms, 512, range=1e8, cycles=1.0),
+    }
+
+
+class KeithleyDmm6500(ScpiDevice):
+    """The meter, in whatever simulated world has something for it to measure.
+
+    Truth (`simulator` mapping): see `Converter`; `command_set` may be given: SCPI, TSP, SCPI2000
+    or SCPI34401.
+    """
+
+    model = "Keithley DMM6500"
+    at_once = False
+
+    lasting_faults: ClassVar = (Frozen.kind, Overload.kind)
+
+    def __init__(self, setting: Setting) -> None:
+        super().__init__(f"KEITHLEY INSTRUMENTS,MODEL DMM6500,{setting.serial},1.7.12b")
+        self._clock, self._lock = setting.clock, setting.world.lock
+        self.errors: EventLog = EventLog(self.error_queue_depth, self._clock.now)
+        self.tree.add("SYSTem:ERRor[:NEXT]?", self._answer(self.errors.pop))
+        self._language = setting.truth.text("command_set", "SCPI")
+        if self._language not in LANGUAGES:
+            raise SimulationError(f"command_set: one of {', '.join(LANGUAGES)} was expected")
+        self._converter = Converter(setting)
+        self._loop = SimpleLoop()
+        self._functions = functions()
+        self._chosen = "VOLT:DC"
+        self._values = np.empty(0)
+        self._add_settings()
+        self._add_measuring()
+        self.begin_to_serve(setting, self._lock)
+
+    def execute(self, message: str) -> str | None:
+        """Carry out one message; another command set than SCPI knows common commands alone."""
+        if self._language != "SCPI" and not message.startswith("*"):
+            return None
+        return super().execute(message)
+
+    def reset(self) -> None:
+        """Go to DC volts on its highest range with autoranging, the buffer empty."""
+        self._loop.abort()
+        self._functions, self._chosen = functions(), "VOLT:DC"
+        self._values = np.empty(0)
+
+    def before_each(self) -> None:
+        """Take the readings that have become finished into the buffer."""
+        starts_s = self._loop.finished(self._clock.now())
+        if len(starts_s):
+            new = self._converter.read(self._functions[self._chosen], starts_s)
+            self._values = np.concatenate([self._values, new])[-CAPACITY:]
+
+    def _add_settings(self) -> None:
+        self.add_settings(
+            {
+                "*LANG": (lambda text: self._choose_language(text), lambda: self._language),
+                "SYSTem:LFRequency": (None, lambda: f"{self._converter.line_frequency_Hz:.0f}"),
+                "ROUTe:TERMinals": (None, lambda: "FRON"),
+                "FORMat[:DATA]": (
+                    lambda text: void(choice(text, {"ASC": "ASC", "ASCII": "ASC"})),
+                    lambda: "ASC",
+                ),
+            }
+        )
+        for name, header in HEADERS.items():
+            for root in ("", "SENSe:"):
+                self._add_function(root + header, name)
+            self.add_settings(
+                {f"CALCulate:{header}:MATH:STATe": self._switch(name, "scaled")},
+            )
+        self.add_settings({"FUNCtion": (self._choose, lambda: self._chosen)}, "", "SENSe:")
+
+    def _add_function(self, header: str, name: str) -> None:
+        self.add_settings(
+            {
+                "RANGe[:UPPer]": (
+                    lambda text: self._set_range(name, text),
+                    lambda: shown(self._functions[name].range),
+                ),
+                "RANGe:AUTO": self._switch(name, "autorange"),
+                "NPLCycles": (
+                    lambda text: self._set(name, "cycles", self._cycles(text)),
+                    lambda: shown(self._functions[name].cycles),
+                ),
+                "AZERo[:STATe]": self._switch(name, "zero_on"),
+                "INPutimpedance": (
+                    lambda text: self._set(name, "high_input", choice(text, INPUTS)),
+                    lambda: self._functions[name].high_input,
+                ),
+                "AVERage[:STATe]": self._switch(name, "filtered"),
+                "RELative:STATe": self._switch(name, "nulled"),
+            },
+            f"{header}:",
+        )
+
+    def _switch(self, name: str, what: str) -> tuple[Callable[[str], None], Callable[[], str]]:
+        return (
+            lambda text: self._set(name, what, boolean(text)),
+            lambda: str(int(getattr(self._functions[name], what))),
+        )
+
+    def _set(self, name: str, what: str, value: Any) -> None:
+        if self._loop.runs:
+            raise ScpiError(-221)
+        setattr(self._functions[name], what, value)
+
+    def _set_range(self, name: str, text: str) -> None:
+        ranges = self._functions[name].ranges
+        wanted = numeric(text, ranges[0], ranges[-1], ranges[-1]) if text[:1] != "-" else -1.0
+        if wanted < 0.0:
+            raise ScpiError(-222)
+        self._set(name, "range", next(one for one in ranges if wanted <= one))
+        self._set(name, "autorange", False)
+
+    def _cycles(self, text: str) -> float:
+        most = 15.0 if self._converter.line_frequency_Hz == 60.0 else 12.0
+        return numeric(text, LEAST_CYCLES, most, 1.0)
+
+    def _choose(self, text: str) -> None:
+        words = unquoted(text).upper().split(":")
+        name = ":".join([NAMES.get(words[0], words[0]), *words[1:]])
+        name = {"VOLT": "VOLT:DC", "CURR": "CURR:DC"}.get(name, name)
+        if name not in self._functions:
+            raise ScpiError(-224)
+        if self._loop.runs:
+            raise ScpiError(-221)
+        self._chosen = name
+
+    def _choose_language(self, text: str) -> None:
+        choice(text, {one: one for one in LANGUAGES})  # it takes effect at the next start
+
+    def _add_measuring(self) -> None:
+        add, answer, do = self.tree.add, self._answer, self._do
+        add("TRIGger:LOAD", self._loop.load)
+        add("TRIGger:STATe?", answer(lambda: self._loop.state))
+        add("INITiate[:IMMediate]", do(self._initiate))
+        add("ABORt", do(self._loop.abort))
+        add("TRACe:CLEar", self._clear_buffer)
+        add("TRACe:ACTual?", self._count)
+        add("TRACe:POINts?", lambda parameters: str(CAPACITY) if buffered(parameters) else None)
+        add("TRACe:DATA?", self._data)
+        add("READ?", answer(self._read))
+        add("FETCh?", answer(lambda: self._part(len(self._values), len(self._values))))
+        add("*OPC?", answer(lambda: self._when_idle("1")))
+        add("*WAI", do(lambda: void(self._when_idle(""))))
+
+    def _initiate(self) -> None:
+        busy_s = self._converter.busy_s(self._functions[self._chosen])
+        self._loop.initiate(self._clock.now(), busy_s)
+
+    def _clear_buffer(self, parameters: list[str]) -> None:
+        if buffered(parameters):
+            self._values = np.empty(0)
+
+    def _count(self, parameters: list[str]) -> str:
+        return str(len(self._values)) if buffered(parameters) else ""
+
+    def _data(self, parameters: list[str]) -> str:
+        if len(parameters) < 2:
+            raise ScpiError(-109)
+        buffered(parameters[2:3])
+        for element in parameters[3:]:
+            choice(element, READ)
+        first, last = (whole_number(text, 1, CAPACITY) for text in parameters[:2])
+        return self._part(first, last)
+
+    def _part(self, first: int, last: int) -> str:
+        if not 1 <= first <= last <= len(self._values):
+            raise ScpiError(-222)
+        return readings_text(self._values[first - 1 : last])
+
+    def _read(self) -> str:
+        self._loop.load(['"SimpleLoop"', "1"])
+        self._initiate()
+        self._when_idle("")
+        return readings_text(self._values[-1:])
+
+    def _when_idle(self, reply: str) -> str:
+        while self._loop.runs:
+            with released(self._lock):  # the world goes on meanwhile, and others are served
+                self._clock.sleep_until(self._loop.end_s)
+            self.before_each()
+        return reply
+
+
+def void(_: object) -> None:
+    """Take a value that changes nothing."""
+
+
+def buffered(parameters: list[str]) -> bool:
+    """Check that the buffer that is named, if any, is the only one there is; -224 otherwise."""
+    if parameters and unquoted(one(parameters)).lower() != BUFFER:
+        raise ScpiError(-224)
+    return True
+
+
+def shown(value: float) -> str:
+    """Return a setting as the meter writes it."""
+    return f"{value:.7G}"
+
+
+def readings_text(values: Array) -> str:
+    """Return readings as the meter writes them."""
+    return ",".join(f"{value:.6E}" for value in values.tolist())
