@@ -1,11 +1,37 @@
 """Acutronic ACUTROL3000 motion controller with a table of up to three axes, in ACL.
 
-Sources: manuals TM-8004-C (command language), TM-9384C (TCP/IP, port 9878) and public clients for
-commands, modes, limits, status registers and the frozen status after a break. Not confirmed in a
-primary source: how the eight characters before each answer are coded (taken as four digits of error
-code and four of length; `framing: line` does without them); what `:Status:MSG? QERROR` answers
-(taken as code and text); that a continuous axis reads 0 deg to 360 deg; and that `:Mode:Home` looks
-for an encoder's zero.
+Sources: manuals TM-8004-C (command language), TM-9384C (TCP/IP, port 9878), TM-9374A, TM-9389 and
+public clients. Not confirmed in a primary source: how the eight characters before each answer are
+coded (digits and 32-bit words are taken, `framing: line` does without them, and the run's log says
+which was met); how an error of the queue and an empty queue are written (a code with its text, and
+nothing, `0` or `0,NO ERROR` are taken); that a continuous axis reads 0 deg to 360 deg.
+
+Numbers are rounded in and out to a precision set at the controller, so a value agrees with what
+reads back within half of the last printed digit. Limits of trip and position are written for each
+mode, and where that is not taken, without a mode; both are proved by read-back.
+
+Commands and their sources:
+    *IDN? - identity - TM-8004-C - confirmed
+    *STB? - whose interlock opened; clears the byte - TM-8004-C p.180 - confirmed
+    :Status:MSG? QERROR;:Status:STB? - errors, until none is left - TM-8004-C p.178, 180; how they
+        are written is not given - not confirmed
+    :Status:CSR? A1STATE, A1DYN, A1SWFLT - registers of an axis; a tracking fault is bit 2, or 12
+        before build 1848 - TM-8004-C, TM-9389 p.5 - confirmed
+    :Mode 1,Rate|Position|Off, :Mode ALL,Off, :Mode? 1 - mode, answered by word or letter -
+        TM-8004-C - confirmed
+    :Mode:Home 1 - search for the encoder's zero, proved by status and position - TM-8004-C p.25,
+        as a future command - not confirmed
+    :Demand:Rate 1,10.0, :Demand:Position 1,10.5, and with ? - demands - TM-8004-C - confirmed
+    :Read:Position? 1, :Read:Rate? 1 - angle and rate, of one servo frame - TM-8004-C - confirmed
+    :Interlock:Close 1, :Interlock:Reset - servo, and forgetting a break - TM-8004-C - confirmed
+    :Limit:Absolute? 1 - what the axis is rated for, six values or more - TM-8004-C p.138; its
+        answer is not shown - not confirmed
+    :Limit:Rate P,1,110.0, :Limit:Acceleration P,1,50.0, and with ? - limits of a mode - TM-8004-C -
+        confirmed
+    :Limit:VTR P,1,121.0, :Limit:HPOS, :Limit:LPOS, and with ? - trip and positions, with a mode -
+        TM-8004-C p.143-146 - confirmed
+    :L:V 1,121.0, :L:H, :L:L, and with ? - the same without a mode - TM-8004-C, which prints both -
+        not confirmed
 """
 
 from __future__ import annotations
@@ -16,22 +42,15 @@ from functools import partial
 from typing import ClassVar
 
 from drivers.acutronic.axis import AclSettings, Doing
+from drivers.acutronic.limits import Limits
 from drivers.acutronic.line import AclLine
 from drivers.acutronic.table import Table
-from drivers.transport.line import check_written
 from drivers.transport.retry import Repeatable
 from station.errors import InstrumentError
 from station.roles import Driver, Identity, Place, SafetyReading
 
 CLOSES_WITHIN_S = 10.0
 STILL_S, LOOK_S = 0.1, 0.05
-AGREES = 2e-6
-TRIP_ABOVE = 1.1
-"""The rate at which an axis trips, in the bench's limit; less where the controller ends before."""
-
-RATE, ACCELERATION, TRIP = 0, 1, 5
-"""The places of these in the absolute limits, which are also in the order rate, acceleration, jerk,
-lowest and highest position, velocity trip."""
 
 
 class Acutrol3000(Driver):
@@ -49,11 +68,11 @@ class Acutrol3000(Driver):
     without_limits = "the table does not turn"
     identifies_on: ClassVar[str] = "socket"
     recognises: ClassVar[str] = (
-        r"(?i)^(\d{8})?Acutronic[^,]*,\s*ACU?T(ROL)?3000,\s*(?P<serial>[^,]+)"
+        r"(?is)^(.{8})?Acutronic[^,]*,\s*ACU?T(ROL)?3000,\s*(?P<serial>[^,]+)"
     )
     repeatable: ClassVar[Repeatable] = Repeatable(
         r"\*IDN\?",
-        r"(READ:(POSITION|RATE)|MODE|DEMAND:(POSITION|RATE)|LIMIT:\w+)\? [\w,]+",
+        r"(READ:(POSITION|RATE)|MODE|DEMAND:(POSITION|RATE)|LIMIT:\w+|L:[VHL])\? [\w,]+",
         r"STATUS:CSR\? A\d(STATE|DYN|SWFLT)",
         r"DEMAND:RATE \d,0|MODE \d,RATE|MODE ALL,OFF",
     )
@@ -64,8 +83,9 @@ class Acutrol3000(Driver):
         self._settings = self.Settings.of(place)
         self._limits_written = False
         self._line = AclLine(
-            place, self._settings, self._settings.framing == "framed", self.repeatable
+            place, self._settings, self._settings.framing == "framed", self.met, self.repeatable
         )
+        self._limits = Limits(place, self._settings, self._line, self.limit, self.met)
         self._table = Table(place, self._settings, self._line, self.limit)
 
     def identify(self) -> Identity:
@@ -83,7 +103,7 @@ class Acutrol3000(Driver):
         """
         self._line.forget_errors()
         for n in self._table.axes:
-            self._programme(n)
+            self._limits.programme(n)
         self._limits_written = True
 
     def is_homed(self, axis: int) -> bool:
@@ -239,47 +259,6 @@ class Acutrol3000(Driver):
         ]
         safe = still and set(modes) <= {"Off", "Abort"}
         return SafetyReading(safe, f"{'at rest' if still else 'turning'}: {'; '.join(axes)}")
-
-    def _programme(self, axis: int) -> None:
-        rated = self._rated(axis)
-        for name, unit, where in (
-            ("rate", "deg/s", RATE),
-            ("acceleration", "deg/s^2", ACCELERATION),
-        ):
-            wanted = self.limit(name)
-            if wanted > rated[where] + AGREES:
-                raise self.error(
-                    f"limit the {name} of axis {axis} to {wanted:g} {unit}",
-                    f"the axis ends at {rated[where]:g} {unit}",
-                    f"lower limits.{name} in the bench file",
-                )
-            for mode in ("Position", "Rate"):
-                self._write(f"Limit:{name.title()}", f"{mode},{axis}", wanted)
-        trip = min(TRIP_ABOVE * self.limit("rate"), rated[TRIP])
-        self._write("Limit:VelocityTrip", f"{axis}", trip)
-        if axis in self._settings.turns_for_ever:
-            return
-        for name, header in (("angle_low", "LowPosition"), ("angle_high", "HighPosition")):
-            if name in self.place.limits:
-                self._write(f"Limit:{header}", f"{axis}", self.place.limits[name])
-
-    def _rated(self, axis: int) -> list[float]:
-        """Return what the maker allows of an axis, six numbers."""
-        message = f":Limit:Absolute? {axis}"
-        answer = self._line.query(message)
-        try:
-            values = [float(text) for text in answer.split(",")]
-        except ValueError:
-            values = []
-        if len(values) < TRIP + 1:
-            raise self._line.odd(message, answer)
-        return values
-
-    def _write(self, header: str, which: str, value: float) -> None:
-        """Set a value and read it back; InstrumentError where another one comes."""
-        self._line.command(f":{header} {which},{value:.6f}")
-        (found,) = self._line.numbers(f":{header}? {which}")
-        check_written(self.place.name, f"{header} {which}", value, found, AGREES)
 
     def _rates(self, quantity: str) -> float | str | None:
         self._table.look_at_rates()

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import NamedTuple
 
 from drivers.acutronic.axis import AxisState
+from drivers.acutronic.prefix import PrefixedLine
 from drivers.transport.line import odd, shortened
 from drivers.transport.retry import NEVER, Repeatable
 from drivers.transport.serial_port import SerialSettings
@@ -16,15 +18,17 @@ from drivers.transport.text_line import SerialLine
 from station.errors import InstrumentError
 from station.roles import Place
 
-HEADER = re.compile(r"(\d{4})(\d{4})")
-HEADER_BYTES = 8
 EXCHANGES_APART_S = 2e-3
 """The shortest time between two messages by Ethernet."""
 
-ERROR_QUERY = ":Status:MSG? QERROR"
+ERROR_QUERY = ":Status:MSG? QERROR;:Status:STB?"
+"""The byte, which this query does not clear, shows that an empty queue answered with nothing."""
+
 MOST_ERRORS = 32
-DEMAND_AGREES = 2e-6
-ERROR = re.compile(r"\s*(\d+)\s*(?:[,;]\s*)?\"?([^\"]*?)\"?\s*")
+SENT_DECIMALS = 6
+BYTE = re.compile(r"\s*\d+\s*")
+NUMBER = re.compile(r"[+-]?(?=\.?\d)\d*(?:\.(\d*))?")
+ERROR = re.compile(r"\s*(?:(\d+)\s*(?:[,:]\s*)?\"?([^\"]*?)\"?)?\s*")
 MODES = ("Position", "Rate", "Off", "Abort", "Arate", "Synthesis", "Track")
 COMPARE = "compare the plan's and the bench file's values with the table's ranges"
 INTERLOCK = (
@@ -40,32 +44,6 @@ class Answer(NamedTuple):
     text: str
 
 
-class FramedLine(SerialLine):
-    """Answers of known length, after four digits of error code and four of length."""
-
-    def _is_whole(self, answer: bytes) -> bool:
-        if len(answer) < HEADER_BYTES:
-            return False
-        header = HEADER.match(answer[:HEADER_BYTES].decode("ascii", "replace"))
-        return header is None or len(answer) >= HEADER_BYTES + int(header[2])
-
-    def _unwrapped(self, attempted: str, text: str) -> str:
-        header = HEADER.match(text)
-        if header is None:
-            raise InstrumentError(
-                self._place.name,
-                attempted,
-                f"{shortened(text)!r} came back, which does not begin with error code and length",
-                "check that the address is the table's, and settings.framing in the bench file",
-            )
-        end = HEADER_BYTES + int(header[2])
-        if text[end:].strip("\r\n"):
-            self._doubt(text.encode(), attempted)
-            came_back = f"{shortened(text)!r} came back, more than one answer"
-            raise self._doubtful(attempted, came_back)
-        return text[:end]
-
-
 class AclLine:
     """Messages to one controller, each verified by what it says of errors.
 
@@ -74,12 +52,21 @@ class AclLine:
     """
 
     def __init__(
-        self, place: Place, serial: SerialSettings, framed: bool, repeatable: Repeatable = NEVER
+        self,
+        place: Place,
+        serial: SerialSettings,
+        framed: bool,
+        met: Callable[[str], None],
+        repeatable: Repeatable = NEVER,
     ) -> None:
         self._place = place
         self._framed = framed
-        kind = FramedLine if self._framed else SerialLine
-        self._line = kind(place, serial, request_end="\r\n", answer_end="\n", repeatable=repeatable)
+        if framed:
+            self._line: SerialLine = PrefixedLine(place, serial, met, repeatable)
+        else:
+            self._line = SerialLine(
+                place, serial, request_end="\r\n", answer_end="\n", repeatable=repeatable
+            )
         self.proof, self.repeated = self._line.proof, self._line.repeated
         self._free_s = -math.inf
 
@@ -108,6 +95,13 @@ class AclLine:
             )
         return values
 
+    def printed(self, message: str, text: str) -> tuple[float, float]:
+        """Return a number that came for a message, and half of its last printed digit."""
+        found = NUMBER.fullmatch(text.strip())
+        if found is None:
+            raise self.odd(message, text)
+        return float(found[0]), 0.5 * 10.0 ** -len(found[1] or "")
+
     def mode(self, axis: int) -> str:
         """Return the mode of an axis by its whole name, also where it is abbreviated."""
         message = f":Mode? {axis}"
@@ -117,15 +111,16 @@ class AclLine:
             raise self.odd(message, answer)
         return mode
 
-    def verify(self, axis: int, what: str, demand: float, mode: str) -> None:
-        """Read back a demand (Position or Rate) and the mode; InstrumentError where they differ."""
+    def verify(self, axis: int, what: str, demand: float, mode: str) -> float:
+        """Read back a demand (Position or Rate) and the mode; return it as it is printed.
+
+        Raises InstrumentError where they differ.
+        """
         message = f":Demand:{what}? {axis};:Mode? {axis}"
         answer = self.query(message)
         found, _, found_mode = answer.partition(";")
-        try:
-            agrees = abs(float(found) - demand) <= DEMAND_AGREES
-        except ValueError:
-            raise self.odd(message, answer) from None
+        value, half_digit = self.printed(message, found)
+        agrees = abs(value - demand) <= agrees_within(half_digit)
         if not agrees or whole_mode(found_mode) != mode:
             raise InstrumentError(
                 self._place.name,
@@ -133,6 +128,7 @@ class AclLine:
                 f"{shortened(found)} and the mode {shortened(found_mode)} read back",
                 "check that nobody else talks to the controller, then run again",
             )
+        return value
 
     def command(self, message: str) -> None:
         """Send a command; a refusal is InstrumentError."""
@@ -151,7 +147,7 @@ class AclLine:
     def forget_errors(self) -> None:
         """Read errors until there is none."""
         for _ in range(MOST_ERRORS):
-            if not self._error(self._exchange(ERROR_QUERY).text).code:
+            if not self._next_error().code:
                 return
 
     def close(self) -> None:
@@ -165,7 +161,7 @@ class AclLine:
     def _told(self, message: str) -> Answer:
         if self._framed:
             return self._exchange(message)
-        return self._error(self._exchange(f"{message};{ERROR_QUERY}").text)
+        return self._next_error(message)
 
     def _exchange(self, message: str) -> Answer:
         clock = self._place.clock
@@ -177,13 +173,17 @@ class AclLine:
             self._free_s = clock.now() + EXCHANGES_APART_S
         if not self._framed:
             return Answer(0, text.rstrip("\r"))
-        return Answer(int(text[: HEADER_BYTES // 2]), text[HEADER_BYTES:])
+        code, _, body = text.partition(" ")
+        return Answer(int(code), body.rstrip("\r\n"))
 
-    def _error(self, text: str) -> Answer:
-        match = ERROR.fullmatch(text)
-        if match is None:
+    def _next_error(self, command: str = "") -> Answer:
+        """Ask for the oldest error, after a command if there is one; code 0 where there is none."""
+        text = self._exchange(f"{command};{ERROR_QUERY}" if command else ERROR_QUERY).text
+        entry, parted, byte = text.rpartition(";")
+        match = ERROR.fullmatch(entry)
+        if match is None or not parted or not BYTE.fullmatch(byte):
             raise self.odd(ERROR_QUERY, text)
-        return Answer(int(match[1]), match[2])
+        return Answer(int(match[1] or 0), match[2] or "")
 
     def _refused(self, message: str, answer: Answer) -> InstrumentError:
         """Return the error of a refusal, in the controller's words, and empty its queue."""
@@ -202,7 +202,7 @@ class AclLine:
     def _first_kept(self, answer: Answer) -> Answer:
         """Return the queue's entry of an error, which has its words; the answer itself if none."""
         for _ in range(MOST_ERRORS):
-            kept = self._error(self._exchange(ERROR_QUERY).text)
+            kept = self._next_error()
             if kept.code in (0, answer.code):
                 return kept if kept.code else answer
         return answer
@@ -216,14 +216,22 @@ def whole_mode(text: str) -> str:
 
 def number(value: float) -> str:
     """Return a number as the controller takes it: without an exponent, and no minus zero."""
-    return f"{round(value, 6) + 0.0:.6f}"
+    return f"{round(value, SENT_DECIMALS) + 0.0:.{SENT_DECIMALS}f}"
+
+
+def agrees_within(half_digit: float) -> float:
+    """Return by how much a value may differ from what reads back, both being rounded."""
+    return half_digit + 0.5 * 10.0**-SENT_DECIMALS + 1e-9
 
 
 SERVOED, SOFTWARE_ABORT, HARDWARE_ABORT = 1 << 4, 1 << 6, 1 << 7
 AT_POSITION, AT_RATE = 1 << 8, 1 << 9
+TRACKING_ERROR = 1 << 2 | 1 << 12
+"""The first since build 1848, the second before."""
+
 HOME_AGAIN = "then home the axis again"
 FAULTS = {
-    1 << 2: (
+    TRACKING_ERROR: (
         "the axis did not keep up with its profile (following error), and its servo is open",
         f"look whether a cable or the device blocks it, {HOME_AGAIN}",
     ),

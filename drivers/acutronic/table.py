@@ -109,7 +109,7 @@ class Table:
         )
         state.count.turns_at(began_s, rate, acceleration, measured)
         state.begins(doing, began_s + 2 * change / acceleration + MARGIN_S)
-        self._line.verify(n, "Rate", rate, "Rate")
+        state.rate_demand = self._line.verify(n, "Rate", rate, "Rate")
         self.say_motion()
 
     def step(self, state: AxisState) -> None:
@@ -136,14 +136,21 @@ class Table:
         rests = not self.is_turning(state)
         if state.doing is Doing.CLOSING:
             if status.servoed and self._settings.zero == "search":
-                self._line.command(f":Mode:Home {state.number}")
+                try:
+                    self._line.command(f":Mode:Home {state.number}")
+                except InstrumentError:
+                    state.forgets()
+                    raise
                 state.begins(
                     Doing.SEARCHING, self._place.clock.now() + self._settings.home_within_s
                 )
                 return False
             return status.servoed and self._knows_zero(state)
         if state.doing is Doing.SEARCHING:
-            return bool(status.dynamic & AT_POSITION) and rests and self._knows_zero(state)
+            found = bool(status.dynamic & AT_POSITION) and rests and self._knows_zero(state)
+            if found:
+                self._need_zero(state)
+            return found
         self.need_turns(state)
         if state.doing is Doing.STOPPING:
             stands = bool(status.dynamic & AT_RATE) and rests
@@ -289,6 +296,20 @@ class Table:
         self.look()
         state.homed = True
         return True
+
+    def _need_zero(self, state: AxisState) -> None:
+        """Raise InstrumentError where an axis does not stand at zero after the search for it."""
+        if abs(state.count.angle_deg) <= self._settings.in_position_deg:
+            return
+        where_deg = state.count.angle_deg
+        state.forgets()
+        raise InstrumentError(
+            self._place.name,
+            f"searched the zero of axis {state.number}",
+            f"its encoder reads {where_deg:.5f} deg after that, not zero",
+            "find the zero at the controller and write settings.zero: absolute, where its firmware "
+            "does not know :Mode:Home",
+        )
 
     def _say_rate(self) -> None:
         self._place.publish("rate", self._largest("rate"), "deg/s")

@@ -22,10 +22,12 @@ from sim_instruments.acutronic.language import (
     AclError,
 )
 from sim_instruments.acutronic.table import (
+    TRIP_ABOVE,
     Demands,
     Encoder,
     ModeLimits,
     TableData,
+    pieces,
     too_far_from_s,
     too_fast_from_s,
 )
@@ -42,7 +44,7 @@ JERK_PER_ACCELERATION = 10.0
 
 SERVOED, UNSERVOED, SOFTWARE_ABORT, HARDWARE_ABORT = 1 << 4, 1 << 5, 1 << 6, 1 << 7
 AT_POSITION, AT_RATE = 1 << 8, 1 << 9
-ABORT, RATE_TRIP, TRACKING_ERROR = 1 << 0, 1 << 1, 1 << 2
+ABORT, RATE_TRIP = 1 << 0, 1 << 1
 
 
 @dataclass(frozen=True)
@@ -74,11 +76,16 @@ class Axis:
         self.demands = Demands(position=self._plan_deg())
         half = table.largest_acceleration / 2
         self.limits = {
-            mode: ModeLimits(table.largest_rate / 2, half, half * JERK_PER_ACCELERATION)
+            mode: ModeLimits(
+                table.largest_rate / 2,
+                half,
+                half * JERK_PER_ACCELERATION,
+                TRIP_ABOVE * table.largest_rate,
+                encoder.low_deg,
+                encoder.high_deg,
+            )
             for mode in MODES
         }
-        self.velocity_trip = 1.2 * table.largest_rate
-        self.low_deg, self.high_deg = encoder.low_deg, encoder.high_deg
         self.contacts_open = False
         self.falls_behind = False
         self.stuck = False
@@ -160,7 +167,7 @@ class Axis:
         """Fall behind the profile, from now on or in the movement that comes next."""
         self.falls_behind = True
         if self.servoed() and time_s < self._plan.at_rest_from_s:
-            self._trips(time_s, TRACKING_ERROR)
+            self._trips(time_s, self._table.tracking_error)
             self.catch_up()
 
     def stick(self, time_s: float, stuck: bool) -> None:
@@ -189,7 +196,8 @@ class Axis:
     def demand(self, mode: str, value: float) -> None:
         """Take a demand; it holds at once where the axis is in its mode."""
         if mode == "POSITION":
-            inside = self.low_deg <= value <= self.high_deg
+            low_deg, high_deg = self._range_deg(mode)
+            inside = low_deg <= value <= high_deg
             if not inside or (self.encoder.continuous and abs(value) > 360.0):
                 raise AclError(OUT_OF_RANGE)
             self.demands.position = value
@@ -215,6 +223,20 @@ class Axis:
         self._go(self._now(), self._nearest(zero_deg) if self.encoder.continuous else zero_deg)
         if self._trip is None:
             self._zero_s = self._profiled_s + self._table.delay_s
+
+    def acceleration(self) -> float:
+        """Return the true acceleration, in deg/s^2."""
+        return next(pieces(self._rotation, self._now()))[-1]
+
+    def interlock(self) -> str:
+        """Return how the interlock of the axis stands."""
+        return "Fault" if self._frozen is not None else "Close" if self.servoed() else "Open"
+
+    def _range_deg(self, mode: str) -> tuple[float, float]:
+        """Return the positions that a mode allows; of an axis that turns for ever, all."""
+        if self.encoder.continuous:
+            return -math.inf, math.inf
+        return self.limits[mode].low_deg, self.limits[mode].high_deg
 
     def _ready(self) -> None:
         if self.contacts_open:
@@ -252,12 +274,13 @@ class Axis:
 
     def _look_ahead(self, now_s: float, moves: bool) -> None:
         """Find the first thing that will end this movement, and let it."""
+        limits, (low_deg, high_deg) = self.limits[self.mode], self._range_deg(self.mode)
         trips = [
-            (too_fast_from_s(self._plan, now_s, self.velocity_trip), RATE_TRIP),
-            (too_far_from_s(self._plan, now_s, self.low_deg, self.high_deg), ABORT),
+            (too_fast_from_s(self._plan, now_s, limits.velocity_trip), RATE_TRIP),
+            (too_far_from_s(self._plan, now_s, low_deg, high_deg), ABORT),
         ]
         if self.falls_behind and moves:
-            trips.append((now_s + FALLS_BEHIND_AFTER_S, TRACKING_ERROR))
+            trips.append((now_s + FALLS_BEHIND_AFTER_S, self._table.tracking_error))
         first_s, fault = min(trips)
         if math.isfinite(first_s):
             self._trips(first_s, fault)

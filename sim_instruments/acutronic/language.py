@@ -38,7 +38,33 @@ KEPT_MESSAGES = 256
 COMMAND = re.compile(r"([A-Za-z:]+)(\?)?(?:\s+(.*))?", re.DOTALL)
 COMMON = re.compile(r"(\*[A-Za-z]+)(\?)?(?:\s+(.*))?", re.DOTALL)
 
-Act = Callable[[list[str]], "str | None"]
+LETTERS = {
+    (): {"D": "DEMAND", "I": "INTERLOCK", "L": "LIMIT", "M": "MODE", "R": "READ", "U": "UTILITY"},
+    ("DEMAND",): {
+        "P": "POSITION",
+        "R": "RATE",
+        "A": "ACCELERATION",
+        "D": "DELTAPOSITION",
+        "O": "OSCILLATOR",
+    },
+    ("INTERLOCK",): {"C": "CLOSE", "O": "OPEN", "R": "RESET"},
+    ("LIMIT",): {
+        "A": "ACCELERATION",
+        "R": "RATE",
+        "H": "HIGHPOSITION",
+        "L": "LOWPOSITION",
+        "V": "VTRIP",
+    },
+    ("MODE",): {"P": "POSITION"},
+    ("READ",): {"V": "SVECTOR"},
+    ("UTILITY",): {"L": "LOCKOUT"},
+}
+"""The forms of one letter of the controller before (Act2000), which win over ambiguity."""
+
+Answer = str | float | list[float] | tuple[float, ...]
+"""A text, a number, several that `,` parts, or several that `;` parts."""
+
+Act = Callable[[list[str]], Answer | None]
 
 
 class AclError(Exception):
@@ -114,6 +140,8 @@ class Language:
         return Step(act, [part.strip() for part in text.split(",")] if text else [])
 
     def _whole(self, path: tuple[str, ...], word: str) -> str:
+        if letter := LETTERS.get(path, {}).get(word):
+            return letter
         depth = len(path)
         words = {
             known[depth] for known in self._acts if known[:depth] == path and len(known) > depth
@@ -158,7 +186,14 @@ def number_of(text: str) -> float:
     return float(text)
 
 
-def decimal(value: float) -> str:
+def decimal(value: float, decimals: int) -> str:
     """Return a number as the controller writes it: no exponent, no leading plus, no minus zero."""
-    text = f"{value:.6f}"
+    text = f"{value:.{decimals}f}"
     return text.removeprefix("-") if float(text) == 0.0 else text
+
+
+def rounded(text: str, decimals: int) -> str:
+    """Return an argument as the controller takes it: a number to so many decimals."""
+    if "." not in text or NUMBER.fullmatch(text) is None:
+        return text
+    return f"{float(text):.{decimals}f}"

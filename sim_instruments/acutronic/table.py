@@ -10,6 +10,9 @@ from itertools import pairwise
 from sim_instruments.truth import SimulationError, Truth
 from sim_instruments.world.rotation import RotationHistory
 
+TRIP_ABOVE = 1.2
+"""The largest velocity trip, in the axis' largest rate."""
+
 
 @dataclass(frozen=True)
 class TableData:
@@ -17,7 +20,8 @@ class TableData:
 
     `maximum_rate`, `maximum_acceleration`; `rate_error` of the controller's clock; `rate_noise` of
     a reading; `encoder_noise` (rms) and `resolution`; `tracking_delay`, how late the axis follows
-    its profile; `settling`, how long after its end a profile counts as complete.
+    its profile; `settling`, how long after its end a profile counts as complete; `tracking_bit`,
+    in which a tracking fault is told: 2, or 12 before build 1848.
     """
 
     largest_rate: float
@@ -28,6 +32,7 @@ class TableData:
     resolution_deg: float
     delay_s: float
     settling_s: float
+    tracking_error: int
 
     @classmethod
     def read(cls, truth: Truth) -> TableData:
@@ -41,6 +46,7 @@ class TableData:
             truth.quantity("resolution", "deg"),
             truth.quantity("tracking_delay", "s"),
             truth.quantity("settling", "s"),
+            1 << truth.integer("tracking_bit", 2, 2),
         )
         positive = (table.largest_rate, table.largest_acceleration, table.resolution_deg)
         if min(positive) <= 0 or min(table.delay_s, table.settling_s) < 0:
@@ -55,6 +61,9 @@ class ModeLimits:
     rate: float
     acceleration: float
     jerk: float
+    velocity_trip: float
+    low_deg: float
+    high_deg: float
 
 
 @dataclass
@@ -64,6 +73,7 @@ class Demands:
     position: float = 0.0
     rate: float = 0.0
     acceleration: float = 0.0
+    oscillator: tuple[float, ...] = (0.0, 0.0, 0.0)
 
 
 @dataclass

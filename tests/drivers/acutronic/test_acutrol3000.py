@@ -92,8 +92,8 @@ def test_every_message_is_answered_with_its_error_and_its_length() -> None:
         assert line.framed(":utility:lockout on") == (0, "OK")
         code, text = line.framed(":Demand:Rate 7,1")
         assert (code > 0, text) == (True, "PARAMETER OUT OF RANGE")
-        assert line.says(":Status:MSG? QERROR") == f"{code},PARAMETER OUT OF RANGE"
-        assert line.says(":Status:MSG? QERROR") == "0,NO ERROR"
+        assert line.says(":Status:MSG? QERROR") == f"{code}:PARAMETER OUT OF RANGE"
+        assert line.says(":Status:MSG? QERROR;:Status:STB?") == ";0"
 
 
 def test_in_the_other_form_only_queries_are_answered() -> None:
@@ -111,7 +111,7 @@ def test_in_the_other_form_only_queries_are_answered() -> None:
         ("dem:pos 2,0.01;rate 3,100;rate? 3;pos? 2", "100.000000;0.010000"),
         (":lim:acc pos,1,7;:LIMIT:ACC? p,1", "7.000000"),
         (":Limit 2,Rate,30,5,50;:Limit:Rate? rate,2;Acc? r,2;Jerk? r,2", "30.0;5.0;50.0"),
-        (":Lim:Abs? 1", "200.0,100.0,1000.0,0.0,360.0,240.0"),
+        (":Lim:Abs? 1", "200.0,100.0,1000.0,0.0,360.0,240.0,1.0"),
         (":mode? 1", "Off"),
         ("*OPC?", "UNKNOWN COMMAND"),
         (":Foo? 1", "UNKNOWN COMMAND"),
@@ -332,7 +332,7 @@ def test_the_limits_are_in_the_controller(form: dict[str, str]) -> None:
         for axis in served.axes.values():
             for mode in ("POSITION", "RATE"):
                 assert (axis.limits[mode].rate, axis.limits[mode].acceleration) == (110.0, 50.0)
-            assert axis.velocity_trip == pytest.approx(121.0)
+                assert axis.limits[mode].velocity_trip == pytest.approx(121.0)
         with pytest.raises(InstrumentError, match=r"ends at 200 deg/s; lower limits\.rate"):
             bench.driver({**LIMITS, "rate": 201.0}).programme_limits()
         with pytest.raises(InstrumentError, match=r"it gives no limits\.acceleration"):
@@ -392,7 +392,7 @@ def test_a_rate_trip_is_named() -> None:
     with table_bench() as bench:
         table = bench.homed()
         with RawTable(bench) as line:
-            line.says(":Limit:VelocityTrip 1,20")
+            line.says(":LIM:VTR R,1,20.0")
             table.turn(1, 60.0)
             assert "faster than its rate trip" in told(lambda: bench.wait_for_rate(table))
         times_s = np.linspace(0.0, bench.clock.now(), 5000)
