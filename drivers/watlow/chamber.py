@@ -35,8 +35,6 @@ class WatlowChamber(Driver, ABC):
     without_limits = "the chamber is not switched on"
     resolution_K: float
     """How fine the controller's set-point is."""
-    input_on: int
-    """What a digital input reads while it is on."""
 
     def __init__(self, place: Place, line: ModbusLine, door_register: int | None) -> None:
         self.place, self._line, self._door_register = place, line, door_register
@@ -223,6 +221,10 @@ class WatlowChamber(Driver, ABC):
         """Switch heater and compressor off."""
 
     @abstractmethod
+    def _input_on(self) -> int:
+        """Return what the input of the door reads while it is on."""
+
+    @abstractmethod
     def _last_attempt(self) -> None:
         """Switch heater and compressor off without waiting for any answer."""
 
@@ -246,7 +248,7 @@ class WatlowChamber(Driver, ABC):
         """Return what is known of the door, None where no input is wired to it."""
         if self._door_register is None:
             return None
-        return self._line.patient.read(self._door_register) == [self.input_on]
+        return self._line.patient.read(self._door_register) == [self._input_on()]
 
     @quantity("chain", states=("closed", "open"))
     def _chain_is_closed(self) -> bool:

@@ -1,14 +1,35 @@
 """Watlow F4 controller of a thermal chamber, by Modbus RTU.
 
-Sources: public clients, for every register here. Not confirmed in a primary source: that a
-set-point one count below its low limit (602) switches heater and compressor off, as they read it;
-that 102 and 106 are the states of the alarms, and 101 the error of the input; that 201, 213, 225
-and 237 are the digital inputs, 1 while they are on; how the digits of the serial number are shared
-out.
+Not confirmed in a primary source, for every register but 1061: that a set-point one count below its
+low limit (602) switches heater and compressor off, as public clients read it; that 102 and 106 are
+the states of the alarms, and 101 the error of the input; how the digits of the serial number are
+shared out. A digital input is on while its level equals the one at which it is active; whether it
+is so while the door is closed is a matter of the wiring.
+
+Chamber F4s and the F4P share this map but for two places: 1916 to 1921 are the clock of a chamber
+F4 and the slidewire of an F4P, and 200 is 2 while a profile runs and 3 while it is held, but 1 in
+automatic and 2 in manual control on an F4P, which has no profile to terminate. The run's log says
+which of them is met.
 
 The F4 ramps by profiles alone. This driver steps the set-point by itself: it writes register 300
 again whenever it is asked for anything, at most 1 K at once, so a ramp is only as even as the
 driver is asked often.
+
+Commands and their sources:
+    0, 1, 2, 4 - model, serial number, software revision - F4 clients - not confirmed
+    100, 101 - process value, error of its input - F4 clients - not confirmed
+    102, 106 - states of the alarms - F4 clients - not confirmed
+    103, 107 - power of heating and cooling, signed hundredths of a percent, of which the magnitude
+        is taken - F4 clients - not confirmed
+    200, 1217 - state of the profile, terminate it - F4 clients - not confirmed
+    201, 213, 225, 237 - levels of the digital inputs - F4 clients - not confirmed
+    1061, 1063, 1065, 1067 - level at which a digital input is active - F4P manual 0600-0032
+        p.6.18 - confirmed
+    300 - set-point, signed - F4 clients - not confirmed
+    602, 603 - limits of the set-point - F4 clients - not confirmed
+    606, 901 - decimals and unit of temperatures - F4 clients - not confirmed
+    1916 to 1921 - clock, which tells a chamber F4 from an F4P - F4 clients - not confirmed
+    2000 and on - events, ten registers apart - F4 clients - not confirmed
 """
 
 from __future__ import annotations
@@ -17,7 +38,7 @@ from typing import ClassVar, Literal
 
 from pydantic import Field
 
-from drivers.transport.modbus_line import ModbusLine, ModbusSettings, RegisterLine
+from drivers.transport.modbus_line import ModbusLine, ModbusRefusal, ModbusSettings, RegisterLine
 from drivers.transport.retry import Repeatable
 from drivers.watlow.chamber import WatlowChamber
 from station.roles import Identity, Place
@@ -27,11 +48,13 @@ WITNESS = ((0, 1), (1, 1), (2, 1))
 """Model and serial number: no other three registers that are read one after the other hold them."""
 
 PROCESS, INPUT_ERROR, ALARMS, HEATS, COOLS = 100, 101, (102, 106), 103, 107
-PROFILE, PROFILE_ACTIVE, TERMINATE = 200, (2, 3), 1217
+PROFILE, PROFILE_ACTIVE, MANUAL, TERMINATE = 200, (2, 3), 2, 1217
 TARGET, SET_LOW, SET_HIGH = 300, 602, 603
 DECIMALS, MOST_DECIMALS = 606, 3
 UNIT, CELSIUS = 901, 1
-INPUTS = (201, 213, 225, 237)
+INPUTS, ACTIVE_LEVELS = (201, 213, 225, 237), (1061, 1063, 1065, 1067)
+CLOCK, CLOCK_FITS = 1916, ((0, 23), (0, 59), (0, 59), (1, 12), (1, 31), (1990, 2199))
+"""Hour, minute, second, month, day and year, and what each may be."""
 FIRST_EVENT, PER_EVENT, EVENTS = 2000, 10, 8
 PERCENT = 100.0
 
@@ -59,13 +82,14 @@ class WatlowF4(WatlowChamber):
     repeatable: ClassVar[Repeatable] = Repeatable(r"(read|write) \d+")
 
     resolution_K = 0.1
-    input_on = 1
 
     def __init__(self, place: Place) -> None:
         settings = self.Settings.of(place)
         event, door = settings.chamber_event, settings.door
         self._event_register = FIRST_EVENT + PER_EVENT * (event - 1) if event else None
         self._per_K: float | None = None
+        self._has_profiles: bool | None = None
+        self._active_register = ACTIVE_LEVELS[door - 1] if door else None
         line = ModbusLine(place, settings, self.repeatable, WITNESS)
         super().__init__(place, line, INPUTS[door - 1] if door else None)
 
@@ -81,6 +105,24 @@ class WatlowF4(WatlowChamber):
         (revision,) = self._line.read(4)
         return Identity("Watlow", "F4", f"{first:03d}{last:03d}", f"{revision / 100:.2f}")
 
+    def _input_on(self) -> int:
+        assert self._active_register is not None
+        (level,) = self._line.patient.read(self._active_register)
+        self.met(f"the door's input is active at {'high' if level else 'low'} level")
+        return level
+
+    def _is_for_chambers(self, line: RegisterLine) -> bool:
+        """Whether it has a clock and profiles, and no slidewire; read once."""
+        if self._has_profiles is None:
+            try:
+                clock = line.read(CLOCK, len(CLOCK_FITS))
+            except ModbusRefusal:
+                clock = []
+            fits = zip(clock, CLOCK_FITS, strict=bool(clock))
+            self._has_profiles = bool(clock) and all(low <= n <= high for n, (low, high) in fits)
+            self.met("registers of a chamber F4" if self._has_profiles else "registers of an F4P")
+        return self._has_profiles
+
     def _limits_found(self) -> tuple[float, float]:
         (unit,) = self._line.read(UNIT)
         if unit != CELSIUS:
@@ -89,6 +131,7 @@ class WatlowF4(WatlowChamber):
                 f"{unit} came back where degC is {CELSIUS}",
                 "set the controller to degC at its panel",
             )
+        self._is_for_chambers(self._line)
         return self._temperature(SET_LOW), self._temperature(SET_HIGH)
 
     def _write_limits(self, low_degC: float, high_degC: float) -> None:
@@ -111,7 +154,7 @@ class WatlowF4(WatlowChamber):
 
     def _disengage(self, line: RegisterLine) -> None:
         (profile,) = line.read(PROFILE)
-        if profile in PROFILE_ACTIVE:
+        if profile in PROFILE_ACTIVE and self._is_for_chambers(line):
             line.write(TERMINATE, [1])
         (low,) = line.read(SET_LOW)
         line.write(TARGET, [(low - 1) & 0xFFFF])
@@ -131,7 +174,7 @@ class WatlowF4(WatlowChamber):
         if self._event_register is not None:
             on = on and line.read(self._event_register) == [1]
         (heats,), (cools,) = line.read(HEATS), line.read(COOLS)
-        return on, signed(heats) / PERCENT - signed(cools) / PERCENT
+        return on, (abs(signed(heats)) - abs(signed(cools))) / PERCENT
 
     def _troubles(self, line: RegisterLine) -> list[str]:
         troubles = [
@@ -139,6 +182,8 @@ class WatlowF4(WatlowChamber):
             for number, address in enumerate(ALARMS, 1)
             if line.read(address) != [0]
         ]
+        if not self._is_for_chambers(line) and line.read(PROFILE) == [MANUAL]:
+            troubles.append("it is in manual control")
         (error,) = line.read(INPUT_ERROR)
         return [*troubles, f"its sensor has error {error}"] if error else troubles
 

@@ -1,15 +1,30 @@
 """Watlow F4T controller of a thermal chamber, by Modbus TCP, or RTU on a serial port.
 
-Sources: the register list of the F4T manual for set-points, process value, control mode, alarms,
-limits and identity; a public client for the order of words and the inputs and outputs; a chamber
-maker's manual for the registers of the set-point's ramp (2794 action, 2796 scale, 2798 rate), which
-it gives for loop 1. Not confirmed in a primary source: that a ramp which is switched off leaves the
-set-point at its target, so it is held before; that register 6730, and 14080 on a serial port, holds
-the unit of what is read (15 for degC), so a controller without it is taken to be set to degC.
+Not confirmed in a primary source: that a ramp which is switched off leaves the set-point at its
+target, so it is held before; that register 6730, and 14080 on a serial port, holds the unit of what
+is read (15 for degC), so a controller without it is taken to be set to degC. Of numbers the low
+word comes first unless the bench file says otherwise.
 
 A controller whose firmware has no such ramp is driven with `ramp: stepped`: the driver then writes
 the set-point again whenever it is asked for anything, in steps of at most 1 K, so the ramp is only
 as even as the driver is asked often.
+
+Commands and their sources:
+    0, 4, 8, 12 - hardware, release, build, serial number - F4T manual, register list - confirmed
+    1356 and on - states of alarms, a hundred registers apart - F4T manual, register list -
+        confirmed
+    2730, 2814 - control mode, 62 off and 10 automatic; the mode that is active - F4T manual,
+        register list - confirmed
+    2774, 2776 - limits of the set-point - F4T manual, register list - confirmed
+    2782, 2810 - set-point, and where it stands - F4T manual, register list - confirmed
+    2808, 2820 - power, process value - F4T manual, register list - confirmed
+    2794, 2796, 2798 - ramp of the set-point: action, scale, rate - chamber maker's manual -
+        not confirmed
+    6730, 14080 - unit by Modbus TCP, by serial port - F4T clients - not confirmed
+    11250, 11264, 11288 - state, status and error of a limit controller - F4T clients -
+        not confirmed
+    16566, 16568 - terminate the profile, its state - F4T clients - not confirmed
+    33718 and on - states of inputs and outputs - F4T clients - not confirmed
 """
 
 from __future__ import annotations
@@ -173,7 +188,6 @@ class WatlowF4T(WatlowChamber):
     repeatable: ClassVar[Repeatable] = REPEATABLE
 
     resolution_K = 0.01
-    input_on = ON
 
     def __init__(self, place: Place) -> None:
         settings = self.Settings.of(place)
@@ -188,6 +202,9 @@ class WatlowF4T(WatlowChamber):
     def identify(self) -> Identity:
         """Read hardware, serial number and firmware."""
         return self.registers.identify()
+
+    def _input_on(self) -> int:
+        return ON
 
     def _limits_found(self) -> tuple[float, float]:
         self.registers.identify()  # numbers in the wrong order of words would pass for numbers

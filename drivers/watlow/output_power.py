@@ -1,9 +1,15 @@
 """Power of the device under test, switched by a digital output of a Watlow F4T.
 
-Sources: as for the F4T; a public client reads the state of an output at 33718 and on. Not confirmed
-in a primary source: that an output can be written where its state is read. Where the chamber's
-maker gave the output to a profile event, `event` switches it, which the manual does say; either way
-the state of the output itself is what is read back.
+Not confirmed in a primary source: that an output can be written where its state is read. Where the
+chamber's maker gave the output to a profile event, `event` switches it, which the manual does say;
+either way the state of the output itself is what is read back.
+
+Commands and their sources:
+    0, 4, 8, 12 - hardware, release, build, serial number - F4T manual, register list - confirmed
+    16594 to 16600, 16822 to 16828 - profile events 1 to 8, 62 off and 63 on - F4T manual, register
+        list - confirmed
+    33718 and on - states of outputs, 240 registers a module and 40 an output - F4T clients -
+        not confirmed
 """
 
 from __future__ import annotations

@@ -2,20 +2,26 @@
 
 From public clients: register 0 holds the model (5270, the letters F and 4), 1 and 2 the serial
 number, 100 the process value, 300 the set-point, 602 and 603 its limits, all three signed with as
-many decimals as 606 says; 103 and 107 the powers of heater and compressor in hundredths of a
-percent; 901 the unit; 200 what a profile does; events from 2000, ten registers apart. Assumed:
-three digits of the serial number in a register; a set-point one count below its low limit is `off`;
-102 and 106 are the states of the alarms, other than zero while they are on; 201, 213, 225 and 237
-are the digital inputs, 1 while they are on; what is out of range is
-refused with exception 3. Left out: profiles, the second channel.
+many decimals as 606 says; 103 and 107 the powers of heater and compressor in signed hundredths of
+a percent, of which cooling is negative; 901 the unit; 200 what a profile does; events from 2000,
+ten registers apart. From the F4P manual: 1061 and every second one after it, the levels at which
+the digital inputs 201, 213, 225 and 237 are active. Assumed: three digits of the serial number in a
+register; a set-point one count below its low limit is `off`; 102 and 106 are the states of the
+alarms, other than zero while they are on; what is out of range is refused with exception 3.
+
+A chamber's F4 has a clock at 1916 to 1921 (hour, minute, second, month, day, year) and in 200 the
+state of its profile, of which there is none here; ten registers from 3500 on hold a name each,
+which are blank. An F4P has its slidewire at 1916 to 1921, what it reads is assumed, and in 200 1 in
+automatic control and 2 in manual. Left out: profiles, the second channel.
 """
 
 from __future__ import annotations
 
+from datetime import datetime, timedelta
 from functools import partial
 
 from sim_instruments.instrument import Setting
-from sim_instruments.truth import SimulationError
+from sim_instruments.truth import SimulationError, Truth
 from sim_instruments.watlow.plant import Plant, WatlowController
 from sim_instruments.wire.modbus import (
     ILLEGAL_VALUE,
@@ -26,12 +32,20 @@ from sim_instruments.wire.modbus import (
     Words,
     fixed,
 )
+from station.clock import Clock
 
 UNIT = 1
 MODEL, REVISION, MADE = 5270, 203, 2208
 PER_K, DECIMALS, CELSIUS = 10.0, 1, 1
 ALARMS = (102, 106)
 INPUTS = (201, 213, 225, 237)
+FIRST_ACTIVE_LEVEL = 1061
+LEVELS, MAPS = ("low", "high"), ("chamber", "f4p")
+AUTOMATIC, MANUAL = 1, 2
+CLOCK = ("hour", "minute", "second", "month", "day", "year")
+BEGAN = datetime(2026, 1, 1)  # noqa: DTZ001
+"""What a controller's clock shows when its world begins."""
+PROFILES = 40
 EVENTS = 8
 HIGHEST_SERIAL = 999_999
 
@@ -42,7 +56,8 @@ class WatlowF4(WatlowController):
     Truth (`simulator` mapping): what `Plant` needs; `set_point_low` and `set_point_high` as the
     chamber's maker left them; `chamber_event`, the event that must be on for heater and compressor
     to run, or 0; `door_input`, the input (1 to 4) that is on while the door is closed, none unless
-    said.
+    said; `door_active`, the level (`high` unless said, or `low`) at which that input is active;
+    `map`, `chamber` unless said, or `f4p`; `manual`, whether an F4P is in manual control.
     """
 
     model = "Watlow F4"
@@ -58,16 +73,22 @@ class WatlowF4(WatlowController):
         self._high = round(truth.quantity("set_point_high", "degC") * PER_K)
         self._chamber_event = truth.integer("chamber_event", 0)
         self._door_input = truth.integer("door_input", 0, 0)
+        self._wired = LEVELS.index(one_of(truth, "door_active", LEVELS, "high"))
+        self._active = dict.fromkeys(range(1, len(INPUTS) + 1), self._wired)
         self._events = dict.fromkeys(range(1, EVENTS + 1), 0)
         self._set_point = self._low - 1
         self._registers = Registers()
         self._add_registers(int(setting.serial))
+        if one_of(truth, "map", MAPS, "chamber") == "chamber":
+            self._add_chamber(setting.clock)
+        else:
+            self._add_f4p(MANUAL if truth.switch("manual") else AUTOMATIC)
         self._server = ModbusRtuServer(setting, self._registers, UNIT)
         self._server.begin()
 
     def _add_registers(self, serial: int) -> None:
         first, last = divmod(serial, 1000)
-        constants = {0: MODEL, 1: first, 2: last, 4: REVISION, 5: MADE, 101: 0, 200: 0}
+        constants = {0: MODEL, 1: first, 2: last, 4: REVISION, 5: MADE, 101: 0}
         constants |= {606: DECIMALS, 608: 0, 901: CELSIUS}
         add = self._registers.add
         for address, value in constants.items():
@@ -76,17 +97,34 @@ class WatlowF4(WatlowController):
         for number, address in enumerate(ALARMS, 1):
             add(address, Parameter(partial(self._alarm, number)))
         add(103, Parameter(lambda: signed(max(self._plant.output_percent(), 0.0) * 100)))
-        add(107, Parameter(lambda: signed(max(-self._plant.output_percent(), 0.0) * 100)))
+        add(107, Parameter(lambda: signed(min(self._plant.output_percent(), 0.0) * 100)))
         add(300, Parameter(lambda: signed(self._set_point), self._aim))
         add(602, Parameter(lambda: signed(self._low), partial(self._limit, "_low")))
         add(603, Parameter(lambda: signed(self._high), partial(self._limit, "_high")))
-        add(1217, Parameter(lambda: (0,), self._terminate))
         for n, address in enumerate(INPUTS, 1):
             add(address, Parameter(partial(self._input, n)))
+            level = Parameter(partial(self._active_level, n), partial(self._set_active_level, n))
+            add(FIRST_ACTIVE_LEVEL + 2 * (n - 1), level)
         for n in self._events:
             add(
                 2000 + 10 * (n - 1), Parameter(partial(self._event, n), partial(self._set_event, n))
             )
+
+    def _add_chamber(self, clock: Clock) -> None:
+        """Add the clock of a chamber's F4, and its profiles, of which none runs."""
+        add = self._registers.add
+        for n, field in enumerate(CLOCK):
+            add(1916 + n, Parameter(partial(time_of, clock, field)))
+        add(200, fixed(0))
+        add(1217, Parameter(lambda: (0,), self._terminate))
+        for profile in range(PROFILES):
+            add(3500 + 10 * profile, fixed(*b" " * 10))
+
+    def _add_f4p(self, control: int) -> None:
+        """Add an F4P's slidewire and state of its control; it has no profiles to terminate."""
+        for n in range(len(CLOCK)):
+            self._registers.add(1916 + n, fixed(0))
+        self._registers.add(200, fixed(control))
 
     def _aim(self, words: Words) -> None:
         value = number(words[0])
@@ -123,7 +161,16 @@ class WatlowF4(WatlowController):
         self._follow()
 
     def _input(self, n: int) -> Words:
-        return (1 if n == self._door_input and not self._plant.door_is_open() else 0,)
+        on = n == self._door_input and not self._plant.door_is_open()
+        return (self._wired if on else 1 - self._wired,)
+
+    def _active_level(self, n: int) -> Words:
+        return (self._active[n],)
+
+    def _set_active_level(self, n: int, words: Words) -> None:
+        if words[0] not in (0, 1):
+            raise ModbusError(ILLEGAL_VALUE)
+        self._active[n] = words[0]
 
     def _terminate(self, words: Words) -> None:
         if words[0] != 1:
@@ -131,6 +178,19 @@ class WatlowF4(WatlowController):
 
     def _alarm(self, alarm: int) -> Words:
         return (2 if self._plant.alarm_is_on(alarm) else 0,)
+
+
+def time_of(clock: Clock, field: str) -> Words:
+    """Return one field of the date and time that a controller's clock shows."""
+    return (getattr(BEGAN + timedelta(seconds=clock.now()), field),)
+
+
+def one_of(truth: Truth, key: str, names: tuple[str, ...], default: str) -> str:
+    """Return one of several names; SimulationError for another."""
+    name = truth.text(key, default)
+    if name not in names:
+        raise SimulationError(f"{truth.where}.{key}: write {' or '.join(names)}")
+    return name
 
 
 def signed(value: float) -> Words:

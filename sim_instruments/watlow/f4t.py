@@ -6,7 +6,8 @@ set-point), and from a public client (exception 4 for an input or output that is
 with the low word first, states of alarms). Assumed: a set-point or a limit out of range is refused
 with exception 3; a ramp that is switched off leaves the set-point at its target at once; an alarm
 cuts heater and compressor by its relay; outputs can be written where their state is read. Left out:
-cascade loops, profiles (there is none to start), manual power, the controller's clock.
+cascade loops, profiles (there is none to start), control by the manual power (2784), which is only
+kept.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from typing import Any
 
 from sim_instruments.instrument import Setting
 from sim_instruments.truth import SimulationError
+from sim_instruments.watlow.f4 import CLOCK, time_of
 from sim_instruments.watlow.plant import Plant, SetPoint, WatlowController
 from sim_instruments.wire.modbus import (
     DEVICE_FAILURE,
@@ -74,6 +76,7 @@ class WatlowF4T(WatlowController):
         self._plant = Plant(setting)
         self._set_point = SetPoint(setting, self._plant, self._plant.process_degC())
         self._mode, self._ramp_action, self._ramp_scale, self._ramp_rate = OFF, OFF, 57, 1.0
+        self._manual_percent = 0.0
         self._outputs: dict[str, bool] = {}
         self._uses: dict[str, str] = {}
         self._inputs: dict[str, str] = {}
@@ -99,11 +102,14 @@ class WatlowF4T(WatlowController):
             self._registers.add(address, fixed(*text.ljust(size, "\0").encode("ascii")))
         for address in (1328, 6730):
             self._registers.add(address, fixed(CELSIUS))
+        for n, field in enumerate(CLOCK):
+            self._registers.add(14664 + 2 * n, Parameter(partial(time_of, self._clock, field)))
 
     def _add_loop(self) -> None:
         self._float(2774, lambda: self._low_degC, partial(self._limit, "_low_degC"))
         self._float(2776, lambda: self._high_degC, partial(self._limit, "_high_degC"))
         self._float(2782, lambda: self._set_point.target_degC, self._aim)
+        self._float(2784, lambda: self._manual_percent, self._set_manual)
         self._float(2798, lambda: self._ramp_rate, self._set_rate)
         self._float(2808, self._plant.output_percent)
         self._float(2810, self._set_point.now_degC)
@@ -172,6 +178,11 @@ class WatlowF4T(WatlowController):
             raise ModbusError(ILLEGAL_VALUE)
         self._ramp_rate = rate
         self._go_on()
+
+    def _set_manual(self, percent: float) -> None:
+        if not -100 <= percent <= 100:
+            raise ModbusError(ILLEGAL_VALUE)
+        self._manual_percent = percent
 
     def _set_scale(self, words: Words) -> None:
         self._ramp_scale = one_of(tuple(SCALES_S), words)

@@ -186,7 +186,7 @@ def test_what_a_page_prints_is_compared_line_by_line() -> None:
     assert commands_of("$ one\nx\n$ two\n") == [("one", "x\n"), ("two", "")]
 
 
-NOT_YET = {"kvh-1775", "watlow-f4", "watlow-f4t", "watlow-output-power"}
+NOT_YET = {"kvh-1775"}
 """Drivers whose commands are still to be listed."""
 
 
