@@ -18,6 +18,7 @@ from sim_instruments.instrument import Electronics, ServedInstrument, Setting
 from sim_instruments.wire.tcp import TcpServer
 
 LONGEST_COMMAND = 4096
+OTHER_MODES = ("bcmmode", "controlmode", "isotpmode")
 
 
 class SocketcandServer(TcpServer):
@@ -26,6 +27,10 @@ class SocketcandServer(TcpServer):
     The instrument's truth has the bus's `channel`. `received` is called with the identifier and the
     data of each frame that a client sends, as the running participant and with the world's lock
     held; `joined` before a client gets its first frame. One unit on the clock's wire is one frame.
+
+    From the daemon's protocol.md and state_raw.c: a bus that it does not have is refused and the
+    connection ended, a frame that is none is passed over in silence, and what one client sends all
+    others see. Of its other modes nothing but the answer is simulated.
     """
 
     def __init__(
@@ -56,7 +61,7 @@ class SocketcandServer(TcpServer):
             drops = drops or ends
             if going is None:
                 continue
-            changed = f"< frame {name} {time_text} {going.body.hex()} >"
+            changed = f"< frame {name} {time_text} {going.body.hex().upper()} >"
             if going.delay_s > 0:
                 self.later(going.delay_s, partial(self._send, changed, 1))
             else:
@@ -72,9 +77,10 @@ class SocketcandServer(TcpServer):
                 self._raw.remove(client)
         super().drop(client)
 
-    def _send(self, text: str, count: int) -> None:
+    def _send(self, text: str, count: int, sender: socket.socket | None = None) -> None:
+        """Send frames to every client in raw mode but the one that sent them itself."""
         with self._sending:
-            clients = list(self._raw)
+            clients = [one for one in self._raw if one is not sender]
             if not clients or not count:
                 return
             self._wire.streamed(count * len(clients))
@@ -99,10 +105,14 @@ class SocketcandServer(TcpServer):
                     if words[0] == "open" and not opened:
                         opened = words[1:] == [self.channel]
                         self._say(client, "< ok >" if opened else "< error could not open bus >")
+                        if not opened:
+                            return
                     elif words[0] == "echo":
                         self._say(client, "< echo >")
                     elif words[0] == "rawmode" and opened:
                         self._enter_raw_mode(client)
+                    elif words[0] in OTHER_MODES and opened:
+                        self._leave_raw_mode(client)
                     elif words[0] == "send" and client in self._dropped:
                         # On a line that is gone, frames are taken off the wire all the same.
                         with self._wire.serving(1):
@@ -125,16 +135,23 @@ class SocketcandServer(TcpServer):
             if client not in self._raw:
                 self._raw.append(client)
 
+    def _leave_raw_mode(self, client: socket.socket) -> None:
+        """Enter a mode of the daemon in which nothing is simulated but its answer."""
+        with self._sending:
+            if client in self._raw:
+                self._raw.remove(client)
+            client.sendall(b"< ok >")
+
     def _take(self, client: socket.socket, words: list[str]) -> None:
         try:
             identifier, length = int(words[0], 16), int(words[1], 16)
             data = bytes(int(word, 16) for word in words[2:])
         except (IndexError, ValueError):
-            self._say(client, "< error malformed frame >")
             return
         if length != len(data) or length > 8:
-            self._say(client, "< error malformed frame >")
             return
+        text = frame_text(identifier, self._clock.now(), data.hex())
+        self._send(text, 1, sender=client)
         with self._lock:
             receive = partial(self._received, identifier, data)
             drops = self._tap.arrives(frame_name(identifier), receive, self._clock.now())
@@ -148,9 +165,9 @@ class SocketcandServer(TcpServer):
 
 
 def frame_text(identifier: int, time_s: float, data_hex: str) -> str:
-    """Return one received frame as the daemon writes it; data in hexadecimal without blanks."""
+    """Return one received frame as the daemon writes it; data in capitals without blanks."""
     name = f"{identifier:03X}" if identifier < 0x800 else f"{identifier:08X}"
-    return f"< frame {name} {time_s:.6f} {data_hex} >"
+    return f"< frame {name} {time_s:.6f} {data_hex.upper()} >"
 
 
 class CanInstrument(ServedInstrument, ABC):
