@@ -10,8 +10,8 @@ import yaml
 from fixture import EmptyRoom
 from generator_fixture import LATENCY_S, TRUTH, Fixture, standing
 
+from drivers.generic.coil_generator_messages import differs
 from drivers.keysight.generator_33522b import Keysight33522B
-from drivers.keysight.generator_33522b_messages import differs
 from station.errors import InputError, InstrumentError, InstrumentTimeout
 from station.instruments.scan import draft, recognised
 

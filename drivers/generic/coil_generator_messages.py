@@ -1,0 +1,123 @@
+"""What two-output generators at coils are sent, by channel, and what reads back."""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+
+from station.units import UnitError, parse_as
+
+HIGH_IMPEDANCE = "high-impedance"
+LOADS_OHM = (1.0, 10e3)
+OPEN_OHM = 1e30
+"""What reads higher is an open end; instruments say 9.9E+37."""
+
+PAUSE_SHARE, PAUSE_S = 0.1, 1e-3
+"""A period is longer than its pulse by so much."""
+
+RELATIVE_TOLERANCE, TOLERANCE = 1e-3, 1e-4
+"""Of a read-back: four digits, in V and s, is what data sheets promise."""
+
+Wanted = dict[str, str | float]
+
+
+class ChannelMessages(ABC):
+    """The messages of one channel, and the settings to ask for afterwards, by query."""
+
+    off = "0"
+    """What the query `output` answers while the output is off."""
+
+    def __init__(self, channel: int) -> None:
+        self._out, self._sour = f"OUTP{channel}", f"SOUR{channel}"
+        self.output = f"{self._out}?"
+
+    def switch(self, *, on: bool) -> str:
+        """Return what switches the output on or off."""
+        return f"{self._out} {'ON' if on else 'OFF'}"
+
+    def steady(self) -> str:
+        """Return what switches the output off and makes the function DC, at 0 V."""
+        return joined(
+            self.switch(on=False),
+            f"{self._sour}:BURS:STAT OFF",
+            f"{self._out}:POL NORM",
+            f"{self._sour}:FUNC DC",
+            f"{self._sour}:VOLT:OFFS 0",
+        )
+
+    def offset(self, voltage_V: float) -> str:
+        """Return what sets the steady voltage."""
+        return f"{self._sour}:VOLT:OFFS {voltage_V:.7g}"
+
+    @abstractmethod
+    def limits(self, load_ohm: float, limit_V: float) -> str:
+        """Return what sets the termination and the voltage limits, with the function at 0 V."""
+
+    @abstractmethod
+    def limited(self, load_ohm: float, limit_V: float) -> Wanted:
+        """Return what has to be read after the limits were set."""
+
+    @abstractmethod
+    def held(self, load_ohm: float, voltage_V: float) -> Wanted:
+        """Return what has to be read of a channel that holds a voltage."""
+
+    @abstractmethod
+    def step(self, held_V: float, step_V: float, duration_s: float, delay_s: float) -> list[str]:
+        """Return what turns a steady channel, its output off, into one that waits for a trigger."""
+
+    @abstractmethod
+    def stepping(
+        self, load_ohm: float, held_V: float, step_V: float, duration_s: float, delay_s: float
+    ) -> Wanted:
+        """Return what has to be read of a channel that waits for a trigger."""
+
+    def levels(self, held_V: float, step_V: float) -> str:
+        """Return what makes a pulse of a step; downwards it is inverted about its offset."""
+        return joined(
+            f"{self._sour}:FUNC PULS",
+            f"{self._sour}:VOLT:UNIT VPP",
+            f"{self._sour}:VOLT MIN",
+            f"{self._sour}:VOLT:OFFS {held_V + step_V / 2:.7g}",
+            f"{self._sour}:VOLT {abs(step_V):.7g}",
+            f"{self._out}:POL {'NORM' if step_V > 0 else 'INV'}",
+        )
+
+
+def period_of(duration_s: float) -> float:
+    """Return the period of a pulse, in s."""
+    return duration_s + max(PAUSE_SHARE * duration_s, PAUSE_S)
+
+
+def joined(*commands: str) -> str:
+    """Return one message of several commands, each from the root."""
+    return ";:".join(commands)
+
+
+def load_of(given: str) -> str:
+    """Return what outputs are connected to, checked; raise ValueError for what is none."""
+    if given != HIGH_IMPEDANCE:
+        try:
+            ohm = parse_as(given, "ohm")
+        except UnitError as error:
+            raise ValueError(f"must be {HIGH_IMPEDANCE}, or a resistance: {error}") from error
+        if not LOADS_OHM[0] <= ohm <= LOADS_OHM[1]:
+            raise ValueError(f"must be 1 ohm to 10000 ohm, or {HIGH_IMPEDANCE}, not {given}")
+    return given
+
+
+def load_ohm(load: str) -> float:
+    """Return what outputs are connected to in ohm, infinite if open."""
+    return math.inf if load == HIGH_IMPEDANCE else parse_as(load, "ohm")
+
+
+def differs(expected: str | float, answer: str) -> bool:
+    """Return whether an answer is not what was expected; an infinite number is an open end."""
+    if isinstance(expected, str):
+        return answer.strip() != expected
+    try:
+        value = float(answer)
+    except ValueError:
+        return True
+    if math.isinf(expected):
+        return not value > OPEN_OHM
+    return not abs(value - expected) <= RELATIVE_TOLERANCE * abs(expected) + TOLERANCE

@@ -1,0 +1,139 @@
+"""Rigol DG812, DG822 or DG832 waveform generator (SCPI, lines end with LF): voltages and steps.
+
+As on other generators at coils a steady voltage is the function DC with an offset, and a step one
+cycle of a pulse in a burst; a step downwards is a pulse that is inverted. Each channel has its own
+trigger input, `Sync/Ext Mod/Trig/FSK` at the rear: the shutter's trigger goes to both. Settings of
+the output are reset before a run, and both outputs are off at its end.
+
+The guide is the DG800 Programming Guide, of which some pages were at hand. Not confirmed: that
+several commands and queries share a message, that `FUNC?` answers `DC` and `PULS`, the least
+amplitude, that an inverted pulse waits at its high level, that voltage limits are taken while the
+output is off, and which commands they refuse.
+
+Commands and their sources:
+    *IDN? - who answers - an answer of a DG822 and of a DG952 in public client code - confirmed
+    *CLS, *RST, SYST:ERR? - a known state, the error queue - QCoDeS driver, public notes that quote
+        the guide - confirmed
+    OUTP, OUTP:POL - the output, as ON or OFF - QCoDeS driver, public client code - confirmed
+    OUTP:LOAD - 1 ohm to 10 kohm or INF, an open end as 9.9E+37 - public notes that quote the guide;
+        QCoDeS driver as OUTP:IMP - confirmed
+    OUTP:VOLL, OUTP:VOLL:HIGH, OUTP:VOLL:LOW - the instrument's own limits - QCoDeS driver -
+        not confirmed
+    SOUR:FUNC, SOUR:VOLT, SOUR:VOLT:UNIT, SOUR:VOLT:OFFS - a steady voltage and a pulse - public
+        client code of the DG800 - confirmed
+    SOUR:VOLT:HIGH, SOUR:VOLT:LOW - the levels of a pulse - public client code of Rigol generators -
+        not confirmed
+    SOUR:FUNC:PULS:PER, SOUR:FUNC:PULS:WIDT - the length of a step - guide p.2-79 for the subsystem,
+        public client code - confirmed
+    SOUR:BURS:STAT, SOUR:BURS:MODE, SOUR:BURS:NCYC - a single step - guide p.2-59, QCoDeS driver -
+        confirmed
+    SOUR:BURS:TRIG:SOUR, SOUR:BURS:TRIG:SLOP, SOUR:BURS:TDEL - what starts a step, up to 100 s
+        before it - QCoDeS driver, public client code - confirmed
+    SOUR:BURS:IDLE - BOTTOM: a pulse waits at its low level - QCoDeS driver - not confirmed
+"""
+
+from __future__ import annotations
+
+import math
+from typing import ClassVar
+
+from drivers.generic.coil_generator import CoilGenerator
+from drivers.generic.coil_generator_messages import ChannelMessages, Wanted, joined, period_of
+from drivers.transport.retry import Repeatable
+
+
+class RigolDg800(CoilGenerator):
+    """Two channels at coils: each holds a voltage, or waits for the trigger of a step.
+
+    Limits: `voltage` V, of either sign.
+    """
+
+    recognises: ClassVar[str] = r"^(?i:Rigol Technologies),DG8[123]2,(?P<serial>[^,]+)"
+    """Units answer in capitals, too."""
+    repeatable: ClassVar[Repeatable] = Repeatable(
+        r"\*IDN\?|\*CLS|SYST:ERR\?|OUTP[12](:LOAD|:POL|:VOLL[A-Z:]*)?\?|SOUR[12]:[A-Z:]+\?",
+        r"OUTP[12] OFF",
+    )
+    """Not what arms a burst: sent again after a trigger it would end the step."""
+    longest_delay_s: ClassVar[float] = 100.0
+
+    def _messages_of(self, channel: int) -> ChannelMessages:
+        return Messages(channel)
+
+
+class Messages(ChannelMessages):
+    """The messages of one channel."""
+
+    off = "OFF"
+
+    def limits(self, load_ohm: float, limit_V: float) -> str:
+        """Return what sets the termination and the voltage limits, with the function at 0 V."""
+        limit = f"{self._out}:VOLL"
+        return joined(
+            f"{limit} OFF",
+            f"{self._out}:LOAD {'INF' if math.isinf(load_ohm) else f'{load_ohm:g}'}",
+            f"{self._sour}:FUNC DC",
+            f"{self._sour}:VOLT:OFFS 0",
+            f"{limit}:HIGH {limit_V:.6g}",
+            f"{limit}:LOW {-limit_V:.6g}",
+            f"{limit} ON",
+        )
+
+    def limited(self, load_ohm: float, limit_V: float) -> Wanted:
+        """Return what has to be read after the limits were set."""
+        limit = f"{self._out}:VOLL"
+        return {
+            f"{self._out}:LOAD?": load_ohm,
+            f"{limit}?": "ON",
+            f"{limit}:HIGH?": limit_V,
+            f"{limit}:LOW?": -limit_V,
+            self.output: "OFF",
+        }
+
+    def held(self, load_ohm: float, voltage_V: float) -> Wanted:
+        """Return what has to be read of a channel that holds a voltage."""
+        return {
+            f"{self._sour}:FUNC?": "DC",
+            f"{self._sour}:VOLT:OFFS?": voltage_V,
+            f"{self._out}:LOAD?": load_ohm,
+            self.output: "ON",
+        }
+
+    def step(self, held_V: float, step_V: float, duration_s: float, delay_s: float) -> list[str]:
+        """Return what turns a steady channel, its output off, into one that waits for a trigger."""
+        pulse, burst = f"{self._sour}:FUNC:PULS", f"{self._sour}:BURS"
+        return [
+            self.levels(held_V, step_V),
+            joined(
+                f"{pulse}:WIDT MIN",
+                f"{pulse}:PER {period_of(duration_s):.9g}",
+                f"{pulse}:WIDT {duration_s:.9g}",
+            ),
+            joined(
+                f"{burst}:MODE TRIG",
+                f"{burst}:NCYC 1",
+                f"{burst}:TRIG:SOUR EXT",
+                f"{burst}:TRIG:SLOP POS",
+                f"{burst}:TDEL {delay_s:.9g}",
+                f"{burst}:IDLE BOTTOM",
+                f"{burst}:STAT ON",
+            ),
+        ]
+
+    def stepping(
+        self, load_ohm: float, held_V: float, step_V: float, duration_s: float, delay_s: float
+    ) -> Wanted:
+        """Return what has to be read of a channel that waits for a trigger."""
+        return {
+            f"{self._sour}:FUNC?": "PULS",
+            f"{self._sour}:VOLT:LOW?": min(held_V, held_V + step_V),
+            f"{self._sour}:VOLT:HIGH?": max(held_V, held_V + step_V),
+            f"{self._sour}:FUNC:PULS:WIDT?": duration_s,
+            f"{self._out}:POL?": "NORM" if step_V > 0 else "INV",
+            f"{self._out}:LOAD?": load_ohm,
+            f"{self._sour}:BURS:STAT?": "ON",
+            f"{self._sour}:BURS:NCYC?": 1.0,
+            f"{self._sour}:BURS:TRIG:SOUR?": "EXT",
+            f"{self._sour}:BURS:TDEL?": delay_s,
+            self.output: "ON",
+        }
