@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from station.procedure import Procedure, ResultKind, usual_modules
 
-from .parameters import CommissioningParameters
+from .parameters import COILS, FIGURES, CommissioningParameters
 from .steps import STEPS, prompts
 from .work import check, instruments, records, work
 
@@ -13,13 +13,7 @@ PROCEDURE = Procedure(
     title="Commissioning of a bench: coils, their supplies and the field probe",
     source="Inertial Station, checks C1 and C2 (no published method)",
     parameters=CommissioningParameters,
-    results={
-        "coil_constant_ratio": ResultKind(("x", "y", "z"), "1"),
-        "cross_axis": ResultKind(("x", "y", "z"), "1"),
-        "field_after_off": ResultKind(("x", "y", "z"), "mT"),
-        "ambient_field": ResultKind(("x", "y", "z"), "mT"),
-        "ambient_noise": ResultKind(("x", "y", "z"), "mT"),
-    },
+    results={name: ResultKind(COILS, unit) for name, unit in FIGURES},
     steps=STEPS,
     instruments=instruments,
     records=records,

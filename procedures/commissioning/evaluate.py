@@ -9,11 +9,18 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from station.findings import Findings, InputQuantity, findings_of
+from station.findings import (
+    Analysis,
+    Findings,
+    Flag,
+    InputQuantity,
+    findings_of,
+    undetermined,
+)
 from station.units import parse_as
 
 from .analysis import ANGLE, GAIN, ZERO, CoilDataset, CoilFields, Mean, analyse, mean_of
-from .parameters import COILS, CommissioningParameters, ambient_unit
+from .parameters import COILS, FIGURES, CommissioningParameters, ambient_unit
 from .work import GAUSSMETER, supply_of
 
 if TYPE_CHECKING:
@@ -27,9 +34,34 @@ Array = NDArray[np.float64]
 def findings_of_run(
     folder: RunFolder, parameters: CommissioningParameters, bench: Bench
 ) -> Findings:
-    """Return the figures of a recorded commissioning."""
+    """Return the figures of a recorded commissioning; one without all its records gives none."""
+    if missing := [unit for unit in units_of(parameters) if unit not in folder.finished_units()]:
+        return findings_of(nothing_of(missing), None, [])
     data = dataset_of_run(folder, parameters, bench)
     return findings_of(analyse(data), data, inputs(data, bench))
+
+
+def units_of(parameters: CommissioningParameters) -> list[str]:
+    """Return the records that the figures are computed from."""
+    return [
+        unit
+        for along in parameters.directions
+        for unit in (
+            ambient_unit(along),
+            *(record.unit for record in parameters.coil_records(along)),
+        )
+    ]
+
+
+def nothing_of(missing: Sequence[str]) -> Analysis:
+    """Return the analysis of a commissioning that lacks records: no figure is determined."""
+    message = f"Not recorded: {', '.join(missing)}. The coils are judged together, or not at all."
+    flag = Flag("not-measured", message, details={"units": list(missing)})
+    return Analysis(
+        tuple(undetermined(name, axis, unit, "") for name, unit in FIGURES for axis in COILS),
+        (),
+        (flag,),
+    )
 
 
 def dataset_of_run(

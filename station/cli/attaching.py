@@ -244,7 +244,10 @@ def typed_line(within_s: float) -> str | None:
     """
     if not select.select([sys.stdin], [], [], within_s)[0]:
         return None
-    line = sys.stdin.readline()
+    try:
+        line = sys.stdin.readline()
+    except OSError:
+        raise EOFError from None
     if not line:
         raise EOFError
     return line.rstrip("\n")

@@ -122,12 +122,20 @@ def short_rates() -> tuple[float, ...]:
     return rates
 
 
+def commissioning_truth(bench: Mapping[str, Any], result: Mapping[str, Any]) -> float | None:
+    """Return the ambient field of the simulated bench along an axis in mT."""
+    if result["name"] != "ambient_field":
+        return None
+    return number(bench["simulation"]["ambient_field"][result["axis"]])
+
+
 TRUTHS: Mapping[str, Callable[[Mapping[str, Any], Mapping[str, Any]], float | None]] = {
     "rlg-magnetic-sensitivity": rlg_truth,
     "accelerometer-magnetic-sensitivity": accelerometer_truth,
     "fog-scale-factor-temperature": fog_truth,
     "serf-nonorthogonality": serf_truth,
     "nine-axis-calibration": nine_axis_truth,
+    "commissioning": commissioning_truth,
 }
 """What a result of a procedure should be; None where the world has no one number for it."""
 

@@ -27,6 +27,11 @@ WITHIN_S = 60.0
 MOUNT = Prompt("mount", "Mount the gyro.")
 
 
+def hears_hang_up() -> None:
+    """Take SIGHUP as a terminal's program does, also where the tests run under `nohup`."""
+    signal.signal(signal.SIGHUP, signal.SIG_DFL)
+
+
 class OnTerminal:
     """A verb on a pseudo-terminal of its own, typed at like a person does."""
 
@@ -40,6 +45,7 @@ class OnTerminal:
             stdout=slave,
             stderr=slave,
             start_new_session=True,
+            preexec_fn=hears_hang_up,
             env={key: value for key, value in os.environ.items() if key != "CI"},
         )
         os.close(slave)

@@ -39,7 +39,10 @@ ENDS_WITH_A_SENTENCE = [
         entry(BOARD, "dropped-connection", command=COMMAND),
         "used the CAN bus: the line broke (the other side closed the connection)",
     ),
-    (entry(GAUSSMETER, "wrong-terminator", command="SENS:AVER"), "gaussmeter: sent 'SENS:AVER"),
+    (
+        entry(GAUSSMETER, "wrong-terminator", command="SENS:RANG 0"),
+        "gaussmeter: sent 'SENS:RANG",
+    ),
     (entry(GAUSSMETER, "previous-reply", **WHILE_RECORDING), "its time stamps run backwards"),
     (entry(GAUSSMETER, "nan", **WHILE_RECORDING), "gaussmeter: read its buffer: '2026-"),
     (
