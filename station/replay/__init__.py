@@ -1,1 +1,0 @@
-"""A recorded transcript served back to the drivers, and what they do differently."""
