@@ -19,7 +19,7 @@ from station.cli.running import ANNOUNCE
 from station.clock import RealClock, boot_seconds
 from station.console import tell
 from station.control.answers import ABORT, DONE
-from station.control.client import NotRunning, ask
+from station.control.client import NotRunning, ask, not_running
 from station.control.status import RUN_STARTED, in_words, read_status
 from station.errors import EXIT_ABORTED, EXIT_DONE, EXIT_FAULT, InputError
 from station.files.locks import is_held
@@ -84,7 +84,6 @@ def attach(folder: Path) -> int:
     if not (folder / EVENTS).is_file():
         raise InputError(f"{folder} is no run folder: it holds no {EVENTS}")
     if not is_held(folder / LOCK):
-        tell(f"{folder} is not running: {read_status(folder).message}")
         return how_it_ended(folder, "")
     if sys.stdin.isatty():
         tell(f"Ctrl-C ends this run with a safe bench; `{DETACH}` and Enter leaves it running")
@@ -106,16 +105,16 @@ def attach(folder: Path) -> int:
 
 def how_it_ended(folder: Path, failure: str) -> int:
     """Say how a run that is over has ended, and return its exit code."""
-    if failure:
-        tell(f"the run did not finish: {failure}")
     status = read_status(folder)
     if status.state == "finished" and (folder / RESULTS).is_file():
         document, _ = evaluate_run(RunFolder(folder))
         print_document(document)
         print(f"report: {folder / REPORT}")
         return exit_code_of(document)
-    if status.bench_safe is False:
-        tell("NOT VERIFIED: the bench could not be proven safe; look at it now")
+    again = f"`station resume {quote(str(folder))}` resumes it"
+    tell(f"the run did not finish: {failure}; {again}" if failure else not_running(folder))
+    if not status.bench_safe:
+        tell(f"NOT VERIFIED: go to the bench and look at it now; last heard: {status.message}")
         return EXIT_FAULT
     failed = [event for event in LogTail(folder).new_events() if event.kind == "failed"]
     return int(failed[-1].details["exit_code"]) if failed else EXIT_FAULT

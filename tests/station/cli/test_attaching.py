@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import pty
+import re
 import signal
 import subprocess
 import time
@@ -135,7 +136,25 @@ def test_a_detached_run_goes_to_its_end_and_attach_shows_its_results(tmp_path: P
     assert "S9  Switch the coils and the gyro off" in seen.stderr
     again = station(tmp_path, "attach", str(run))
     assert again.returncode == 0
-    assert "is not running" in again.stderr
+    assert "magnetic_sensitivity IA" in again.stdout
+
+
+def test_attach_says_that_a_killed_run_is_gone_and_its_bench_is_not_verified(
+    tmp_path: Path,
+) -> None:
+    (tmp_path / "plan.yaml").write_text(PLAN, encoding="utf-8")
+    started = station(tmp_path, "run", "plan.yaml", "--rehearse", "--detach", CI="")
+    (run,) = (tmp_path / "runs").iterdir()
+    process = re.search(r"in process (\d+)", started.stdout)
+    assert process is not None
+    os.kill(int(process.group(1)), signal.SIGKILL)
+    until_s = time.monotonic() + WITHIN_S
+    while read_status(run).running and time.monotonic() < until_s:
+        time.sleep(0.02)
+    seen = station(tmp_path, "attach", str(run))
+    assert seen.returncode == 3
+    assert f"`station resume {run}` resumes it" in seen.stderr
+    assert "NOT VERIFIED: go to the bench" in seen.stderr
 
 
 def test_what_keeps_a_detached_run_from_beginning_is_shown(tmp_path: Path) -> None:
