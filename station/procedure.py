@@ -162,8 +162,8 @@ def every_axis(parameters: Any) -> Mapping[str, tuple[str, ...]]:
     return {}
 
 
-def no_outlook(parameters: Any) -> Sequence[str]:
-    """Return nothing, for a procedure whose every plan determines the same quantities."""
+def no_lines(of: Any) -> Sequence[str]:
+    """Return nothing: every plan determines the same quantities, or fits every bench."""
     return ()
 
 
@@ -197,9 +197,8 @@ class Procedure:
     parameters: model of the plan's `parameters`; results: name to axes and unit;
     instruments(parameters): the bench instances it needs; prompts(parameters): what it may ask;
     records(parameters, bench): what its analysis takes of their calibration records;
-    check(parameters, bench): the reasons of its own why this plan cannot run on this bench; that
-    the bench lacks an instrument, or that a set-point of the forecast is beyond a limit, is found
-    for every procedure alike;
+    check(parameters, bench): the reasons of its own why this plan cannot run on this bench;
+    missing instruments and set-points beyond a limit are checked for every procedure alike;
     evaluate_run / evaluate_dataset: recorded or imported data to findings;
     report(findings, document): plots and tables of its own;
     work(parameters): what the steps command and record, by unit of work: the commands that they
@@ -209,10 +208,10 @@ class Procedure:
     of them are kept and read from;
     files(findings, document): name to text of files beside the results, such as a compensation;
     outlook(parameters): in lines, what a plan determines and how well, before anything moves;
-    undetermined(parameters): result names that a plan does not determine alone, with the sentence
-    to tell whoever limits them;
-    measured_axes(parameters): the axes of those results of which a plan may leave some out;
+    undetermined(parameters): results that a plan does not determine alone, each with a sentence;
+    measured_axes(parameters): the axes of results that a plan may leave out;
     needs_limits(parameters): the results, with their axes, that a plan ends by deciding;
+    fits(bench): overrides, as of `--set`, that fit its shipped plan to a bench;
     assumptions: what its numbers do not say;
     conditions(): model of an imported dataset's `conditions`, for the JSON Schema.
     """
@@ -232,12 +231,13 @@ class Procedure:
     records: Callable[[Any, Bench], tuple[RecordUse, ...]] = no_records
     work: Callable[[Any], Iterable[Work]] = no_work
     held_bytes: Callable[[Any, Bench], int | None] = everything
-    outlook: Callable[[Any], Sequence[str]] = no_outlook
+    outlook: Callable[[Any], Sequence[str]] = no_lines
     undetermined: Callable[[Any], Mapping[str, str]] = nothing_undetermined
     inputs: Callable[[Any], Mapping[str, Path]] = no_inputs
     files: Callable[[Findings, ResultDocument], Mapping[str, str]] = no_files
     measured_axes: Callable[[Any], Mapping[str, tuple[str, ...]]] = every_axis
     needs_limits: Callable[[Any], Mapping[str, tuple[str, ...]]] = every_axis
+    fits: Callable[[Bench], Iterable[str]] = no_lines
     assumptions: tuple[str, ...] = ()
     conditions: Callable[[], type[StrictModel]] | None = None
 

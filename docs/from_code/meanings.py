@@ -24,16 +24,18 @@ PLAN = {
 
 PARAMETERS = {
     "commissioning": {
-        "field": "steady field of each coil, of either sense",
-        "record": "length of each record of the field",
-        "settle": "time between a change of the field and its record",
-        "turn_probe": "whether a person turns a probe of one axis along x, y and z",
-        "ambient": "the ambient field along the bench's axes, from a map and a compass; it decides "
-        "whether a coil or an axis of the probe is reversed",
-        "ambient.x": "component along x",
-        "ambient.y": "component along y",
-        "ambient.z": "component along z",
-        "ambient.standard_uncertainty": "of each component",
+        "checks": "the parts that are walked",
+        "coils": "the part of coils, their supplies and the field probe",
+        "coils.field": "steady field of each coil, of either sense",
+        "coils.record": "length of each record of the field",
+        "coils.settle": "time between a change of the field and its record",
+        "coils.turn_probe": "whether a person turns a probe of one axis along x, y and z",
+        "coils.ambient": "the ambient field along the bench's axes, from a map and a compass; it "
+        "decides whether a coil or an axis of the probe is reversed",
+        "coils.ambient.x": "component along x",
+        "coils.ambient.y": "component along y",
+        "coils.ambient.z": "component along z",
+        "coils.ambient.standard_uncertainty": "of each component",
     },
     "rlg-magnetic-sensitivity": {
         "excitation": "`sequential`: one coil after the other, as published; `simultaneous`: all "

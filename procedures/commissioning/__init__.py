@@ -1,26 +1,107 @@
-"""Commissioning: what a bench's coils, supplies and probe do, before a method relies on them."""
+"""Commissioning: what a bench does, before a method relies on it; a part for each kind of check."""
 
 from __future__ import annotations
 
-from station.procedure import Procedure, ResultKind, usual_modules
+from collections.abc import Callable, Iterator
+from typing import TYPE_CHECKING, Any
 
-from .parameters import COILS, FIGURES, CommissioningParameters
-from .steps import STEPS, prompts
-from .work import check, instruments, records, work
+from station.method.work import Work
+from station.procedure import Problem, Procedure, Prompt, RecordUse, Step, usual_modules
+from station.runner.run import Run
+
+from .coils import COIL_PART
+from .parameters import CommissioningParameters
+from .parts import Part
+
+if TYPE_CHECKING:
+    from station.instruments.bench import Bench
+
+PARTS: tuple[Part, ...] = (COIL_PART,)
+"""In the order in which they are walked."""
+
+
+def chosen(parameters: CommissioningParameters) -> Iterator[tuple[Part, Any]]:
+    """Yield the parts that a plan asks for, each with its own parameters."""
+    for part in PARTS:
+        if part.name in parameters.checks:
+            yield part, getattr(parameters, part.name)
+
+
+def instruments(parameters: CommissioningParameters) -> tuple[str, ...]:
+    """Return the bench instances that are commissioned."""
+    names = [name for part, own in chosen(parameters) for name in part.instruments(own)]
+    return tuple(dict.fromkeys(names))
+
+
+def work(parameters: CommissioningParameters) -> Iterator[Work]:
+    """Yield the work of each part."""
+    for part, own in chosen(parameters):
+        yield from part.work(own)
+
+
+def prompts(parameters: CommissioningParameters) -> tuple[Prompt, ...]:
+    """Return what the operator is asked to do."""
+    return tuple(prompt for part, own in chosen(parameters) for prompt in part.prompts(own))
+
+
+def records(parameters: CommissioningParameters, bench: Bench) -> tuple[RecordUse, ...]:
+    """Return what the analyses take of calibration records."""
+    return tuple(use for part, own in chosen(parameters) for use in part.records(own, bench))
+
+
+def check(parameters: CommissioningParameters, bench: Bench) -> Iterator[Problem]:
+    """Yield why a part cannot be done on a bench."""
+    for part, own in chosen(parameters):
+        yield from part.check(own, bench)
+
+
+def measured_axes(parameters: CommissioningParameters) -> dict[str, tuple[str, ...]]:
+    """Return no axes for the results of the parts that a plan leaves out."""
+    left_out = (part for part in PARTS if part.name not in parameters.checks)
+    return {name: () for part in left_out for name in part.results}
+
+
+def fits(bench: Bench) -> Iterator[str]:
+    """Yield what fits the shipped plan to a bench: its parts, the limits of these, their needs."""
+    possible = [part for part in PARTS if part.is_possible(bench)]
+    yield f"parameters.checks=[{', '.join(part.name for part in possible)}]"
+    for part in PARTS:
+        if part in possible:
+            yield from part.fits(bench)
+        else:
+            yield from (f"limits.{name}=null" for name in part.results)
+
+
+def steps() -> Iterator[Step]:
+    """Yield the steps of all parts; one that a plan leaves out does nothing."""
+    for part in PARTS:
+        for step in part.steps:
+            yield Step(step.number, step.title, _where_chosen(part, step), step.duration_s)
+
+
+def _where_chosen(part: Part, step: Step) -> Callable[[Run], None]:
+    def body(run: Run) -> None:
+        if part.name in run.parameters.checks:
+            step.body(run)
+
+    return body
+
 
 PROCEDURE = Procedure(
     name="commissioning",
-    title="Commissioning of a bench: coils, their supplies and the field probe",
-    source="Inertial Station, checks C1 and C2 (no published method)",
+    title="Commissioning of a bench, before a method relies on it",
+    source="Inertial Station (no published method)",
     parameters=CommissioningParameters,
-    results={name: ResultKind(COILS, unit) for name, unit in FIGURES},
-    steps=STEPS,
+    results={name: kind for part in PARTS for name, kind in part.results.items()},
+    steps=tuple(steps()),
     instruments=instruments,
     records=records,
     prompts=prompts,
     check=check,
     **usual_modules(__name__),
     work=work,
+    measured_axes=measured_axes,
+    fits=fits,
     assumptions=(
         "The probe's axes stand along the coils' as its prompt asks: a probe turned by a small "
         "angle shows as a part across the axes of all coils.",

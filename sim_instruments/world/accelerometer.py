@@ -7,7 +7,6 @@ A_i A_o A_p in g, field A_m in T, output in V. K_o and K_p are the misalignment 
 from __future__ import annotations
 
 from functools import partial
-from typing import ClassVar
 
 import numpy as np
 import numpy.typing as npt
@@ -159,7 +158,7 @@ class AccelerometerBench(World):
     `axis_tilt`, and `soft_iron` near the device may add its share to the field that it feels.
     """
 
-    preparations: ClassVar[tuple[str, ...]] = ("mount-io", "connect-cables", "dut-power-on")
+    preparations: tuple[str, ...] = ("mount-io", "connect-cables", "dut-power-on")
 
     def __init__(self, truth: Truth) -> None:
         super().__init__(truth)

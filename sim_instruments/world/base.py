@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from threading import RLock
-from typing import ClassVar, TypeVar
+from typing import TypeVar
 
 import numpy as np
 
@@ -53,7 +53,7 @@ class World(Room, ABC):
     world ready for a client who cannot ask for them.
     """
 
-    preparations: ClassVar[tuple[str, ...]] = ("mount", "connect-cables", "dut-power-on")
+    preparations: tuple[str, ...] = ("mount", "connect-cables", "dut-power-on")
 
     def __init__(self, truth: Truth) -> None:
         super().__init__()

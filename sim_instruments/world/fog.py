@@ -128,13 +128,13 @@ class FogBench(World):
     gaussmeter's probe lies there and feels the ambient field.
     """
 
-    def __init__(self, truth: Truth) -> None:
+    def __init__(self, truth: Truth, table: Table | None = None) -> None:
         super().__init__(truth)
         seed = truth.integer("seed", 0)
         fog = truth.section("fog")
         self.chamber = Chamber(fog.section("chamber"), self._air_changed)
         self.gyros = FogGyros(fog.section("gyros"), self.chamber, seed)
-        self.table = Table(fog.section("table"), generator(seed, "table"), self._table_changed)
+        self.table = table or Table.of_bench(truth, self.table_changed)
         latitude_deg = fog.quantity("latitude", "deg")
         self._navigator = Navigator(
             fog.section("navigator"), self.table, self.gyros, latitude_deg, seed
@@ -192,8 +192,9 @@ class FogBench(World):
 
     def _air_changed(self, time_s: float) -> None:
         self.gyros.heat.forget_after(time_s)
-        self._table_changed(time_s)
+        self.table_changed(time_s)
 
-    def _table_changed(self, time_s: float) -> None:
+    def table_changed(self, time_s: float) -> None:
+        """Forget what was computed ahead from a time on: the table turns otherwise."""
         self._navigator.forget_after(time_s)
         self.version += 1

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator
 from functools import partial
-from typing import ClassVar, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -204,14 +204,13 @@ class NineAxisBench(World):
     beginning where `powered_at_start` says so. The table is that of `simulation.fog`.
     """
 
-    preparations: ClassVar[tuple[str, ...]] = ("mount-table", "connect-cables", "dut-power-on")
+    preparations: tuple[str, ...] = ("mount-table", "connect-cables", "dut-power-on")
 
-    def __init__(self, truth: Truth) -> None:
+    def __init__(self, truth: Truth, table: Table | None = None) -> None:
         super().__init__(truth)
         self._seed = truth.integer("seed", 0)
         own = truth.section("nine_axis")
-        rng = generator(self._seed, "table")
-        self.table = Table(truth.section("fog").section("table"), rng, lambda _: self._changed())
+        self.table = table or Table.of_bench(truth, self.table_changed)
         self._earth = earth_rate_rad_per_s(own.quantity("latitude", "deg"))
         heading = own.section("heading_error")
         self._plate, self._base = (
@@ -279,6 +278,10 @@ class NineAxisBench(World):
             nodes = nodes_within(edges_s[:-1], edges_s[1:], panel_s, order)
             rate, force, field = (nodes.mean(one) for one in self._felt(nodes))
             return self.sensor.measure(edges_s, np.degrees(rate), force, field)
+
+    def table_changed(self, time_s: float) -> None:
+        """Forget what was computed ahead: the table turns otherwise."""
+        self._changed()
 
     def attitude(self, time_s: Array) -> Array:
         """Return where X, Y, Z (rows) point along north, east, down, shape (times, 3, 3)."""

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import ClassVar
-
 import numpy as np
 
 from sim_instruments.truth import Truth
@@ -53,7 +51,7 @@ class SerfBench(World):
     one degree per second is a field of 1e-4 nT.
     """
 
-    preparations: ClassVar[tuple[str, ...]] = (
+    preparations: tuple[str, ...] = (
         "connect-cables",
         "dut-power-on",
         "heat-cell",

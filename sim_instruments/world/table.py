@@ -18,7 +18,7 @@ from sim_instruments.truth import SimulationError, Truth
 from sim_instruments.world.chamber import ignore_change
 from sim_instruments.world.coils import AXES
 from sim_instruments.world.laser_gyro import EARTH_RATE_DEG_PER_H
-from sim_instruments.world.noise import Wander
+from sim_instruments.world.noise import Wander, generator
 from sim_instruments.world.piecewise import Array
 from sim_instruments.world.rotation import RotationHistory
 
@@ -96,6 +96,12 @@ class Table:
             raise SimulationError(f"{truth.where}: the axes must have the numbers 1, 2 and 3")
         wander = np.full(3, truth.quantity("wander", "deg"))
         self._wander = Wander(wander, WANDER_CELL_S, rng)
+
+    @classmethod
+    def of_bench(cls, truth: Truth, changed: Callable[[float], None]) -> Table:
+        """Return the table of a bench, described below `fog.table`."""
+        rng = generator(truth.integer("seed", 0), "table")
+        return cls(truth.section("fog").section("table"), rng, changed)
 
     def axis(self, number: int) -> RotationHistory:
         """Return where an axis truly is; SimulationError when there is none of that number."""

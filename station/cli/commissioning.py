@@ -1,16 +1,15 @@
-"""`station commission`: the commissioning plan on a bench, fitted to what its probe can see."""
+"""`station commission`: the commissioning plan, fitted to a bench."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
 
-from station import registry
 from station.cli.running import run_plan
 from station.cli.validating import read_bench_named
-from station.instruments.bench import Bench
+from station.procedure import procedure_of
 
-TURN_PROBE = "parameters.turn_probe"
+PLAN = "commissioning"
 
 
 def commission_bench(
@@ -24,27 +23,21 @@ def commission_bench(
 ) -> int:
     """Run the shipped plan on a bench and return the exit code of the run.
 
-    A probe of one axis is turned, unless an override states otherwise.
+    The plan is fitted to the bench, as far as an override does not state otherwise.
     """
-    turned = turning(read_bench_named(bench_name), overrides)
+    stated = {one.partition("=")[0] for one in overrides}
+    fitted = [
+        one
+        for one in procedure_of(PLAN).fits(read_bench_named(bench_name))
+        if one.partition("=")[0] not in stated
+    ]
     return run_plan(
-        "commissioning",
+        PLAN,
         bench_name,
         non_interactive=non_interactive,
         answers=answers,
         served=None,
         output=output,
         as_json=as_json,
-        overrides=(*turned, *overrides),
+        overrides=(*fitted, *overrides),
     )
-
-
-def turning(bench: Bench, overrides: Sequence[str]) -> tuple[str, ...]:
-    """Return the override that has a probe of one axis turned, where nothing else is stated."""
-    gaussmeter = bench.instruments.get("gaussmeter")
-    if gaussmeter is None or registry.why_not(registry.DRIVERS, gaussmeter.driver):
-        return ()
-    if any(one.startswith(f"{TURN_PROBE}=") for one in overrides):
-        return ()
-    driver = registry.load(registry.DRIVERS, gaussmeter.driver)
-    return (f"{TURN_PROBE}=true",) if driver.axes == 1 else ()

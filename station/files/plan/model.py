@@ -46,14 +46,16 @@ def read_limits(
     """Return the limits of a plan by (result, axis), in the unit of each result, and the faults.
 
     `{magnetic_sensitivity: {max_abs: 0.1 deg/h/mT}}` holds for every axis,
-    `{magnetic_sensitivity: {IA: {min: …, max: …}}}` for one. The axis of a result without axes is
-    None.
+    `{magnetic_sensitivity: {IA: {min: …, max: …}}}` for one, `{magnetic_sensitivity: null}` takes
+    away the limit of a plan that is extended. The axis of a result without axes is None.
     """
     limits: LimitsByAxis = {}
     faults: list[Fault] = []
     given = document.data.get("limits")
     for name, entry in given.items() if isinstance(given, dict) else ():
         where: Where = ("limits", name)
+        if entry is None:  # takes the limit of the plan that is extended away
+            continue
         if name not in results:
             hint = nearest(name, results)
             what = "is no result of this procedure"

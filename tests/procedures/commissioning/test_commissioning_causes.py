@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from procedures.commissioning.causes import Measured, causes_of
+from procedures.commissioning.coils.causes import Measured, causes_of
 
 HEALTHY = Measured(
     response=np.eye(3),

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from plan_runs import run_of, shipped_bench, shipped_plan
 
-from procedures.commissioning import limits
+from procedures.commissioning.coils import limits
 from station.runner.outcome import Outcome
 
 AMBIENT = {"x": "0.021 mT", "y": "-0.004 mT", "z": "-0.043 mT", "standard_uncertainty": "1.5 uT"}
@@ -17,7 +17,7 @@ AMBIENT = {"x": "0.021 mT", "y": "-0.004 mT", "z": "-0.043 mT", "standard_uncert
 def commissioned(folder: Path, bench: dict[str, Any], **parameters: Any) -> Outcome:
     """Run the shipped plan, short, with the ambient field of the simulated room stated."""
     plan = shipped_plan("commissioning")
-    plan["parameters"] |= {"record": "2 s", "ambient": AMBIENT, **parameters}
+    plan["parameters"]["coils"] |= {"record": "2 s", "ambient": AMBIENT, **parameters}
     return run_of(folder, plan, bench)
 
 

@@ -10,13 +10,13 @@ from station.method.commands import CoilOff, CoilOn, FieldRange, SteadyField
 from station.method.work import Rows, Work
 from station.procedure import Problem, RecordUse
 
-from .parameters import COILS, CoilRecord, CommissioningParameters, ambient_unit
+from .parameters import COILS, CoilParameters, CoilRecord, ambient_unit
 
 if TYPE_CHECKING:
     from station.instruments.bench import Bench
 
 GAUSSMETER = "gaussmeter"
-FIELD = ("parameters", "field")
+FIELD = ("parameters", "coils", "field")
 RANGE_HEADROOM, EARTH_FIELD_MT = 1.5, 0.1
 RAMP_S = 3.0
 
@@ -26,12 +26,12 @@ def supply_of(coil: str) -> str:
     return f"coil_supply.{coil}"
 
 
-def instruments(parameters: CommissioningParameters) -> tuple[str, ...]:
+def instruments(parameters: CoilParameters) -> tuple[str, ...]:
     """Return the bench instances that are commissioned."""
     return (*(supply_of(coil) for coil in COILS), GAUSSMETER)
 
 
-def field_range(parameters: CommissioningParameters, along: str) -> FieldRange:
+def field_range(parameters: CoilParameters, along: str) -> FieldRange:
     """Return the range of the probe along a direction; the ambient field adds to the coil's."""
     range_mT = RANGE_HEADROOM * (parameters.field_mT + EARTH_FIELD_MT)
     turned = along if parameters.turn_probe else None
@@ -43,7 +43,7 @@ def coil_field(record: CoilRecord) -> SteadyField:
     return SteadyField(supply_of(record.coil), record.field_mT, decided_by=FIELD)
 
 
-def work(parameters: CommissioningParameters) -> Iterator[Work]:
+def work(parameters: CoilParameters) -> Iterator[Work]:
     """Yield the ambient field along each direction, then each coil's fields of both senses."""
     each_s = parameters.settle_s + parameters.record_s
     rows = (Rows(GAUSSMETER, each_s, read_s=parameters.record_s),)
@@ -60,7 +60,7 @@ def work(parameters: CommissioningParameters) -> Iterator[Work]:
             yield Work("C2", record.unit, commands, rows, RAMP_S + each_s)
 
 
-def records(parameters: CommissioningParameters, bench: Bench) -> tuple[RecordUse, ...]:
+def records(parameters: CoilParameters, bench: Bench) -> tuple[RecordUse, ...]:
     """Return what the analysis takes of calibration records: the gaussmeter's gain, zero, angle."""
     return (
         RecordUse(GAUSSMETER, "field", parameters.field_mT, "mT", corrected=False),
@@ -68,13 +68,13 @@ def records(parameters: CommissioningParameters, bench: Bench) -> tuple[RecordUs
     )
 
 
-def check(parameters: CommissioningParameters, bench: Bench) -> Iterator[Problem]:
+def check(parameters: CoilParameters, bench: Bench) -> Iterator[Problem]:
     """Yield that a probe of one axis has to be turned."""
     gaussmeter = bench.instruments.get(GAUSSMETER)
     if gaussmeter is None or registry.why_not(registry.DRIVERS, gaussmeter.driver):
         return
     if registry.load(registry.DRIVERS, gaussmeter.driver).axes == 1 and not parameters.turn_probe:
         yield Problem(
-            ("parameters", "turn_probe"),
+            ("parameters", "coils", "turn_probe"),
             f"the gaussmeter ({gaussmeter.driver}) measures one axis; write `turn_probe: true`",
         )

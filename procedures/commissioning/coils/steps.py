@@ -9,7 +9,7 @@ from station.procedure import Prompt, Step
 from station.roles import DirectCurrentSupply, Gaussmeter
 from station.runner.verbs import Follower, keep_row, require_off
 
-from .parameters import COILS, CoilRecord, CommissioningParameters, ambient_unit
+from .parameters import COILS, CoilParameters, CoilRecord, ambient_unit
 from .work import GAUSSMETER, coil_field, field_range, supply_of
 
 if TYPE_CHECKING:
@@ -26,7 +26,7 @@ PLACE_PROBE = Prompt(
 )
 
 
-def prompts(parameters: CommissioningParameters) -> tuple[Prompt, ...]:
+def prompts(parameters: CoilParameters) -> tuple[Prompt, ...]:
     """Return what the operator is asked to do."""
     return (PLACE_PROBE,)
 
@@ -34,7 +34,7 @@ def prompts(parameters: CommissioningParameters) -> tuple[Prompt, ...]:
 def ambient(run: Run) -> None:
     """C1: limits into the supplies, then the field with all coils off."""
     run.ask(PLACE_PROBE.id, PLACE_PROBE.text)
-    parameters: CommissioningParameters = run.parameters
+    parameters: CoilParameters = run.parameters.coils
     for coil in COILS:
         run.role(supply_of(coil), DirectCurrentSupply).programme_limits()
     for along in parameters.directions:
@@ -49,7 +49,7 @@ def ambient(run: Run) -> None:
 
 def coils(run: Run) -> None:
     """C2: a small field of each sense from each coil alone, then its output off."""
-    parameters: CommissioningParameters = run.parameters
+    parameters: CoilParameters = run.parameters.coils
     for along in reversed(parameters.directions):
         wanted = parameters.coil_records(along)
         if all(run.is_finished(record.unit) for record in wanted):
@@ -84,7 +84,7 @@ def measure(run: Run, record: CoilRecord) -> None:
 
 def follow_field(run: Run, unit: str) -> None:
     """Wait until what was averaged before is past, then record the field."""
-    parameters: CommissioningParameters = run.parameters
+    parameters: CoilParameters = run.parameters.coils
     gaussmeter = run.role(GAUSSMETER, Gaussmeter)
     run.wait(parameters.settle_s, unit)
     gaussmeter.drain()

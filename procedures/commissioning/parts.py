@@ -1,0 +1,47 @@
+"""What a part of a commissioning is: a few checks of one kind, which a plan may leave out."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from station.method.work import Work
+from station.procedure import (
+    Later,
+    Problem,
+    Prompt,
+    RecordUse,
+    ResultKind,
+    Step,
+    no_lines,
+    no_problem,
+    no_prompts,
+    no_records,
+)
+
+if TYPE_CHECKING:
+    from station.instruments.bench import Bench
+
+
+@dataclass(frozen=True)
+class Part:
+    """Checks of one kind. All but `fits` get the part's own parameters, `parameters.<name>`.
+
+    results: name to axes and unit of its figures; instruments, work, prompts, records, check: as
+    in `Procedure`, for these steps alone; findings(folder, parameters, bench): the figures and
+    causes of a record; is_possible(bench): whether a bench has the instruments for it;
+    fits(bench): overrides by which `station commission` fits the plan to a bench.
+    """
+
+    name: str
+    steps: tuple[Step, ...]
+    results: Mapping[str, ResultKind]
+    instruments: Callable[[Any], tuple[str, ...]]
+    work: Callable[[Any], Iterable[Work]]
+    findings: Later
+    is_possible: Callable[[Bench], bool]
+    prompts: Callable[[Any], tuple[Prompt, ...]] = no_prompts
+    records: Callable[[Any, Bench], tuple[RecordUse, ...]] = no_records
+    check: Callable[[Any, Bench], Iterator[Problem]] = no_problem
+    fits: Callable[[Bench], Iterable[str]] = no_lines
