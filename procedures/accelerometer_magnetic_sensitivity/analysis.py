@@ -57,8 +57,6 @@ MOUNTING = {
     KO: "mounting_towards_oa_rad",
     KP: "mounting_towards_pa_rad",
 }
-USUAL_KI = 1.0
-"""V/g, where no row tells the scale factor."""
 
 
 def analyse(
@@ -109,7 +107,7 @@ def analyse(
     if solution is not None and solution.shares is not None:
         largest_T = float(np.max(np.abs(rows.commanded_T))) or 1.0
         measured = found.as_measured(solution.shares[: found.rank], largest_T)
-    estimates = _estimates(measured, solution, rows.temperature_degC)
+    estimates = _estimates(measured, solution, rows.temperature_degC, settings)
     path = _path(dataset, usable, found, settings)
     drift = solution.drift_order if solution is not None else 0
     lag_one = solution.lag_one_correlation if solution is not None else None
@@ -174,18 +172,23 @@ def _as_planned(rows: Rows, found: Identifiability) -> bool:
 
 
 def _estimates(
-    found: Identifiability, solution: Solution | None, temperature_degC: Array | None
+    found: Identifiability,
+    solution: Solution | None,
+    temperature_degC: Array | None,
+    settings: AnalysisSettings,
 ) -> tuple[Estimate, ...]:
     """Return all thirteen in order, null where they are folded or nothing could be solved.
 
     They hold at the mean temperature of the rows, which the temperature terms are taken from.
     """
     values: dict[str, float] = {}
+    ki = settings.scale_factor_V_per_g
     at: dict[str, object] = {}
     if temperature_degC is not None and len(temperature_degC):
         at = {"conditions": {"temperature": f"{float(np.mean(temperature_degC)):.2f} degC"}}
     if solution is not None:
         values = {name: float(solution.coefficients[j]) for j, name in enumerate(found.kept)}
+        ki = values.get("Ki", ki)
     estimates = []
     for name in COEFFICIENTS:
         if solution is None or name not in values:
@@ -203,7 +206,7 @@ def _estimates(
                 METHOD,
                 _sensitivities(name, values)
                 | _by_graduation(found.terms[name], values)
-                | _by_mounting(solution, place, values),
+                | _by_mounting(solution, place, ki),
                 {"terms": dict(found.terms[name]), **at},
             )
         )
@@ -240,12 +243,11 @@ def _by_graduation(terms: Mapping[str, float], values: Mapping[str, float]) -> d
     return {name: value for name, value in found.items() if value}
 
 
-def _by_mounting(solution: Solution, place: int, values: Mapping[str, float]) -> dict[str, float]:
+def _by_mounting(solution: Solution, place: int, ki: float) -> dict[str, float]:
     """Return the derivatives of a combination by how the input axis is mounted, in rad.
 
     Only where the rows do not tell a lean of the mounting from the combination, which holds it.
     """
-    ki = values.get("Ki", USUAL_KI)
     by = {MOUNTING[name]: ki * float(shares[place]) for name, shares in solution.folded.items()}
     return {name: value for name, value in by.items() if value}
 

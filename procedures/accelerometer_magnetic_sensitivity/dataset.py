@@ -66,10 +66,12 @@ class AnalysisSettings(FlagThresholds):
     `not_significant` is in standard uncertainties of a magnetic coefficient, `outlier` in robust
     standard deviations, `gap` in nominal intervals, `field_differs_from_commanded` relative.
     `window` is the number of rows of the finite-memory solution, chosen where it is None.
+    `scale_factor_V_per_g` stands for Ki where no row tells that.
     """
 
     max_drift_order: int = 8
     window: int | None = None
+    scale_factor_V_per_g: float = 1.0
 
     def too_stiff_beyond(self, rows: int) -> float:
         """Return the correlation of neighbouring residuals above which the model is too stiff.

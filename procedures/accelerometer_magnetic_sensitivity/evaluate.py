@@ -18,7 +18,7 @@ from .analysis import MOUNTING, analyse
 from .dataset import AccelerometerAnalysis, AccelerometerDataset, AnalysisSettings
 from .from_import import dataset_of_import
 from .measuring import AXIS_COLUMN, T_PER_MT, finished_points
-from .nuisances import KO, KP, OFFSET
+from .nuisances import KO, KP, MOUNTING_RAD, OFFSET
 from .parameters import AccelerometerParameters, Point
 from .work import FULL_TURN_DEG, GAUSSMETER, MULTIMETER, STAGE, THERMOMETER
 
@@ -28,8 +28,6 @@ if TYPE_CHECKING:
     from station.record.folder import RunFolder
 
 ARRIVAL = "arrival_time_s"
-MOUNTING_RAD = 5e-4
-"""A device on a machined fixture lies to half a milliradian, 100 arcsec."""
 LEANS = {
     MOUNTING[OFFSET]: "from the zero of the encoder",
     MOUNTING[KO]: "towards OA",
@@ -70,7 +68,11 @@ def findings_of_dataset(raw: RawDataset) -> Findings:
 
 def settings(parameters: AccelerometerParameters) -> AnalysisSettings:
     """Return the analysis settings of a plan."""
-    return AnalysisSettings(**dict(parameters.thresholds), window=parameters.window)
+    return AnalysisSettings(
+        **dict(parameters.thresholds),
+        window=parameters.window,
+        scale_factor_V_per_g=parameters.scale_factor_V_per_g,
+    )
 
 
 def dataset_of_run(

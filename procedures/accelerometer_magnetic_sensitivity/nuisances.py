@@ -41,6 +41,8 @@ ARCSEC_PER_RAD = 3600.0 * 180.0 / np.pi
 OFFSET, KO, KP = "encoder offset", "Ko", "Kp"
 MOUNTED = (OFFSET, KO, KP)
 """What the mounting decides: the input axis from the encoder's zero, towards OA, towards PA."""
+MOUNTING_RAD = 5e-4
+"""A device on a machined fixture lies to half a milliradian, 100 arcsec."""
 SINGULAR, SMALL_PART = 1e-9, 1e-3
 """Of columns of unit length; of a column: what a coefficient takes less of, it does not hold."""
 K0_T, KI_T = "K0_T", "Ki_T"
@@ -165,7 +167,7 @@ def has_warmed(terms: Candidates, kept: Mask) -> bool:
     return float(np.ptp(terms.columns[kept, terms.names.index(K0_T)])) > WARMED_K
 
 
-def _folded(columns: Array, alignment: Array, taken: Sequence[int]) -> dict[str, Array]:
+def folded(columns: Array, alignment: Array, taken: Sequence[int]) -> dict[str, Array]:
     """Return what the coefficients (k,) take of each alignment term that is not fitted.
 
     `columns` (rows, k), `alignment` (rows, m) those of `MOUNTED` first; `taken` are fitted.
@@ -289,7 +291,7 @@ class TurnedModel:
             self.not_separable = tuple(
                 name for j, name in enumerate(known) if j not in taken and np.any(other[:, j])
             )
-            self.folded = _folded(columns[decide], large[decide], taken)
+            self.folded = folded(columns[decide], large[decide], taken)
         places = [known.index(name) for name in self._alignment]
         names = (*self.names, *self._alignment, *self._more_names)
         return names, np.column_stack((columns, other[:, places], self._more))

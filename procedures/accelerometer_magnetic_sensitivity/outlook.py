@@ -25,35 +25,43 @@ from .model import (
     listed,
     model_columns,
 )
-from .nuisances import FEWEST_LEFT, INDEPENDENT_PART
+from .nuisances import FEWEST_LEFT, INDEPENDENT_PART, MOUNTING_RAD, folded
 from .parameters import AccelerometerParameters
 
 Array = NDArray[np.float64]
 ENOUGH_ANGLES = 12
 """Of so many, three surely have something of their own."""
 T_PER_MT = 1e-3
+RAD_PER_MRAD = 1e-3
 
 
 @dataclass(frozen=True)
 class Expectation:
     """What a plan determines; `standard_uncertainty` of each kept coefficient in its own unit.
 
-    It is None where the plan leaves fewer than three points beside its columns. `angle_shows` is
+    It is None where the plan leaves fewer than three points beside its columns. `mounted` are the
+    coefficients whose uncertainty holds a lean of the mounting. `angle_shows` is
     whether an encoder that is off at one angle shows in the residuals, and at which angle it is.
     """
 
     identifiability: Identifiability
     standard_uncertainty: Mapping[str, float | None]
+    mounted: tuple[str, ...]
     angle_shows: bool
 
 
 def expected_uncertainty(
-    plane: Names, theta_deg: Array, field_T: Array, noise_V: float
+    plane: Names,
+    theta_deg: Array,
+    field_T: Array,
+    noise_V: float,
+    scale_factor_V_per_g: float = 1.0,
 ) -> Expectation:
-    """Return the Cramer-Rao bounds of a plan's points, each argument (rows,).
+    """Return what a plan's points lead to, each argument (rows,).
 
     `noise_V` is the standard deviation of a point's output. Encoder offset and misalignment are in
-    the bound wherever they are independent of the kept columns, as they are in the solution; drift
+    the Cramer-Rao bound of the noise wherever they are independent of the kept columns, as they are
+    in the solution; elsewhere the mounting of `MOUNTING_RAD` is added, as the analysis does. Drift
     and temperature are not known beforehand.
     """
     found = judge(plane, theta_deg, field_T)
@@ -62,15 +70,20 @@ def expected_uncertainty(
     acceleration_g = accelerations(plane, theta_rad)
     columns = model_columns(acceleration_g, field_T)[:, places]
     change = accelerations_by_angle(plane, theta_rad)
-    other = np.column_stack((change[:, 0], acceleration_g[:, 1], acceleration_g[:, 2]))
+    zero = change[:, 0] * float("Ki" in found.kept)
+    other = np.column_stack((zero, acceleration_g[:, 1], acceleration_g[:, 2]))
     taken = independent_of(columns, other, INDEPENDENT_PART)
     design = np.column_stack((columns, other[:, list(taken)]))
     if len(theta_deg) - design.shape[1] < FEWEST_LEFT:
-        return Expectation(found, dict.fromkeys(found.kept), angle_shows=False)
+        return Expectation(found, dict.fromkeys(found.kept), (), angle_shows=False)
     inverse = solve_by_qr(design, np.zeros(len(theta_deg))).inverse_normal
-    size = noise_V * np.sqrt(np.diag(inverse))
+    leans = np.array(list(folded(columns, other, taken).values())).reshape(-1, len(places))
+    by_mounting = MOUNTING_RAD * scale_factor_V_per_g * np.linalg.norm(leans, axis=0)
+    size = np.hypot(noise_V * np.sqrt(np.diag(inverse))[: len(places)], by_mounting)
     uncertainty = {name: float(size[j]) for j, name in enumerate(found.kept)}
-    return Expectation(found, uncertainty, _angle_shows(design, plane, theta_deg, change[:, 0]))
+    mounted = tuple(name for j, name in enumerate(found.kept) if by_mounting[j])
+    shows = _angle_shows(design, plane, theta_deg, change[:, 0])
+    return Expectation(found, uncertainty, mounted, shows)
 
 
 def _angle_shows(design: Array, plane: Names, theta_deg: Array, slope: Array) -> bool:
@@ -96,6 +109,7 @@ def expectation(parameters: AccelerometerParameters) -> Expectation:
         np.array([point.angle_deg for point in points]),
         np.array([point.field_mT for point in points]) * T_PER_MT,
         parameters.point_noise_V / math.sqrt(parameters.repeats),
+        parameters.scale_factor_V_per_g,
     )
 
 
@@ -122,6 +136,15 @@ def outlook(parameters: AccelerometerParameters) -> tuple[str, ...]:
         u = expected.standard_uncertainty[name]
         text = "undetermined: too few points" if u is None else f"u = {format_number(u, 2)}"
         lines.append(f"{combination_text(terms)}: {text} {UNITS[name] if u is not None else ''}")
+    if expected.mounted:
+        lines.append(
+            f"No point tells a lean of the mounting from {listed(expected.mounted)}: u holds "
+            f"{MOUNTING_RAD / RAD_PER_MRAD:g} mrad of it."
+        )
+    lines.append(
+        "u here is that of noise and mounting; the calibration records, temperature and drift add "
+        "to it."
+    )
     if not expected.angle_shows:
         lines.append(
             "With so few angles an encoder that is off at one of them looks like a coefficient, or "

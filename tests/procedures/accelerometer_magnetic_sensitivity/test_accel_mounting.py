@@ -13,6 +13,7 @@ from benchmarks.accelerometer_tables import LEVEL, ONE_FIELD, THREE_PLANES, Kind
 from benchmarks.sabotage import analysed, error_u
 from benchmarks.sabotage_accelerometer import FAULTS
 from procedures.accelerometer_magnetic_sensitivity.analysis import analyse
+from procedures.accelerometer_magnetic_sensitivity.outlook import expected_uncertainty
 from station.dataset_reading import read_dataset
 from station.runner.evaluation import evaluate_dataset
 
@@ -37,6 +38,22 @@ def test_a_mounting_that_no_row_tells_is_in_the_uncertainty(kind: Kind, held: se
             assert size * 0.99 < u < 2.0 * size
         elif name in {"Ki", "Kiii", "Kio"}:
             assert u < 0.1 * size
+
+
+@pytest.mark.parametrize("kind, held", [(LEVEL, HELD["level"]), (ONE_FIELD, HELD["one field"])])
+def test_the_expected_uncertainty_holds_the_mounting_as_the_result_does(
+    kind: Kind, held: set[str]
+) -> None:
+    expected = expected_uncertainty(*kind.plan.points(), kind.noise_V)
+    u = u_of(analysed(made(kind, 2)))
+    assert set(expected.mounted) == held
+    for name, foreseen in expected.standard_uncertainty.items():
+        assert foreseen == pytest.approx(u[name], rel=0.02 if name in held else 0.15), name
+
+
+def test_a_plan_whose_rows_tell_the_mounting_expects_nothing_of_it() -> None:
+    told = expected_uncertainty(*THREE_PLANES.plan.points(), 3e-6)
+    assert not told.mounted
 
 
 def test_a_stated_mounting_counts_in_the_place_of_the_assumed_one(tmp_path: Path) -> None:

@@ -12,8 +12,11 @@ from kill_helpers import served_bench
 from plan_runs import run_of, shipped_bench, shipped_plan
 from resume_helpers import warmth_K
 
+from procedures.accelerometer_magnetic_sensitivity.outlook import expectation, outlook
 from station.cli.analysing import analyse_run
 from station.cli.validating import read_served
+from station.files.plan import read_plan
+from station.procedure import Procedures
 from station.record.folder import RunFolder
 from station.runner.outcome import Outcome
 
@@ -93,6 +96,19 @@ def test_a_level_turn_determines_three_combinations_only(tmp_path: Path) -> None
     found = {one.estimate.name: one.estimate for one in outcome.document.results}
     assert [name for name, one in found.items() if one.value is not None] == ["K0", "Km", "Kmm"]
     assert found["Km"].extra["terms"] == {"Km": 1, "Kpm": 1}
+
+
+def test_the_outlook_of_a_level_turn_expects_the_u_of_its_run(tmp_path: Path) -> None:
+    wanted = {"planes": ["level"], "angles": ["0 deg", "120 deg"], "scale_factor": "2 V/g"}
+    outcome, _ = short_run(tmp_path, wanted)
+    assert outcome.document is not None
+    parameters = read_plan(tmp_path / "plan.yaml", Procedures()).parameters
+    # No point tells Ki: plan and analysis take the stated 2 V/g for how a lean moves K0.
+    foreseen = expectation(parameters).standard_uncertainty["K0"]
+    u = outcome.document.result("K0").to_data()["standard_uncertainty"]
+    assert foreseen == pytest.approx(1e-3, rel=0.01)
+    assert u == pytest.approx(foreseen, rel=0.01)
+    assert any("mounting from K0: u holds 0.5 mrad" in line for line in outlook(parameters))
 
 
 def test_an_overload_is_flagged_and_its_point_measured_on_a_higher_range(tmp_path: Path) -> None:
