@@ -162,7 +162,7 @@ def every_axis(parameters: Any) -> Mapping[str, tuple[str, ...]]:
     return {}
 
 
-def no_lines(of: Any) -> Sequence[str]:
+def no_lines(*of: Any) -> Sequence[str]:
     """Return nothing: every plan determines the same quantities, or fits every bench."""
     return ()
 
@@ -211,7 +211,7 @@ class Procedure:
     undetermined(parameters): results that a plan does not determine alone, each with a sentence;
     measured_axes(parameters): the axes of results that a plan may leave out;
     needs_limits(parameters): the results, with their axes, that a plan ends by deciding;
-    fits(bench): overrides, as of `--set`, that fit its shipped plan to a bench;
+    fits(bench, short): overrides (`--set`) that fit its shipped plan, or a short form, to a bench;
     assumptions: what its numbers do not say;
     conditions(): model of an imported dataset's `conditions`, for the JSON Schema.
     """
@@ -237,7 +237,7 @@ class Procedure:
     files: Callable[[Findings, ResultDocument], Mapping[str, str]] = no_files
     measured_axes: Callable[[Any], Mapping[str, tuple[str, ...]]] = every_axis
     needs_limits: Callable[[Any], Mapping[str, tuple[str, ...]]] = every_axis
-    fits: Callable[[Bench], Iterable[str]] = no_lines
+    fits: Callable[[Bench, bool], Iterable[str]] = no_lines
     assumptions: tuple[str, ...] = ()
     conditions: Callable[[], type[StrictModel]] | None = None
 

@@ -6,10 +6,20 @@ from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Any
 
 from station.method.work import Work
-from station.procedure import Problem, Procedure, Prompt, RecordUse, Step, usual_modules
+from station.procedure import (
+    Later,
+    Problem,
+    Procedure,
+    Prompt,
+    RecordUse,
+    ResultKind,
+    Step,
+    usual_modules,
+)
 from station.runner.run import Run
 
 from .coils import COIL_PART
+from .drift import DRIFT, drift_axes
 from .parameters import CommissioningParameters
 from .parts import Part
 
@@ -50,24 +60,37 @@ def records(parameters: CommissioningParameters, bench: Bench) -> tuple[RecordUs
 
 
 def check(parameters: CommissioningParameters, bench: Bench) -> Iterator[Problem]:
-    """Yield why a part cannot be done on a bench."""
+    """Yield why a part cannot be done on a bench, or a bench not be checked."""
+    if parameters.watch and bench.commissioned is None:
+        yield Problem(
+            ("parameters", "watch"),
+            "the bench file holds no figures of a commissioning; run `station commission` first "
+            "and use the bench file that it leaves",
+        )
     for part, own in chosen(parameters):
         yield from part.check(own, bench)
 
 
 def measured_axes(parameters: CommissioningParameters) -> dict[str, tuple[str, ...]]:
-    """Return no axes for the results of the parts that a plan leaves out."""
+    """Return no axes for the results of parts that a plan leaves out, and what it watches."""
     left_out = (part for part in PARTS if part.name not in parameters.checks)
-    return {name: () for part in left_out for name in part.results}
+    walked = [part for part in PARTS if part.name in parameters.checks and parameters.watch]
+    return {name: () for part in left_out for name in part.results} | {DRIFT: drift_axes(walked)}
 
 
-def fits(bench: Bench) -> Iterator[str]:
-    """Yield what fits the shipped plan to a bench: its parts, the limits of these, their needs."""
-    possible = [part for part in PARTS if part.is_possible(bench)]
+def fits(bench: Bench, short: bool) -> Iterator[str]:
+    """Yield what fits the shipped plan to a bench: its parts, the limits of these, their needs.
+
+    Its short form has the parts with figures that are watched, and a limit for their drift.
+    """
+    possible = [part for part in PARTS if part.is_possible(bench) and (part.drift or not short)]
+    if short:
+        yield from ("parameters.watch=true", f"limits.{DRIFT}.max_abs=1")
     yield f"parameters.checks=[{', '.join(part.name for part in possible)}]"
     for part in PARTS:
         if part in possible:
             yield from part.fits(bench)
+            yield from part.short if short else ()
         else:
             yield from (f"limits.{name}=null" for name in part.results)
 
@@ -92,7 +115,10 @@ PROCEDURE = Procedure(
     title="Commissioning of a bench, before a method relies on it",
     source="Inertial Station (no published method)",
     parameters=CommissioningParameters,
-    results={name: kind for part in PARTS for name, kind in part.results.items()},
+    results={
+        **{name: kind for part in PARTS for name, kind in part.results.items()},
+        DRIFT: ResultKind(drift_axes(PARTS), "1"),
+    },
     steps=tuple(steps()),
     instruments=instruments,
     records=records,
@@ -102,6 +128,7 @@ PROCEDURE = Procedure(
     work=work,
     measured_axes=measured_axes,
     fits=fits,
+    files=Later(f"{__name__}.evaluate:files_of_run"),
     assumptions=(
         "The probe's axes stand along the coils' as its prompt asks: a probe turned by a small "
         "angle shows as a part across the axes of all coils.",

@@ -2,27 +2,79 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from dataclasses import dataclass
+from datetime import date
+from typing import TYPE_CHECKING, Any
 
+from station.files.yaml.document import Document
+from station.files.yaml.reading import read_yaml
 from station.findings import Findings
+from station.instruments.commissioned import Commissioned
+from station.record.layout import BENCH_AS_WRITTEN
 
 from . import chosen
+from .completing import Completion, figures_to_watch, files_of
+from .drift import drifts, flags_of
 from .parameters import CommissioningParameters
 
 if TYPE_CHECKING:
     from station.instruments.bench import Bench
     from station.record.folder import RunFolder
+    from station.results import ResultDocument
+
+
+@dataclass(frozen=True)
+class CommissioningDetail:
+    """What the parts found, by name; the bench file as written, its changes, its figures."""
+
+    parts: dict[str, Any]
+    bench: str
+    written: Document
+    changes: tuple[Completion, ...]
+    commissioned: Commissioned | None
 
 
 def findings_of_run(
     folder: RunFolder, parameters: CommissioningParameters, bench: Bench
 ) -> Findings:
-    """Return the figures and causes of every part that was recorded."""
-    found: list[Findings] = [part.findings(folder, own, bench) for part, own in chosen(parameters)]
-    return Findings(
-        estimates=[one for part in found for one in part.estimates],
-        published=[one for part in found for one in part.published],
-        flags=[one for part in found for one in part.flags],
-        inputs=[one for part in found for one in part.inputs],
-        detail=[part.detail for part in found],
+    """Return the figures and causes of every part that was recorded, and what has drifted."""
+    found = [(part, part.findings(folder, own, bench)) for part, own in chosen(parameters)]
+    estimates = [one for _, findings in found for one in findings.estimates]
+    flags = [one for _, findings in found for one in findings.flags]
+    written = read_yaml(folder.path / BENCH_AS_WRITTEN)
+    changes = tuple(
+        one
+        for part, findings in found
+        if part.completes is not None
+        for one in part.completes(findings, bench)
+        if one.where in written.scalars
     )
+    allowed = {name: limit for part, _ in found for name, limit in part.drift.items()}
+    if parameters.watch and bench.commissioned is not None:
+        watched = list(drifts(estimates, allowed, bench.commissioned))
+        estimates += watched
+        flags += flags_of(watched)
+    began = date.fromisoformat(folder.run_facts()["started_utc"][:10])
+    figures = figures_to_watch(estimates, list(allowed), changes)
+    commissioned = Commissioned(date=began, run=folder.path.name, figures=figures)
+    return Findings(
+        estimates=estimates,
+        published=[one for _, findings in found for one in findings.published],
+        flags=flags,
+        inputs=[one for _, findings in found for one in findings.inputs],
+        detail=CommissioningDetail(
+            {part.name: findings.detail for part, findings in found},
+            bench.name,
+            written,
+            changes,
+            None if parameters.watch else commissioned,
+        ),
+    )
+
+
+def files_of_run(findings: Findings, document: ResultDocument) -> dict[str, str]:
+    """Return the completed bench file and the figures, file name to text; a check leaves none."""
+    detail: CommissioningDetail = findings.detail
+    if detail.commissioned is None:
+        return {}
+    return files_of(detail.bench, detail.written, detail.changes, detail.commissioned)

@@ -14,7 +14,11 @@ PartName = Literal["coils"]
 
 
 class CommissioningParameters(StrictModel):
-    """What the engineer chooses. `checks` are the parts, walked in the order of the steps."""
+    """What the engineer chooses. `checks` are the parts, walked in the order of the steps.
+
+    `watch` holds the figures against those of the bench's commissioning.
+    """
 
     checks: Annotated[tuple[PartName, ...], Field(min_length=1)] = ("coils",)
+    watch: bool = False
     coils: CoilParameters = CoilParameters()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from station.method.work import Work
@@ -31,7 +31,10 @@ class Part:
     results: name to axes and unit of its figures; instruments, work, prompts, records, check: as
     in `Procedure`, for these steps alone; findings(folder, parameters, bench): the figures and
     causes of a record; is_possible(bench): whether a bench has the instruments for it;
-    fits(bench): overrides by which `station commission` fits the plan to a bench.
+    fits(bench): overrides by which `station commission` fits the plan to a bench;
+    drift: results that a weekly check watches, to what they may change, in their units;
+    short: overrides by which the check takes less time;
+    completes(findings, bench): values of the bench file that were measured.
     """
 
     name: str
@@ -45,3 +48,6 @@ class Part:
     records: Callable[[Any, Bench], tuple[RecordUse, ...]] = no_records
     check: Callable[[Any, Bench], Iterator[Problem]] = no_problem
     fits: Callable[[Bench], Iterable[str]] = no_lines
+    drift: Mapping[str, float] = field(default_factory=dict)
+    short: tuple[str, ...] = ()
+    completes: Later | None = None

@@ -124,14 +124,17 @@ def commission(
     non_interactive: NonInteractive = False,
     answers: Answers = None,
     output: Annotated[Path, typer.Option(help="Parent of the run folder.")] = Path("runs"),
+    check: Annotated[bool, typer.Option("--check", help="Short form: what has drifted.")] = False,
     set_: Overrides = None,
     json: Json = False,
 ) -> None:
-    """Measure coils and field probe of a bench; name what is wrong."""
+    """Measure what a bench does; name what is wrong."""
     from station.cli.commissioning import commission_bench
 
-    code = commission_bench(bench, set_ or (), non_interactive, answers, output, as_json=json)
-    raise typer.Exit(code)
+    chosen = set_ or ()
+    raise typer.Exit(
+        commission_bench(bench, chosen, non_interactive, answers, output, check=check, as_json=json)
+    )
 
 
 @app.command()

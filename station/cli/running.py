@@ -57,6 +57,33 @@ def run_plan(
     rehearse: bool = False,
 ) -> int:
     """Run a plan, say how it ended, and return the exit code."""
+    request = request_of(
+        plan_name,
+        bench_name,
+        non_interactive=non_interactive,
+        answers=answers,
+        served=served,
+        output=output,
+        overrides=overrides,
+        trace=trace,
+        rehearse=rehearse,
+    )
+    return report_outcome(execute(request), request.plan.procedure, as_json=as_json)
+
+
+def request_of(
+    plan_name: str,
+    bench_name: str,
+    *,
+    non_interactive: bool,
+    answers: Path | None,
+    output: Path,
+    served: Path | None = None,
+    overrides: Sequence[str] = (),
+    trace: bool = False,
+    rehearse: bool = False,
+) -> Request:
+    """Return what the command line asks for; raises InputError and FaultList."""
     bench = read_bench_named(bench_name)
     if rehearse and bench.simulation is None and served is None:
         raise InputError(
@@ -65,7 +92,7 @@ def run_plan(
         )
     plan = read_plan_for(plan_name, bench, overrides)
     announce = announcement()
-    request = Request(
+    return Request(
         plan,
         bench,
         output,
@@ -76,7 +103,6 @@ def run_plan(
         rehearse=rehearse,
         announce=announce,
     )
-    return report_outcome(execute(request), plan.procedure, as_json=as_json)
 
 
 def may_ask(*, non_interactive: bool, attached: bool = False) -> bool:

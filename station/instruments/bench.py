@@ -19,6 +19,7 @@ from station.files.yaml.reading import read_yaml
 from station.findings import InputQuantity
 from station.instruments.addresses import why_unknown
 from station.instruments.calibration import Calibration, Number
+from station.instruments.commissioned import Commissioned
 from station.roles.role import instances, limits, role, role_of
 from station.safety.bounds import bound_faults
 from station.safety.interlocks.reading import (
@@ -93,6 +94,7 @@ class BenchFile(StrictModel):
     instruments: Annotated[dict[str, Instrument], Field(min_length=1)]
     safe_state: tuple[SafeStep, ...]
     interlocks: tuple[InterlockEntry, ...] = ()
+    commissioned: Commissioned | None = None
 
 
 @lru_cache
@@ -142,6 +144,11 @@ class Bench(FromDocument):
     def instruments(self) -> Mapping[str, Instrument]:
         """The instruments by instance, in the file's order."""
         return self.file.instruments
+
+    @property
+    def commissioned(self) -> Commissioned | None:
+        """What its commissioning measured; None where it was not commissioned."""
+        return self.file.commissioned
 
     @cached_property
     def interlocks(self) -> tuple[Interlock, ...]:

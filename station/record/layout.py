@@ -28,6 +28,7 @@ RUN = "run.json"
 REVISIONS = "revisions"
 GUARDIAN_LOG = "guardian.jsonl"
 PLAN, BENCH = "plan.resolved.yaml", "bench.resolved.yaml"
+BENCH_AS_WRITTEN = "bench.yaml"
 MOST_OF_ONE_NAME = 1000
 
 

@@ -24,7 +24,7 @@ from station.procedure import Procedure, Prompt, procedure_of
 from station.record.files import json_text, write_whole_file
 from station.record.folder import EXPORTS, RunFolder, RunRecord
 from station.record.integrity import hash_of_data
-from station.record.layout import BENCH, PLAN, RUN, versions
+from station.record.layout import BENCH, BENCH_AS_WRITTEN, PLAN, RUN, versions
 from station.runner.evaluation import conclude_run, exit_code_of
 from station.runner.operator import Operator
 from station.runner.outcome import NO_MEMORY, Outcome, in_one_sentence, is_lack_of_memory
@@ -197,7 +197,7 @@ def head_of(
     }
     return {
         "plan.yaml": plan.text,
-        "bench.yaml": bench.text,
+        BENCH_AS_WRITTEN: bench.text,
         PLAN: resolved_text(plan),
         BENCH: yaml_text(bench.to_yaml_data()),
         RUN: json_text(facts),

@@ -101,15 +101,26 @@ def remember_trip(
     run: Path,
     instruments: Mapping[str, tuple[str, str]] | None = None,
 ) -> None:
+    """Remember a tripped interlock; raises OSError. `instruments` as of `remember`."""
+    remember(bench, trip.name, str(trip), run, instruments)
+
+
+def remember(
+    bench: Path,
+    name: str,
+    message: str,
+    run: Path,
+    instruments: Mapping[str, tuple[str, str]] | None = None,
+) -> None:
     """Remember that the bench may not be used until somebody has looked; raises OSError.
 
-    `instruments` are those of a real bench that the trip concerns: address to model and serial
-    number, as they said them. None remembers it for the bench file.
+    `instruments` are those of a real bench that this concerns: address to model and serial number,
+    as they state them. None remembers it for the bench file.
     """
     tripped = Trip(
         str(bench.resolve()),
-        trip.name,
-        str(trip),
+        name,
+        message,
         utc_now().isoformat(timespec="seconds"),
         str(run.resolve()),
     )

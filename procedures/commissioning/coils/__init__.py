@@ -9,6 +9,7 @@ from procedures.commissioning.parts import Part
 from station import registry
 from station.procedure import Later, ResultKind
 
+from .limits import DRIFT
 from .parameters import COILS, FIGURES
 from .steps import STEPS, prompts
 from .work import GAUSSMETER, check, instruments, records, supply_of, work
@@ -44,4 +45,7 @@ COIL_PART = Part(
     findings=Later(f"{__name__}.evaluate:findings"),
     is_possible=is_possible,
     fits=fits,
+    drift=DRIFT,
+    short=("parameters.coils.record=2 s",),
+    completes=Later(f"{__name__}.completing:completions"),
 )

@@ -9,6 +9,9 @@ AMBIENT_NOISE_MT = 0.005
 """Standard deviation of single readings. More than that is traffic, a lift or a loose probe."""
 FIELD_AFTER_OFF_MT = 0.01
 """A supply at rest carries up to `zero_current`, 20 mA, and a coil makes up to 0.4 mT/A."""
+DRIFT = {"coil_constant_ratio": 0.005, "cross_axis": 0.01, "ambient_field": 0.003}
+"""From week to week: half of what a gaussmeter of 0.5 % leaves open; 0.6 deg, a coil that was
+knocked; in mT, a steel door or a car."""
 LEAST_SHARE = 0.1
 """Of the commanded field: a coil that makes less on every axis is not connected."""
 COVERAGE = 2.0

@@ -1,0 +1,42 @@
+"""What the coils' part writes into the bench file: constants that differ from what was measured."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+from procedures.commissioning.completing import Completion
+from station.findings import Findings
+
+from .analysis import GAIN
+from .limits import COVERAGE
+from .parameters import COILS
+from .work import supply_of
+
+if TYPE_CHECKING:
+    from station.instruments.bench import Bench
+
+MAY_STAND = ("coil-constant-off",)
+
+
+def completions(findings: Findings, bench: Bench) -> Iterator[Completion]:
+    """Yield each coil's measured constant, where the stated one lies outside its uncertainty.
+
+    Nothing where another cause is named, or where no record states the gaussmeter's gain.
+    """
+    gains = [one.standard_uncertainty for one in findings.inputs if one.name == GAIN]
+    if not gains or any(flag.code not in MAY_STAND for flag in findings.flags):
+        return
+    for one in findings.estimates:
+        if one.name != "coil_constant_ratio" or one.value is None or one.axis not in COILS:
+            continue
+        u = ((one.standard_uncertainty or 0.0) ** 2 + (gains[0] * one.value) ** 2) ** 0.5
+        if abs(one.value - 1.0) <= COVERAGE * u:
+            continue
+        constant = one.extra["coil_constant_mT_per_A"]
+        yield Completion(
+            ("instruments", supply_of(one.axis), "settings", "coil_constant"),
+            f"{constant:.6g} mT/A",
+            f"measured, U = {100.0 * COVERAGE * u / one.value:.2g} % (k = {COVERAGE:g})",
+            (one.name, one.axis, 1.0),
+        )

@@ -1,0 +1,118 @@
+"""The bench file that a commissioning completes: measured values, and the figures to watch."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from station.files.yaml.document import Document, Where
+from station.findings import Estimate
+from station.instruments.commissioned import Commissioned, CommissionedFigure
+
+BENCH_FILE, FIGURES_FILE = "bench-commissioned.yaml", "commissioned.json"
+KEY = "commissioned"
+
+
+@dataclass(frozen=True)
+class Completion:
+    """A value of the bench file: where it stands, what it becomes, why, in a few words.
+
+    `figure` is the watched one that is relative to the value: name, axis, and what it becomes.
+    """
+
+    where: Where
+    text: str
+    why: str
+    figure: tuple[str, str, float] | None = None
+
+
+def figures_to_watch(
+    estimates: Sequence[Estimate], watched: Sequence[str], changes: Sequence[Completion]
+) -> tuple[CommissionedFigure, ...]:
+    """Return the figures that a weekly check is held against, of the bench file as it becomes."""
+    become = {one.figure[:2]: one.figure[2] for one in changes if one.figure is not None}
+    return tuple(
+        CommissionedFigure(
+            name=one.name,
+            axis=one.axis,
+            value=become.get((one.name, one.axis or ""), one.value),
+            unit=one.unit,
+            standard_uncertainty=one.standard_uncertainty or 0.0,
+        )
+        for one in estimates
+        if one.name in watched and one.value is not None
+    )
+
+
+def files_of(
+    bench: str, written: Document, changes: Sequence[Completion], commissioned: Commissioned
+) -> dict[str, str]:
+    """Return the completed bench file and the figures, file name to text."""
+    data: dict[str, Any] = {
+        "schema": 1,
+        "bench": bench,
+        **commissioned.model_dump(mode="json"),
+        "changes": [
+            {"key": ".".join(map(str, one.where)), "value": one.text, "why": one.why}
+            for one in changes
+        ],
+    }
+    return {
+        FIGURES_FILE: json.dumps(data, indent=1, ensure_ascii=False, allow_nan=False) + "\n",
+        BENCH_FILE: bench_text(written, changes, commissioned),
+    }
+
+
+def bench_text(
+    document: Document, changes: Sequence[Completion], commissioned: Commissioned
+) -> str:
+    """Return the text of a bench file with changed values and its figures; comments stay."""
+    lines = without_block(document.text.splitlines(), document)
+    head = [f"# Commissioned {commissioned.date.isoformat()}, run {commissioned.run}."]
+    places = [(document.positions[one.where], one) for one in changes]
+    # From the end of a line to its beginning, so that what stands before keeps its column.
+    for mark, one in sorted(places, key=lambda at: (at[0].line, at[0].column), reverse=True):
+        written, row, column = document.scalars[one.where], mark.line - 1, mark.column - 1
+        before, after = lines[row][:column], lines[row][column:]
+        lines[row] = before + after.replace(written, one.text, 1)
+        head.append(f"# {'.'.join(map(str, one.where))}: {written} before; {one.why}.")
+    first = next((k for k, line in enumerate(lines) if not line.startswith("#")), 0)
+    return "\n".join([*lines[:first], *head, *lines[first:], *block_of(commissioned)]) + "\n"
+
+
+def without_block(lines: list[str], document: Document) -> list[str]:
+    """Return the lines without the figures of an earlier commissioning."""
+    key = document.key_positions.get((KEY,))
+    if key is None:
+        return lines
+    later = [
+        mark.line
+        for where, mark in document.key_positions.items()
+        if len(where) == 1 and mark.line > key.line
+    ]
+    end = min(later, default=len(lines) + 1)
+    # The places of what follows are kept: a line is emptied, not taken out.
+    return [*lines[: key.line - 1], *([""] * (end - key.line)), *lines[end - 1 :]]
+
+
+def block_of(commissioned: Commissioned) -> list[str]:
+    """Return the lines of the key `commissioned`."""
+    return [
+        "",
+        f"{KEY}:",
+        f"  date: {commissioned.date.isoformat()}",
+        f"  run: {json.dumps(commissioned.run, ensure_ascii=False)}",
+        "  figures:",
+        *(f"    - {entry(one)}" for one in commissioned.figures),
+    ]
+
+
+def entry(one: CommissionedFigure) -> str:
+    """Return a figure as a mapping in one line."""
+    axis = "" if one.axis is None else f"axis: {json.dumps(one.axis, ensure_ascii=False)}, "
+    return (
+        f"{{name: {one.name}, {axis}value: {one.value!r}, unit: {json.dumps(one.unit)}, "
+        f"standard_uncertainty: {one.standard_uncertainty!r}}}"
+    )

@@ -1,0 +1,109 @@
+"""A commissioning completes the bench file; the weekly check is held against what stands there."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+from plan_runs import shipped_bench
+
+from station.cli.commissioning import commission_bench
+from station.errors import NotAcknowledged
+from station.files.faults import FaultList
+from station.files.lookup import BENCHES, find
+from station.files.yaml.reading import read_yaml
+from station.safety.acknowledgement import acknowledge
+
+SHORT = ("parameters.coils.record=2 s",)
+
+
+def commissioned(
+    bench: Path, runs: Path, *, check: bool = False, short: tuple[str, ...] = SHORT
+) -> tuple[int, Path]:
+    """Commission a bench file, or check it; return the exit code and the run folder."""
+    code = commission_bench(str(bench), short, True, None, runs, check=check, as_json=False)
+    (folder,) = runs.iterdir()
+    return code, folder
+
+
+def written(folder: Path, change: Any = None) -> Path:
+    """Return the file of the simulated bench with its comments, changed in its text."""
+    text = find(BENCHES, "sim").read_text(encoding="utf-8")
+    path = folder / "bench.yaml"
+    path.write_text(change(text) if change else text, encoding="utf-8")
+    return path
+
+
+def stated_low(text: str) -> str:
+    return text.replace("coil_constant: 0.333 mT/A", "coil_constant: 0.325 mT/A")
+
+
+@pytest.fixture(scope="module")
+def completed(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the bench file that a commissioning left where one constant was stated too low."""
+    place = tmp_path_factory.mktemp("completed")
+    code, folder = commissioned(written(place, stated_low), place / "runs")
+    assert code == 1
+    return folder / "bench-commissioned.yaml"
+
+
+def test_a_wrong_constant_is_replaced_and_all_else_stays_as_written(completed: Path) -> None:
+    before = stated_low(find(BENCHES, "sim").read_text(encoding="utf-8")).splitlines()
+    after = completed.read_text(encoding="utf-8").splitlines()
+    gone = [line for line in before if line not in after]
+    assert [line.strip() for line in gone] == [
+        "settings: {coil_constant: 0.325 mT/A, coil_resistance: 1.1 ohm}"
+    ]
+    data = yaml.safe_load(completed.read_text(encoding="utf-8"))
+    measured = data["instruments"]["coil_supply.y"]["settings"]["coil_constant"]
+    assert float(measured.split()[0]) == pytest.approx(0.3332, rel=0.002)
+    figures = {(one["name"], one["axis"]): one["value"] for one in data["commissioned"]["figures"]}
+    assert figures["coil_constant_ratio", "y"] == 1.0
+    told = json.loads((completed.parent / "commissioned.json").read_text(encoding="utf-8"))
+    assert [one["key"] for one in told["changes"]] == [
+        "instruments.coil_supply.y.settings.coil_constant"
+    ]
+
+
+def test_a_bench_is_commissioned_again_and_has_one_set_of_figures(
+    completed: Path, tmp_path: Path
+) -> None:
+    code, folder = commissioned(completed, tmp_path / "runs")
+    assert code == 0
+    again = folder / "bench-commissioned.yaml"
+    data = read_yaml(again).data
+    assert data["commissioned"]["run"] == folder.name
+    assert len(data["instruments"]) == len(shipped_bench()["instruments"])
+
+
+def test_a_check_of_an_unchanged_bench_passes(completed: Path, tmp_path: Path) -> None:
+    code, folder = commissioned(completed, tmp_path / "runs", check=True, short=())
+    assert code == 0
+    assert not (folder / "bench-commissioned.yaml").exists()
+
+
+def test_a_bench_that_has_drifted_is_refused_until_somebody_has_looked(
+    completed: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+    text = completed.read_text(encoding="utf-8")
+    assert "spacing_error: 0.3 %" in text
+    moved = tmp_path / "moved.yaml"
+    moved.write_text(text.replace("spacing_error: 0.3 %", "spacing_error: 3 %"), encoding="utf-8")
+    code, folder = commissioned(moved, tmp_path / "runs", check=True, short=())
+    assert code == 1
+    flags = json.loads((folder / "results.json").read_text(encoding="utf-8"))["flags"]
+    assert [one["axis"] for one in flags if one["code"] == "drifted"] == ["coil_constant_ratio x"]
+    with pytest.raises(NotAcknowledged, match="coil_constant_ratio x drifted since"):
+        commissioned(moved, tmp_path / "later", check=True, short=())
+    acknowledge(moved)
+    code, _ = commissioned(moved, tmp_path / "after", check=True, short=())
+    assert code == 1
+
+
+def test_a_bench_that_was_not_commissioned_cannot_be_checked(tmp_path: Path) -> None:
+    with pytest.raises(FaultList, match="holds no figures of a commissioning"):
+        commissioned(written(tmp_path), tmp_path / "runs", check=True, short=())
