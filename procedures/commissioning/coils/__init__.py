@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 
 from procedures.commissioning.parts import Part
 from station import registry
-from station.procedure import Later, ResultKind
+from station.procedure import Later
 
 from .limits import DRIFT
-from .parameters import COILS, FIGURES
+from .parameters import COILS, RESULTS
 from .steps import STEPS, prompts
 from .work import GAUSSMETER, check, instruments, records, supply_of, work
 
@@ -36,7 +36,7 @@ def fits(bench: Bench) -> Iterator[str]:
 COIL_PART = Part(
     name="coils",
     steps=STEPS,
-    results={name: ResultKind(COILS, unit) for name, unit in FIGURES},
+    results=RESULTS,
     instruments=instruments,
     work=work,
     prompts=prompts,

@@ -9,18 +9,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from procedures.commissioning.not_measured import not_measured
 from station.findings import (
-    Analysis,
     Findings,
-    Flag,
     InputQuantity,
     findings_of,
-    undetermined,
 )
 from station.units import parse_as
 
 from .analysis import ANGLE, GAIN, ZERO, CoilDataset, CoilFields, Mean, analyse, mean_of
-from .parameters import COILS, FIGURES, CoilParameters, ambient_unit
+from .parameters import COILS, RESULTS, CoilParameters, ambient_unit
 from .work import GAUSSMETER, supply_of
 
 if TYPE_CHECKING:
@@ -34,7 +32,7 @@ Array = NDArray[np.float64]
 def findings(folder: RunFolder, parameters: CoilParameters, bench: Bench) -> Findings:
     """Return the figures of the coils; a run without all their records gives none."""
     if missing := [unit for unit in units_of(parameters) if unit not in folder.finished_units()]:
-        return findings_of(nothing_of(missing), None, [])
+        return findings_of(not_measured("coils", RESULTS, missing), None, [])
     data = dataset_of_run(folder, parameters, bench)
     return findings_of(analyse(data), data, inputs(data, bench))
 
@@ -49,17 +47,6 @@ def units_of(parameters: CoilParameters) -> list[str]:
             *(record.unit for record in parameters.coil_records(along)),
         )
     ]
-
-
-def nothing_of(missing: Sequence[str]) -> Analysis:
-    """Return the analysis of a commissioning that lacks records: no figure is determined."""
-    message = f"Not recorded: {', '.join(missing)}. The coils are judged together, or not at all."
-    flag = Flag("not-measured", message, details={"units": list(missing)})
-    return Analysis(
-        tuple(undetermined(name, axis, unit, "") for name, unit in FIGURES for axis in COILS),
-        (),
-        (flag,),
-    )
 
 
 def dataset_of_run(folder: RunFolder, parameters: CoilParameters, bench: Bench) -> CoilDataset:

@@ -8,16 +8,20 @@ from typing import Annotated
 from pydantic import Field
 
 from station.fields import StrictModel, Unit
+from station.procedure import ResultKind
 
 COILS = ("x", "y", "z")
 """A coil bears the name of the probe's axis along which it must make its field."""
-FIGURES = (
-    ("coil_constant_ratio", "1"),
-    ("cross_axis", "1"),
-    ("field_after_off", "mT"),
-    ("ambient_field", "mT"),
-    ("ambient_noise", "mT"),
-)
+RESULTS = {
+    name: ResultKind(COILS, unit)
+    for name, unit in (
+        ("coil_constant_ratio", "1"),
+        ("cross_axis", "1"),
+        ("field_after_off", "mT"),
+        ("ambient_field", "mT"),
+        ("ambient_noise", "mT"),
+    )
+}
 """What is reported of each axis, with its unit."""
 
 
