@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import atexit
 import os
+import shutil
 import signal
+import tempfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -16,6 +19,11 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     # Started in the background of a shell: the runs of the tests are to hear Ctrl-C all the same.
     signal.signal(signal.SIGINT, signal.default_int_handler)
 os.environ.update(ONE_BLAS_THREAD)  # as a run has it; NumPy reads it when it is first imported
+if os.environ.pop("PYTHONDONTWRITEBYTECODE", ""):
+    # The code's folders stay as they are; yet of hundreds of processes only the first compiles.
+    COMPILED = tempfile.mkdtemp(prefix="station-tests-compiled-")
+    os.environ["PYTHONPYCACHEPREFIX"] = COMPILED
+    atexit.register(shutil.rmtree, COMPILED, ignore_errors=True)
 
 
 @pytest.fixture(autouse=True, scope="session")
