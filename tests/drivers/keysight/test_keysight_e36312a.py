@@ -11,11 +11,13 @@ import pytest
 import yaml
 from conformance_runs import conformance
 from fixture import Fixture, bench_alone, standing
+from plan_runs import run_of, shipped_bench, shipped_plan
 
 from drivers.keysight.supply_e36312a import KeysightE36312A
 from sim_instruments.keysight.supply_e36312a import KeysightE36312A as SimulatedSupply
 from sim_instruments.world import base as world
-from station.errors import InstrumentError
+from station.errors import EXIT_INTERLOCK, InstrumentError
+from station.record.folder import RunFolder
 from station.roles import DutPower
 
 TRUTH = {
@@ -204,3 +206,19 @@ def test_the_driver_conforms(tmp_path: Path) -> None:
     done = conformance(tmp_path, "keysight-e36312a", str(bench), "-v")
     assert done.returncode == 0, done.stdout
     assert "test_dut_power" in done.stdout and "test_safety" in done.stdout
+
+
+def test_a_device_that_shorts_ends_a_whole_run_with_the_device_off(tmp_path: Path) -> None:
+    bench = shipped_bench("sim-alternate")
+    bench["simulation"]["faults"] = [
+        {"instrument": "dut_power", "fault": "device-shorted", "at": "400 s"}
+    ]
+    plan = shipped_plan("rlg-magnetic-sensitivity")
+    outcome = run_of(tmp_path, plan, bench)
+    assert outcome.exit_code == EXIT_INTERLOCK, outcome.error
+    assert "device-current" in str(outcome.error)
+    events = RunFolder(outcome.folder).events
+    (safe,) = (one for one in events if one.kind == "safe-state")
+    assert all(one["verified"] for one in safe.details["outcomes"])
+    (tripped,) = (one for one in events if one.kind == "interlock-tripped")
+    assert tripped.time_s - 400.0 < 1.0, "cut in one look"
