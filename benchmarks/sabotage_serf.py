@@ -10,6 +10,7 @@ import numpy as np
 from sabotage import Fault, Made
 from sabotage_serf_changes import (
     KINDS,
+    begun,
     bridged,
     cells,
     clean_of,
@@ -20,6 +21,8 @@ from sabotage_serf_changes import (
     inverted,
     line_V,
     moved,
+    one_sense,
+    read_again,
     stated,
     volts,
     wandering,
@@ -31,7 +34,9 @@ SHOTS = "shots-disagree shot-rejected"
 SHAPE = "misfit model-too-stiff"
 SPOILT = f"{SHAPE} {SHOTS} overload outliers-rejected"
 DENIED = "contradicts-statement"
-XY, X_TURNED = (1, 4, 7, 10), (-1, 1, 1)
+XY, XZ, YZ = (1, 4, 7, 10), (2, 5, 8, 11), (3, 6, 9, 12)
+X_TURNED, Y_TURNED, Z_TURNED = (-1, 1, 1), (1, -1, 1), (1, 1, -1)
+EXCITATION = "wrong-excitation slowing-down-factor-outside"
 FACTOR = "slowing-down-factor-outside contradicts-statement"
 LEAK = {"relaxation": 330.0, "residual_nT": (0.0, 0.0, 1.0)}
 
@@ -151,6 +156,32 @@ FAULTS: Sequence[Fault] = (
     fault("output inverted for the first half", DENIED, inverted(range(7)), "strong"),
     fault("coil x the other way in pairs xy", DENIED, stated(dict.fromkeys(XY, X_TURNED))),
     fault("field droops while it chirps", SPOILT, warped(lambda t, b: -0.05 * t**2), "strong"),
+    fault("coil y the other way in pairs xy", DENIED, stated(dict.fromkeys(XY, Y_TURNED))),
+    fault("coil z the other way in pairs xz", DENIED, stated(dict.fromkeys(XZ, Z_TURNED))),
+    fault("coil z the other way, strong", SHOTS, stated(dict.fromkeys(YZ, Z_TURNED)), "strong"),
+    fault("pairs xy taken with the coils xz", DENIED, columns(dict(zip(XY, XZ, strict=True)))),
+    fault("pairs xz and yz exchanged", DENIED, columns(dict(zip(XZ + YZ, YZ + XZ, strict=True)))),
+    fault("supply x does not reverse", DENIED, one_sense(0)),
+    fault("supply z does not reverse", DENIED, one_sense(2)),
+    fault("coil y twice its field in pairs xy", SHOTS, stated(dict.fromkeys(XY, (1, 2, 1)))),
+    fault("a record read again", SHOTS, read_again({4: 1})),
+    fault("a record read again, strong", SHOTS, read_again({5: 4}), "strong"),
+    fault("fields in pT", EXCITATION, stated(dict.fromkeys(range(14), (1e3,) * 3)), shows=True),
+    fault(
+        "fields grow by 0.5 % in mid-course",
+        SHOTS,
+        wandering(lambda k: (0.005 * (k > 6),) * 3, "factors"),
+    ),
+    fault(
+        "residual field steps in mid-course",
+        SHOTS,
+        wandering(lambda k: (0, 0, 0.3 * (k > 6)), "residual_nT"),
+    ),
+    fault("clock of the last seven is off", SHOTS, warped(lambda t, b: 1e-3 * t, range(7, 14))),
+    fault("stamps begin at 1 s", DENIED, begun(1.0), shows=True),
+    fault("stamps begin at 20 ms", SPOILT, begun(0.02), "strong", True),
+    fault("the cell warms", SPOILT, wandering(lambda k: 8.0 * k, "relaxation"), "strong"),
+    fault("the vapour grows denser", SPOILT, wandering(lambda k: 2e4 * k, "exchange"), "strong"),
 )
 
 CLEAN: Sequence[Callable[[int], Made]] = tuple(partial(clean_of, kind) for kind in KINDS)

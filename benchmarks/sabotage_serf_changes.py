@@ -252,6 +252,31 @@ def columns(order: Mapping[int, int]) -> Change:
     return change
 
 
+def one_sense(coil: int) -> Change:
+    """Return the change by a supply that does not reverse: every shot has the coil's one sense."""
+
+    def change(one: Recorded, draw: np.random.Generator) -> Recorded:
+        meant = [list(signs) for signs in one.cell.pattern]
+        made = [[*s[:coil], abs(s[coil]), *s[coil + 1 :]] for s in meant]
+        return columns({k: meant.index(signs) for k, signs in enumerate(made)})(one, draw)
+
+    return change
+
+
+def read_again(order: Mapping[int, int]) -> Change:
+    """Return the change by a recorder that gives one shot's record, noise and all, for another."""
+
+    def change(one: Recorded, draw: np.random.Generator) -> Recorded:
+        return replace(one, volts=one.volts[[order.get(k, k) for k in range(len(one.volts))]])
+
+    return change
+
+
+def begun(time_s: float) -> Change:
+    """Return the change of the time stamps by a constant."""
+    return lambda one, draw: replace(one, time_s=one.time_s + time_s)
+
+
 def inverted(shots: Sequence[int]) -> Change:
     """Return the change of the sign of the output of some shots."""
     return volts(lambda v, t, draw: -v, shots)

@@ -30,6 +30,7 @@ from .dataset import (
 from .flags import result_flags
 from .frequencies import agreed
 from .precession import Precession, look_at_all
+from .relabelled import relabelled_flags
 from .shot_flags import data_flags, misfit_flags
 from .shots import AXES, PAIRS
 from .signs import sign_flags
@@ -63,7 +64,7 @@ def analyse(dataset: SerfDataset, settings: AnalysisSettings | None = None) -> S
     shots = _shots(dataset, seen, found)
     size_nT = residual_magnitude_nT(dataset, found.solution) if found is not None else None
     flags = [*data_flags(dataset, seen, shots, settings), *denied, *misfit_flags(dataset, shots)]
-    flags += sign_flags(dataset, seen, found)
+    flags += [*sign_flags(dataset, seen, found), *relabelled_flags(dataset, seen, found)]
     flags += result_flags(dataset, found, results, paper, size_nT, settings)
     return SerfAnalysis(
         estimates=results,

@@ -117,9 +117,10 @@ class Frequencies:
     and `beta_s` give the decay of a shot as rate + beta w². `joint` and `lean`, that of the spins
     and the probe, are None where every shot was fitted alone. `kept` and `residual_V` are by shot:
     which samples were used, and what is left of these. `drift_per_s` is a steady drift of all
-    frequencies, relative, beside a chirp; `exchanged` tells that the shots fit pump and probe light
-    much better the other way round. `failed` says why a joint fit was wanted but
-    is not there.
+    frequencies, relative, beside a chirp; `fading` by how much the last tone fades faster than the
+    first, relative, beside its broadening; `exchanged` tells that the shots fit pump and probe
+    light much better the other way round. `failed` says why a joint fit was wanted but is not
+    there.
     """
 
     omega_rad_per_s: Array
@@ -135,6 +136,8 @@ class Frequencies:
     residual_V: tuple[Array, ...]
     drift_per_s: float
     drift_u: float
+    fading: float
+    fading_u: float
     exchanged: bool = False
     failed: str | None = None
 

@@ -24,6 +24,7 @@ from .shots import PAIRS
 
 CHANCE = 4.0
 DRIFT_U = 4.0
+FADING_U = 5.0
 
 
 def result_flags(
@@ -134,6 +135,16 @@ def _frequency_flags(
             "slowing-down factor is off by more than its u; measure the coil currents during a "
             "record.",
             details={"drift_per_s": found.drift_per_s},
+        )
+    if abs(found.fading) > FADING_U * found.fading_u:
+        how = "faster" if found.fading > 0.0 else "more slowly"
+        yield Flag(
+            "misfit",
+            f"The tone of the last shot fades {abs(100.0 * found.fading):.2g} % {how} than that of "
+            f"the first, {abs(found.fading) / found.fading_u:.1f} u: the cell's temperature, the "
+            "probe light or what leaks of the pump light was not steady. Wait until the cell is "
+            "warm, and repeat the shots.",
+            details={"fading": found.fading},
         )
     if found.exchanged:
         yield contradiction(

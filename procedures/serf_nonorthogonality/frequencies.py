@@ -16,6 +16,7 @@ from station.findings import Flag, contradiction
 
 from .angles import DOUBTFUL, IMPROBABLE, Solution, solve
 from .dataset import AnalysisSettings, Frequencies, SerfDataset
+from .fading import fading_trend
 from .joint import JointFit, NoJointFit, Record, fit_jointly, joint_start
 from .precession import Precession, common_decay, decays
 from .shots import AXES, SPINS, SlowingDown
@@ -72,6 +73,7 @@ def frequencies_and_angles(
         tuple(fit.kept for fit in fits),
         tuple(fit.residual_V[fit.kept] for fit in fits),
         *pooled([fit.drift_per_s for fit in fits], [fit.drift_u for fit in fits]),
+        *fading_trend(*decays(fits)),
     )
     if not chirp > settings.chirp_u * chirp_u:
         return alone
@@ -147,6 +149,7 @@ def _jointly(
         tuple(kept),
         joint.residual_V,
         *pooled(joint.drift_per_s.tolist(), joint.drift_u.tolist()),
+        *fading_trend(joint.omega_rad_per_s, joint.decay_per_s, joint.decay_u),
         exchanged=joint.chi_square - other.chi_square > EXCHANGED,
     )
 

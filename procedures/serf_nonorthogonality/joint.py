@@ -47,7 +47,8 @@ class JointFit:
     `degrees_of_freedom` is of all samples. `baseline_over_tone` (shots,) compares the amplitudes at
     time zero; `by_late_start` (shots,) are derivatives of the frequencies, in rad/s², by a time
     zero of the own record that came later than its time stamps say; `drift_per_s` (shots,) with its
-    u is a steady drift of the frequency, relative, which nothing of the model follows.
+    u is a steady drift of the frequency, relative, which nothing of the model follows;
+    `decay_per_s` (shots,) with its u is how fast the tone of each shot fades by itself.
     """
 
     omega_rad_per_s: Array
@@ -62,6 +63,8 @@ class JointFit:
     by_late_start: Array
     drift_per_s: Array
     drift_u: Array
+    decay_per_s: Array
+    decay_u: Array
     chi_square: float
     degrees_of_freedom: int
 
@@ -84,7 +87,8 @@ class _Step:
     right: Array
     residual_V: tuple[Array, ...]
     of_shots: Array
-    """Baseline over tone, its u, the frequency's derivative by a late start, a drift, its u."""
+    """Baseline over tone, its u, the frequency's derivative by a late start, a drift, its u, how
+    much faster the tone fades than those of all, its u."""
 
 
 def fit_jointly(
@@ -140,6 +144,8 @@ def fit_jointly(
         by_late_start=step.of_shots[:, 2],
         drift_per_s=step.of_shots[:, 3],
         drift_u=step.of_shots[:, 4],
+        decay_per_s=shared[1] + shared[2] * omega**2 + step.of_shots[:, 5],
+        decay_u=step.of_shots[:, 6],
         chi_square=step.cost,
         degrees_of_freedom=samples - own * len(records) - SHARED,
     )
@@ -193,6 +199,7 @@ def _evaluate(
                 u * turned + 2.0 * beta * w * by_broad,
                 broad[k] * tone - by_clock * np.gradient(u, t),
                 0.5 * w * t * u * turned,
+                -t * tone,
             ]
         )
         slopes -= basis @ (basis.T @ slopes)
@@ -200,6 +207,8 @@ def _evaluate(
         residual = y - basis @ (basis.T @ y)
         own = slopes[:, [0, 1, 2, 3, 5]]
         drift = beyond(own.T @ own, own.T @ residual, record.noise_V)
+        own = slopes[:, [3, 6]]
+        faster = beyond(own.T @ own, own.T @ residual, record.noise_V)
         slopes = slopes[:, :4]
         weight = record.noise_V**-2
         places = np.array([0, 1, 2, SHARED + k])
@@ -210,7 +219,7 @@ def _evaluate(
         size = np.hypot(linear[0], linear[1])
         last = np.linalg.solve(triangle.T, np.eye(len(linear))[2])
         of_shots.append(
-            (linear[2] / size, record.noise_V * np.linalg.norm(last) / size, late, *drift)
+            (linear[2] / size, record.noise_V * np.linalg.norm(last) / size, late, *drift, *faster)
         )
     return _Step(cost, normal, right, tuple(residuals), np.array(of_shots))
 

@@ -25,6 +25,8 @@ LARGE_BASELINE = 1.5
 GAMMA_MARGIN = 1e-3
 """Alkali atoms differ from the free electron, and from one another, by less than 2e-4."""
 CLOCK_MARGIN = 2e-4
+LATE = 3.0
+"""1/e times after time zero at which no record begins: it would hold a twentieth of its tone."""
 CHANCE = 1e-4
 """How often white noise alone is flagged, at most."""
 BINS, SAMPLES = (1, 4, 16), (4, 16, 64)
@@ -42,7 +44,7 @@ def data_flags(
     settings: AnalysisSettings,
 ) -> Iterator[Flag]:
     """Yield the flags on the shots themselves."""
-    yield from _statements(dataset)
+    yield from _statements(dataset, seen)
     yield from _left_out(dataset, seen, shots)
     yield from _excitation(dataset, seen)
     nominal_s = 1.0 / dataset.sample_rate_Hz
@@ -118,7 +120,7 @@ def _names(seen: Sequence[Precession]) -> list[str]:
     return [one.shot.name for one in seen]
 
 
-def _statements(dataset: SerfDataset) -> Iterator[Flag]:
+def _statements(dataset: SerfDataset, seen: Sequence[Precession]) -> Iterator[Flag]:
     """Yield a flag for each stated number that nature or the rows' times deny."""
     if abs(dataset.gamma_Hz_per_nT / GAMMA_HZ_PER_NT - 1.0) > GAMMA_MARGIN:
         yield contradiction(
@@ -126,6 +128,14 @@ def _statements(dataset: SerfDataset) -> Iterator[Flag]:
             f"The gyromagnetic ratio is stated as {dataset.gamma_Hz_per_nT:.6g} Hz/nT; the "
             f"electron's is {GAMMA_HZ_PER_NT} Hz/nT, and the slowing-down factor is as wrong as "
             "the statement. Correct gyromagnetic_ratio.",
+        )
+    begun = [one.used_fit.decay_per_s * float(one.shot.time_s[0]) for one in seen if one.used]
+    if begun and abs(late := float(np.median(begun))) > LATE:
+        yield contradiction(
+            "t_s",
+            f"The rows begin {late:.3g} 1/e times of the tones after the time zero of t_s, where "
+            "the field goes on and the pump light off: there the tones would be "
+            f"{np.exp(min(late, 99.0)):.2g} times as large. Correct t_s.",
         )
     for shot in dataset.shots:
         steps = np.rint(np.diff(shot.time_s) * dataset.sample_rate_Hz)
@@ -208,8 +218,8 @@ def misfit_flags(dataset: SerfDataset, shots: Sequence[ShotResult]) -> list[Flag
             "misfit",
             f"The fits leave more than white noise {said}: the uncertainties do not cover it. Look "
             "for pick-up (mains_frequency), a field that moves during the record, lost or "
-            "repeated rows, a recorder that stood still, a filter, light that goes off late, "
-            "and repeat the shots.",
+            "repeated rows, a recorder that stood still, a filter, light that goes off late or not "
+            "at the time zero of t_s, and repeat the shots.",
             None,
             {"shots": list(where) or list(left)},
         )

@@ -130,6 +130,7 @@ def test_a_chirp_too_weak_to_be_seen_moves_no_slowing_down_factor() -> None:
         "gyromagnetic ratio off",
         "wrong isotope",
         "pump and probe exchanged",
+        "stamps begin at 1 s",
     ],
 )
 def test_a_planted_fault_is_named(name: str) -> None:
@@ -152,6 +153,51 @@ def test_shots_with_the_wrong_sign_are_named(name: str, shots: list[str]) -> Non
     every = {f"s{k:02d}" for k in range(1, 15)}
     assert set(flag["shots"]) <= set(shots) or set(flag["shots"]) <= every - set(shots)
     assert len(flag["shots"]) >= 3
+
+
+@pytest.mark.parametrize(
+    "name, told",
+    [
+        ("coil y the other way in pairs xy", ["coil y was reversed in the shots of xy"]),
+        ("pairs xy taken with the coils xz", ["the shots of xy were taken with the coils xz"]),
+        ("pairs exchanged", ["s02 and s03 stand under each other's names"]),
+    ],
+)
+def test_what_was_probably_commanded_is_named_where_shots_disagree(
+    name: str, told: list[str]
+) -> None:
+    document = analysed(FAULTS[name].planted(1))
+    flags = [one for one in document["flags"] if one.get("statement") == "shots"]
+    (message,) = (one["message"] for one in flags if "Chi-square" in one["message"])
+    assert all(one in message for one in told)
+    assert "shots-disagree" in {one["code"] for one in document["flags"]}
+
+
+def test_fields_that_were_not_steady_are_no_other_statement() -> None:
+    for name in ("nuclei precess", "supplies sag in pairs"):
+        flags = analysed(FAULTS[name].planted(1))["flags"]
+        assert "shots-disagree" in {one["code"] for one in flags}, name
+        assert not [one for one in flags if one.get("statement") == "shots"], name
+
+
+@pytest.mark.parametrize(
+    "name, how", [("the cell warms", "faster"), ("the vapour grows denser", "more slowly")]
+)
+def test_tones_that_fade_less_and_less_alike_are_named(name: str, how: str) -> None:
+    flags = analysed(FAULTS[name].planted(0))["flags"]
+    (flag,) = (one for one in flags if "fading" in one)
+    assert flag["code"] == "misfit" and abs(flag["fading"]) > 0.02
+    assert f"% {how} than that of the first" in flag["message"]
+
+
+@pytest.mark.parametrize("polarisation", [0.05, 0.5])
+def test_tones_of_a_steady_cell_fade_alike(polarisation: float) -> None:
+    pulls = []
+    for seed in range(2):
+        found = analyse(Cell(polarisation=polarisation).dataset(seed)).frequencies
+        assert found is not None and np.isfinite(found.fading_u)
+        pulls.append(found.fading / found.fading_u)
+    assert np.max(np.abs(pulls)) < 4.0
 
 
 @pytest.mark.parametrize("late_s", [0.0, 6e-4])
