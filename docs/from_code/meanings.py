@@ -37,6 +37,16 @@ PARAMETERS = {
         "coils.ambient.y": "component along y",
         "coils.ambient.z": "component along z",
         "coils.ambient.standard_uncertainty": "of each component",
+        "motion": "the part of the turntable, by the nine-axis sensor on it",
+        "motion.small_turn": "angle of the turns that decide the senses",
+        "motion.small_rate": "rate of these turns",
+        "motion.whole_turns": "whether each axis makes a whole turn there and back",
+        "motion.whole_rate": "rate of the whole turns",
+        "motion.rest": "length of each record at rest",
+        "motion.sample_rate": "outputs of the sensor in a second",
+        "motion.placing": "standard uncertainty of the angle at which the sensor stands against "
+        "its stops",
+        "motion.gyro_scale": "relative standard uncertainty of its gyros' scale factors",
     },
     "rlg-magnetic-sensitivity": {
         "excitation": "`sequential`: one coil after the other, as published; `simultaneous`: all "

@@ -20,13 +20,14 @@ from station.runner.run import Run
 
 from .coils import COIL_PART
 from .drift import DRIFT, drift_axes
+from .motion import MOTION_PART
 from .parameters import CommissioningParameters
 from .parts import Part
 
 if TYPE_CHECKING:
     from station.instruments.bench import Bench
 
-PARTS: tuple[Part, ...] = (COIL_PART,)
+PARTS: tuple[Part, ...] = (COIL_PART, MOTION_PART)
 """In the order in which they are walked."""
 
 

@@ -9,8 +9,9 @@ from pydantic import Field
 from station.fields import StrictModel
 
 from .coils.parameters import CoilParameters
+from .motion.parameters import MotionParameters
 
-PartName = Literal["coils"]
+PartName = Literal["coils", "motion"]
 
 
 class CommissioningParameters(StrictModel):
@@ -19,6 +20,7 @@ class CommissioningParameters(StrictModel):
     `watch` holds the figures against those of the bench's commissioning.
     """
 
-    checks: Annotated[tuple[PartName, ...], Field(min_length=1)] = ("coils",)
+    checks: Annotated[tuple[PartName, ...], Field(min_length=1)] = ("coils", "motion")
     watch: bool = False
     coils: CoilParameters = CoilParameters()
+    motion: MotionParameters = MotionParameters()

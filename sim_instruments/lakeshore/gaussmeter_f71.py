@@ -20,10 +20,9 @@ import numpy.typing as npt
 
 from sim_instruments.faults.lasting import Frozen, Overload
 from sim_instruments.instrument import Setting
-from sim_instruments.truth import SimulationError, Truth
 from sim_instruments.wire.scpi import ScpiError, boolean, choice, number, one, whole_number
 from sim_instruments.wire.scpi_device import ScpiDevice
-from sim_instruments.world.coils import AXES, small_rotation
+from sim_instruments.world.coils import AXES, small_rotation, wiring
 from sim_instruments.world.piecewise import Array
 
 FIRMWARE = "1.6.2019092002"
@@ -35,18 +34,6 @@ MOST_AVERAGED = 1000
 OVERLOAD_READING = 9.9e37
 OVERLOAD_BIT = 2
 EPOCH = datetime(2026, 1, 1, tzinfo=UTC)
-
-
-def wiring(truth: Truth) -> Array:
-    """Return the matrix from the probe's axes to those that are shown, shape (3, 3)."""
-    matrix = np.zeros((3, 3))
-    section = truth.section("wiring") if "wiring" in truth else None
-    for k, axis in enumerate(AXES):
-        shows = axis if section is None else section.text(axis, axis)
-        if shows.removeprefix("-") not in AXES:
-            raise SimulationError(f"{truth.where}.wiring.{axis}: an axis was expected, got {shows}")
-        matrix[k, AXES.index(shows.removeprefix("-"))] = -1.0 if shows.startswith("-") else 1.0
-    return matrix
 
 
 class Readings:

@@ -154,7 +154,8 @@ class AccelerometerBench(World):
 
     The coil's axis is x of the gaussmeter's probe; the accelerometer, in its centre, feels the
     field along that axis. `rotation` is where the stage truly stands, whatever its encoder says;
-    the device stands `angle_offset` further, in every plane. The stage's axis may be off level by
+    the device stands `angle_offset` further, in every plane, and turns against the stage's sense
+    where it is `reversed`. The stage's axis may be off level by
     `axis_tilt`, and `soft_iron` near the device may add its share to the field that it feels.
     """
 
@@ -186,6 +187,7 @@ class AccelerometerBench(World):
         device = truth.section("accelerometer")
         self.accelerometer = Accelerometer(device)
         self.angle_offset_deg = device.quantity("angle_offset", "deg")
+        self._sense = -1.0 if device.switch("reversed") else 1.0
         self._tilt_rad = device.error("axis_tilt", "rad")
         self._share_of_coil = device.quantity("share_of_coil_heating", "1")
         self._magnet_mT = _dipole(probe_m, device.quantity("magnet_at_probe", "mT"))
@@ -314,7 +316,7 @@ class AccelerometerBench(World):
         return np.asarray((begin != middle) | (middle != end))
 
     def _device_angle(self, time_s: Array) -> Array:
-        return self.rotation.angle_deg(time_s) + self.angle_offset_deg
+        return self._sense * self.rotation.angle_deg(time_s) + self.angle_offset_deg
 
     def _plane(self, time_s: Array) -> Indices:
         return np.array(self._planes)[np.searchsorted(self._mounted_s, time_s, side="right")]

@@ -78,6 +78,22 @@ def small_rotation(truth: Truth, key: str) -> Array:
     return np.asarray(Rotation.from_rotvec(angles).as_matrix(), dtype=float).T
 
 
+def wiring(truth: Truth) -> Array:
+    """Return the matrix from a device's axes to those that it shows, shape (3, 3).
+
+    Truth: below `wiring`, if it is there, which axis an axis shows, such as `{x: y, y: -x}`; each
+    its own without it.
+    """
+    matrix = np.zeros((3, 3))
+    section = truth.section("wiring") if "wiring" in truth else None
+    for k, axis in enumerate(AXES):
+        shows = axis if section is None else section.text(axis, axis)
+        if shows.removeprefix("-") not in AXES:
+            raise SimulationError(f"{truth.where}.wiring.{axis}: an axis was expected, got {shows}")
+        matrix[k, AXES.index(shows.removeprefix("-"))] = -1.0 if shows.startswith("-") else 1.0
+    return matrix
+
+
 class CoilHeat:
     """The temperature of a coil's winding above the room, exact for every history of the current.
 

@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from sim_instruments.truth import SimulationError, Truth
 from sim_instruments.world.base import World
-from sim_instruments.world.coils import AXES
+from sim_instruments.world.coils import AXES, wiring
 from sim_instruments.world.laser_gyro import Heat
 from sim_instruments.world.noise import Wander, WhiteNoise, generator
 from sim_instruments.world.piecewise import Array, Nodes, nodes_within
@@ -56,7 +56,8 @@ class NineAxisSensor:
     20 s and some hours); below `x`, `y`, `z` each `bias`, `scale_factor_error`, `asymmetry` (of
     the positive sense over the negative one), `ripple` (`amplitude` and `period` of what the scale
     factor changes with the rate); `misalignment` `xy`, …, the angle by which the gyro x feels the
-    rate about y. `warm_up`: how much larger the biases are at switching on, `time_constant`,
+    rate about y; `wiring`: which gyro each axis shows, such as `{x: y, y: -x}`, its own without.
+    `warm_up`: how much larger the biases are at switching on, `time_constant`,
     `temperature_rise` over the `room`.
 
     `accelerometers`: `bias` and `scale_factor_error` by axis, `noise_in_one_second`.
@@ -81,6 +82,7 @@ class NineAxisSensor:
         for gyro, other in PAIRS:
             place = AXES.index(gyro), AXES.index(other)
             self._cross[place] = leans.quantity(gyro + other, "rad")
+        self._wiring = wiring(gyros)
         warm_up = truth.section("warm_up")
         self.heat = Heat(warm_up.quantity("time_constant", "s"))
         self._warm_up = warm_up.quantity("bias", "deg/h")
@@ -121,10 +123,9 @@ class NineAxisSensor:
         middles_s = 0.5 * (edges_s[:-1] + edges_s[1:])
         felt = rate_deg_per_s @ self._cross.T
         read = self.scale_factor(rate_deg_per_s) * felt
-        read = (
-            read + self.bias_deg_per_h(middles_s) / SECONDS_PER_HOUR + _means(self._noise, edges_s)
-        )
-        read = np.round(read / self._step) * self._step
+        read += self.bias_deg_per_h(middles_s) / SECONDS_PER_HOUR
+        read += _means(self._noise, edges_s)
+        read = np.round(read / self._step) * self._step @ self._wiring.T
         return Means(
             np.clip(read, -self.range_deg_per_s, self.range_deg_per_s),
             np.abs(read) < self.range_deg_per_s,
@@ -173,6 +174,7 @@ POSES: dict[str, Axes] = {
 turned by half a turn about the vertical."""
 MOUNTINGS: dict[str, Axes] = {
     "mount-table": (NORTH, -EAST, -DOWN),
+    "mount-table-turned": (-NORTH, EAST, -DOWN),
     "mount-X-up": (-DOWN, -EAST, -NORTH),
     "mount-Y-up": (NORTH, -DOWN, EAST),
     "mount-Z-up": (NORTH, -EAST, -DOWN),
@@ -200,8 +202,8 @@ class NineAxisBench(World):
     the size of what the sensor's `heading` and `tilt` are wrong by, anew every time it is put or
     mounted; `magnetic_field` (`north`, `east`, `down`); `table_field`, where the table disturbs it:
     `plate` (`x`, `y`, `z`), fixed to its plate, and `motors` (`north`, `east`, `down`), what they
-    add at 100 deg/s; `sensor` (see there), which is on from the
-    beginning where `powered_at_start` says so. The table is that of `simulation.fog`.
+    add at 100 deg/s; `sensor` (see there), which is on from the beginning where `powered_at_start`
+    says so. The table is that of `simulation.fog`.
     """
 
     preparations: tuple[str, ...] = ("mount-table", "connect-cables", "dut-power-on")

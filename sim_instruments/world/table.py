@@ -56,7 +56,8 @@ class _Ring:
         towards = [
             1.0 if one == along else np.tan(lean.quantity(f"towards_{one}", "rad")) for one in AXES
         ]
-        self.direction = np.array(towards) / np.linalg.norm(towards)
+        sense = -1.0 if truth.switch("reversed") else 1.0
+        self.direction = sense * np.array(towards) / np.linalg.norm(towards)
         x, y, z = self.direction
         self._cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
         self._square = self._cross @ self._cross
@@ -74,8 +75,9 @@ class Table:
     """Three axes, from the `outer` one, which carries the others, to the `inner` one.
 
     Truth: for each its number (`axis`) by which the controller calls it, the direction that it is
-    `along`, from which it leans (`lean`) `towards_…` the two others, `angle_at_start`; `wander` by
-    which each axis truly moves about where its encoder has it. Who turns the table turns the
+    `along`, from which it leans (`lean`) `towards_…` the two others, `angle_at_start`, and
+    `reversed` where it turns against its stated sense; `wander` by which each axis truly moves
+    about where its encoder has it. Who turns the table turns the
     histories of its axes; `changed` is called with the time from which something does.
     """
 

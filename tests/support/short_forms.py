@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from commissioning_parts import only
+
 SHORT_FORMS: Mapping[str, tuple[str, ...]] = {
     "rlg-magnetic-sensitivity": (
         "parameters.frequency=0.2 Hz",
@@ -68,6 +70,7 @@ SHORT_FORMS: Mapping[str, tuple[str, ...]] = {
         "parameters.sample_rate=10 Hz",
         "parameters.rates=[20 deg/s, 40 deg/s, 60 deg/s, 80 deg/s, 100 deg/s]",
     ),
+    "commissioning": only("coils"),
 }
 """What makes a plan short, by its name; without an entry it runs as it is shipped. A variant of a
 procedure's plan joins the campaign by an entry."""

@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 import yaml
+from commissioning_parts import only
 from plan_runs import shipped_bench
 
 from station.cli.commissioning import commission_bench
@@ -17,7 +18,7 @@ from station.files.lookup import BENCHES, find
 from station.files.yaml.reading import read_yaml
 from station.safety.acknowledgement import acknowledge
 
-SHORT = ("parameters.coils.record=2 s",)
+SHORT = ("parameters.coils.record=2 s", *only("coils"))
 
 
 def commissioned(

@@ -6,7 +6,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from commissioning_parts import plan_of
 from plan_runs import run_of, shipped_bench, shipped_plan
+from plants import named
 
 from procedures.commissioning.coils import limits
 from station.runner.outcome import Outcome
@@ -16,16 +18,9 @@ AMBIENT = {"x": "0.021 mT", "y": "-0.004 mT", "z": "-0.043 mT", "standard_uncert
 
 def commissioned(folder: Path, bench: dict[str, Any], **parameters: Any) -> Outcome:
     """Run the shipped plan, short, with the ambient field of the simulated room stated."""
-    plan = shipped_plan("commissioning")
+    plan = plan_of("coils")
     plan["parameters"]["coils"] |= {"record": "2 s", "ambient": AMBIENT, **parameters}
     return run_of(folder, plan, bench)
-
-
-def named(outcome: Outcome) -> set[tuple[str, str | None]]:
-    """Return code and axis of each flag, that of the simulation aside."""
-    assert outcome.document is not None, outcome.error
-    flags = outcome.document.to_data()["flags"]
-    return {(one["code"], one["axis"]) for one in flags if one["code"] != "simulated"}
 
 
 @pytest.mark.parametrize(("bench", "turned"), [("sim", False), ("sim-alternate", True)])

@@ -1,0 +1,38 @@
+"""The part of the table: sense, encoder and direction of its axes, by a sensor on it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from procedures.commissioning.parts import Part
+from station.procedure import Later
+
+from .parameters import RESULTS
+from .steps import STEPS, prompts
+from .work import IMU, POWER, TURNTABLE, check, instruments, records, work
+
+if TYPE_CHECKING:
+    from station.instruments.bench import Bench
+
+
+def is_possible(bench: Bench) -> bool:
+    """Return whether a bench has a table of three named axes, and a sensor for it."""
+    from station.roles.turntable import table_axes
+
+    if any(name not in bench.instruments for name in (TURNTABLE, IMU, POWER)):
+        return False
+    return table_axes(bench.instruments[TURNTABLE].settings) is not None
+
+
+MOTION_PART = Part(
+    name="motion",
+    steps=STEPS,
+    results=RESULTS,
+    instruments=instruments,
+    work=work,
+    prompts=prompts,
+    records=records,
+    check=check,
+    findings=Later(f"{__name__}.evaluate:findings"),
+    is_possible=is_possible,
+)

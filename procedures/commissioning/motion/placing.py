@@ -1,0 +1,85 @@
+"""How the sensor comes onto the table, and the table to its zeros and angles."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from station.errors import InstrumentError
+from station.method.commands import Power
+from station.method.motion import AxisTo
+from station.procedure import Prompt
+from station.roles import MadeSafe, Turntable
+from station.runner.verbs import come_to_rest
+
+from .parameters import HOME
+from .work import POWER, TURNTABLE, moves
+
+if TYPE_CHECKING:
+    from station.runner.run import Run
+
+LOOK_S = 0.5
+STANDS_WITHIN_S = 15.0
+MOUNT = Prompt(
+    "mount-table",
+    "Mount the nine-axis sensor on the turntable, its X along the inner and its Z along the outer "
+    "axis: with all axes at zero X points north, Y west and Z up. Connect its cable with enough "
+    "slack for a whole turn of each axis.",
+)
+TURN_SENSOR = Prompt(
+    "mount-table-turned",
+    "The table stands at its zeros. Turn the sensor on its plate by half a turn about Z, against "
+    "the same stops: X points south, Y east and Z up.",
+)
+
+
+@dataclass
+class TableState:
+    """What this process of a run has done: whether the table has its limits and its zeros."""
+
+    is_ready: bool = False
+
+
+def make_ready(run: Run) -> None:
+    """Have the sensor mounted and on, limits in the table, all axes homed and at zero; once."""
+    state = run.state(TableState)
+    if state.is_ready:
+        return
+    ask_at_rest(run, MOUNT)
+    run.apply(Power(POWER, True))
+    table = run.role(TURNTABLE, Turntable)
+    table.programme_limits()
+    to_zero = moves(HOME, "all axes to zero")
+    for move in to_zero:
+        number = move.axis_number(run.bench)
+        if not table.is_homed(number):
+            table.home(number)
+            come_to_rest(
+                run, TURNTABLE, "the table looks for its zeros", axis=number, every_s=LOOK_S
+            )
+    go_to(run, to_zero)
+    state.is_ready = True
+
+
+def go_to(run: Run, commands: Sequence[AxisTo]) -> None:
+    """Bring axes to angles, each at rest before the next moves."""
+    for command in commands:
+        run.apply(command)
+        number = command.axis_number(run.bench)
+        come_to_rest(run, TURNTABLE, command.text, axis=number, every_s=LOOK_S)
+
+
+def ask_at_rest(run: Run, prompt: Prompt) -> None:
+    """Make the table safe, then ask for a hand at it; InstrumentError where it is not safe."""
+    table = run.role(TURNTABLE, MadeSafe)
+    table.make_safe(run.clock.now() + STANDS_WITHIN_S)
+    reading = table.read_safety()
+    if not reading.safe:
+        raise InstrumentError(
+            TURNTABLE,
+            "bring it to rest before a person reaches for it",
+            f"it reads back {reading.read_back}",
+            "keep away from it and stop it",
+        )
+    run.ask(prompt.id, prompt.text)

@@ -1,0 +1,69 @@
+"""Steps M1 to M3 of a commissioning: senses, whole turns, levels by reversal."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from station.method.commands import Power
+from station.procedure import Prompt, Step
+
+from .measuring import record_level, record_turn
+from .parameters import HALF_TURNS, HOME, TURNED_UNIT, MotionParameters, TableTurn, level_unit
+from .placing import MOUNT, TURN_SENSOR, TableState, ask_at_rest, go_to, make_ready
+from .work import POWER, moves
+
+if TYPE_CHECKING:
+    from station.runner.run import Run
+
+
+def prompts(parameters: MotionParameters) -> tuple[Prompt, ...]:
+    """Return what the operator is asked to do."""
+    return (MOUNT, TURN_SENSOR)
+
+
+def senses(run: Run) -> None:
+    """M1: each axis by a small slow turn there and back; the outer one with the plate upright."""
+    walk_turns(run, run.parameters.motion.small_turns)
+
+
+def whole_turns(run: Run) -> None:
+    """M2: each axis by a whole turn there and back."""
+    parameters: MotionParameters = run.parameters.motion
+    walk_turns(run, parameters.turns[len(parameters.small_turns) :])
+
+
+def levels(run: Run) -> None:
+    """M3: the sensor's level with every axis at 0 and 180 deg; then with the sensor turned."""
+    for angles_deg in HALF_TURNS:
+        unit = level_unit(angles_deg)
+        if not run.is_finished(unit):
+            run.may_pause()
+            make_ready(run)
+            go_to(run, moves(angles_deg, unit))
+            record_level(run, unit)
+    if not run.is_finished(TURNED_UNIT):
+        run.may_pause()
+        make_ready(run)
+        go_to(run, moves(HOME, "all axes to zero"))
+        ask_at_rest(run, TURN_SENSOR)
+        go_to(run, moves(HOME, "all axes to zero"))
+        record_level(run, TURNED_UNIT)
+    if run.state(TableState).is_ready:
+        run.apply(Power(POWER, False))
+
+
+def walk_turns(run: Run, turns: Sequence[TableTurn]) -> None:
+    """Measure turns that no earlier process of the run has finished."""
+    for turn in turns:
+        if not run.is_finished(turn.unit):
+            run.may_pause()
+            make_ready(run)
+            record_turn(run, turn)
+
+
+STEPS = (
+    Step("M1", "Table: sense of each axis by small slow turns", senses),
+    Step("M2", "Table: whole turns against the sensor's gyros, rate read-back", whole_turns),
+    Step("M3", "Table: encoder zeros and axes, by reversal against gravity", levels),
+)

@@ -1,0 +1,58 @@
+"""The table's part on the simulated benches: healthy ones pass, each planted fault is named."""
+
+from __future__ import annotations
+
+import random
+from pathlib import Path
+from typing import Any
+
+import pytest
+from commissioning_parts import plan_of
+from plan_runs import run_of, shipped_bench, shipped_plan
+from plants import Plant, named
+from plants_motion import PLANTS
+
+from procedures.commissioning.motion import limits
+
+
+def short_plan() -> dict[str, Any]:
+    """Return the part's plan with faster whole turns, which the naming does not need slow."""
+    plan = plan_of("motion")
+    plan["parameters"]["motion"] |= {"whole_rate": "30 deg/s", "rest": "3 s"}
+    return plan
+
+
+@pytest.mark.parametrize("bench", ["sim", "sim-alternate"])
+def test_a_healthy_table_raises_no_alarm(tmp_path: Path, bench: str) -> None:
+    outcome = run_of(tmp_path / bench, short_plan(), shipped_bench(bench))
+    assert named(outcome) == set()
+    assert outcome.exit_code == 0
+    assert outcome.document is not None
+    results = outcome.document.to_data()["results"]
+    assert {one["axis"] for one in results if one["name"] == "axis_lean"} == {
+        "outer",
+        "middle",
+        "inner",
+    }
+    for one in results:
+        nominal = 1.0 if one["name"].endswith("_ratio") else 0.0
+        assert abs(one["value"] - nominal) < 3.5 * one["standard_uncertainty"], one
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("plant", PLANTS, ids=lambda one: one.name)
+def test_a_planted_fault_is_named_alone(tmp_path: Path, plant: Plant, seed: int) -> None:
+    bench, rng = shipped_bench("sim"), random.Random(seed)
+    bench["simulation"]["seed"] = seed
+    cause = plant.plant(bench, rng)
+    outcome = run_of(tmp_path / "run", short_plan(), bench)
+    assert named(outcome) == {cause}
+    assert outcome.exit_code == 1
+
+
+def test_the_shipped_plan_states_the_limits_of_the_naming() -> None:
+    stated = shipped_plan("commissioning")["limits"]
+    for name, limit in (("turn_ratio", limits.TURN_RATIO), ("rate_ratio", limits.RATE_RATIO)):
+        assert stated[name] == {"min": 1.0 - limit, "max": 1.0 + limit}
+    assert stated["encoder_zero"] == {"max_abs": f"{limits.ENCODER_ZERO_DEG:g} deg"}
+    assert stated["axis_lean"] == {"max": f"{limits.AXIS_LEAN_DEG:g} deg"}

@@ -1,0 +1,12 @@
+"""Faults that a commissioning must name, planted into a simulated bench.
+
+Each part has a file of its own, `plants_<part>.py`, whose `PLANTS` are collected here.
+"""
+
+from __future__ import annotations
+
+from plants import Plant
+from plants_motion import PLANTS as MOTION
+
+ALL_PLANTS: tuple[Plant, ...] = (*MOTION,)
+"""What tests and benchmark plant."""
