@@ -24,6 +24,16 @@ if os.environ.pop("PYTHONDONTWRITEBYTECODE", ""):
     COMPILED = tempfile.mkdtemp(prefix="station-tests-compiled-")
     os.environ["PYTHONPYCACHEPREFIX"] = COMPILED
     atexit.register(shutil.rmtree, COMPILED, ignore_errors=True)
+IN_MEMORY = Path("/dev/shm")
+ROOM_BYTES = 6 * 2**30
+if (
+    "PYTEST_DEBUG_TEMPROOT" not in os.environ
+    and IN_MEMORY.is_dir()
+    and shutil.disk_usage(IN_MEMORY).free > ROOM_BYTES
+    and not os.statvfs(IN_MEMORY).f_flag & os.ST_NOEXEC
+):
+    # A run waits for the disk some 70 times. What a disk can do, small disks of their own show.
+    os.environ["PYTEST_DEBUG_TEMPROOT"] = str(IN_MEMORY)
 
 
 @pytest.fixture(autouse=True, scope="session")

@@ -9,12 +9,16 @@ from pathlib import Path
 from command_line import station_command
 
 LIMITED = """
-import resource, sys
+import os, resource, sys
+os.environ["PYTHONDONTWRITEBYTECODE"] = "1"
+sys.dont_write_bytecode = True
 hard = resource.getrlimit(resource.RLIMIT_FSIZE)[1]
 resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv.pop(1)), hard))
 from station.cli import main
 main()
 """
+"""A program that takes the size and a command line. Where a file may not grow, Python would leave
+half of a compiled module behind, for whoever comes next."""
 
 
 def limited(largest_file_bytes: int, plan: Path, output: Path) -> subprocess.CompletedProcess[str]:

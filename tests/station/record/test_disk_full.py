@@ -145,7 +145,7 @@ print(written, len(record.faults))
 
 def test_an_event_that_does_not_fit_is_said_and_breaks_no_later_one(tmp_path: Path) -> None:
     done = subprocess.run(
-        [sys.executable, "-c", FULL_LOG, str(tmp_path)],
+        [sys.executable, "-B", "-c", FULL_LOG, str(tmp_path)],
         capture_output=True,
         text=True,
         encoding="utf-8",

@@ -17,6 +17,7 @@ import numpy as np
 import pytest
 from campaign_helpers import station
 from command_line import station_command
+from limited_files import LIMITED
 from numpy.typing import NDArray
 from scipy.io import loadmat
 
@@ -272,15 +273,6 @@ def test_the_raw_data_of_a_run_folder_are_the_same_after_an_export(run: Path) ->
         assert sum(len(rows) for _, rows in blocks_of(RunFolder(run), source))
     export_hdf5(RunFolder(run), run / "exports" / "once-more.h5")
     assert {path: path.read_bytes() for path in (run / "raw").iterdir()} == before
-
-
-LIMITED = """
-import resource, sys
-hard = resource.getrlimit(resource.RLIMIT_FSIZE)[1]
-resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv.pop(1)), hard))
-from station.cli import main
-main()
-"""
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="there is no file-size limit to set")
