@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from procedures.estimation.allan import (
     AllanDeviation,
@@ -243,6 +243,6 @@ def _wider(bias: BiasSolution | None) -> float:
     """Return by how much the means contradict each other beyond their uncertainties; 1 if not."""
     if bias is None or bias.degrees_of_freedom < 1:
         return 1.0
-    if bias.chi_square <= float(chi2.ppf(CONTRADICT, bias.degrees_of_freedom)):
+    if bias.chi_square <= float(chdtri(bias.degrees_of_freedom, 1.0 - CONTRADICT)):
         return 1.0
     return float(np.sqrt(bias.chi_square / bias.degrees_of_freedom))

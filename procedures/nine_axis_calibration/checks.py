@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from station.findings import Flag, contradiction
 
@@ -88,7 +88,7 @@ def denied_rotation(
         return None
     solved, *_ = np.linalg.lstsq(weighted, data / size, rcond=None)
     left = (data - design @ solved) / size
-    if float(left @ left) > float(chi2.ppf(AGREE, freedom)):
+    if float(left @ left) > float(chdtri(freedom, 1.0 - AGREE)):
         return None
     east, north, up = solved[3:]
     covariance = np.linalg.inv(weighted.T @ weighted)[3:, 3:]

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from .dataset import Array, Mask, TurnRecord
 
@@ -204,7 +204,7 @@ def without_graduation(
         return list(encoders), 0.0
     noise = float(np.sum((error - stacked @ amplitude) ** 2)) / freedom
     taken = float(np.sum((stacked @ amplitude) ** 2))
-    if taken < noise * float(chi2.isf(BY_CHANCE, 2 * ORDERS)):
+    if taken < noise * float(chdtri(2 * ORDERS, BY_CHANCE)):
         return list(encoders), 0.0
     felt, felt_u = _felt([outputs[n] for n in used], [w @ amplitude for w in waves], interval_s)
     if not (felt < MOSTLY_ENCODER and felt_u < MOSTLY_ENCODER / SURE):

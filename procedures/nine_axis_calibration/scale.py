@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from .dataset import Array
 from .turning import AxisMeans
@@ -69,7 +69,7 @@ def solve_axis(means: AxisMeans, axis: int) -> ScaleSolution | None:
     noise = np.nan_to_num(means.covariance[axis]) + extra * np.eye(len(means.rate))
     covariance = pick @ noise @ pick.T
     weights, square = _weighted(factors, covariance)
-    agree = count < 2 or square < float(chi2.ppf(AGREE, count - 1))
+    agree = count < 2 or square < float(chdtri(count - 1, 1.0 - AGREE))
     if not agree:
         weights = np.full(count, 1.0 / count)
     scale = float(weights @ factors)
@@ -166,7 +166,7 @@ def _even(
     extra, freedom = 0.0, count - 2
     found, inverse, left, square = fitted(0.0)
     worst = int(np.argmax(np.abs(left) / np.sqrt(np.diag(noise))))
-    if freedom > 0 and square > float(chi2.ppf(EVEN, freedom)):
+    if freedom > 0 and square > float(chdtri(freedom, 1.0 - EVEN)):
         low, high = 0.0, square * float(np.max(np.diag(noise) / np.diag(single)))
         for _ in range(HALVINGS):
             extra = 0.5 * (low + high)
@@ -182,6 +182,6 @@ def _cross(pick: Array, means: AxisMeans, gyro: int, scale: float) -> Value:
     weights, square = _weighted(factors, covariance)
     u = float(np.sqrt(weights @ covariance @ weights))
     freedom = len(factors) - 1
-    if freedom > 0 and square > float(chi2.ppf(AGREE, freedom)):
+    if freedom > 0 and square > float(chdtri(freedom, 1.0 - AGREE)):
         u *= float(np.sqrt(square / freedom))
     return Value(float(weights @ factors), u)

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from procedures.estimation.linear import robust_sigma
 from procedures.estimation.noise import grid_index
@@ -338,7 +338,7 @@ def _sample_variances(squares: Array, counts: Array, pooled: float) -> Array:
     statistic = total * np.log(together) - float(freedom[long] @ np.log(own))
     groups = int(long.sum())
     shrink = 1.0 + (float(np.sum(1.0 / freedom[long])) - 1.0 / total) / (3.0 * (groups - 1))
-    if statistic / shrink <= float(chi2.ppf(NOISE_DIFFERS, groups - 1)):
+    if statistic / shrink <= float(chdtri(groups - 1, 1.0 - NOISE_DIFFERS)):
         return same
     same[long] = own
     return same

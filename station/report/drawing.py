@@ -48,6 +48,7 @@ STYLE = {
     "axes.grid": True,
     "axes.axisbelow": True,
     "axes.formatter.useoffset": False,
+    "axes.titley": 1.0,  # else every title is placed by measuring all labels of its panel first
     "grid.color": "#E5E7EB",
     "grid.linewidth": 0.7,
     "text.color": INK,

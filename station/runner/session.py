@@ -28,15 +28,13 @@ def clock_for(bench: Bench, served: Mapping[str, Any] | None = None, began_s: fl
 
 
 def simulators_of(bench: Bench) -> Mapping[str, Any]:
-    """Return all simulators that can be loaded by driver, the bench itself left out.
+    """Return the simulators of a bench's instruments by driver; some drivers have none.
 
-    Raises InputError where one that the bench needs cannot be loaded.
+    Raises InputError where one cannot be loaded.
     """
-    found = dict(registry.loaded(registry.SIMULATORS))
-    for driver in (entry.driver for entry in bench.instruments.values()):
-        if driver in registry.names(registry.SIMULATORS) and driver not in found:
-            registry.load(registry.SIMULATORS, driver)
-    return {name: one for name, one in found.items() if name != registry.SIMULATED_BENCH}
+    offered = {*registry.names(registry.SIMULATORS)} - {registry.SIMULATED_BENCH}
+    used = {entry.driver for entry in bench.instruments.values()} & offered
+    return {driver: registry.load(registry.SIMULATORS, driver) for driver in sorted(used)}
 
 
 def serve_bench(bench: Bench, clock: Clock, procedure: str) -> Any:
