@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
+import sys
 from collections.abc import Callable, Mapping
 from contextlib import nullcontext
+from functools import cache
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from typing import Any, ClassVar
@@ -29,15 +31,24 @@ MOST_QUOTED = 200
 EXAMPLE = "{instrument: coil_supply.x, fault: overdrive}"
 
 
+@cache
+def entries_of(group: str, places: tuple[str, ...]) -> Mapping[str, EntryPoint]:
+    """Return the entry points of a group by name, looked up once for the same places of packages.
+
+    Every bench asks, and each look reads what all packages offer.
+    """
+    return {entry.name: entry for entry in entry_points(group=group)}
+
+
 def installed_simulators() -> dict[str, Maker]:
     """Return the simulators of all installed packages by driver name, the bench itself left out."""
-    entries = entry_points(group="station.simulators")
-    return {entry.name: entry.load() for entry in entries if entry.name != "bench"}
+    entries = entries_of("station.simulators", tuple(sys.path))
+    return {name: entry.load() for name, entry in entries.items() if name != "bench"}
 
 
-def installed_worlds() -> dict[str, EntryPoint]:
+def installed_worlds() -> Mapping[str, EntryPoint]:
     """Return the worlds of all installed packages by the procedure that runs in each."""
-    return {entry.name: entry for entry in entry_points(group="station.worlds")}
+    return entries_of("station.worlds", tuple(sys.path))
 
 
 def world_of(procedure: str) -> type[World]:
@@ -95,7 +106,8 @@ class SimulatedBench:
             self.instruments = {name: one.describe() for name, one in self._served.items()}
             for name, entry in whole.raw("instruments").items():
                 for shared in entry.get("shares", ())[:1]:  # it answers on that one's line
-                    self.instruments[name] = self.instruments[shared]
+                    if shared in self.instruments:
+                        self.instruments[name] = self.instruments[shared]
             faults = simulation.raw("faults") if "faults" in simulation else []
             if not isinstance(faults, list):
                 raise SimulationError(f"simulation.faults: a list was expected, got {faults!r}")

@@ -140,7 +140,9 @@ def fixture_of(bench: Bench, name: str, procedure: str) -> Iterator[Fixture]:
     addresses: dict[str, str] = {}
     if bench.simulation is not None:
         simulator = registry.load(registry.SIMULATORS, registry.SIMULATED_BENCH)
-        simulation = simulator(bench.data, clock, procedure, simulators_of(bench))
+        # What the bench has besides stays away: each test would set it up anew.
+        drivers = [bench.instruments[one].driver for one in (name, *bench.instruments[name].shares)]
+        simulation = simulator(bench.data, clock, procedure, simulators_of(drivers))
         addresses = {one: str(at["address"]) for one, at in simulation.instruments.items()}
         address = addresses.get(name, address)
     if bench.instruments[name].shares:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import socket
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any, Protocol
 
 from station import registry
@@ -27,14 +27,13 @@ def clock_for(bench: Bench, served: Mapping[str, Any] | None = None, began_s: fl
     return RealClock(1.0, utc_now().timestamp() - began_s) if began_s else RealClock()
 
 
-def simulators_of(bench: Bench) -> Mapping[str, Any]:
-    """Return the simulators of a bench's instruments by driver; some drivers have none.
+def simulators_of(drivers: Iterable[str]) -> Mapping[str, Any]:
+    """Return the simulators of drivers by driver; some have none.
 
     Raises InputError where one cannot be loaded.
     """
     offered = {*registry.names(registry.SIMULATORS)} - {registry.SIMULATED_BENCH}
-    used = {entry.driver for entry in bench.instruments.values()} & offered
-    return {driver: registry.load(registry.SIMULATORS, driver) for driver in sorted(used)}
+    return {one: registry.load(registry.SIMULATORS, one) for one in sorted({*drivers} & offered)}
 
 
 def serve_bench(bench: Bench, clock: Clock, procedure: str) -> Any:
@@ -44,8 +43,9 @@ def serve_bench(bench: Bench, clock: Clock, procedure: str) -> Any:
     it names cannot be had.
     """
     simulator = registry.load(registry.SIMULATORS, registry.SIMULATED_BENCH)
+    simulators = simulators_of(entry.driver for entry in bench.instruments.values())
     try:
-        return simulator(bench.data, clock, procedure, simulators_of(bench))
+        return simulator(bench.data, clock, procedure, simulators)
     except simulator.wrong_description as error:
         raise InputError(f"{bench.path}: {error}") from error
     except OSError as error:

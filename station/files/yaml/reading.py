@@ -50,12 +50,15 @@ _LOOKALIKES = {
 }
 _LOOKALIKES |= {chr(0xFF10 + n): f"a full-width digit; write '{n}'" for n in range(10)}
 
+_SUSPECT = re.compile(f"[\t{''.join(_LOOKALIKES)}]")
 _BLOCK_START = re.compile(r"(?:^|[:\-]\s+)[|>][+-]?\d?[+-]?\s*(?:#.*)?$")
 _OPENS_SCALAR = frozenset(":-[{,?：，【")
 
 
 def lookalikes(text: str) -> Iterator[tuple[int, int, str]]:
     """Yield line, column (from 1) and a sentence for each tab or lookalike outside quotes."""
+    if not _SUSPECT.search(text):
+        return
     quote = ""
     block_indent = -1
     for line_number, line in enumerate(text.splitlines(), start=1):
