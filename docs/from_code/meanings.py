@@ -11,6 +11,7 @@ PLAN = {
     "procedure": "name of the procedure; `station list procedures` gives them",
     "title": "heading of the report",
     "operator": "who runs it",
+    "released": "whether an operator may start it from the panel; a plan that extends it is not",
     "dut": "the device under test",
     "dut.model": "its model",
     "dut.serial": "its serial number, which also names the run folder",

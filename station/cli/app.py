@@ -33,6 +33,7 @@ from station.cli.options import (
     complete_run,
     named_run,
 )
+from station.cli.serving import add_to
 
 # rich would draw the same help in twice the time.
 app = typer.Typer(
@@ -312,16 +313,7 @@ def scan(
     raise typer.Exit(print_scan(host or (), visa_library, served, as_json=json))
 
 
-@app.command()
-def sim(
-    bench: Annotated[str, typer.Argument(help="Simulated bench: path or name.")] = DEFAULT_BENCH,
-    procedure: Procedure = MOUNTED,
-    speed: Annotated[float, typer.Option(help="How many times as fast as real time.")] = 1.0,
-) -> None:
-    """Serve simulated instruments until interrupted."""
-    from station.cli.instruments import serve
-
-    serve(bench, procedure, speed)
+add_to(app)
 
 
 @app.command()

@@ -7,7 +7,7 @@ import select
 import subprocess
 import sys
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from shlex import quote
 from threading import Thread
@@ -36,6 +36,8 @@ AGAIN_WITHIN_S = 2.0
 """The log has a prompt a moment before the run takes answers to it."""
 ABORT_WITHIN_S = 120.0
 DETACH = "d"
+LATEST = 20
+"""Lines that say why a run did not begin."""
 
 
 def run_detached(arguments: Sequence[str]) -> int:
@@ -43,6 +45,30 @@ def run_detached(arguments: Sequence[str]) -> int:
 
     `arguments` are those of the command line, without `--detach`. What keeps the run from
     beginning is shown here, with its exit code.
+    """
+    process, folder = begin(arguments, lambda line: tell(line, end=""))
+    if folder is None:
+        return process.returncode or EXIT_FAULT
+    print(f"the run goes on in process {process.pid}, without this terminal")
+    print(f"to watch it and answer its prompts: station attach {quote(str(folder))}")
+    return EXIT_DONE
+
+
+def begin_detached(arguments: Sequence[str]) -> Path:
+    """Begin a run in a process of its own and return its folder; InputError with what is wrong."""
+    lines: list[str] = []
+    _, folder = begin(arguments, lines.append)
+    if folder is None:
+        raise InputError("".join(lines[-LATEST:]).strip() or "the run did not begin")
+    return folder
+
+
+def begin(
+    arguments: Sequence[str], show: Callable[[str], None]
+) -> tuple[subprocess.Popen[bytes], Path | None]:
+    """Begin a run in a process of its own; return it, and its folder once there is one.
+
+    `show` gets each line that the run prints until then.
     """
     with tempfile.TemporaryDirectory(prefix="station-") as place:
         announced = Path(place) / "folder"
@@ -55,25 +81,22 @@ def run_detached(arguments: Sequence[str]) -> int:
             start_new_session=True,
         )
         assert process.stderr is not None
-        relay = Thread(target=relayed, args=(process.stderr, announced), daemon=True)
+        relay = Thread(target=relayed, args=(process.stderr, announced, show), daemon=True)
         relay.start()
         while not announced.exists() and process.poll() is None:
             RealClock().sleep(LOOKS_EVERY_S / 10)
         if not announced.exists():
             relay.join(1.0)
-            return process.returncode or EXIT_FAULT
-        folder = announced.read_text(encoding="utf-8")
-    print(f"the run goes on in process {process.pid}, without this terminal")
-    print(f"to watch it and answer its prompts: station attach {quote(folder)}")
-    return EXIT_DONE
+            return process, None
+        return process, Path(announced.read_text(encoding="utf-8"))
 
 
-def relayed(messages: IO[bytes], announced: Path) -> None:
-    """Show what a run says until it has its folder, where the rest is recorded."""
+def relayed(messages: IO[bytes], announced: Path, show: Callable[[str], None]) -> None:
+    """Show what a run prints until it has its folder, where the rest is recorded."""
     for line in messages:
         if announced.exists():
             return
-        tell(line.decode(errors="replace"), end="")
+        show(line.decode(errors="replace"))
 
 
 def attach(folder: Path) -> int:

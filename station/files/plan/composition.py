@@ -21,6 +21,7 @@ from station.files.yaml.document import Document, Mark, Where, leaves, plain_sca
 from station.files.yaml.reading import lookalikes, read_yaml, read_yaml_text
 
 EXTENDS = "extends"
+RELEASED = "released"
 _SUFFIX = ".yaml"
 
 
@@ -91,6 +92,7 @@ def merged(layers: list[Document]) -> Document:
     )
     result.remove(EXTENDS)
     for layer in reversed(layers[:-1]):
+        result.remove(RELEASED)  # of the plan that is extended, not of this one
         over = layer.stamped()
         over.remove(EXTENDS)
         _merge(result, over, ())

@@ -163,6 +163,7 @@ class PlanHeader(StrictModel):
     procedure: Words
     title: str | None = None
     operator: str | None = None
+    released: bool = False
     dut: Dut
     parameters: dict[str, Any] = Field(default_factory=dict)
     limits: dict[str, Any] = Field(default_factory=dict)

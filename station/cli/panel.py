@@ -1,0 +1,65 @@
+"""`station panel`: the operator panel in a browser."""
+
+from __future__ import annotations
+
+import socket
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from station.console import tell
+from station.errors import InputError
+
+if TYPE_CHECKING:
+    from station.panel.access import Role
+
+LOOPBACK = ("127.0.0.1", "localhost", "::1")
+FEWEST_CHARACTERS = 12
+ROLES: tuple[Role, ...] = ("operator", "engineer")
+
+
+def serve_panel(host: str, port: int, runs: Path, tokens_file: Path | None) -> None:
+    """Serve the panel until Ctrl-C; raises InputError where it may not, or cannot, listen."""
+    try:
+        import uvicorn
+
+        from station.cli.starting import DetachedRuns
+        from station.panel.access import Access
+        from station.panel.app import Panel
+    except ImportError as error:
+        raise InputError(
+            f"the panel needs packages that are not installed ({error.name}); "
+            "`pip install inertial-station[panel]` installs them"
+        ) from error
+    tokens: dict[Role, str] = {} if tokens_file is None else read_tokens(tokens_file)
+    if host not in LOOPBACK and "operator" not in tokens:
+        raise InputError(
+            f"{host} can be reached from other computers, so people must log in: write a file of "
+            "tokens, `operator: …` and `engineer: …`, and name it with --tokens"
+        )
+    names = (host, socket.gethostname())
+    hosts = ("127.0.0.1", "localhost", "[::1]") if host in LOOPBACK else names
+    app = Panel(runs, Access(hosts, tokens), DetachedRuns(runs)).app()
+    shown = f"[{host}]" if ":" in host else host
+    tell(f"panel: http://{shown}:{port}/ (Ctrl-C ends it; runs go on without it)")
+    if host not in LOOPBACK:
+        tell("the panel is open to other computers, without encryption: keep it in the laboratory")
+    try:
+        uvicorn.run(app, host=host, port=port, log_level="warning", access_log=False)
+    except SystemExit as error:  # uvicorn has said that the port is taken
+        raise InputError(f"nobody can listen at {host}:{port}; choose another --port") from error
+
+
+def read_tokens(path: Path) -> dict[Role, str]:
+    """Return the tokens of the roles in a YAML file; raises InputError."""
+    from station.files.yaml.reading import read_yaml
+
+    data = read_yaml(path).data
+    unknown = set(data) - set(ROLES)
+    if unknown or "operator" not in data:
+        raise InputError(f"{path}: write `operator: …` and, where wished, `engineer: …`")
+    words: dict[Role, str] = {role: str(data[role]) for role in ROLES if role in data}
+    if any(len(word) < FEWEST_CHARACTERS for word in words.values()):
+        raise InputError(f"{path}: a token has {FEWEST_CHARACTERS} characters or more")
+    if len(set(words.values())) < len(words):
+        raise InputError(f"{path}: the roles have different tokens")
+    return words

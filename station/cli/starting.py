@@ -1,0 +1,56 @@
+"""A run that is started from the panel: looked at first, then begun as a process of its own."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from station.cli.attaching import begin_detached
+from station.cli.validating import read_bench_named, read_plan_for
+from station.errors import InputError, StationError
+from station.files.faults import FaultList
+from station.panel.access import Role
+from station.panel.starting import Wanted
+from station.runner.dry_run import walk
+
+
+class DetachedRuns:
+    """Begins runs below a folder."""
+
+    def __init__(self, runs: Path) -> None:
+        self._runs = runs
+
+    def look(self, wanted: Wanted, role: Role) -> dict[str, Any]:
+        """Return what a run would do, or in `faults` what keeps it from being started."""
+        try:
+            bench = read_bench_named(wanted.bench)
+            plan = read_plan_for(wanted.plan, bench, wanted.overrides)
+            walked = walk(plan, bench, self._runs)
+        except FaultList as error:
+            return {"faults": [str(one) for one in error.faults]}
+        except StationError as error:
+            return {"faults": [str(error)]}
+        faults = []
+        if role != "engineer" and not plan.header.released:
+            faults.append(
+                f"the plan {wanted.plan} is not released (`released: true` in the plan); an "
+                "engineer may start it"
+            )
+        return {
+            "faults": faults,
+            **walked.to_data(),
+            "title": plan.header.title or plan.procedure,
+        }
+
+    def start(self, wanted: Wanted, role: Role) -> str:
+        """Begin the run and return the name of its folder; raises InputError.
+
+        A simulated bench asks every prompt all the same, so that people can practise.
+        """
+        if faults := self.look(wanted, role)["faults"]:
+            raise InputError("; ".join(faults))
+        arguments = ["run", wanted.plan, "--bench", wanted.bench, "--output", str(self._runs)]
+        arguments += [part for one in wanted.overrides for part in ("--set", one)]
+        if read_bench_named(wanted.bench).simulation is not None:
+            arguments.append("--rehearse")
+        return begin_detached(arguments).name

@@ -1,0 +1,200 @@
+"""The panel's pages and actions."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from collections.abc import AsyncIterator, Callable
+from importlib.resources import files
+from pathlib import Path
+from threading import Lock
+from typing import Any
+
+from starlette.applications import Starlette
+from starlette.concurrency import run_in_threadpool
+from starlette.middleware import Middleware
+from starlette.requests import Request
+from starlette.responses import FileResponse, JSONResponse, Response, StreamingResponse
+from starlette.routing import Mount, Route
+from starlette.staticfiles import StaticFiles
+
+from station.control.client import ask
+from station.errors import StationError
+from station.panel.access import COOKIE, Access, Guard, Role
+from station.panel.overview import benches, newest_runs, plans
+from station.panel.starting import Starting, Wanted
+from station.panel.watching import LOOKS_EVERY_S, RunWatch
+from station.record.layout import EVENTS
+
+PAGES = Path(__file__).parent / "pages"
+PLOTLY = Path(str(files("plotly"))) / "package_data"
+REPORT, RESULTS = "report.html", "results.json"
+REPORT_POLICY = "sandbox; default-src 'none'; style-src 'unsafe-inline'; img-src data:"
+BEAT_S = 1.0
+REQUESTS = ("pause", "go-on", "abort", "answer")
+ABORT_WITHIN_S = 120.0
+
+
+class Panel:
+    """The runs below a folder, and what a browser may see and ask of them."""
+
+    def __init__(self, runs: Path, access: Access, starting: Starting) -> None:
+        self._runs = runs
+        self._starting = starting
+        self._access = access
+        self._watched: dict[str, RunWatch] = {}
+        self._lock = Lock()
+
+    def app(self) -> Starlette:
+        """Return the application."""
+        routes = [
+            Route("/", page("home.html")),
+            Route("/run/{run}", self.run_page),
+            Route("/login", self.log_in, methods=["POST"]),
+            Route("/api/home", self.home),
+            Route("/api/look", self.look, methods=["POST"]),
+            Route("/api/start", self.start, methods=["POST"]),
+            Route("/api/run/{run}/events", self.events),
+            Route("/api/run/{run}/results", self.results),
+            Route("/api/run/{run}/report", self.report),
+            Route("/api/run/{run}/{wish}", self.wish, methods=["POST"]),
+            Route("/static/plotly.min.js", plotly),
+            Mount("/static", StaticFiles(directory=PAGES)),
+        ]
+        guard = Middleware(Guard, access=self._access)
+        return Starlette(
+            routes=routes, middleware=[guard], exception_handlers={StationError: refused}
+        )
+
+    def folder(self, request: Request) -> Path:
+        """Return the folder of the run that a path names; raises StationError without one."""
+        name: str = request.path_params["run"]
+        folder = self._runs / name
+        inside = folder.resolve().parent == self._runs.resolve() and not name.startswith(".")
+        if not inside or not (folder / EVENTS).is_file():
+            raise StationError("there is no such run")
+        return folder
+
+    def role(self, request: Request) -> Role:
+        """Return the role of who asks; the guard has let nobody without one through."""
+        return self._access.role_of(request) or "operator"
+
+    def watch(self, folder: Path) -> RunWatch:
+        """Return what all viewers of a run share."""
+        with self._lock:
+            return self._watched.setdefault(folder.name, RunWatch(folder))
+
+    def run_page(self, request: Request) -> Response:
+        """Return the page of a run."""
+        self.folder(request)
+        return FileResponse(PAGES / "run.html")
+
+    async def log_in(self, request: Request) -> Response:
+        """Take a token and give a session."""
+        found = self._access.log_in(str((await body(request)).get("token", "")))
+        if found is None:
+            await asyncio.sleep(1.0)
+            return JSONResponse({"error": "this token is not known here"}, 403)
+        session, role = found
+        response = JSONResponse({"role": role})
+        response.set_cookie(COOKIE, session, httponly=True, samesite="strict")
+        return response
+
+    async def home(self, request: Request) -> Response:
+        """Return benches, plans and runs."""
+        if self._access.role_of(request) is None:
+            return JSONResponse({"error": "log in first"}, 401)
+
+        def found() -> dict[str, Any]:
+            search = request.query_params.get("search", "")[:200]
+            return {
+                "role": self.role(request),
+                "benches": benches(self._runs),
+                "plans": plans(),
+                "runs": newest_runs(self._runs, search),
+            }
+
+        return JSONResponse(await run_in_threadpool(found))
+
+    async def look(self, request: Request) -> Response:
+        """Return what a run would do."""
+        wanted = Wanted.of(await body(request))
+        return JSONResponse(
+            await run_in_threadpool(self._starting.look, wanted, self.role(request))
+        )
+
+    async def start(self, request: Request) -> Response:
+        """Begin a run."""
+        wanted = Wanted.of(await body(request))
+        run = await run_in_threadpool(self._starting.start, wanted, self.role(request))
+        return JSONResponse({"run": run})
+
+    async def events(self, request: Request) -> Response:
+        """Return the news of a run as server-sent events, for as long as the browser listens."""
+        watch = self.watch(self.folder(request))
+
+        async def news() -> AsyncIterator[str]:
+            seen: dict[str, int] = {}
+            since_beat_s = BEAT_S
+            while not await request.is_disconnected():
+                for name, text in await run_in_threadpool(lambda: list(watch.news(seen))):
+                    yield f"event: {name}\ndata: {text}\n\n"
+                if since_beat_s >= BEAT_S:
+                    yield "event: beat\ndata: {}\n\n"
+                    since_beat_s = 0.0
+                await asyncio.sleep(LOOKS_EVERY_S)
+                since_beat_s += LOOKS_EVERY_S
+
+        return StreamingResponse(news(), media_type="text/event-stream")
+
+    def results(self, request: Request) -> Response:
+        """Return the results of a run."""
+        path = self.folder(request) / RESULTS
+        if not path.is_file():
+            return JSONResponse({"error": "this run has no results"}, 404)
+        return FileResponse(path, media_type="application/json")
+
+    def report(self, request: Request) -> Response:
+        """Return the report of a run, which may run nothing."""
+        path = self.folder(request) / REPORT
+        if not path.is_file():
+            return JSONResponse({"error": "this run has no report"}, 404)
+        return FileResponse(path, headers={"Content-Security-Policy": REPORT_POLICY})
+
+    async def wish(self, request: Request) -> Response:
+        """Pass a wish on to the run's process: pause, go on, abort, or the answer to a prompt."""
+        wish = request.path_params["wish"]
+        if wish not in REQUESTS:
+            return JSONResponse({"error": f"no such action: {wish}"}, 404)
+        folder, data = self.folder(request), await body(request)
+        details = {key: str(value)[:1000] for key, value in data.items() if key in ("id", "text")}
+        word = await run_in_threadpool(
+            lambda: ask(folder, wish, ABORT_WITHIN_S if wish == "abort" else 5.0, details=details)
+        )
+        return JSONResponse(word)
+
+
+async def body(request: Request) -> dict[str, Any]:
+    """Return the mapping that a request carries; raises StationError."""
+    try:
+        data = json.loads(await request.body())
+    except ValueError:
+        data = None
+    if not isinstance(data, dict):
+        raise StationError("an action is a JSON mapping")
+    return data
+
+
+def page(name: str) -> Callable[[Request], Response]:
+    """Return the endpoint of a page."""
+    return lambda _: FileResponse(PAGES / name)
+
+
+def plotly(_: Request) -> Response:
+    """Return the plotting library out of the installed package."""
+    return FileResponse(PLOTLY / "plotly.min.js", headers={"Cache-Control": "max-age=86400"})
+
+
+def refused(_: Request, error: Exception) -> Response:
+    """Return a sentence that says what is wrong."""
+    return JSONResponse({"error": str(error)}, 409)

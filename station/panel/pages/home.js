@@ -1,0 +1,101 @@
+"use strict";
+const REFRESH_MS = 2000;
+
+function wanted() {
+  return {plan: byId("plan").value, bench: byId("bench").value,
+          serial: byId("serial").value, operator: byId("operator").value};
+}
+
+function fill(select, entries) {
+  if (select.options.length === entries.length) return;
+  const chosen = select.value;
+  select.replaceChildren(...entries.map((one) => new Option(one.name, one.name)));
+  if (entries.some((one) => one.name === chosen)) select.value = chosen;
+  else if (select.id === "bench" && entries.some((one) => one.name === "sim")) select.value = "sim";
+}
+
+function benchRow(one) {
+  const state = one.what ? `${one.state}: ${one.what}` : one.state;
+  const due = one.due ? one.due + (one.overdue ? " (overdue)" : "") : "no record";
+  return row(one.title ? `${one.name}: ${one.title}` : one.name, element("span", state, "state " + one.state.replace(" ", "-")), due);
+}
+
+function runRow(one) {
+  return row(link(one.run, `/run/${encodeURIComponent(one.run)}`), one.serial, one.state,
+             one.verdict ? element("span", one.verdict, "verdict " + one.verdict) : "");
+}
+
+async function refresh() {
+  try {
+    const response = await fetch("/api/home?search=" + encodeURIComponent(byId("search").value));
+    if (response.status === 401) { show("login", true); show("content", false); return; }
+    const data = await response.json();
+    show("login", false);
+    show("content", true);
+    fill(byId("plan"), data.plans);
+    fill(byId("bench"), data.benches);
+    byId("benches").replaceChildren(...data.benches.map(benchRow));
+    byId("runs").replaceChildren(...data.runs.map(runRow));
+    say("connection", `Role: ${data.role}`);
+  } catch (error) {
+    say("connection", "The panel does not answer. Runs go on without it.");
+  }
+}
+
+function stepRow(one) {
+  const sets = one.set_points.map((point) => `${point.instrument}: ${point.text}`).join("; ");
+  return row(one.step, one.title, span(one.starts_s), sets);
+}
+
+function extremeText(one) {
+  const value = one.value === null ? one.note || "unknown" : `${Number(one.value.toPrecision(4))} ${one.unit}`;
+  return `${one.which} ${one.quantity}: ${value} (${one.instrument})`;
+}
+
+byId("look-form").addEventListener("submit", async (event) => {
+  event.preventDefault();
+  show("look", false);
+  say("look-said", "looking …");
+  try {
+    const data = await post("/api/look", wanted());
+    say("look-said", data.faults.join("\n"));
+    if (!data.steps) return;
+    say("look-title", data.title);
+    say("look-time", `Takes about ${span(data.expected_s)} of bench time.`);
+    byId("look-steps").replaceChildren(...data.steps.map(stepRow));
+    byId("look-extremes").replaceChildren(...data.extremes.map((one) => element("li", extremeText(one))));
+    byId("look-warnings").replaceChildren(...data.warnings.map((one) => element("li", one)));
+    byId("start").disabled = data.faults.length > 0;
+    show("look", true);
+    byId("start").focus();
+  } catch (error) { say("look-said", error.message); }
+});
+
+for (const id of ["serial", "operator", "plan", "bench"]) {
+  byId(id).addEventListener("input", () => show("look", false));  // what was looked at is another run
+}
+
+byId("start").addEventListener("click", async () => {
+  byId("start").disabled = true;
+  say("look-said", "the run begins …");
+  try {
+    const data = await post("/api/start", wanted());
+    location.href = `/run/${encodeURIComponent(data.run)}`;
+  } catch (error) {
+    say("look-said", error.message);
+    byId("start").disabled = false;
+  }
+});
+
+byId("login-form").addEventListener("submit", async (event) => {
+  event.preventDefault();
+  try {
+    await post("/login", {token: byId("token").value});
+    byId("token").value = "";
+    refresh();
+  } catch (error) { say("login-said", error.message); }
+});
+
+byId("search").addEventListener("input", refresh);
+refresh();
+setInterval(refresh, REFRESH_MS);

@@ -1,0 +1,132 @@
+"use strict";
+const SILENT_MS = 2500;
+const RUN = decodeURIComponent(location.pathname.split("/").pop());
+const API = `/api/run/${encodeURIComponent(RUN)}/`;
+const ICONS = {pass: "✔", fail: "✘", inconclusive: "?", none: "–"};
+const WORDS = {pass: "PASS: within every limit", fail: "FAIL: the device is outside a limit",
+               inconclusive: "INCONCLUSIVE: no decision about the device", none: "No limit was asked for"};
+const STEP_ICONS = {done: "✔", now: "▶", waits: "·"};
+let heardMs = Date.now(), prompted = null, resultsShown = false, titleBefore = "";
+
+function stateOf(data) {
+  titleBefore = `${data.dut ? data.dut.serial : RUN}: ${data.sentence}`;
+  document.title = (data.prompt ? "● " : "") + titleBefore;
+  say("run-title", [data.procedure, data.dut && `${data.dut.model} ${data.dut.serial}`].filter(Boolean).join(" · "));
+  say("sentence", data.sentence);
+  say("message", data.message);
+  say("units", data.units_planned ? `${data.units_done} of ${data.units_planned}` : `${data.units_done}`);
+  say("time", span(data.time_s));
+  say("left", data.state === "finished" ? "nothing" : span(data.left_s));
+  say("ends", data.ends ? new Date(data.ends * 60000).toLocaleTimeString([], {hour: "2-digit", minute: "2-digit"}) : "unknown");
+  const alive = ["running", "paused", "evaluating"].includes(data.state);
+  byId("pause").disabled = data.state !== "running";
+  byId("go-on").disabled = data.state !== "paused";
+  byId("abort").disabled = !["running", "paused"].includes(data.state);
+  byId("steps").replaceChildren(...data.steps.map((one) => {
+    const made = element("li", `${STEP_ICONS[one.state]} ${one.number} ${one.title}`, "step " + one.state);
+    if (one.state === "now") made.setAttribute("aria-current", "step");
+    return made;
+  }));
+  byId("log").replaceChildren(...data.log.slice().reverse().map((one) => element("li", `${one.t.toFixed(1)} s  ${one.text}`)));
+  promptOf(data.prompt);
+  safeOf(data.safe);
+  const died = data.state === "interrupted";
+  show("notice", died || data.state === "failed");
+  if (died) say("notice", `STATION ERROR: the run's process is gone. ${data.message}`);
+  if (data.state === "failed") say("notice", `The run did not finish: ${data.message}`);
+  if (!alive && data.state === "finished" && !resultsShown) after();
+}
+
+function promptOf(prompt) {
+  show("prompt", Boolean(prompt));
+  if (!prompt) { prompted = null; return; }
+  if (prompted === prompt.id) return;
+  prompted = prompt.id;
+  say("prompt-text", prompt.text);
+  say("prompt-said", "");
+  byId("answer-abort").focus();  // nobody goes on by a key that was pressed before the question
+  chime();
+}
+
+function safeOf(outcomes) {
+  show("safe-section", Boolean(outcomes));
+  byId("safe").replaceChildren(...(outcomes || []).map((one) => element(
+    "li", `${one.verified ? "✔ verified" : "✘ NOT VERIFIED"}: ${one.instrument}: ${one.read_back}`,
+    one.verified ? "good" : "bad")));
+}
+
+function chime() {
+  try {
+    const context = new AudioContext(), tone = context.createOscillator();
+    tone.connect(context.destination);
+    tone.start();
+    tone.stop(context.currentTime + 0.3);
+  } catch (error) { /* a browser without sound shows the title */ }
+}
+
+async function after() {
+  const response = await fetch(API + "results");
+  if (!response.ok) return;
+  resultsShown = true;
+  const data = await response.json();
+  show("after", true);
+  byId("verdict").replaceChildren(element("span", `${ICONS[data.verdict]} ${WORDS[data.verdict]}`, "verdict " + data.verdict));
+  byId("results").replaceChildren(...data.results.map((one) => row(
+    [one.name, one.axis].filter(Boolean).join(" "), number(one.value), number(one.expanded_uncertainty), one.unit,
+    one.limit ? Object.entries(one.limit).map(([key, value]) => `${key} ${value}`).join(", ") : "",
+    element("span", `${ICONS[one.verdict] || ""} ${one.verdict}`, "verdict " + one.verdict))));
+  byId("flags").replaceChildren(...data.flags.map((one) => element("li", [one.code, one.axis, one.message].filter(Boolean).join(": "))));
+  byId("report").href = API + "report";
+}
+
+function number(value) { return value === null || value === undefined ? "undetermined" : String(Number(value.toPrecision(6))); }
+
+function plotsOf(data) {
+  for (const [source, columns] of Object.entries(data)) {
+    const id = "plot-" + source.replace(/[^A-Za-z0-9]/g, "-");
+    let place = byId(id);
+    if (!place) {
+      place = element("div", "", "plot");
+      place.id = id;
+      place.setAttribute("role", "img");
+      place.setAttribute("aria-label", `${source}: ${Object.keys(columns).join(", ")} over run time`);
+      byId("plots").append(place);
+    }
+    const lines = Object.entries(columns).map(([name, one]) => ({x: one.t, y: one.v, name, mode: "lines"}));
+    const layout = {title: {text: source}, height: 260, margin: {t: 40, r: 10, b: 40, l: 70},
+                    xaxis: {title: {text: "run time, s"}}, showlegend: true, uirevision: source};
+    Plotly.react(place, lines, layout, {displaylogo: false, responsive: true});
+    place.dataset.points = String(Math.max(...lines.map((line) => line.x.length)));
+    place.dataset.last = String(Math.max(...lines.map((line) => line.x[line.x.length - 1] || 0)));
+  }
+}
+
+async function wish(name, data) {
+  say("action-said", name === "abort" ? "the run is being ended; the bench is made safe …" : "asking …");
+  try {
+    const word = await post(API + name, data || {});
+    say("action-said", word.said || word.outcome || "");
+    return word;
+  } catch (error) { say("action-said", error.message); return {}; }
+}
+
+async function answer(text) {
+  const word = await wish("answer", {id: prompted, text});
+  if (word.outcome !== "taken") say("prompt-said", word.said || byId("action-said").textContent);
+}
+
+byId("pause").addEventListener("click", () => wish("pause"));
+byId("go-on").addEventListener("click", () => wish("go-on"));
+byId("abort").addEventListener("click", () => wish("abort"));
+byId("answer-done").addEventListener("click", () => answer("done"));
+byId("answer-abort").addEventListener("click", () => answer("abort"));
+
+const news = new EventSource(API + "events");
+for (const [name, use] of [["state", stateOf], ["plots", plotsOf], ["beat", () => {}]]) {
+  news.addEventListener(name, (event) => { heardMs = Date.now(); use(JSON.parse(event.data)); });
+}
+setInterval(() => {
+  const lost = Date.now() - heardMs > SILENT_MS;
+  byId("connection").className = lost ? "bad" : "good";
+  say("connection", lost ? "CONNECTION LOST: what stands here is old. The run goes on without this page." : "connected");
+}, 500);

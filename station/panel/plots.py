@@ -1,0 +1,96 @@
+"""What the plots of a run show: every source's columns over run time, at most 600 points each."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from station.record.layout import RAW
+from station.record.raw import ARRIVAL
+from station.record.raw_tail import RawTail
+
+Array = NDArray[np.float64]
+
+MOST_POINTS = 600
+MOST_COLUMNS = 4
+"""Of a source: the first ones, as the driver orders them."""
+NO_QUANTITY = ("time_s", "state", "flags", "sequence", "number", "valid")
+
+
+class Thinned:
+    """A growing series of means, of as many values each as keeps it below `MOST_POINTS`."""
+
+    def __init__(self) -> None:
+        self.means = np.empty((0, 2))
+        """Times in s and values, shape (points, 2)."""
+        self._each = 1
+        self._waiting = np.empty((0, 2))
+
+    def add(self, time_s: Array, value: Array) -> None:
+        """Add values at times, shape (n,) both; what is no number is left out."""
+        rows = np.column_stack([time_s, value])
+        rows = np.concatenate([self._waiting, rows[np.isfinite(rows).all(axis=1)]])
+        while True:
+            whole = len(rows) // self._each * self._each
+            means = rows[:whole].reshape(-1, self._each, 2).mean(axis=1)
+            if len(self.means) + len(means) < MOST_POINTS:
+                break
+            even = len(self.means) // 2 * 2
+            odd = np.repeat(self.means[even:], self._each, axis=0)
+            self.means = self.means[:even].reshape(-1, 2, 2).mean(axis=1)
+            self._each, rows = 2 * self._each, np.concatenate([odd, rows])
+        self.means, self._waiting = np.concatenate([self.means, means]), rows[whole:]
+
+    def data(self) -> dict[str, list[float]]:
+        """Return times in s and values as plain numbers."""
+        times, values = self.means.T
+        return {"t": times.round(3).tolist(), "v": [float(f"{one:.7g}") for one in values]}
+
+
+class Plots:
+    """The series of a run, by source and column."""
+
+    def __init__(self, folder: Path) -> None:
+        self._raw = folder / RAW
+        self._tails: dict[Path, RawTail] = {}
+        self._series: dict[str, dict[str, Thinned]] = {}
+
+    def look(self) -> bool:
+        """Read what was added; whether there was anything."""
+        added = False
+        for path in sorted(self._raw.rglob("*.mcap")) if self._raw.is_dir() else ():
+            tail = self._tails.setdefault(path, RawTail(path))
+            series = self._series.setdefault(source_of(path), {})
+            for _, rows in tail.new_rows():
+                added = True
+                for name in columns_of(rows):
+                    series.setdefault(name, Thinned()).add(rows[ARRIVAL], rows[name])
+        return added
+
+    def data(self) -> dict[str, Any]:
+        """Return the series as plain data: source to column to times in s and values."""
+        return {
+            source: {name: one.data() for name, one in series.items()}
+            for source, series in self._series.items()
+            if series
+        }
+
+
+def source_of(path: Path) -> str:
+    """Return the instrument whose rows a raw file holds."""
+    return path.stem.rpartition("-")[0]
+
+
+def columns_of(rows: Any) -> list[str]:
+    """Return the columns that are quantities."""
+    names = [
+        name
+        for name in rows.dtype.names
+        if rows.dtype[name].kind in "fiu"
+        and not rows.dtype[name].shape
+        and not name.endswith(NO_QUANTITY)
+    ]
+    return names[:MOST_COLUMNS]

@@ -1,0 +1,59 @@
+"""A run that somebody wants to start from the panel."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+from station.errors import InputError
+from station.files.lookup import BENCHES, PLANS, available
+from station.panel.access import Role
+
+LONGEST_WORD = 200
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """What somebody wants to run: names of plan and bench, serial number, who operates."""
+
+    plan: str
+    bench: str
+    serial: str
+    operator: str
+
+    @classmethod
+    def of(cls, data: dict[str, Any]) -> Wanted:
+        """Return what a request names; raises InputError."""
+        words = {name: data.get(name, "") for name in ("plan", "bench", "serial", "operator")}
+        for name, word in words.items():
+            if not isinstance(word, str) or len(word) > LONGEST_WORD or not word.isprintable():
+                raise InputError(f"{name}: write one line of {LONGEST_WORD} characters at most")
+        for kind, name in ((PLANS, words["plan"]), (BENCHES, words["bench"])):
+            if name not in dict(available(kind)):
+                raise InputError(f"there is no {kind.removesuffix('s')} of the name '{name}'")
+        if not words["serial"].strip():
+            raise InputError("scan or type the serial number of the device first")
+        return cls(**{name: word.strip() for name, word in words.items()})
+
+    @property
+    def overrides(self) -> list[str]:
+        """What is set in the plan."""
+        named = [("dut.serial", self.serial), ("operator", self.operator)]
+        return [f"{key}={quoted(word)}" for key, word in named if word]
+
+
+def quoted(word: str) -> str:
+    """Return a word as YAML text, so that `42` stays a serial number."""
+    return "'" + word.replace("'", "''") + "'"
+
+
+class Starting(Protocol):
+    """Whoever looks at a run before it begins, and begins it."""
+
+    def look(self, wanted: Wanted, role: Role) -> dict[str, Any]:
+        """Return what it would do, or in `faults` what keeps it from being started."""
+        ...
+
+    def start(self, wanted: Wanted, role: Role) -> str:
+        """Begin it and return the name of its folder; raises InputError with what is wrong."""
+        ...

@@ -1,0 +1,135 @@
+"""One run as the panel shows it, read from its growing files; any number of viewers share it."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from threading import Lock
+from typing import Any
+
+from station.clock import boot_seconds, utc_now
+from station.control.status import (
+    RUN_STARTED,
+    SENTENCES,
+    in_words,
+    last_message,
+    remaining_s,
+    since_it_went_on,
+    state_of,
+)
+from station.files.locks import is_held
+from station.guardian.notes import guardian_at_work
+from station.panel.plots import Plots
+from station.record.events import Event, guardian_events, latest_safe_state
+from station.record.layout import LOCK
+from station.record.log_tail import LogTail
+
+LOOKS_EVERY_S = 0.2
+"""Real time between two looks at the files, however many viewers there are."""
+PLOTS_EVERY_S = 0.5
+LATEST = 40
+"""Lines of the log that are shown."""
+
+
+class RunWatch:
+    """What a run's files say, as numbered versions of JSON texts."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self._log = LogTail(folder)
+        self._plots = Plots(folder)
+        self._events: list[Event] = []
+        self._lock = Lock()
+        self._looked_s = self._plotted_s = float("-inf")
+        self._texts = {"state": "", "plots": ""}
+        self._versions = {"state": 0, "plots": 0}
+
+    def news(self, seen: dict[str, int]) -> Iterator[tuple[str, str]]:
+        """Yield `state` and `plots`, each with its JSON text, where they changed since `seen`."""
+        with self._lock:
+            now_s = boot_seconds()
+            if now_s - self._looked_s >= LOOKS_EVERY_S:
+                self._looked_s = now_s
+                self._put("state", self.state())
+            if now_s - self._plotted_s >= PLOTS_EVERY_S and self._plots.look():
+                self._plotted_s = now_s
+                self._put("plots", self._plots.data())
+            for name, version in self._versions.items():
+                if version > seen.get(name, 0):
+                    seen[name] = version
+                    yield name, self._texts[name]
+
+    def _put(self, name: str, data: dict[str, Any]) -> None:
+        text = json.dumps(data, ensure_ascii=False, allow_nan=False)
+        if text != self._texts[name]:
+            self._texts[name] = text
+            self._versions[name] += 1
+
+    def state(self) -> dict[str, Any]:
+        """Return how the run stands now."""
+        held = is_held(self.folder / LOCK)
+        self._events += self._log.new_events()
+        events = self._events
+        planned = next((one.details for one in events if one.kind == RUN_STARTED), {})
+        state = state_of(events, held)
+        of_guardian = guardian_events(self.folder)
+        safe = latest_safe_state(events, of_guardian)
+        steps = steps_of(planned, since_it_went_on(events))
+        done = {one.details["unit"] for one in events if one.kind == "unit-finished"}
+        speed = float(planned.get("speed") or 0.0)
+        left_s = remaining_s(planned, events, events[-1].time_s) if planned and events else None
+        real_s = left_s / speed if left_s is not None and speed else None
+        return {
+            "run": self.folder.name,
+            "procedure": planned.get("procedure"),
+            "dut": planned.get("dut"),
+            "bench": planned.get("bench"),
+            "state": state,
+            "sentence": SENTENCES[state],
+            "message": last_message(events, of_guardian, guardian_at_work(self.folder)),
+            "steps": steps,
+            "units_done": len(done),
+            "units_planned": len(planned.get("units") or ()) or None,
+            "time_s": events[-1].time_s if events else 0.0,
+            "left_s": left_s,
+            "ends": None if real_s is None else self._end(real_s),
+            "prompt": open_prompt(events) if held else None,
+            "safe": [dict(one) for one in safe] if safe else None,
+            "log": [{"t": one.time_s, "text": in_words(one)} for one in events[-LATEST:]],
+        }
+
+    def _end(self, real_s: float) -> int:
+        """Return the time of the end in whole minutes of UTC: it stays the same for a while."""
+        return round((utc_now().timestamp() + real_s) / 60.0)
+
+
+def steps_of(planned: dict[str, Any], events: list[Event] | Any) -> list[dict[str, str]]:
+    """Return number, title and state of each step: `waits`, `now` or `done`."""
+    begun = [one.details["step"] for one in events if one.kind == "step-started"]
+    finished = {one.details["step"] for one in events if one.kind == "step-finished"}
+    return [
+        {
+            "number": one["step"],
+            "title": one.get("title", ""),
+            "state": "done"
+            if one["step"] in finished
+            else "now"
+            if begun and begun[-1] == one["step"]
+            else "waits",
+        }
+        for one in planned.get("steps", ())
+    ]
+
+
+def open_prompt(events: list[Event]) -> dict[str, str] | None:
+    """Return id and text of the prompt that waits for an answer."""
+    waiting: dict[str, str] = {}
+    for one in since_it_went_on(events):
+        if one.kind == "prompt-shown":
+            waiting[one.details["id"]] = one.details["text"]
+        elif one.kind == "prompt":
+            waiting.pop(one.details["id"], None)
+        elif one.kind in ("failed", "run-ended"):
+            waiting.clear()
+    return next(({"id": key, "text": text} for key, text in waiting.items()), None)

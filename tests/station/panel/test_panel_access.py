@@ -1,0 +1,148 @@
+"""Who may do what on the panel, and that nothing outside the runs is read."""
+
+from __future__ import annotations
+
+import json
+import urllib.request
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from panel_server import Served, panel
+
+from station.cli.panel import read_tokens, serve_panel
+from station.errors import InputError
+from station.panel.access import LARGEST_REQUEST
+
+WANTED = {"plan": "rlg-magnetic-sensitivity", "bench": "sim", "serial": "SN-1", "operator": ""}
+OPERATOR, ENGINEER = "operator-token-1", "engineer-token-2"
+
+
+@pytest.fixture(scope="module")
+def served(tmp_path_factory: pytest.TempPathFactory, one_axis_run: Path) -> Iterator[Served]:
+    """A panel without tokens, on the folder of a finished run."""
+    (one_axis_run.parent / "secret.txt").write_text("secret", encoding="utf-8")
+    with panel(one_axis_run.parent) as one:
+        yield one
+
+
+@pytest.fixture(scope="module")
+def guarded(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
+    """A panel that asks for a token."""
+    tokens = {"operator": OPERATOR, "engineer": ENGINEER}
+    with panel(tmp_path_factory.mktemp("guarded"), tokens) as one:  # type: ignore[arg-type]
+        yield one
+
+
+def test_the_first_page_lists_benches_plans_and_runs(served: Served, one_axis_run: Path) -> None:
+    status, text = served.get("/api/home")
+    data = json.loads(text)
+    assert status == 200 and data["role"] == "operator"
+    assert {one["name"] for one in data["benches"]} >= {"sim", "sim-alternate"}
+    (run,) = (one for one in data["runs"] if one["run"] == one_axis_run.name)
+    assert (run["running"], run["verdict"] is None) == (False, False)
+    assert json.loads(served.get("/api/home?search=no-such-serial")[1])["runs"] == []
+
+
+@pytest.mark.parametrize("origin", ["http://evil.example", "null", ""])
+def test_an_action_from_another_page_is_refused(served: Served, origin: str) -> None:
+    status, text = served.post("/api/start", WANTED, Origin=origin)
+    assert status == 403, text
+    assert not any(path.name.endswith("SN-1-2") for path in served.runs.iterdir())
+
+
+def test_only_the_panels_own_names_are_answered(served: Served) -> None:
+    assert served.get("/", Host="rebound.example")[0] == 421
+
+
+@pytest.mark.parametrize(
+    "path",
+    [
+        "/run/..%2f..",
+        "/run/secret.txt",
+        "/api/run/../results",
+        "/api/run/..%2f..%2fetc/report",
+        "/static/..%2fapp.py",
+        "/static/../../app.py",
+        "/secret.txt",
+    ],
+)
+def test_nothing_outside_the_runs_is_read(served: Served, path: str) -> None:
+    status, text = served.get(path)
+    assert status in (404, 409), text
+    assert "secret" not in text and "import" not in text
+
+
+def test_an_action_has_a_size_and_a_form(served: Served) -> None:
+    assert served.post("/api/look", "x" * LARGEST_REQUEST)[0] == 413
+    assert served.post("/api/look", ["no mapping"])[0] == 409
+    assert served.post("/api/look", WANTED, **{"Content-Type": "text/plain"})[0] == 415
+    status, text = served.post("/api/look", {**WANTED, "plan": "../../etc/passwd"})
+    assert status == 409 and "no plan of the name" in text
+
+
+def test_a_look_says_what_the_run_would_do(served: Served) -> None:
+    status, text = served.post("/api/look", WANTED)
+    data = json.loads(text)
+    assert status == 200 and data["faults"] == []
+    assert data["steps"][0]["step"] == "S1" and data["expected_s"] > 600
+    assert any("coil_supply.x" in json.dumps(step["set_points"]) for step in data["steps"])
+
+
+def test_an_operator_starts_released_plans_alone(
+    served: Served, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    plans = tmp_path / "config" / "plans"
+    plans.mkdir(parents=True)
+    (plans / "own.yaml").write_text(
+        "plan: 1\nextends: rlg-magnetic-sensitivity\ntitle: not released\n", encoding="utf-8"
+    )
+    data = json.loads(served.post("/api/look", {**WANTED, "plan": "own"})[1])
+    assert "is not released" in data["faults"][0]
+    assert served.post("/api/start", {**WANTED, "plan": "own"})[0] == 409
+
+
+def test_nothing_is_shown_before_a_token(guarded: Served) -> None:
+    assert guarded.get("/")[0] == 200
+    assert guarded.get("/api/home")[0] == 401
+    assert guarded.post("/api/look", WANTED)[0] == 401
+    assert guarded.post("/login", {"token": "operator-token-9"})[0] == 403
+
+
+@pytest.mark.parametrize(("token", "role"), [(OPERATOR, "operator"), (ENGINEER, "engineer")])
+def test_a_token_gives_its_role(guarded: Served, token: str, role: str) -> None:
+    request = urllib.request.Request(
+        guarded.url + "/login",
+        json.dumps({"token": token}).encode(),
+        {"Origin": guarded.url, "Content-Type": "application/json"},
+    )
+    with urllib.request.urlopen(request) as answer:
+        cookie = answer.headers["Set-Cookie"]
+        assert json.loads(answer.read()) == {"role": role}
+    assert "HttpOnly" in cookie and "SameSite=strict" in cookie and token not in cookie
+    status, text = guarded.get("/api/home", Cookie=cookie.partition(";")[0])
+    assert status == 200 and json.loads(text)["role"] == role
+
+
+def test_the_panel_is_not_opened_to_others_without_tokens(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="people must log in"):
+        serve_panel("0.0.0.0", 8642, tmp_path, None)
+
+
+@pytest.mark.parametrize(
+    ("text", "what"),
+    [
+        ("engineer: engineer-token-2\n", "write `operator"),
+        ("operator: short\n", "characters or more"),
+        ("operator: operator-token-1\nengineer: operator-token-1\n", "different tokens"),
+        ("operator: operator-token-1\nadmin: operator-token-3\n", "write `operator"),
+    ],
+)
+def test_a_file_of_tokens_that_protects_nobody_is_refused(
+    text: str, what: str, tmp_path: Path
+) -> None:
+    file = tmp_path / "tokens.yaml"
+    file.write_text(text, encoding="utf-8")
+    with pytest.raises(InputError, match=what):
+        read_tokens(file)
