@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import product
 from typing import Annotated
 
 from pydantic import Field
@@ -23,8 +22,17 @@ RESULTS = {
 """What is reported of each axis, with its unit."""
 Angles = tuple[float, float, float]
 TURN_DEG = 360.0
-HALF_TURNS: tuple[Angles, ...] = tuple(product((0.0, 180.0), (0.0, 180.0), (0.0, 180.0)))
-"""Outer, middle and inner angle: every axis at its zero and reversed."""
+HALF_TURNS: tuple[Angles, ...] = (
+    (0.0, 0.0, 0.0),
+    (0.0, 0.0, 180.0),
+    (0.0, 180.0, 180.0),
+    (0.0, 180.0, 0.0),
+    (180.0, 180.0, 0.0),
+    (180.0, 180.0, 180.0),
+    (180.0, 0.0, 180.0),
+    (180.0, 0.0, 0.0),
+)
+"""Outer, middle and inner angle: every axis at its zero and reversed, one moves at a time."""
 HOME: Angles = (0.0, 0.0, 0.0)
 
 

@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 
 LOOK_S = 0.5
 STANDS_WITHIN_S = 15.0
+THERE_DEG = 0.003
+"""An axis in position reads its angle nearer than this."""
 MOUNT = Prompt(
     "mount-table",
     "Mount the nine-axis sensor on the turntable, its X along the inner and its Z along the outer "
@@ -63,10 +65,13 @@ def make_ready(run: Run) -> None:
 
 
 def go_to(run: Run, commands: Sequence[AxisTo]) -> None:
-    """Bring axes to angles, each at rest before the next moves."""
+    """Bring axes to angles, each at rest before the next moves; one that is there stays."""
+    table = run.role(TURNTABLE, Turntable)
     for command in commands:
-        run.apply(command)
         number = command.axis_number(run.bench)
+        if abs(table.angle_deg(number) - command.angle_deg) < THERE_DEG:
+            continue
+        run.apply(command)
         come_to_rest(run, TURNTABLE, command.text, axis=number, every_s=LOOK_S)
 
 

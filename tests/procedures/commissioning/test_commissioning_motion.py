@@ -16,15 +16,15 @@ from procedures.commissioning.motion import limits
 
 
 def short_plan() -> dict[str, Any]:
-    """Return the part's plan with faster whole turns, which the naming does not need slow."""
+    """Return the part's plan without whole turns, of which the naming needs none."""
     plan = plan_of("motion")
-    plan["parameters"]["motion"] |= {"whole_rate": "30 deg/s", "rest": "3 s"}
+    plan["parameters"]["motion"] |= {"whole_turns": False, "rest": "2 s"}
     return plan
 
 
 @pytest.mark.parametrize("bench", ["sim", "sim-alternate"])
 def test_a_healthy_table_raises_no_alarm(tmp_path: Path, bench: str) -> None:
-    outcome = run_of(tmp_path / bench, short_plan(), shipped_bench(bench))
+    outcome = run_of(tmp_path / bench, plan_of("motion"), shipped_bench(bench))
     assert named(outcome) == set()
     assert outcome.exit_code == 0
     assert outcome.document is not None
