@@ -48,6 +48,26 @@ PARAMETERS = {
         "motion.placing": "standard uncertainty of the angle at which the sensor stands against "
         "its stops",
         "motion.gyro_scale": "relative standard uncertainty of its gyros' scale factors",
+        "stage": "the part of the rotary stage, by the accelerometer on it",
+        "stage.scale_factor": "nominal scale factor of the accelerometer",
+        "stage.mounting": "standard uncertainty of the angle at which its axes stand along the "
+        "stage's",
+        "stage.warm_up": "time between switching it on and the first record",
+        "stage.readings": "readings of the voltmeter at each angle",
+        "stage.nplc": "integration time of a reading in periods of the mains",
+        "gyro": "the part of the laser gyro at rest",
+        "gyro.channel": "input of the pulse board",
+        "gyro.pulse_weight": "angle of one output pulse",
+        "gyro.sample_interval": "interval of the gyro's samples",
+        "gyro.warm_up": "time between switching it on and the record",
+        "gyro.record": "length of the record at rest",
+        "gyro.earth": "what of the earth's rate the gyro feels; without it nothing is said of the "
+        "pulse weight",
+        "gyro.earth.latitude": "of the bench, north positive",
+        "gyro.earth.elevation": "of the input axis over the level",
+        "gyro.earth.azimuth": "of the input axis, from north over east",
+        "gyro.earth.direction": "standard uncertainty of its direction",
+        "gyro.earth.bias": "of the gyro, as a standard uncertainty about zero",
     },
     "rlg-magnetic-sensitivity": {
         "excitation": "`sequential`: one coil after the other, as published; `simultaneous`: all "

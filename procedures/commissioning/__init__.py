@@ -20,14 +20,16 @@ from station.runner.run import Run
 
 from .coils import COIL_PART
 from .drift import DRIFT, drift_axes
+from .gyro import GYRO_PART
 from .motion import MOTION_PART
 from .parameters import CommissioningParameters
 from .parts import Part
+from .stage import STAGE_PART
 
 if TYPE_CHECKING:
     from station.instruments.bench import Bench
 
-PARTS: tuple[Part, ...] = (COIL_PART, MOTION_PART)
+PARTS: tuple[Part, ...] = (COIL_PART, MOTION_PART, STAGE_PART, GYRO_PART)
 """In the order in which they are walked."""
 
 
@@ -75,8 +77,13 @@ def check(parameters: CommissioningParameters, bench: Bench) -> Iterator[Problem
 def measured_axes(parameters: CommissioningParameters) -> dict[str, tuple[str, ...]]:
     """Return no axes for the results of parts that a plan leaves out, and what it watches."""
     left_out = (part for part in PARTS if part.name not in parameters.checks)
-    walked = [part for part in PARTS if part.name in parameters.checks and parameters.watch]
-    return {name: () for part in left_out for name in part.results} | {DRIFT: drift_axes(walked)}
+    walks = list(chosen(parameters))
+    walked = [part for part, _ in walks if parameters.watch]
+    return {
+        **{name: () for part in left_out for name in part.results},
+        **{name: axes for part, own in walks for name, axes in part.measured_axes(own).items()},
+        DRIFT: drift_axes(walked),
+    }
 
 
 def fits(bench: Bench, short: bool) -> Iterator[str]:

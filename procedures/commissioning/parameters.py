@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Literal, get_args
 
 from pydantic import Field
 
 from station.fields import StrictModel
 
 from .coils.parameters import CoilParameters
+from .gyro.parameters import GyroParameters
 from .motion.parameters import MotionParameters
+from .stage.parameters import StageParameters
 
-PartName = Literal["coils", "motion"]
+PartName = Literal["coils", "motion", "stage", "gyro"]
 
 
 class CommissioningParameters(StrictModel):
@@ -20,7 +22,9 @@ class CommissioningParameters(StrictModel):
     `watch` holds the figures against those of the bench's commissioning.
     """
 
-    checks: Annotated[tuple[PartName, ...], Field(min_length=1)] = ("coils", "motion")
+    checks: Annotated[tuple[PartName, ...], Field(min_length=1)] = get_args(PartName)
     watch: bool = False
     coils: CoilParameters = CoilParameters()
     motion: MotionParameters = MotionParameters()
+    stage: StageParameters = StageParameters()
+    gyro: GyroParameters = GyroParameters()

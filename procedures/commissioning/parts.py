@@ -14,6 +14,7 @@ from station.procedure import (
     RecordUse,
     ResultKind,
     Step,
+    every_axis,
     no_lines,
     no_problem,
     no_prompts,
@@ -34,7 +35,8 @@ class Part:
     fits(bench): overrides by which `station commission` fits the plan to a bench;
     drift: results that a weekly check watches, to what they may change, in their units;
     short: overrides by which the check takes less time;
-    completes(findings, bench): values of the bench file that were measured.
+    completes(findings, bench): values of the bench file that were measured;
+    measured_axes: as in `Procedure`, for these figures alone.
     """
 
     name: str
@@ -51,3 +53,4 @@ class Part:
     drift: Mapping[str, float] = field(default_factory=dict)
     short: tuple[str, ...] = ()
     completes: Later | None = None
+    measured_axes: Callable[[Any], Mapping[str, tuple[str, ...]]] = every_axis

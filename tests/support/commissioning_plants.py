@@ -6,7 +6,9 @@ Each part has a file of its own, `plants_<part>.py`, whose `PLANTS` are collecte
 from __future__ import annotations
 
 from plants import Plant
+from plants_gyro import PLANTS as GYRO
 from plants_motion import PLANTS as MOTION
+from plants_stage import PLANTS as STAGE
 
-ALL_PLANTS: tuple[Plant, ...] = (*MOTION,)
+ALL_PLANTS: tuple[Plant, ...] = (*MOTION, *STAGE, *GYRO)
 """What tests and benchmark plant."""

@@ -6,11 +6,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from station.errors import InstrumentError
+from procedures.commissioning.at_rest import ask_at_rest
 from station.method.commands import Power
 from station.method.motion import AxisTo
 from station.procedure import Prompt
-from station.roles import MadeSafe, Turntable
+from station.roles import Turntable
 from station.runner.verbs import come_to_rest
 
 from .parameters import HOME
@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     from station.runner.run import Run
 
 LOOK_S = 0.5
-STANDS_WITHIN_S = 15.0
 THERE_DEG = 0.003
 """An axis in position reads its angle nearer than this."""
 MOUNT = Prompt(
@@ -48,7 +47,7 @@ def make_ready(run: Run) -> None:
     state = run.state(TableState)
     if state.is_ready:
         return
-    ask_at_rest(run, MOUNT)
+    ask_at_rest(run, TURNTABLE, MOUNT)
     run.apply(Power(POWER, True))
     table = run.role(TURNTABLE, Turntable)
     table.programme_limits()
@@ -73,18 +72,3 @@ def go_to(run: Run, commands: Sequence[AxisTo]) -> None:
             continue
         run.apply(command)
         come_to_rest(run, TURNTABLE, command.text, axis=number, every_s=LOOK_S)
-
-
-def ask_at_rest(run: Run, prompt: Prompt) -> None:
-    """Make the table safe, then ask for a hand at it; InstrumentError where it is not safe."""
-    table = run.role(TURNTABLE, MadeSafe)
-    table.make_safe(run.clock.now() + STANDS_WITHIN_S)
-    reading = table.read_safety()
-    if not reading.safe:
-        raise InstrumentError(
-            TURNTABLE,
-            "bring it to rest before a person reaches for it",
-            f"it reads back {reading.read_back}",
-            "keep away from it and stop it",
-        )
-    run.ask(prompt.id, prompt.text)

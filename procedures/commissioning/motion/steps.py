@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from procedures.commissioning.at_rest import ask_at_rest
 from station.method.commands import Power
 from station.procedure import Prompt, Step
 
 from .measuring import record_level, record_turn
 from .parameters import HALF_TURNS, HOME, TURNED_UNIT, MotionParameters, TableTurn, level_unit
-from .placing import MOUNT, TURN_SENSOR, TableState, ask_at_rest, go_to, make_ready
-from .work import POWER, moves
+from .placing import MOUNT, TURN_SENSOR, TableState, go_to, make_ready
+from .work import POWER, TURNTABLE, moves
 
 if TYPE_CHECKING:
     from station.runner.run import Run
@@ -46,7 +47,7 @@ def levels(run: Run) -> None:
         run.may_pause()
         make_ready(run)
         go_to(run, moves(HOME, "all axes to zero"))
-        ask_at_rest(run, TURN_SENSOR)
+        ask_at_rest(run, TURNTABLE, TURN_SENSOR)
         go_to(run, moves(HOME, "all axes to zero"))
         record_level(run, TURNED_UNIT)
     if run.state(TableState).is_ready:

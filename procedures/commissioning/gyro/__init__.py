@@ -1,0 +1,41 @@
+"""The part of the laser gyro: its channel, and its pulse weight by the earth's rate at rest."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from procedures.commissioning.parts import Part
+from station.procedure import Later
+
+from .parameters import RESULTS, GyroParameters
+from .steps import STEPS, prompts
+from .work import GYRO, POWER, instruments, records, work
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from station.instruments.bench import Bench
+
+
+def is_possible(bench: Bench) -> bool:
+    """Return whether a bench acquires a laser gyro's pulses."""
+    return all(name in bench.instruments for name in (GYRO, POWER))
+
+
+def measured_axes(parameters: GyroParameters) -> Mapping[str, tuple[str, ...]]:
+    """Return what a plan leaves out."""
+    return parameters.measured_axes
+
+
+GYRO_PART = Part(
+    name="gyro",
+    steps=STEPS,
+    results=RESULTS,
+    instruments=instruments,
+    work=work,
+    prompts=prompts,
+    records=records,
+    findings=Later(f"{__name__}.evaluate:findings"),
+    is_possible=is_possible,
+    measured_axes=measured_axes,
+)

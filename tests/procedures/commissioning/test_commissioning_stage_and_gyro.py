@@ -1,0 +1,77 @@
+"""Rotary stage and laser gyro on the simulated benches, healthy and with planted faults."""
+
+from __future__ import annotations
+
+import random
+from pathlib import Path
+from typing import Any
+
+import plants_gyro
+import plants_stage
+import pytest
+from commissioning_parts import plan_of
+from plan_runs import run_of, shipped_bench, shipped_plan
+from plants import Plant, named
+
+from procedures.commissioning.gyro.limits import PULSE_WEIGHT
+from procedures.commissioning.stage import limits
+
+PLANTS = (*plants_stage.PLANTS, *plants_gyro.PLANTS)
+
+
+def short_plan(part: str, **changes: Any) -> dict[str, Any]:
+    """Return a part's plan with a short record, the earth's rate stated for the gyro."""
+    plan = plan_of(part)
+    own = {"readings": 3, "nplc": 1} if part == "stage" else {"record": "300 s"}
+    if part == "gyro":
+        own["earth"] = plants_gyro.EARTH
+        plan["limits"]["pulse_weight_ratio"] = plants_gyro.PULSE_WEIGHT_LIMIT
+    plan["parameters"][part] |= own | changes
+    return plan
+
+
+@pytest.mark.parametrize("part", ["stage", "gyro"])
+def test_a_healthy_bench_raises_no_alarm(tmp_path: Path, part: str) -> None:
+    outcome = run_of(tmp_path / "run", short_plan(part), shipped_bench())
+    assert named(outcome) == set()
+    assert outcome.exit_code == 0
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("plant", PLANTS, ids=lambda one: one.name)
+def test_a_planted_fault_is_named_alone(tmp_path: Path, plant: Plant, seed: int) -> None:
+    bench, rng = shipped_bench("sim"), random.Random(seed)
+    bench["simulation"]["seed"] = seed
+    cause = plant.plant(bench, rng)
+    outcome = run_of(tmp_path / "run", short_plan(plant.part), bench)
+    assert named(outcome) == {cause}
+    assert outcome.exit_code == 1
+
+
+def test_a_bias_that_hides_one_percent_decides_no_pulse_weight(tmp_path: Path) -> None:
+    vague = {**plants_gyro.EARTH, "bias": "0.1 deg/h"}
+    outcome = run_of(tmp_path / "run", short_plan("gyro", earth=vague), shipped_bench())
+    assert named(outcome) == {("pulse-weight-undecided", None)}
+
+
+def test_without_an_input_axis_nothing_is_said_of_the_pulse_weight(tmp_path: Path) -> None:
+    plan = short_plan("gyro", earth=None, warm_up="0 s", record="20 s")
+    del plan["limits"]["pulse_weight_ratio"]
+    outcome = run_of(tmp_path / "run", plan, shipped_bench("sim-alternate"))
+    assert named(outcome) == set()
+    assert outcome.document is not None
+    results = {one["name"] for one in outcome.document.to_data()["results"]}
+    assert results == {"gyro_channel_offset", "rest_rate"}
+    assert outcome.exit_code == 0
+
+
+def test_the_shipped_plan_states_the_limits_of_the_naming() -> None:
+    stated = shipped_plan("commissioning")["limits"]
+    assert stated["stage_response"] == {"min": 1.0 - limits.RESPONSE, "max": 1.0 + limits.RESPONSE}
+    for name, limit_deg in (
+        ("stage_zero", limits.ZERO_DEG),
+        ("stage_closure", limits.CLOSURE_DEG),
+        ("stage_lean", limits.LEAN_DEG),
+    ):
+        assert stated[name] == {"max_abs": f"{limit_deg:g} deg"}
+    assert plants_gyro.PULSE_WEIGHT_LIMIT["max"] == 1.0 + PULSE_WEIGHT
