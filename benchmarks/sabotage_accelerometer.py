@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import partial
-from typing import Any
 
 import numpy as np
-from accelerometer_records import INTERVAL_S, TRUTH, axes_g
+from accelerometer_records import TRUTH
 from accelerometer_tables import (
     ASCENDING,
     EFFICIENT,
@@ -18,151 +17,46 @@ from accelerometer_tables import (
     THREE_PLANES,
     Kind,
     Plant,
-    Table,
     made,
 )
-from numpy.typing import NDArray
 from sabotage import Fault
+from sabotage_accelerometer_changes import (
+    after,
+    an_hour_later,
+    angle,
+    averaged,
+    before,
+    column,
+    copied,
+    doubled,
+    exchanged,
+    field_more,
+    filled,
+    growing_noise,
+    heated,
+    in_plane,
+    limited,
+    lost,
+    mixed_up,
+    one_angle,
+    output,
+    plane_output,
+    relabelled,
+    rounded,
+    sign_lost,
+    spikes,
+    stuck,
+    swapped,
+    turn,
+    turned,
+    warm,
+    warmed_unseen,
+    went,
+    within,
+)
 
-Array = NDArray[np.float64]
 USUAL_FLAGS = frozenset({"not-identifiable", "not-significant", "drift-removed"})
 CLEAN = [partial(made, kind) for kind in KINDS]
-
-
-def output(change: Callable[[Table], NDArray[Any]]) -> Plant:
-    """Add something to the output."""
-
-    def plant(one: Table) -> None:
-        one.output_V = one.output_V + change(one)
-
-    return plant
-
-
-def slope(one: Table) -> Array:
-    """Return the derivative of the output by the angle, V/rad."""
-    turned = axes_g(one.plane, np.radians(one.theta_deg) + 0.5 * np.pi)
-    return np.asarray(TRUTH["Ki"] * turned[0])
-
-
-def turn(change_deg: Callable[[Table], NDArray[Any]]) -> Plant:
-    """The table stands elsewhere than the encoder says."""
-    return output(lambda one: slope(one) * np.radians(change_deg(one)))
-
-
-def column(name: str, change: Callable[[Table], NDArray[Any]]) -> Plant:
-    """Replace a recorded column."""
-
-    def plant(one: Table) -> None:
-        setattr(one, name, change(one))
-
-    return plant
-
-
-def after(one: Table, low: float = 0.3, high: float = 0.7) -> Array:
-    """Return 1 from a row on."""
-    return np.asarray(np.arange(len(one)) >= one.row(low, high), dtype=np.float64)
-
-
-def within(one: Table, part: float) -> Array:
-    """Return 1 in a stretch that is this part of the rows."""
-    first, rows = np.arange(len(one)), max(int(part * len(one)), 2)
-    begin = one.row(0.1, 0.9 - part)
-    return np.asarray((first >= begin) & (first < begin + rows), dtype=np.float64)
-
-
-def went(one: Table) -> Array:
-    """Return +1 where the field has come up last, -1 where it has come down."""
-    steps = np.sign(np.diff(one.field_commanded_T, prepend=one.field_commanded_T[0] - 1.0))
-    for n in range(1, len(steps)):
-        steps[n] = steps[n] or steps[n - 1]
-    return np.asarray(steps)
-
-
-def before(values: Array, rows: int = 1) -> Array:
-    """Return the values of `rows` rows before."""
-    return np.concatenate((values[:1].repeat(rows), values[:-rows]))
-
-
-def stuck(one: Table, values: Array, part: float) -> Array:
-    """Repeat one reading over a stretch."""
-    inside = within(one, part) > 0.0
-    return np.where(inside, values[np.argmax(inside)], values)
-
-
-def in_plane(one: Table, plane: str = "ip") -> NDArray[np.bool_]:
-    """Return which rows are of a plane; of the first half where there is one plane only."""
-    found = one.plane == plane
-    return np.asarray(found if found.any() else np.arange(len(one)) < len(one) // 2)
-
-
-def relabelled(one: Table, old: str, new: str, part: float = 1.0) -> None:
-    """Write another plane's name beside the rows of a plane, from a row of it on."""
-    rows = np.flatnonzero(one.plane == old)
-    one.plane[rows[int((1.0 - part) * len(rows)) :]] = new
-
-
-def one_angle(one: Table) -> NDArray[np.bool_]:
-    """Return the rows at one angle of one plane, where the output moves with the angle."""
-    here = np.flatnonzero(np.abs(slope(one)) > 0.6)
-    row = int(one.generator.choice(here))
-    return np.asarray((one.plane == one.plane[row]) & (one.theta_deg == one.theta_deg[row]))
-
-
-def copied(one: Table) -> None:
-    """The last fifth of the rows holds the outputs of the first fifth, as measured there."""
-    count = len(one) // 5
-    for name in ("field_T", "temperature_degC", "output_V"):
-        values = getattr(one, name).copy()
-        values[-count:] = values[:count]
-        setattr(one, name, values)
-
-
-def doubled(one: Table) -> None:
-    """Every row of a stretch stands twice, as after a retry."""
-    rows = np.arange(len(one))
-    twice = np.sort(np.concatenate((rows, rows[within(one, 0.3) > 0.0])))
-    one.keep(twice)
-    one.t_s = INTERVAL_S * np.arange(len(one), dtype=np.float64)
-
-
-def lost(one: Table) -> None:
-    """A stretch of rows is missing."""
-    one.keep(within(one, 0.15) == 0.0)
-
-
-def filled(one: Table) -> None:
-    """Missing outputs were filled in by straight lines."""
-    gone = one.generator.random(len(one)) < 0.12
-    rows = np.arange(len(one), dtype=np.float64)
-    one.output_V[gone] = np.interp(rows[gone], rows[~gone], one.output_V[~gone])
-
-
-def mixed_up(one: Table) -> None:
-    """A tenth of the rows have their outputs in another order."""
-    rows = np.flatnonzero(one.generator.random(len(one)) < 0.1)
-    one.output_V[rows] = one.output_V[np.roll(rows, 1)]
-
-
-def sign_lost(names: str) -> Plant:
-    """Columns of the field hold its size."""
-
-    def plant(one: Table) -> None:
-        for name in names.split():
-            setattr(one, name, np.abs(getattr(one, name)))
-
-    return plant
-
-
-def exchanged(one: Table) -> None:
-    """The measured and the commanded field stand in each other's column."""
-    one.field_T, one.field_commanded_T = one.field_commanded_T, one.field_T
-
-
-def spikes(one: Table) -> Array:
-    """Return spikes of 0.1 to 10 mV in a twentieth of the rows."""
-    size = 10.0 ** one.generator.uniform(-4.0, -2.0, len(one))
-    there = one.generator.random(len(one)) < 0.05
-    return np.where(there, size * one.generator.choice([-1.0, 1.0], len(one)), 0.0)
 
 
 def _fault(
@@ -178,36 +72,6 @@ PLANE, ENCODER, MISFIT = "wrong-position", "encoder-jump misfit", "misfit"
 BURST = "outliers-rejected misfit output-step"
 UNIT = "contradicts-statement"
 SIGN = "contradicts-statement field-differs-from-commanded"
-
-
-def _field(change: Callable[[Table], NDArray[Any]]) -> Plant:
-    return column("field_T", lambda one: one.field_T + change(one))
-
-
-def _theta(change: Callable[[Table], NDArray[Any]]) -> Plant:
-    return column("theta_deg", change)
-
-
-def _warm(change: Callable[[Table], NDArray[Any]]) -> Plant:
-    return column("temperature_degC", change)
-
-
-def _made_less(limit: float, name: str = "output_V") -> Plant:
-    return column(name, lambda one: np.clip(getattr(one, name), -limit, limit))
-
-
-def _rounded(name: str, step: float) -> Plant:
-    return column(name, lambda one: step * np.round(getattr(one, name) / step))
-
-
-def _other_plane(change: Callable[[Table, NDArray[np.bool_]], NDArray[Any]]) -> Plant:
-    return column("output_V", lambda one: change(one, in_plane(one)))
-
-
-def _quiet(one: Table) -> Array:
-    """Return noise that grows to ten times its size."""
-    growing = one.kind.noise_V * np.linspace(0.0, 10.0, len(one))
-    return np.asarray(growing * one.generator.standard_normal(len(one)))
 
 
 _S, _E, _P, _A, _O, _F = THREE_PLANES, EFFICIENT, PALINDROME, ASCENDING, ONE_PLANE, ON_OFF
@@ -233,7 +97,7 @@ _PLANTED: Sequence[tuple[str, str, Sequence[Kind], Plant]] = (
     ("voltmeter lags 3 %", SETTLED, (_S, _E, _O),
      output(lambda t: 0.03 * (before(t.output_V) - t.output_V))),
     ("gaussmeter lags 3 %", SETTLED + " " + FIELD, (_S, _E, _A),
-     _field(lambda t: 0.03 * (before(t.field_T) - t.field_T))),
+     field_more(lambda t: 0.03 * (before(t.field_T) - t.field_T))),
     ("output one row late", SETTLED + " " + UNIT, (_S, _O),
      column("output_V", lambda t: before(t.output_V))),
     ("field one row late", FIELD, (_S, _P), column("field_T", lambda t: before(t.field_T))),
@@ -244,61 +108,62 @@ _PLANTED: Sequence[tuple[str, str, Sequence[Kind], Plant]] = (
     ("field in mT", FIELD, (_S, _A), column("field_T", lambda t: 1e3 * t.field_T)),
     ("field in G from a row on", FIELD, (_S, _A),
      column("field_T", lambda t: t.field_T * (1.0 + 9999.0 * after(t)))),
-    ("gaussmeter gain steps 2 %", FIELD, (_S, _P), _field(lambda t: 0.02 * after(t) * t.field_T)),
+    ("gaussmeter gain steps 2 %", FIELD, (_S, _P),
+     field_more(lambda t: 0.02 * after(t) * t.field_T)),
     ("gaussmeter gain drifts 0.8 %", FIELD, (_S, _A, _P),
-     _field(lambda t: 0.008 * np.linspace(0.0, 1.0, len(t)) * t.field_T)),
-    ("gaussmeter zero off 2 mT", FIELD, (_S, _E), _field(lambda t: np.full(len(t), 2e-3))),
+     field_more(lambda t: 0.008 * np.linspace(0.0, 1.0, len(t)) * t.field_T)),
+    ("gaussmeter zero off 2 mT", FIELD, (_S, _E), field_more(lambda t: np.full(len(t), 2e-3))),
     ("gaussmeter zero drifts 1 mT", FIELD, (_S, _P),
-     _field(lambda t: 1e-3 * np.linspace(0.0, 1.0, len(t)))),
+     field_more(lambda t: 1e-3 * np.linspace(0.0, 1.0, len(t)))),
     ("gaussmeter noise 0.3 mT", FIELD, (_S, _P),
-     _field(lambda t: 3e-4 * t.generator.standard_normal(len(t)))),
+     field_more(lambda t: 3e-4 * t.generator.standard_normal(len(t)))),
     ("gaussmeter overranges at 35 mT", FIELD + " saturated", (_S, _A),
-     _made_less(0.035, "field_T")),
+     limited(0.035, "field_T")),
     ("gaussmeter frozen", "frozen", (_S, _E, _A),
      column("field_T", lambda t: stuck(t, t.field_T, 0.3))),
     ("voltmeter frozen", "frozen", (_S, _E, _O),
      column("output_V", lambda t: stuck(t, t.output_V, 0.2))),
     ("voltmeter frozen for four rows", "frozen outliers-rejected", (_S, _A),
      column("output_V", lambda t: stuck(t, t.output_V, 4.5 / len(t)))),
-    ("thermometer frozen", "frozen", (_P, _A), _warm(lambda t: stuck(t, t.temperature_degC, 0.5))),
+    ("thermometer frozen", "frozen", (_P, _A), warm(lambda t: stuck(t, t.temperature_degC, 0.5))),
     ("thermometer measures the room", "drift-removed", (_P,),
-     _warm(lambda t: 23.0 + 0.02 * t.generator.standard_normal(len(t)))),
-    ("thermometer in another unit", "", (_P,), _warm(lambda t: 1.8 * t.temperature_degC + 32.0)),
+     warm(lambda t: 23.0 + 0.02 * t.generator.standard_normal(len(t)))),
+    ("thermometer in another unit", "", (_P,), warm(lambda t: 1.8 * t.temperature_degC + 32.0)),
     ("thermometer spikes of 3 K", "outliers-rejected", (_P, _S),
-     _warm(lambda t: t.temperature_degC + 3.0 * (t.generator.random(len(t)) < 0.04))),
+     warm(lambda t: t.temperature_degC + 3.0 * (t.generator.random(len(t)) < 0.04))),
     ("thermometer steps 2 K", "misfit contradicts-statement", (_P, _S),
-     _warm(lambda t: t.temperature_degC + 2.0 * after(t))),
+     warm(lambda t: t.temperature_degC + 2.0 * after(t))),
     ("thermometer drifts 1 K", "contradicts-statement", (_S,),
-     _warm(lambda t: t.temperature_degC + np.linspace(0.0, 1.0, len(t)))),
-    ("output clipped at 0.95 V", "saturated", (_S, _E, _O), _made_less(0.95)),
-    ("output clipped at 0.45 V", "saturated", (_S, _A), _made_less(0.45)),
-    ("output in steps of 1 mV", "coarse-output", (_S, _O, _E), _rounded("output_V", 1e-3)),
+     warm(lambda t: t.temperature_degC + np.linspace(0.0, 1.0, len(t)))),
+    ("output clipped at 0.95 V", "saturated", (_S, _E, _O), limited(0.95)),
+    ("output clipped at 0.45 V", "saturated", (_S, _A), limited(0.45)),
+    ("output in steps of 1 mV", "coarse-output", (_S, _O, _E), rounded("output_V", 1e-3)),
     ("encoder in steps of 0.1 deg", ENCODER, (_S, _E),
      turn(lambda t: 0.05 * np.sin(7.0 * np.radians(t.theta_deg)))),
     ("encoder jumps 0.02 deg", ENCODER, (_S, _E), turn(lambda t: 0.02 * after(t))),
     ("encoder twice a turn, 20 arcsec", ENCODER, (_S, _A),
      turn(lambda t: np.sin(np.radians(3.0 * t.theta_deg)) / 180.0)),
-    ("encoder counts 0.1 % less", ENCODER, (_S, _E), _theta(lambda t: 0.999 * t.theta_deg)),
+    ("encoder counts 0.1 % less", ENCODER, (_S, _E), angle(lambda t: 0.999 * t.theta_deg)),
     ("encoder slips slowly by 0.1 deg", ENCODER, (_S, _E),
      turn(lambda t: 0.1 * np.linspace(0.0, 1.0, len(t)))),
-    ("angle in rad", UNIT, (_S, _O), _theta(lambda t: np.radians(t.theta_deg))),
-    ("angle in gon", UNIT, (_S, _O), _theta(lambda t: t.theta_deg / 0.9)),
-    ("angle of the other sense in a plane", PLANE, (_S, _E),
-     _theta(lambda t: np.where(in_plane(t), -t.theta_deg, t.theta_deg))),
+    ("angle in rad", UNIT, (_S, _O), angle(lambda t: np.radians(t.theta_deg))),
+    ("angle in gon", UNIT, (_S, _O), angle(lambda t: t.theta_deg / 0.9)),
+    ("angle of the other sense in a plane", PLANE + " " + UNIT, (_S, _E),
+     angle(lambda t: np.where(in_plane(t), -t.theta_deg, t.theta_deg))),
     ("angle 90 deg off", PLANE + " contradicts-statement", (_S, _O),
-     _theta(lambda t: t.theta_deg + 90.0)),
+     angle(lambda t: t.theta_deg + 90.0)),
     ("angle 90 deg off in a plane", PLANE + " encoder-jump", (_S, _E),
-     _theta(lambda t: t.theta_deg + 90.0 * in_plane(t))),
+     angle(lambda t: t.theta_deg + 90.0 * in_plane(t))),
     ("angle 1 deg off in a plane", PLANE + " encoder-jump output-step", (_S, _E),
      turn(lambda t: 1.0 * in_plane(t))),
     ("one angle 0.3 deg off", ENCODER, (_S, _E), turn(lambda t: 0.3 * one_angle(t))),
-    ("a plane turned over", PLANE, (_S, _A),
-     _other_plane(lambda t, p: np.where(p, -t.output_V, t.output_V))),
-    ("a plane 1 mV higher", STEP, (_S, _A), _other_plane(lambda t, p: t.output_V + 1e-3 * p)),
+    ("a plane turned over", PLANE + " " + UNIT, (_S, _A),
+     plane_output(lambda t, p: np.where(p, -t.output_V, t.output_V))),
+    ("a plane 1 mV higher", STEP, (_S, _A), plane_output(lambda t, p: t.output_V + 1e-3 * p)),
     ("a plane with 0.1 % more gain", STEP, (_S, _A),
-     _other_plane(lambda t, p: t.output_V * (1.0 + 1e-3 * p))),
+     plane_output(lambda t, p: t.output_V * (1.0 + 1e-3 * p))),
     ("a plane in mV", PLANE + " " + STEP, (_S, _A),
-     _other_plane(lambda t, p: t.output_V * (1.0 + 999.0 * p))),
+     plane_output(lambda t, p: t.output_V * (1.0 + 999.0 * p))),
     ("a plane with a field gain of 0.7", FIELD, (_S, _A),
      column("field_T", lambda t: t.field_T * np.where(in_plane(t), 0.7, 1.0))),
     ("plane io called op", PLANE, (_S, _O), lambda t: relabelled(t, "io", "op")),
@@ -331,13 +196,37 @@ _PLANTED: Sequence[tuple[str, str, Sequence[Kind], Plant]] = (
      output(lambda t: -after(t) * TRUTH["Km"] * t.field_T)),
     ("noise ten times as large in a plane", "uneven-noise", (_S, _A),
      output(lambda t: 30e-6 * in_plane(t) * t.generator.standard_normal(len(t)))),
-    ("noise grows to ten times", "uneven-noise", (_S, _P), output(_quiet)),
+    ("noise grows to ten times", "uneven-noise", (_S, _P), output(growing_noise)),
     ("warm-up of 500 uV", "drift-removed", (_P, _A, _E),
      output(lambda t: 500e-6 * np.exp(-np.arange(len(t)) / (0.05 * len(t))))),
     ("scale warms up by 100 ppm", "drift-removed", (_A, _S),
      output(lambda t: 1e-4 * t.axes()[0] * np.exp(-np.arange(len(t)) / (0.2 * len(t))))),
     ("first rows before the device settled", "outliers-rejected output-step", (_S, _O),
      output(lambda t: -0.3 * (np.arange(len(t)) < 3))),
+    ("output and temperature swapped", PLANE + " misfit", (_S, _P),
+     swapped("output_V", "temperature_degC")),
+    ("output of the other sign from a row on", UNIT, (_S, _E, _O), turned("output_V", after)),
+    ("field and its command reversed in a plane", UNIT, (_S, _E, _A),
+     turned("field_T field_commanded_T", in_plane)),
+    ("field and its command reversed from a row on", UNIT, (_S, _E),
+     turned("field_T field_commanded_T", after)),
+    ("field reversed in a plane, measured", FIELD, (_S, _E), turned("field_T", in_plane)),
+    ("angle of the other sense from a row on", UNIT, (_S, _O), turned("theta_deg", after)),
+    ("encoder stands still", "frozen", (_S, _E, _P), angle(lambda t: stuck(t, t.theta_deg, 0.2))),
+    ("angle one mark off from a row on", ENCODER, (_S,),
+     angle(lambda t: t.theta_deg + 30.0 * after(t))),
+    ("output a mean of two rows", UNIT + " " + SETTLED, (_S, _E), column("output_V", averaged)),
+    ("coil warms the device, 4 rows", SETTLED, (_E, _P),
+     output(lambda t: 100e-6 * heated(t, 4.0))),
+    ("coil warms the device, 15 rows", SETTLED, (_E, _P),
+     output(lambda t: 100e-6 * heated(t, 15.0))),
+    ("a plane 2 K warmer, unseen", STEP + " drift-removed", (_S, _E, _A), output(warmed_unseen)),
+    ("voltmeter with another gain by its sign, 30 ppm", MISFIT, (_S, _E),
+     output(lambda t: 3e-5 * np.abs(t.output_V))),
+    ("field gain 2 % less in a plane", FIELD, (_S, _E, _A),
+     field_more(lambda t: -0.02 * in_plane(t) * t.field_T)),
+    ("clock set by an hour", "gap", (_S, _P), column("t_s", an_hour_later)),
+    ("temperature in K", "", (_P,), warm(lambda t: t.temperature_degC + 273.15)),
 )
 # fmt: on
 

@@ -30,6 +30,7 @@ from .flags import (
     residual_flags,
     result_flags,
 )
+from .misread import misread_flags
 from .model import (
     COEFFICIENTS,
     FIELD_POWER,
@@ -40,7 +41,7 @@ from .model import (
     model_columns,
 )
 from .nuisances import FEWEST_LEFT, KI_DRIFT, KO, KP, OFFSET, unit_of
-from .screening import coarse_step_V, frozen_temperature, misread_flags, screen
+from .screening import coarse_step_V, frozen_temperature, screen
 from .solution import solve_rows
 from .solved import Solution, groups_of
 

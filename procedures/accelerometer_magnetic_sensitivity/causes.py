@@ -18,6 +18,7 @@ from procedures.estimation.orthogonal import independent_of, project, solve_by_q
 from station.findings import Flag
 
 from .dataset import Rows
+from .history import direction, tells_history, warmth
 from .jump import Suspects, small_jumps
 from .model import model_columns
 from .nuisances import ARCSEC_PER_RAD, OFFSET
@@ -40,14 +41,9 @@ MOST_ROWS = 2000
 """No line is looked for in a longer record: memory grows with the square."""
 SLOWEST_CYCLES = 4.5
 """What is slower in the record is drift."""
+WARMING_ROWS = (4.0, 12.0, 36.0)
+"""Time constants of a device in a coil, in intervals of the rows."""
 STEP_KEYS = {"V": "step_V", "V/g": "step_V_per_g", "V/T": "step_V_per_T"}
-
-
-def direction(commanded_T: Array) -> Array:
-    """Return +1 where the field has come up last, -1 where it has come down, 0 before it moved."""
-    steps = np.sign(np.diff(commanded_T, prepend=commanded_T[:1]))
-    moved = np.maximum.accumulate(np.where(steps != 0.0, np.arange(len(steps)), 0))
-    return np.asarray(steps[moved])
 
 
 def known_causes(rows: Rows, acceleration_g: Array, coefficients: Array) -> list[Cause]:
@@ -92,6 +88,9 @@ def known_causes(rows: Rows, acceleration_g: Array, coefficients: Array) -> list
         ("misfit", "drift of the encoder", "V/g", rows.slope * time),
         ("drift-removed", "Km", "V", time * b),
     ]
+    if tells_history(rows.commanded_T):
+        for constant in WARMING_ROWS:
+            shapes += [("not-settled", f"{constant:g}", "V", warmth(rows, constant))]
     if rows.temperature_degC is not None:
         square = time**2 - np.mean(time**2)
         shapes += [
@@ -276,6 +275,13 @@ def cause_flag(solution: Solution, cause: Cause, rows: NDArray[np.int64]) -> Fla
             f"Hysteresis: {moved}, by up to {size}; it is fitted and removed. A core or a torquer "
             "keeps a part of its magnetisation, or the field had not settled: degauss before each "
             "point, wait longer, and compare field up with field down."
+        )
+    elif cause.code == "not-settled" and cause.what != "output":
+        said = (
+            f"The output follows the square of the field with a delay of about {cause.what} rows, "
+            f"by up to {size}: the coil warms the device, and no temperature says so; it is fitted "
+            "and removed. Look at the thermometer's place, wait longer at each point, and cool the "
+            "coil."
         )
     elif cause.code == "not-settled":
         said = (

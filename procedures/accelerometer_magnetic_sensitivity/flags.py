@@ -20,7 +20,7 @@ from station.findings import Estimate, Flag, combination_text
 from .dataset import AccelerometerDataset, AnalysisSettings, LeftOut
 from .model import COEFFICIENTS, Identifiability, describe, listed
 from .nuisances import ARCSEC_PER_RAD
-from .screening import COPIED, SATURATED, STUCK
+from .screening import COPIED, HELD, SATURATED, STUCK
 from .solved import Jump, Solution
 
 MAGNETIC = ("Km", "Kmm", "Kim", "Kom", "Kpm")
@@ -49,7 +49,7 @@ def data_flags(
             details={"count": len(overloaded), "rows": [int(row) for row in overloaded]},
         )
     yield from _pattern_flags(dataset, left_out)
-    known = (STUCK, COPIED, SATURATED)
+    known = (STUCK, HELD, COPIED, SATURATED)
     rejected = [
         one for one in left_out if not dataset.overloaded[one.row] and one.reason not in known
     ]
@@ -76,9 +76,9 @@ def data_flags(
 
 def _pattern_flags(dataset: AccelerometerDataset, left_out: Sequence[LeftOut]) -> Iterator[Flag]:
     """Yield the flags of readings that stand still, are copies, or stand at a limit."""
-    still, copies, limit = (
+    still, held, copies, limit = (
         [one.row for one in left_out if one.reason == reason]
-        for reason in (STUCK, COPIED, SATURATED)
+        for reason in (STUCK, HELD, COPIED, SATURATED)
     )
     if still:
         yield Flag(
@@ -87,6 +87,14 @@ def _pattern_flags(dataset: AccelerometerDataset, left_out: Sequence[LeftOut]) -
             f"from row {still[0]} on, counted from 0, though the field changed; these rows are "
             "left out. Look at the instrument, its trigger and its cable.",
             details={"count": len(still), "row": still[0], "what": "voltmeter or gaussmeter"},
+        )
+    if held:
+        yield Flag(
+            "frozen",
+            f"The angle repeats itself to the last digit in {len(held)} rows, from row {held[0]} "
+            "on, counted from 0, while the output moves as with the angle; these rows are left "
+            "out. Look at the encoder, its cable and what writes theta_deg.",
+            details={"count": len(held), "row": held[0], "what": "encoder"},
         )
     if copies:
         yield Flag(

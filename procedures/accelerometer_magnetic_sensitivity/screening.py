@@ -1,26 +1,13 @@
-"""Rows that are no measurement, and columns that mean something else than they say.
-
-Rows: overload, readings of field or temperature that cannot be. Columns: another unit of the angle,
-another plane; each mix-up that laboratories make is tried where the rows do not follow the model at
-all. One that leaves a small part of what the stated one leaves is named, and nothing is reported.
-"""
+"""Rows that are no measurement: overload, and readings that cannot be or stand still."""
 
 from __future__ import annotations
-
-from collections.abc import Iterator
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from procedures.estimation.recorder import equal_runs
-from station.findings import Flag
 
-from .dataset import AccelerometerDataset, LeftOut, Rows
-from .lost_signs import with_signs
-from .model import PLANES, model_columns
-from .nuisances import KO, KP, OFFSET
-from .solved import Solution
+from .dataset import AccelerometerDataset, LeftOut
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -37,6 +24,7 @@ FEWEST_CLIPPED = 4
 FEWEST_COPIED = 5
 NEARLY_ALIKE = 0.2
 STUCK = "reading stands still"
+HELD = "angle stands still while the output moves"
 SATURATED = "at the limit of voltmeter or device"
 COPIED = "copy of an earlier row"
 USUALLY_NEW = 0.5
@@ -45,21 +33,10 @@ MOSTLY_NEW = 0.97
 """The same of a voltmeter or gaussmeter, where angle or field changed."""
 ONE_STEP = 1.5
 """Readings that change by one same step are coarse."""
-UNITS_DEG = {"rad": 180.0 / np.pi, "gon": 0.9, "turns": 360.0, "arcmin": 1 / 60, "arcsec": 1 / 3600}
-POOR_PART = 1e-3
-"""Noise of this part of the output's range is none of a voltmeter or an accelerometer."""
-HOPELESS = 20.0
-"""Times as much noise as that, and the model explains nothing; below, the device may be noisy."""
-POOR_V = 1e-3
-"""The same where no input acceleration spreads the output."""
-MANY_STRAYS = 0.2
-BETTER = 0.1
-"""A reading of the columns that leaves so small a part of the rms is the right one."""
-TILTED = 0.1
-"""Of Ki: no accelerometer is mounted 6 deg off."""
-TILTED_V_PER_G = 0.05
-"""The same where Ki is not measured; the usual scale factor is 0.1 V/g and more."""
-LARGE_OFFSET_DEG = 3.0
+LONG_STAY = 1.5
+"""Times the usual stay at an angle: a longer one may be an encoder that stands still."""
+MOVED_PART, MOVED_V = 0.1, 5e-3
+"""Of the spread of the output, and at least: no field moves the output so far at one angle."""
 
 
 def screen(dataset: AccelerometerDataset) -> tuple[Mask, tuple[LeftOut, ...]]:
@@ -79,6 +56,7 @@ def screen(dataset: AccelerometerDataset) -> tuple[Mask, tuple[LeftOut, ...]]:
     note(~np.isfinite(dataset.theta_commanded_deg), "angle off the plan's grid")
     note(~np.isfinite(dataset.field_T), "no reading of the field")
     note(stuck(dataset.output_V, dataset) | stuck(dataset.field_T, dataset), STUCK)
+    note(held_angle(dataset), HELD)
     note(clipped(dataset.output_V), SATURATED)
     note(copied(dataset), COPIED)
     note(wild_field(dataset.field_T, dataset.field_commanded_T), "wild reading of the field")
@@ -140,6 +118,29 @@ def stuck(reading: Array, dataset: AccelerometerDataset) -> Mask:
         return np.zeros(len(reading), dtype=bool)
     # The first of them may have been measured.
     return np.asarray(held & again)
+
+
+def held_angle(dataset: AccelerometerDataset) -> Mask:
+    """Return which angles (n,) repeat the one before while the output moves as with the angle.
+
+    In a longer stay than is usual, three rows and more whose outputs differ at one same field.
+    """
+    found = np.zeros(len(dataset), dtype=bool)
+    read = np.isfinite(dataset.output_V) & ~dataset.overloaded
+    if int(read.sum()) < FEWEST_STUCK:
+        return found
+    starts, lengths = equal_runs(dataset.theta_deg)
+    moved_V = max(MOVED_PART * float(np.std(dataset.output_V[read])), MOVED_V)
+    long = max(LONG_STAY * float(np.median(lengths)), FEWEST_STUCK)
+    for first, count in zip(starts[lengths >= long], lengths[lengths >= long], strict=True):
+        stay = first + np.flatnonzero(read[first : first + count])
+        levels, field = np.unique(dataset.field_commanded_T[stay], return_inverse=True)
+        output_V = dataset.output_V[stay]
+        usual_V = np.array([np.median(output_V[field == one]) for one in range(len(levels))])
+        if int(np.sum(np.abs(output_V - usual_V[field]) > moved_V)) >= FEWEST_STUCK:
+            # The first of them was measured.
+            found[first + 1 : first + count] = True
+    return found
 
 
 def clipped(output_V: Array) -> Mask:
@@ -235,104 +236,3 @@ def frozen(reading: Array, fewest: int) -> Mask:
     frozen = np.repeat(lengths >= fewest, lengths)
     others = np.isin(np.flatnonzero(~frozen), starts)
     return frozen if not len(others) or float(others.mean()) > USUALLY_NEW else frozen & False
-
-
-def misread_flags(rows: Rows, solution: Solution) -> tuple[list[Flag], bool]:
-    """Return the flags of columns that do not mean what they say, and whether that is certain.
-
-    Where it is, no coefficient can be reported.
-    """
-    values = dict(zip(solution.names, solution.coefficients, strict=True))
-    poor_V = POOR_PART * float(np.std(rows.output_V)) if "Ki" in values else POOR_V
-    noise_V = float(np.sqrt(np.mean(solution.residual_V**2)))
-    strays = float(np.mean(~solution.kept))
-    offset_deg = values.get(OFFSET, 0.0) / 3600.0
-    poor = max(noise_V, solution.noise_V) > poor_V or strays > MANY_STRAYS
-    explained = (solution.misfit, solution.cause, solution.jump) != (None, None, None)
-    if poor or explained or abs(offset_deg) > LARGE_OFFSET_DEG:
-        stated_V = _left(rows)
-        tried = [(_left(other), said, details) for other, said, details in _readings(rows)]
-        best_V, said, details = min(tried, key=lambda one: one[0])
-        if best_V < BETTER * stated_V:
-            if "statement" in details:
-                unit_said = (
-                    f"The column {details['statement']} {said}; nothing is reported. Correct it."
-                )
-                return [Flag("contradicts-statement", unit_said, details=details)], True
-            plane_said = (
-                f"The output fits where {said}, and not as stated; nothing is reported. Look at "
-                "the mounting and at the columns plane and theta_deg."
-            )
-            return [Flag("wrong-position", plane_said, details=details)], True
-    tilted = max(abs(values.get(name, 0.0)) for name in (KO, KP))
-    if tilted > (TILTED * abs(values["Ki"]) if "Ki" in values else TILTED_V_PER_G):
-        tilt_said = (
-            f"The output has {tilted:.3g} V/g across the input axis: no mounting is so far off. "
-            "Another plane or another zero of the angle was recorded; nothing is reported. Look "
-            "at the mounting and at the columns plane and theta_deg."
-        )
-        details = {"misalignment_V_per_g": tilted}
-        return [Flag("wrong-position", tilt_said, details=details)], True
-    if abs(offset_deg) > LARGE_OFFSET_DEG:
-        zero_said = (
-            f"The zero of the encoder is {offset_deg:.4g} deg off, which the solution corrects: "
-            "look whether the accelerometer is mounted as stated."
-        )
-        return [Flag("wrong-position", zero_said, details={"offset_deg": offset_deg})], False
-    if solution.noise_V > HOPELESS * poor_V or strays > MANY_STRAYS:
-        astray_said = (
-            f"The output does not follow angle and field: {100.0 * strays:.2g} % of the rows are "
-            f"left out, and the others miss the model by {1e6 * solution.noise_V:.3g} µV. No one "
-            "cause explains that. Look at the columns, their units and their order."
-        )
-        return [Flag("misfit", astray_said, details={"what": "rows", "part": strays})], False
-    return [], False
-
-
-def _readings(rows: Rows) -> Iterator[tuple[Rows, str, dict[str, object]]]:
-    """Yield other readings of the rows, each with what it says and its details."""
-    for unit, factor in UNITS_DEG.items():
-        details: dict[str, object] = {"statement": "theta_deg", "unit": unit}
-        yield replace(rows, theta_rad=factor * rows.theta_rad), f"is in {unit}", details
-    output_V, late = rows.output_V, "stands one row late"
-    details = {"statement": "output_V"}
-    yield replace(rows, output_V=np.append(output_V[1:], output_V[-1])), late, details
-    early = "stands one row early"
-    yield replace(rows, output_V=np.append(output_V[0], output_V[:-1])), early, details
-    signed = with_signs(rows)
-    if signed is not None:
-        lost = "holds the size of the field without its sign, and so does field_commanded_T"
-        yield signed, lost, {"statement": "field_T"}
-    names = [str(name) for name in np.unique(rows.plane)]
-    for name in names:
-        there = rows.plane == name
-        details = {"plane": name}
-        if len(names) > 1:
-            other = np.where(there, -rows.theta_rad, rows.theta_rad)
-            said = f"plane {name} turns in the other sense"
-            yield replace(rows, theta_rad=other), said, details
-            for deg in (90, 180, 270):
-                other = rows.theta_rad + np.radians(deg) * there
-                said = f"plane {name} is turned by {deg} deg"
-                yield replace(rows, theta_rad=other), said, details
-        for new in PLANES:
-            if new != name:
-                other_plane = np.where(there, new, rows.plane)
-                yield replace(rows, plane=other_plane), f"plane {name} is {new}", details
-            if new in names and new > name:
-                other_plane = np.where(rows.plane == new, name, np.where(there, new, rows.plane))
-                said = f"the planes {name} and {new} are exchanged"
-                yield replace(rows, plane=other_plane), said, details
-
-
-def _left(rows: Rows) -> float:
-    """Return the rms, in V, that model and misalignment leave of a reading of the rows."""
-    acceleration_g = rows.accelerations()
-    columns = np.column_stack(
-        (model_columns(acceleration_g, rows.field_T), acceleration_g[:, 1:], rows.slope)
-    )
-    size = np.linalg.norm(columns, axis=0)
-    columns = columns / np.where(size > 0.0, size, 1.0)
-    solved = np.linalg.lstsq(columns, rows.output_V, rcond=1e-9)[0]
-    left_V = rows.output_V - np.einsum("ij,j->i", columns, solved)
-    return float(np.sqrt(np.mean(left_V**2)))

@@ -32,6 +32,11 @@ QUICK = (
     "sensitivity gone from a row on; three planes, 12 angles",
     "scale warms up by 100 ppm; three planes, 12 angles",
     "noise ten times as large in a plane; three planes, 12 angles",
+    "field and its command reversed in a plane; efficient",
+    "output of the other sign from a row on; one plane",
+    "output a mean of two rows; efficient",
+    "encoder stands still; efficient",
+    "coil warms the device, 4 rows; efficient",
 )
 
 
@@ -152,6 +157,55 @@ def test_a_coarse_thermometer_that_follows_is_not_frozen() -> None:
         Ki_per_K=100e-6,
     )
     assert "frozen" not in codes(analyse(replace(one, temperature_degC=np.round(true, 1))))
+
+
+@pytest.mark.parametrize(
+    "name, statement, said",
+    [
+        ("field_T field_commanded_T", "field_T", "has the other sign in plane io"),
+        ("output_V", "output_V", "has the other sign from row 20 "),
+        ("theta_deg theta_commanded_deg", "theta_deg", "has the other sign from row 20 "),
+        ("", "output_V", "holds about 40 % of the row before"),
+    ],
+)
+def test_a_sign_that_changes_and_outputs_that_run_together_are_named(
+    name: str, statement: str, said: str
+) -> None:
+    one = record(1)
+    where = one.plane == "io" if "plane" in said else np.arange(len(one)) >= 20
+    changes = {each: np.where(where, -1.0, 1.0) * getattr(one, each) for each in name.split()}
+    last_V = np.append(one.output_V[0], one.output_V[:-1])
+    changes = changes or {"output_V": 0.6 * one.output_V + 0.4 * last_V}
+    analysis = analyse(replace(one, **changes))
+    (flag,) = (one for one in analysis.flags if one.code == "contradicts-statement")
+    assert flag.details["statement"] == statement and said in flag.message
+    assert all(estimate.value is None for estimate in analysis.estimates)
+
+
+def test_an_encoder_that_stands_still_is_left_out_and_a_long_stay_is_not() -> None:
+    one = record(2, ("io", "ip"), 12, FIVE_T)
+    rows = np.arange(len(one))
+    held = (rows >= 30) & (rows < 52)
+    angle_deg = np.where(held, one.theta_deg[30], one.theta_deg)
+    analysis = analyse(replace(one, theta_deg=angle_deg, theta_commanded_deg=angle_deg))
+    assert "frozen" in codes(analysis)
+    assert max(off_in_u(analysis).values()) < 4.0
+    # At one angle, many times measured, the output moves with the field alone.
+    at = np.concatenate((rows, np.tile(rows[30:35], 6)))
+    stay = {
+        name: getattr(one, name)[np.sort(at)]
+        for name in ("plane", "theta_deg", "theta_commanded_deg", "field_T", "field_commanded_T")
+    }
+    drawn = np.random.default_rng(0).standard_normal(len(at)) * 3e-6
+    output_V = one.output_V[np.sort(at)] + drawn
+    long = replace(one, **stay, output_V=output_V, time_s=10.0 * np.arange(len(at)))
+    assert "frozen" not in codes(analyse(long))
+
+
+def test_a_coil_that_warms_the_device_moves_no_coefficient() -> None:
+    (fault,) = [one for one in FAULTS if one.name == "coil warms the device, 15 rows; efficient"]
+    found = judged(fault, 1)
+    assert found["named"] and found["error_u"] < 4.0
 
 
 def test_a_noisy_accelerometer_follows_angle_and_field() -> None:
