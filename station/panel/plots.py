@@ -15,6 +15,7 @@ from station.record.raw_tail import RawTail
 Array = NDArray[np.float64]
 
 MOST_POINTS = 600
+COUNTED = "counts"
 MOST_COLUMNS = 4
 """Of a source: the first ones, as the driver orders them."""
 NO_QUANTITY = ("time_s", "state", "flags", "sequence", "number", "valid")
@@ -44,9 +45,11 @@ class Thinned:
             self._each, rows = 2 * self._each, np.concatenate([odd, rows])
         self.means, self._waiting = np.concatenate([self.means, means]), rows[whole:]
 
-    def data(self) -> dict[str, list[float]]:
-        """Return times in s and values as plain numbers."""
+    def data(self, *, rate: bool = False) -> dict[str, list[float]]:
+        """Return times in s and values, or what the values change by in a second."""
         times, values = self.means.T
+        if rate:
+            times, values = (times[1:] + times[:-1]) / 2.0, np.diff(values) / np.diff(times)
         return {"t": times.round(3).tolist(), "v": [float(f"{one:.7g}") for one in values]}
 
 
@@ -71,12 +74,17 @@ class Plots:
         return added
 
     def data(self) -> dict[str, Any]:
-        """Return the series as plain data: source to column to times in s and values."""
-        return {
-            source: {name: one.data() for name, one in series.items()}
-            for source, series in self._series.items()
-            if series
-        }
+        """Return the series as plain data: plot, by source and unit, to line to times and values.
+
+        Of what an instrument counts, the pulses in a second are shown.
+        """
+        plots: dict[str, dict[str, dict[str, list[float]]]] = {}
+        for source, series in self._series.items():
+            for name, one in series.items():
+                counted = name == COUNTED
+                unit = "counts/s" if counted else name.rpartition("_")[2]
+                plots.setdefault(f"{source}, {unit}", {})[name] = one.data(rate=counted)
+        return plots
 
 
 def source_of(path: Path) -> str:

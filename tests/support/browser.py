@@ -65,6 +65,13 @@ class Page:
         """Wait until an element shows a text."""
         self.wait(lambda: text in self.text(name), within_s)
 
+    def accessibility_findings(self) -> list[str]:
+        """Return what axe finds wrong with the page: labels, contrast, focus, headings."""
+        from axe_core_python.selenium import Axe
+
+        found = Axe().run(self.driver)["violations"]
+        return [f"{one['id']}: {node['html']}" for one in found for node in one["nodes"]]
+
     def click(self, name: str) -> None:
         """Press a button, once it can be pressed."""
         self.wait(lambda: self.element(name).is_displayed() and self.element(name).is_enabled())

@@ -72,29 +72,35 @@ async function after() {
   show("after", true);
   byId("verdict").replaceChildren(element("span", `${ICONS[data.verdict]} ${WORDS[data.verdict]}`, "verdict " + data.verdict));
   byId("results").replaceChildren(...data.results.map((one) => row(
-    [one.name, one.axis].filter(Boolean).join(" "), number(one.value), number(one.expanded_uncertainty), one.unit,
+    [one.name, one.axis].filter(Boolean).join(" "), number(one.value, one.expanded_uncertainty), number(one.expanded_uncertainty, one.expanded_uncertainty), one.unit,
     one.limit ? Object.entries(one.limit).map(([key, value]) => `${key} ${value}`).join(", ") : "",
     element("span", `${ICONS[one.verdict] || ""} ${one.verdict}`, "verdict " + one.verdict))));
   byId("flags").replaceChildren(...data.flags.map((one) => element("li", [one.code, one.axis, one.message].filter(Boolean).join(": "))));
   byId("report").href = API + "report";
 }
 
-function number(value) { return value === null || value === undefined ? "undetermined" : String(Number(value.toPrecision(6))); }
+// A value is rounded to the second digit of its expanded uncertainty.
+function number(value, u) {
+  if (value === null || value === undefined) return "undetermined";
+  if (!u) return String(Number(value.toPrecision(6)));
+  const digits = 1 - Math.floor(Math.log10(u));
+  return Math.abs(value) < 1e-4 || digits > 8 ? value.toExponential(Math.max(0, digits + Math.floor(Math.log10(Math.abs(value) || u)))) : value.toFixed(Math.max(0, digits));
+}
 
 function plotsOf(data) {
   for (const [source, columns] of Object.entries(data)) {
-    const id = "plot-" + source.replace(/[^A-Za-z0-9]/g, "-");
+    const id = "plot-" + source.replace(/[^A-Za-z0-9]+/g, "-");
     let place = byId(id);
     if (!place) {
       place = element("div", "", "plot");
       place.id = id;
-      place.setAttribute("role", "img");
+      place.setAttribute("role", "group");
       place.setAttribute("aria-label", `${source}: ${Object.keys(columns).join(", ")} over run time`);
       byId("plots").append(place);
     }
     const lines = Object.entries(columns).map(([name, one]) => ({x: one.t, y: one.v, name, mode: "lines"}));
     const layout = {title: {text: source}, height: 260, margin: {t: 40, r: 10, b: 40, l: 70},
-                    xaxis: {title: {text: "run time, s"}}, showlegend: true, uirevision: source};
+                    xaxis: {title: {text: "run time, s"}}, showlegend: lines.length > 1, uirevision: source};
     Plotly.react(place, lines, layout, {displaylogo: false, responsive: true});
     place.dataset.points = String(Math.max(...lines.map((line) => line.x.length)));
     place.dataset.last = String(Math.max(...lines.map((line) => line.x[line.x.length - 1] || 0)));

@@ -70,6 +70,7 @@ def start(page: Page, served: Served, serial: str) -> Path:
     page.element("bench").send_keys("sim")
     page.element("serial").send_keys(serial, Keys.ENTER)
     page.wait_for("look-steps", "Mount the gyro")
+    assert page.accessibility_findings() == []
     page.click("start")
     page.wait(lambda: "/run/" in page.driver.current_url)
     page.wait_for("prompt-text", "Mount the gyro")
@@ -84,9 +85,11 @@ def answered(page: Page, asked: str) -> bool:
 def test_no_ends_the_run_with_a_safe_bench(page: Page, served: Served) -> None:
     run = start(page, served, "SN-NO")
     assert page.driver.switch_to.active_element.get_attribute("id") == "answer-abort"
+    assert page.accessibility_findings() == []
     page.click("answer-abort")
     page.wait_for("notice", "did not finish")
     page.wait_for("safe", "verified")
+    assert page.accessibility_findings() == []
     assert "NOT VERIFIED" not in page.text("safe")
     assert read_status(run).bench_safe
 
@@ -99,6 +102,7 @@ def test_yes_to_every_prompt_leads_to_results(page: Page, served: Served) -> Non
         asked = page.text("prompt-text")
         page.click("answer-done")
         page.wait(partial(answered, page, asked))
+    assert page.accessibility_findings() == []
     assert page.text("verdict") == "✔ PASS: within every limit"
     assert "magnetic_sensitivity IA" in page.text("results")
     assert "simulated" in page.text("flags")
@@ -160,7 +164,7 @@ def test_a_plot_moves_a_pause_holds_and_a_killed_run_is_shown(
             page.driver.get(served.url)
             page.wait_for("runs", "running")
             page.driver.find_element(By.CSS_SELECTOR, "#runs a").click()
-            plot = "#plot-gyro-acquisition"
+            plot = "#plot-gyro-acquisition-counts-s"
             page.wait(lambda: page.driver.find_elements(By.CSS_SELECTOR, plot))
 
             def last() -> float:

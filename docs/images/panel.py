@@ -1,0 +1,58 @@
+"""Take the pictures of the panel that the docs show: `PYTHONPATH=. python docs/images/panel.py`.
+
+Needs Chromium with its driver, and the packages of the tests.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+import tempfile
+from pathlib import Path
+
+DOCS = Path(__file__).resolve().parent.parent
+sys.path.insert(0, str(DOCS.parent / "tests" / "support"))
+
+from browser import Page, chromium  # noqa: E402
+from panel_server import panel  # noqa: E402
+from selenium.webdriver.common.keys import Keys  # noqa: E402
+
+from station.clock import RealClock  # noqa: E402
+
+WIDTH = 1000
+
+
+def main() -> None:
+    """Start a run of the laser gyro's plan, answer its prompts, and look at each state."""
+    os.environ.pop("CI", None)
+    with tempfile.TemporaryDirectory() as place, panel(Path(place) / "runs") as served:
+        page = Page(chromium())
+        try:
+            page.driver.get(served.url)
+            page.wait(lambda: page.element("serial").is_displayed())
+            page.element("plan").send_keys("rlg-magnetic-sensitivity")
+            page.element("serial").send_keys("SN-0042", Keys.ENTER)
+            page.wait_for("look-steps", "Mount the gyro")
+            take(page, "panel-start", 1200)
+            page.click("start")
+            page.wait_for("prompt-text", "Mount the gyro")
+            take(page, "panel-prompt", 900)
+            while not page.text("verdict"):
+                if page.element("prompt").is_displayed():
+                    asked = page.text("prompt-text")
+                    page.click("answer-done")
+                    page.wait(lambda asked=asked: page.text("prompt-text") != asked)
+            take(page, "panel-results", 2000)
+        finally:
+            page.driver.quit()
+
+
+def take(page: Page, name: str, height: int) -> None:
+    """Write what the browser shows."""
+    page.driver.set_window_size(WIDTH, height)
+    RealClock().sleep(1.0)
+    page.driver.save_screenshot(str(DOCS / "images" / f"{name}.png"))
+
+
+if __name__ == "__main__":
+    main()

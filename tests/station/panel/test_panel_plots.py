@@ -1,0 +1,55 @@
+"""What the plots show is thinned, never cut, and read as it grows."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from station.panel.plots import MOST_POINTS, Plots, Thinned
+from station.record.folder import RunFolder
+from station.record.raw_tail import RawTail
+
+
+@pytest.mark.parametrize("block", [1, 7, 100, 5000])
+def test_a_series_keeps_its_mean_and_its_length(block: int) -> None:
+    time_s = np.arange(5000) * 0.1
+    value = np.sin(time_s / 30.0)
+    series = Thinned()
+    for at in range(0, 5000, block):
+        series.add(time_s[at : at + block], value[at : at + block])
+    shown = series.data()
+    assert MOST_POINTS // 3 <= len(shown["t"]) < MOST_POINTS
+    assert all(a < b for a, b in zip(shown["t"][:-1], shown["t"][1:], strict=True))
+    assert np.allclose(shown["v"], np.sin(np.array(shown["t"]) / 30.0), atol=0.01)
+
+
+def test_what_is_no_number_is_left_out() -> None:
+    series = Thinned()
+    series.add(np.arange(4.0), np.array([1.0, np.nan, np.inf, 2.0]))
+    assert series.data() == {"t": [0.0, 3.0], "v": [1.0, 2.0]}
+
+
+def test_the_tail_of_a_raw_file_has_every_row_once(one_axis_run: Path, tmp_path: Path) -> None:
+    whole = (one_axis_run / "raw" / "gyro_acquisition-000.mcap").read_bytes()
+    growing = tmp_path / "raw" / "gyro_acquisition-000.mcap"
+    growing.parent.mkdir()
+    growing.write_bytes(b"")
+    tail, rows = RawTail(growing), 0
+    for end in [*range(0, len(whole), 20_011), len(whole)]:
+        growing.write_bytes(whole[:end])
+        rows += sum(len(one) for _, one in tail.new_rows())
+    folder = RunFolder(one_axis_run)
+    units = folder.index(one_axis_run / "raw" / "gyro_acquisition-000.mcap").scan.places
+    assert rows == sum(len(folder.rows("gyro_acquisition", unit)) for unit in units)
+
+
+def test_counts_are_shown_as_a_rate(one_axis_run: Path) -> None:
+    plots = Plots(one_axis_run)
+    assert plots.look()
+    assert not plots.look()
+    data = plots.data()
+    rate = data["gyro_acquisition, counts/s"]["counts"]["v"]
+    # 9.65 deg/h of the earth's rate, 0.0625 arcsec a pulse.
+    assert np.median(rate) == pytest.approx(9.65 / 0.0625, rel=0.05)
