@@ -8,6 +8,7 @@ per ampere is taken once, at the points of interest; it is linear in the current
 from __future__ import annotations
 
 from bisect import bisect_right
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -48,20 +49,39 @@ class HelmholtzPair:
 
     def field_mT_per_A(self, point_m: Array) -> Array:
         """Return the field of one ampere at a point of the coil frame, shape (3,), in mT."""
-        import magpylib  # where it is used: only some worlds have coils, and it takes its time
-
-        z = np.array([0.0, 0.0, 1.0])
-        turn, _ = Rotation.align_vectors([self.normal], [z])
-        field = np.zeros(3)
-        for side in (-0.5, 0.5):
-            loop = magpylib.current.Circle(
-                current=self.sense * self.turns,
-                diameter=2.0 * self.radius_m,
-                position=side * self.spacing_m * self.normal,
-                orientation=turn,
+        return np.array(
+            field_of_windings_mT(
+                self.sense * self.turns,
+                2.0 * self.radius_m,
+                self.spacing_m,
+                tuple(self.normal.tolist()),
+                tuple(np.asarray(point_m, dtype=float).tolist()),
             )
-            field = field + np.asarray(loop.getB(point_m), dtype=float)
-        return field * 1e3
+        )
+
+
+@lru_cache(maxsize=64)
+def field_of_windings_mT(
+    ampere_turns: float,
+    diameter_m: float,
+    spacing_m: float,
+    normal: tuple[float, ...],
+    point_m: tuple[float, ...],
+) -> tuple[float, ...]:
+    """Return the field of two windings at a point, mT; taken once, however many benches ask."""
+    import magpylib  # where it is used: only some worlds have coils, and it takes its time
+
+    turn, _ = Rotation.align_vectors([normal], [(0.0, 0.0, 1.0)])
+    field = np.zeros(3)
+    for side in (-0.5, 0.5):
+        loop = magpylib.current.Circle(
+            current=ampere_turns,
+            diameter=diameter_m,
+            position=side * spacing_m * np.array(normal),
+            orientation=turn,
+        )
+        field = field + np.asarray(loop.getB(point_m), dtype=float)
+    return tuple((field * 1e3).tolist())
 
 
 def field_matrix_mT_per_A(pairs: list[HelmholtzPair], point_m: Array) -> Array:
