@@ -1,4 +1,4 @@
-"""What moves is at rest, and reads back so, before a person is asked for a hand at it."""
+"""Coils are off and axes at rest, and read back so, before a person is asked for a hand."""
 
 from __future__ import annotations
 
@@ -6,24 +6,31 @@ from typing import TYPE_CHECKING
 
 from station.errors import InstrumentError
 from station.procedure import Prompt
-from station.roles import MadeSafe
+from station.roles import DirectCurrentSupply, MadeSafe, RotaryStage, Turntable
 
 if TYPE_CHECKING:
     from station.runner.run import Run
 
-STANDS_WITHIN_S = 30.0
+WITHIN_S = 30.0
 
 
-def ask_at_rest(run: Run, instrument: str, prompt: Prompt) -> None:
-    """Make an instrument safe, then ask for a hand at it; InstrumentError where it is not safe."""
-    moving = run.role(instrument, MadeSafe)
-    moving.make_safe(run.clock.now() + STANDS_WITHIN_S)
-    reading = moving.read_safety()
-    if not reading.safe:
-        raise InstrumentError(
-            instrument,
-            "bring it to rest before a person reaches for it",
-            f"it reads back {reading.read_back}",
-            "keep away from it and stop it",
-        )
+def ask_at_rest(run: Run, prompt: Prompt) -> None:
+    """Make all that turns or carries a coil's current safe, then ask for a hand.
+
+    Of the instruments that the run has opened. Raises InstrumentError where one is not safe: the
+    person is not asked.
+    """
+    for name, one in run.instruments.items():
+        if not isinstance(one, Turntable | RotaryStage | DirectCurrentSupply):
+            continue
+        harmful = run.role(name, MadeSafe)
+        harmful.make_safe(run.clock.now() + WITHIN_S)
+        reading = harmful.read_safety()
+        if not reading.safe:
+            raise InstrumentError(
+                name,
+                "bring it to rest before a person is asked for a hand",
+                f"it reads back {reading.read_back}",
+                "keep away from it and switch it off by hand",
+            )
     run.ask(prompt.id, prompt.text)

@@ -7,6 +7,19 @@ from typing import Any
 from plan_runs import shipped_plan
 
 from procedures.commissioning import PARTS
+from station import registry
+from station.files.lookup import BENCHES, find
+from station.instruments.bench import read_bench
+
+AMBIENT = {"x": "0.021 mT", "y": "-0.004 mT", "z": "-0.043 mT", "standard_uncertainty": "1.5 uT"}
+EARTH = {
+    "latitude": "39.9 deg",
+    "elevation": "90 deg",
+    "direction": "0.05 deg",
+    "bias": "0.01 deg/h",
+}
+PULSE_WEIGHT_LIMIT = {"min": 0.995, "max": 1.005}
+"""What a plan states of the simulated benches so that signs and pulse weight are decided."""
 
 
 def left_out(*parts: str) -> list[str]:
@@ -26,4 +39,22 @@ def plan_of(*parts: str) -> dict[str, Any]:
     plan["parameters"]["checks"] = list(parts)
     others = left_out(*parts)
     plan["limits"] = {name: one for name, one in plan["limits"].items() if name not in others}
+    return plan
+
+
+def fitted_parts(bench: str) -> list[str]:
+    """Return the parts that a shipped bench can do."""
+    read = read_bench(find(BENCHES, bench), registry.names(registry.DRIVERS))
+    return [part.name for part in PARTS if part.is_possible(read)]
+
+
+def whole_plan_of(part: str, bench: str = "sim") -> dict[str, Any]:
+    """Return the plan of a part with all that an engineer knows of a simulated bench."""
+    plan = plan_of(part)
+    parameters = plan["parameters"]
+    if part == "coils":
+        parameters["coils"] |= {"ambient": AMBIENT, "turn_probe": bench == "sim-alternate"}
+    if part == "gyro":
+        parameters["gyro"]["earth"] = EARTH
+        plan["limits"]["pulse_weight_ratio"] = PULSE_WEIGHT_LIMIT
     return plan

@@ -6,15 +6,6 @@ import random
 
 from plants import Bench, Plant, Planted
 
-EARTH = {
-    "latitude": "39.9 deg",
-    "elevation": "90 deg",
-    "direction": "0.05 deg",
-    "bias": "0.01 deg/h",
-}
-"""What a plan states of the simulated bench for its pulse weight to be decided."""
-PULSE_WEIGHT_LIMIT = {"min": 0.995, "max": 1.005}
-
 
 def pulse_weight_off(bench: Bench, rng: random.Random) -> Planted:
     off_by = rng.choice((-1.0, 1.0)) * rng.uniform(0.01, 0.05)

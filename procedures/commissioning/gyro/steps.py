@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from procedures.commissioning.at_rest import ask_at_rest
 from station.errors import InstrumentError
 from station.method.commands import Power
 from station.procedure import Prompt, Step
@@ -86,7 +87,7 @@ def switch_on(run: Run) -> None:
     """Have the gyro fixed and switched on, once in a process."""
     state = run.state(GyroState)
     if not state.is_on:
-        run.ask(MOUNT.id, MOUNT.text)
+        ask_at_rest(run, MOUNT)
         run.apply(Power(POWER, True))
         state.is_on = True
 

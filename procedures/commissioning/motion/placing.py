@@ -47,7 +47,7 @@ def make_ready(run: Run) -> None:
     state = run.state(TableState)
     if state.is_ready:
         return
-    ask_at_rest(run, TURNTABLE, MOUNT)
+    ask_at_rest(run, MOUNT)
     run.apply(Power(POWER, True))
     table = run.role(TURNTABLE, Turntable)
     table.programme_limits()

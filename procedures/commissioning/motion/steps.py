@@ -12,7 +12,7 @@ from station.procedure import Prompt, Step
 from .measuring import record_level, record_turn
 from .parameters import HALF_TURNS, HOME, TURNED_UNIT, MotionParameters, TableTurn, level_unit
 from .placing import MOUNT, TURN_SENSOR, TableState, go_to, make_ready
-from .work import POWER, TURNTABLE, moves
+from .work import POWER, moves
 
 if TYPE_CHECKING:
     from station.runner.run import Run
@@ -47,7 +47,7 @@ def levels(run: Run) -> None:
         run.may_pause()
         make_ready(run)
         go_to(run, moves(HOME, "all axes to zero"))
-        ask_at_rest(run, TURNTABLE, TURN_SENSOR)
+        ask_at_rest(run, TURN_SENSOR)
         go_to(run, moves(HOME, "all axes to zero"))
         record_level(run, TURNED_UNIT)
     if run.state(TableState).is_ready:

@@ -73,7 +73,7 @@ def make_ready(run: Run, plane: str) -> None:
     state, parameters = run.state(StageState), run.parameters.stage
     if state.plane == plane:
         return
-    ask_at_rest(run, STAGE, MOUNTS[plane])
+    ask_at_rest(run, MOUNTS[plane])
     if not state.plane:
         run.role(STAGE, RotaryStage).programme_limits()
         if run.apply(Homing(STAGE)):

@@ -6,14 +6,12 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from commissioning_parts import plan_of
+from commissioning_parts import AMBIENT, plan_of
 from plan_runs import run_of, shipped_bench, shipped_plan
 from plants import named
 
 from procedures.commissioning.coils import limits
 from station.runner.outcome import Outcome
-
-AMBIENT = {"x": "0.021 mT", "y": "-0.004 mT", "z": "-0.043 mT", "standard_uncertainty": "1.5 uT"}
 
 
 def commissioned(folder: Path, bench: dict[str, Any], **parameters: Any) -> Outcome:

@@ -9,7 +9,7 @@ from typing import Any
 import plants_gyro
 import plants_stage
 import pytest
-from commissioning_parts import plan_of
+from commissioning_parts import EARTH, PULSE_WEIGHT_LIMIT, whole_plan_of
 from plan_runs import run_of, shipped_bench, shipped_plan
 from plants import Plant, named
 
@@ -21,11 +21,8 @@ PLANTS = (*plants_stage.PLANTS, *plants_gyro.PLANTS)
 
 def short_plan(part: str, **changes: Any) -> dict[str, Any]:
     """Return a part's plan with a short record, the earth's rate stated for the gyro."""
-    plan = plan_of(part)
+    plan = whole_plan_of(part)
     own = {"readings": 3, "nplc": 1} if part == "stage" else {"record": "300 s"}
-    if part == "gyro":
-        own["earth"] = plants_gyro.EARTH
-        plan["limits"]["pulse_weight_ratio"] = plants_gyro.PULSE_WEIGHT_LIMIT
     plan["parameters"][part] |= own | changes
     return plan
 
@@ -49,7 +46,7 @@ def test_a_planted_fault_is_named_alone(tmp_path: Path, plant: Plant, seed: int)
 
 
 def test_a_bias_that_hides_one_percent_decides_no_pulse_weight(tmp_path: Path) -> None:
-    vague = {**plants_gyro.EARTH, "bias": "0.1 deg/h"}
+    vague = {**EARTH, "bias": "0.1 deg/h"}
     outcome = run_of(tmp_path / "run", short_plan("gyro", earth=vague), shipped_bench())
     assert named(outcome) == {("pulse-weight-undecided", None)}
 
@@ -74,4 +71,4 @@ def test_the_shipped_plan_states_the_limits_of_the_naming() -> None:
         ("stage_lean", limits.LEAN_DEG),
     ):
         assert stated[name] == {"max_abs": f"{limit_deg:g} deg"}
-    assert plants_gyro.PULSE_WEIGHT_LIMIT["max"] == 1.0 + PULSE_WEIGHT
+    assert PULSE_WEIGHT_LIMIT["max"] == 1.0 + PULSE_WEIGHT
