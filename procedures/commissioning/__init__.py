@@ -24,12 +24,13 @@ from .gyro import GYRO_PART
 from .motion import MOTION_PART
 from .parameters import CommissioningParameters
 from .parts import Part
+from .probe import PROBE_PART
 from .stage import STAGE_PART
 
 if TYPE_CHECKING:
     from station.instruments.bench import Bench
 
-PARTS: tuple[Part, ...] = (COIL_PART, MOTION_PART, STAGE_PART, GYRO_PART)
+PARTS: tuple[Part, ...] = (COIL_PART, PROBE_PART, MOTION_PART, STAGE_PART, GYRO_PART)
 """In the order in which they are walked."""
 
 
@@ -53,8 +54,9 @@ def work(parameters: CommissioningParameters) -> Iterator[Work]:
 
 
 def prompts(parameters: CommissioningParameters) -> tuple[Prompt, ...]:
-    """Return what the operator is asked to do."""
-    return tuple(prompt for part, own in chosen(parameters) for prompt in part.prompts(own))
+    """Return what the operator is asked to do, each act once."""
+    asked = (prompt for part, own in chosen(parameters) for prompt in part.prompts(own))
+    return tuple(dict.fromkeys(asked))
 
 
 def records(parameters: CommissioningParameters, bench: Bench) -> tuple[RecordUse, ...]:

@@ -11,9 +11,10 @@ from station.fields import StrictModel
 from .coils.parameters import CoilParameters
 from .gyro.parameters import GyroParameters
 from .motion.parameters import MotionParameters
+from .probe.parameters import ProbeParameters
 from .stage.parameters import StageParameters
 
-PartName = Literal["coils", "motion", "stage", "gyro"]
+PartName = Literal["coils", "probe", "motion", "stage", "gyro"]
 
 
 class CommissioningParameters(StrictModel):
@@ -25,6 +26,7 @@ class CommissioningParameters(StrictModel):
     checks: Annotated[tuple[PartName, ...], Field(min_length=1)] = get_args(PartName)
     watch: bool = False
     coils: CoilParameters = CoilParameters()
+    probe: ProbeParameters = ProbeParameters()
     motion: MotionParameters = MotionParameters()
     stage: StageParameters = StageParameters()
     gyro: GyroParameters = GyroParameters()

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from sim_instruments.truth import SimulationError, Truth
-from sim_instruments.world.base import World, nothing
+from sim_instruments.world.base import World
 from sim_instruments.world.coils import (
     AXES,
     HelmholtzPair,
@@ -22,6 +22,7 @@ from sim_instruments.world.currents import mean_products
 from sim_instruments.world.piecewise import LONG_AGO_S, Array
 
 EARTH_RATE_DEG_PER_H = 15.041067
+PROBE_MOVE_MM = 80.0
 GYRO_AXES = ("IA", "NA", "LA")
 
 
@@ -207,8 +208,8 @@ class LaserGyroBench(World):
         self.pairs = [HelmholtzPair(axis, one) for axis, one in zip(AXES, sections, strict=True)]
         # A strong coil, where the bench has one, stands elsewhere and is not felt here.
         self._felt = [self.currents[axis] for axis in AXES]
-        probe_m = np.array(truth.quantities("probe_position", AXES, "mm")) * 1e-3
-        self.probe_mT_per_A = field_matrix_mT_per_A(self.pairs, probe_m)
+        self._probe_mm = np.array(truth.quantities("probe_position", AXES, "mm"))
+        self._move_probe(np.zeros(3), 0.0)
         gyro = truth.section("gyro")
         self.gyro = LaserGyro(gyro)
         mounting = small_rotation(gyro, "mounting_error")
@@ -219,7 +220,22 @@ class LaserGyroBench(World):
         if gyro.switch("powered_at_start"):
             self.power(0.0, True)
         self.acts = {
-            "place-probe": (nothing, "The simulated probe stood at the place of the device."),
+            "place-probe": (
+                partial(self._move_probe, np.zeros(3)),
+                "The simulated probe stood at the place of the device.",
+            ),
+            "move-probe-back": (
+                partial(self._move_probe, np.zeros(3)),
+                "The simulated probe was put back to the place of the device.",
+            ),
+            **{
+                f"move-probe-{axis}-{word}": (
+                    partial(self._move_probe, sign * PROBE_MOVE_MM * np.eye(3)[k]),
+                    f"The simulated probe was moved by {PROBE_MOVE_MM:g} mm along {axis}, {word}.",
+                )
+                for k, axis in enumerate(AXES)
+                for word, sign in (("plus", 1.0), ("minus", -1.0))
+            },
             "mount": (
                 self._mount,
                 "The simulated gyro stands in the middle of the coils, IA NA LA along x y z.",
@@ -281,6 +297,11 @@ class LaserGyroBench(World):
 
     def _mount(self, time_s: float) -> None:
         self.mounted = True
+
+    def _move_probe(self, shift_mm: Array, time_s: float) -> None:
+        probe_m = (self._probe_mm + shift_mm) * 1e-3
+        self.probe_mT_per_A = field_matrix_mT_per_A(self.pairs, probe_m)
+        self._changed()
 
     def _turn_probe(self, axis: str, time_s: float) -> None:
         self.probe_axis = axis

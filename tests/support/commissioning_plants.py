@@ -8,7 +8,8 @@ from __future__ import annotations
 from plants import Plant
 from plants_gyro import PLANTS as GYRO
 from plants_motion import PLANTS as MOTION
+from plants_probe import PLANTS as PROBE
 from plants_stage import PLANTS as STAGE
 
-ALL_PLANTS: tuple[Plant, ...] = (*MOTION, *STAGE, *GYRO)
+ALL_PLANTS: tuple[Plant, ...] = (*PROBE, *MOTION, *STAGE, *GYRO)
 """What tests and benchmark plant."""

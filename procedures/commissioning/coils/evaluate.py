@@ -53,7 +53,7 @@ def dataset_of_run(folder: RunFolder, parameters: CoilParameters, bench: Bench) 
     """Return the means of all records; ValueError where a record has no readings."""
 
     def mean(units: Sequence[str]) -> Mean:
-        seen = [_field_mT(folder, unit) for unit in units]
+        seen = [field_of(folder, unit) for unit in units]
         if not parameters.turn_probe:
             return mean_of(seen[0])
         shortest = min(len(one) for one in seen)
@@ -102,7 +102,7 @@ def dataset_of_run(folder: RunFolder, parameters: CoilParameters, bench: Bench) 
     )
 
 
-def _field_mT(folder: RunFolder, unit: str) -> Array:
+def field_of(folder: RunFolder, unit: str) -> Array:
     """Return the valid readings of a record, shape (n, 3)."""
     rows = folder.rows(GAUSSMETER, unit)
     good = rows[rows["state"] == 0]
