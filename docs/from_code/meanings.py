@@ -45,6 +45,10 @@ PARAMETERS = {
         "probe.device": "edge of the cube, at the centre, in which the homogeneity is reported",
         "probe.placing": "standard uncertainty of each move of the probe by hand",
         "motion": "the part of the turntable, by the nine-axis sensor on it",
+        "motion.device": "what stands on the table; `station commission` takes the navigator where "
+        "the bench has no nine-axis sensor",
+        "motion.latitude": "of the bench, north positive, for a navigator's alignment",
+        "motion.align_at_most": "after this time without alignment the run ends with code 3",
         "motion.small_turn": "angle of the turns that decide the senses",
         "motion.small_rate": "rate of these turns",
         "motion.whole_turns": "whether each axis makes a whole turn there and back",
@@ -53,6 +57,7 @@ PARAMETERS = {
         "motion.sample_rate": "outputs of the sensor in a second",
         "motion.placing": "standard uncertainty of the angle at which the sensor stands against "
         "its stops",
+        "motion.navigator_level": "standard uncertainty of what a navigator takes for the vertical",
         "motion.gyro_scale": "relative standard uncertainty of its gyros' scale factors",
         "stage": "the part of the rotary stage, by the accelerometer on it",
         "stage.scale_factor": "nominal scale factor of the accelerometer",

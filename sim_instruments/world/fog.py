@@ -146,6 +146,10 @@ class FogBench(World):
                 nothing,
                 "The simulated navigator stands on the table, its axes along the table's.",
             ),
+            "mount-turned": (
+                self._navigator.turn_on_plate,
+                "The simulated navigator was turned by half a turn on the table.",
+            ),
             **self.usual_acts(
                 "The simulated navigator was switched on, and its gyros warm up.",
                 "The simulated navigator was switched off.",

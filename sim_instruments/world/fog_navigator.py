@@ -16,6 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Protocol
 
 import numpy as np
@@ -205,6 +206,7 @@ class _Alignment:
     begin_s: float
     latitude_deg: float
     error_rad: Array
+    mounting: Array
     end_s: float = np.inf
     ready_s: float | None = None
     trajectory: ErrorTrajectory | None = None
@@ -264,7 +266,12 @@ class Navigator:
             self._end(time_s)
             rng = generator(self._seed, f"alignment {len(self._alignments)}")
             error_rad = self._misaligned_rad * rng.standard_normal(3)
-            self._alignments.append(_Alignment(time_s, latitude_deg, error_rad))
+            self._alignments.append(_Alignment(time_s, latitude_deg, error_rad, self._mounting))
+
+    def turn_on_plate(self, time_s: float) -> None:
+        """Be turned by half a turn about z by a hand, after which it must align again."""
+        self._end(time_s)
+        self._mounting = np.diag([-1.0, -1.0, 1.0]) @ self._mounting
 
     def aligned(self, time_s: float) -> bool:
         """Return whether it knows its attitude at a time, by what the table was told so far."""
@@ -304,19 +311,26 @@ class Navigator:
         if one.trajectory is None:
             rates = self._earth, earth_rate_rad_per_s(one.latitude_deg)
             one.trajectory = ErrorTrajectory(
-                self._ready_s(one), one.error_rad, self._table, self._errors, rates, self._levelling
+                self._ready_s(one),
+                one.error_rad,
+                self._table,
+                partial(self._errors, one.mounting),
+                rates,
+                self._levelling,
             )
         return one.trajectory
 
     def _of(self, one: _Alignment, time_s: Array) -> Array:
         noise = quaternions(self._noise.at(time_s))
         error = product(noise, self._trajectory(one).at(time_s))
-        return angles_deg(matrices(error) @ self._table.attitude(time_s) @ self._mounting)
+        return angles_deg(matrices(error) @ self._table.attitude(time_s) @ one.mounting)
 
-    def _errors(self, begin_s: Array, at_s: Array, end_s: Array) -> tuple[Array, Array]:
+    def _errors(
+        self, mounting: Array, begin_s: Array, at_s: Array, end_s: Array
+    ) -> tuple[Array, Array]:
         times = at_s.ravel()
         plate, rate = self._table.motion(times)
-        body = plate @ self._mounting
+        body = plate @ mounting
         felt = np.einsum("nji,nj->ni", body, rate + self._earth)
         errors = np.einsum("nij,nj->ni", body, self._gyros.errors_rad_per_s(times, felt))
         # The noise is white: any attitude within the panel does.

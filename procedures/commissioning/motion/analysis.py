@@ -24,8 +24,11 @@ from .parameters import AXES, HALF_TURNS
 Array = NDArray[np.float64]
 DEG_PER_G = math.degrees(1.0)
 PLACING, SCALE, ENCODER = "placing_deg", "gyro_scale", "encoder_deg"
-BY_PLACING = {PLACING: math.sqrt(0.5)}
-"""Half of each placing counts: the sensor is placed anew for the two levels of a reversal."""
+VERTICAL = "navigator_level_deg"
+BY_PLACING = {PLACING: math.sqrt(0.5), VERTICAL: math.sqrt(0.5)}
+"""Half of each counts: for the two levels of a reversal the sensor is placed, and aligned, anew."""
+BY_VERTICAL = {VERTICAL: 1.0}
+"""What a navigator takes for the vertical stays while the table turns: no reversal shows it."""
 ALONG = {
     "outer": np.array([0.0, 0.0, -1.0]),
     "middle": np.array([0.0, -1.0, 0.0]),
@@ -70,7 +73,8 @@ class MotionDataset:
 
     `levels` stand in the order of `HALF_TURNS`; `placing_u_deg` is how well the sensor stands
     against its stops, `scale_u` the relative standard uncertainty of its gyros' scale factors,
-    `encoder_u_deg` that of an angle by the table's calibration record.
+    `encoder_u_deg` that of an angle by the table's calibration record, `vertical_u_deg` that of
+    what a navigator takes for the vertical; 0 for a sensor, whose accelerometers feel it.
     """
 
     small: Mapping[str, Turn]
@@ -81,6 +85,7 @@ class MotionDataset:
     placing_u_deg: float
     scale_u: float
     encoder_u_deg: float = 0.0
+    vertical_u_deg: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -148,9 +153,9 @@ def _levels(leans: Leans) -> list[Estimate]:
     return [
         _zero("middle", _less(leans.pitch, leans.pitch - towards_x), noise_deg),
         _zero("inner", _less(leans.roll, leans.roll + towards_y), noise_deg),
-        _lean("outer", math.hypot(towards_x, towards_y), noise_deg, {}),
-        _lean("middle", abs(_less(leans.middle, leans.middle + towards_y)), noise_deg, {}),
-        _lean("inner", abs(leans.inner), noise_deg, BY_PLACING),
+        _lean("outer", math.hypot(towards_x, towards_y), noise_deg, BY_VERTICAL),
+        _lean("middle", abs(_less(leans.middle, leans.middle + towards_y)), noise_deg, BY_VERTICAL),
+        _lean("inner", abs(leans.inner), noise_deg, {**BY_PLACING, **BY_VERTICAL}),
     ]
 
 
@@ -191,6 +196,7 @@ def _rate_ratio(axis: str, data: MotionDataset) -> Estimate:
 
 def _combined(one: Estimate, data: MotionDataset) -> float:
     known = {PLACING: data.placing_u_deg, SCALE: data.scale_u, ENCODER: data.encoder_u_deg}
+    known[VERTICAL] = data.vertical_u_deg
     parts = [one.sensitivities[name] * known[name] for name in one.sensitivities]
     return math.hypot(one.standard_uncertainty or 0.0, *parts)
 

@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from procedures.commissioning.not_measured import not_measured
 from station.findings import Findings, InputQuantity, findings_of
-from station.record.raw import ARRIVAL
 
-from .analysis import ENCODER, PLACING, SCALE, Array, Level, MotionDataset, Turn, analyse
+from .analysis import ENCODER, PLACING, SCALE, VERTICAL, Array, Level, MotionDataset, Turn, analyse
 from .measuring import AT_RATE
 from .parameters import (
     AXES,
@@ -23,15 +21,13 @@ from .parameters import (
     TableTurn,
     level_unit,
 )
-from .work import ANGLE, IMU, TURNTABLE
+from .sensed import sensed
+from .work import ANGLE, NAVIGATOR, TURNTABLE
 
 if TYPE_CHECKING:
     from station.instruments.bench import Bench
     from station.record.folder import RunFolder
 
-GYROS = tuple(f"gyro_{axis}_deg_per_s" for axis in "xyz")
-ACCELEROMETERS = tuple(f"accelerometer_{axis}_g" for axis in "xyz")
-COUNTER_TURN = 65536
 ON_THE_WAY_S = 0.2
 """An output reaches the computer so long after its interval at most."""
 
@@ -53,6 +49,7 @@ def findings(folder: RunFolder, parameters: MotionParameters, bench: Bench) -> F
     inputs = [
         *encoder,
         InputQuantity(PLACING, "placing of the sensor", data.placing_u_deg, "deg", plan),
+        InputQuantity(VERTICAL, "level of the navigator", data.vertical_u_deg, "deg", plan),
         InputQuantity(SCALE, "scale factors of the sensor's gyros", data.scale_u, "1", plan),
     ]
     return findings_of(analyse(data), data, inputs)
@@ -62,6 +59,10 @@ def dataset_of_run(
     folder: RunFolder, parameters: MotionParameters, encoder_u_deg: float = 0.0
 ) -> MotionDataset:
     """Return turns and levels of a run; ValueError where a rest has too few outputs."""
+
+    def level(unit: str) -> Level:
+        return mean_of(sensed(folder, unit, parameters).force_g)
+
     found = {turn.unit: turn_of(folder, turn, parameters) for turn in parameters.turns}
     small = {turn.axis: found[turn.unit] for turn in parameters.small_turns[: len(AXES)]}
     whole = parameters.turns[len(parameters.small_turns) :]
@@ -69,33 +70,32 @@ def dataset_of_run(
         small,
         found[parameters.small_turns[-1].unit],
         {turn.axis: found[turn.unit] for turn in whole},
-        tuple(level_of(folder, level_unit(angles_deg)) for angles_deg in HALF_TURNS),
-        level_of(folder, TURNED_UNIT),
+        tuple(level(level_unit(angles_deg)) for angles_deg in HALF_TURNS),
+        level(TURNED_UNIT),
         parameters.placing_deg,
         parameters.gyro_scale,
         encoder_u_deg,
+        parameters.navigator_level_deg if parameters.device == NAVIGATOR else 0.0,
     )
 
 
 def turn_of(folder: RunFolder, turn: TableTurn, parameters: MotionParameters) -> Turn:
     """Return a turn: what the gyros gain beyond their outputs at rest, whole intervals counted."""
-    rows = folder.rows(IMU, turn.unit)
+    output = sensed(folder, turn.unit, parameters)
+    rates, arrived_s = output.rate_deg_per_s, output.arrived_s
     marks_s = np.array(folder.finished_units()[turn.unit]["marks_s"])
-    rates = np.column_stack([rows[name] for name in GYROS])
-    arrived_s = rows[ARRIVAL]
     rests = [
         (arrived_s > marks_s[k] + ON_THE_WAY_S) & (arrived_s < marks_s[k + 1]) for k in (0, 2, 4)
     ]
-    forces = [means(rows[rest], ACCELEROMETERS).force_g for rest in rests]
-    at_rest = np.array([means(rows[rest], GYROS).force_g for rest in rests])
+    forces = [mean_of(output.force_g[rest]).force_g for rest in rests]
+    at_rest = np.array([mean_of(rates[rest]).force_g for rest in rests])
     gained, u = [], 0.0
     for k in (0, 1):
         moving = (arrived_s >= marks_s[2 * k + 1]) & (arrived_s < marks_s[2 * k + 2] + ON_THE_WAY_S)
-        begin, end = np.flatnonzero(moving)[[0, -1]]
         bias = (at_rest[k] + at_rest[k + 1]) / 2.0
-        gained.append(integral(rows, rates - bias, begin, end) / parameters.sample_rate_Hz)
+        gained.append(output.steps[moving] @ (rates[moving] - bias) / parameters.sample_rate_Hz)
         noise = np.std(rates[rests[k]], axis=0, ddof=1).max()
-        count = end - begin + 1.0
+        count = float(moving.sum())
         share = count / min(int(rests[k].sum()), int(rests[k + 1].sum()))
         u = max(u, float(noise) * math.sqrt(count * (1.0 + share)) / parameters.sample_rate_Hz)
     table = folder.rows(TURNTABLE, turn.unit)
@@ -105,22 +105,8 @@ def turn_of(folder: RunFolder, turn: TableTurn, parameters: MotionParameters) ->
     return Turn(np.diff(angles_deg), np.array(gained), u, np.array(forces), ratios)
 
 
-def integral(rows: NDArray[Any], rates: Array, begin: int, end: int) -> Array:
-    """Return the sum of rates over intervals; one that was lost on the line counts as its next."""
-    counter = np.concatenate((rows["counter"][begin - 1 : begin], rows["counter"][begin : end + 1]))
-    steps = np.mod(np.diff(counter.astype(np.int64)), COUNTER_TURN)
-    return np.asarray(steps @ rates[begin : end + 1])
-
-
-def level_of(folder: RunFolder, unit: str) -> Level:
-    """Return the mean specific force of a record at rest."""
-    return means(folder.rows(IMU, unit), ACCELEROMETERS)
-
-
-def means(rows: NDArray[Any], columns: tuple[str, ...]) -> Level:
-    """Return the means of three columns; ValueError of fewer than two outputs, or no numbers."""
-    values = np.column_stack([rows[name] for name in columns])
+def mean_of(values: Array) -> Level:
+    """Return the mean of outputs at rest (n, 3); ValueError of fewer than two, or no numbers."""
     if len(values) < 2 or not np.isfinite(values).all():
         raise ValueError("a mean at rest needs two outputs that are numbers")
-    u = np.std(values, axis=0, ddof=1) / math.sqrt(len(values))
-    return Level(values.mean(axis=0), u)
+    return Level(values.mean(axis=0), np.std(values, axis=0, ddof=1) / math.sqrt(len(values)))

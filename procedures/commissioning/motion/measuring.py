@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from station.errors import ConditionNotReached
-from station.roles import Imu, Turntable
+from station.roles import Imu, Navigator, Turntable
 from station.runner.verbs import Follower, keep_row
 
 from .parameters import MotionParameters, TableTurn
@@ -32,10 +32,13 @@ class Sensing:
 
     def __init__(self, run: Run, unit: str) -> None:
         self._run, self._unit = run, unit
-        self._sensor = run.role(IMU, Imu)
         parameters: MotionParameters = run.parameters.motion
+        device = parameters.device
+        self._sensor: Imu | Navigator = (
+            run.role(device, Imu) if device == IMU else run.role(device, Navigator)
+        )
         self._sensor.start(parameters.sample_rate_Hz)
-        self._follower = Follower(run, {IMU: self._sensor})
+        self._follower = Follower(run, {device: self._sensor})
 
     def follow(self, seconds: float) -> None:
         """Record for a time."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, Literal
 
 from pydantic import Field
 
@@ -49,8 +49,14 @@ class TableTurn:
 
 
 class MotionParameters(StrictModel):
-    """What the engineer chooses of the table's checks."""
+    """What the engineer chooses of the table's checks.
 
+    `device` is what stands on the table; a navigator aligns at `latitude_deg`.
+    """
+
+    device: Literal["imu", "navigator"] = "imu"
+    latitude_deg: Annotated[float, Unit("deg"), Field(ge=-90, le=90)] = 39.9
+    align_at_most_s: Annotated[float, Unit("s"), Field(ge=10, le=7200)] = 1800.0
     small_turn_deg: Annotated[float, Unit("deg"), Field(ge=5, le=45)] = 20.0
     small_rate_deg_per_s: Annotated[float, Unit("deg/s"), Field(ge=1, le=20)] = 5.0
     whole_turns: bool = True
@@ -58,6 +64,7 @@ class MotionParameters(StrictModel):
     rest_s: Annotated[float, Unit("s"), Field(ge=2, le=600)] = 5.0
     sample_rate_Hz: Annotated[float, Unit("Hz"), Field(ge=5, le=100)] = 10.0
     placing_deg: Annotated[float, Unit("deg"), Field(ge=0, le=1)] = 0.005
+    navigator_level_deg: Annotated[float, Unit("deg"), Field(ge=0, le=1)] = 0.008
     gyro_scale: Annotated[float, Unit("1"), Field(ge=0, le=0.1)] = 0.001
 
     @property

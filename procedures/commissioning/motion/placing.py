@@ -7,32 +7,48 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from procedures.commissioning.at_rest import ask_at_rest
+from station.errors import ConditionNotReached
 from station.method.commands import Power
 from station.method.motion import AxisTo
 from station.procedure import Prompt
-from station.roles import Turntable
+from station.roles import Navigator, Turntable
 from station.runner.verbs import come_to_rest
 
-from .parameters import HOME
-from .work import POWER, TURNTABLE, moves
+from .parameters import HOME, MotionParameters
+from .work import IMU, NAVIGATOR, POWER, TURNTABLE, moves
 
 if TYPE_CHECKING:
     from station.runner.run import Run
 
-LOOK_S = 0.5
+LOOK_S, ALIGN_LOOK_S = 0.5, 5.0
 THERE_DEG = 0.003
 """An axis in position reads its angle nearer than this."""
-MOUNT = Prompt(
-    "mount-table",
-    "Mount the nine-axis sensor on the turntable, its X along the inner and its Z along the outer "
-    "axis: with all axes at zero X points north, Y west and Z up. Connect its cable with enough "
-    "slack for a whole turn of each axis.",
-)
-TURN_SENSOR = Prompt(
-    "mount-table-turned",
-    "The table stands at its zeros. Turn the sensor on its plate by half a turn about Z, against "
-    "the same stops: X points south, Y east and Z up.",
-)
+MOUNT = {
+    IMU: Prompt(
+        "mount-table",
+        "Mount the nine-axis sensor on the turntable, its X along the inner and its Z along the "
+        "outer axis: with all axes at zero X points north, Y west and Z up. Connect its cable "
+        "with enough slack for a whole turn of each axis.",
+    ),
+    NAVIGATOR: Prompt(
+        "mount",
+        "Mount the navigator on the turntable: with all axes at zero x points north along the "
+        "inner axis, y east and z down. Connect its cables with enough slack for a whole turn of "
+        "each axis.",
+    ),
+}
+TURN = {
+    IMU: Prompt(
+        "mount-table-turned",
+        "The table stands at its zeros. Turn the sensor on its plate by half a turn about Z, "
+        "against the same stops: X points south, Y east and Z up.",
+    ),
+    NAVIGATOR: Prompt(
+        "mount-turned",
+        "The table stands at its zeros. Turn the navigator on its plate by half a turn about z, "
+        "against the same stops: x points south, y west and z down.",
+    ),
+}
 
 
 @dataclass
@@ -47,7 +63,7 @@ def make_ready(run: Run) -> None:
     state = run.state(TableState)
     if state.is_ready:
         return
-    ask_at_rest(run, MOUNT)
+    ask_at_rest(run, MOUNT[run.parameters.motion.device])
     run.apply(Power(POWER, True))
     table = run.role(TURNTABLE, Turntable)
     table.programme_limits()
@@ -60,7 +76,32 @@ def make_ready(run: Run) -> None:
                 run, TURNTABLE, "the table looks for its zeros", axis=number, every_s=LOOK_S
             )
     go_to(run, to_zero)
+    align(run)
     state.is_ready = True
+
+
+def turn_device(run: Run) -> None:
+    """Have the device turned by half a turn on its plate, and the axes at zero after that."""
+    ask_at_rest(run, TURN[run.parameters.motion.device])
+    go_to(run, moves(HOME, "all axes to zero"))
+    align(run)
+
+
+def align(run: Run) -> None:
+    """Let a navigator find its attitude; ConditionNotReached where it does not."""
+    parameters: MotionParameters = run.parameters.motion
+    if parameters.device != NAVIGATOR:
+        return
+    navigator = run.role(NAVIGATOR, Navigator)
+    navigator.align(parameters.latitude_deg)
+    until_s = run.clock.now() + parameters.align_at_most_s
+    while not navigator.status().aligned:
+        run.wait(ALIGN_LOOK_S, "the navigator aligns")
+        if run.clock.now() > until_s:
+            raise ConditionNotReached(
+                f"{NAVIGATOR} was not aligned within {parameters.align_at_most_s / 60.0:g} min; "
+                "look at what it reports, and that nothing shakes the table"
+            )
 
 
 def go_to(run: Run, commands: Sequence[AxisTo]) -> None:

@@ -5,13 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from procedures.commissioning.at_rest import ask_at_rest
 from station.method.commands import Power
 from station.procedure import Prompt, Step
 
 from .measuring import record_level, record_turn
 from .parameters import HALF_TURNS, HOME, TURNED_UNIT, MotionParameters, TableTurn, level_unit
-from .placing import MOUNT, TURN_SENSOR, TableState, go_to, make_ready
+from .placing import MOUNT, TURN, TableState, go_to, make_ready, turn_device
 from .work import POWER, moves
 
 if TYPE_CHECKING:
@@ -20,7 +19,7 @@ if TYPE_CHECKING:
 
 def prompts(parameters: MotionParameters) -> tuple[Prompt, ...]:
     """Return what the operator is asked to do."""
-    return (MOUNT, TURN_SENSOR)
+    return (MOUNT[parameters.device], TURN[parameters.device])
 
 
 def senses(run: Run) -> None:
@@ -47,8 +46,7 @@ def levels(run: Run) -> None:
         run.may_pause()
         make_ready(run)
         go_to(run, moves(HOME, "all axes to zero"))
-        ask_at_rest(run, TURN_SENSOR)
-        go_to(run, moves(HOME, "all axes to zero"))
+        turn_device(run)
         record_level(run, TURNED_UNIT)
     if run.state(TableState).is_ready:
         run.apply(Power(POWER, False))

@@ -3,6 +3,7 @@
 The sensor stands as in a nine-axis calibration: with all axes at zero X points north along the
 inner axis, Y west and Z up along the outer one. A positive turn of the outer axis is clockwise
 seen from above; one of the inner axis lets what was west go up, one of the middle what was north.
+A navigator stands with x north, y east and z down; its axes are reckoned as X, -Y and -Z.
 """
 
 from __future__ import annotations
@@ -34,7 +35,7 @@ if TYPE_CHECKING:
     from station.instruments.bench import Bench
 
 TURNTABLE = "turntable"
-IMU = "imu"
+IMU, NAVIGATOR = "imu", "navigator"
 POWER = "dut_power"
 ANGLE = (TURNTABLE, "angle", TURN_DEG, "deg")
 """What the table's calibration record states."""
@@ -42,11 +43,14 @@ MOTION = ("parameters", "motion")
 OVERSHOOT_DEG = 20.0
 """An axis is stopped at the first reading beyond its angle, and brakes from there."""
 MOVE_S, SETTLING_S, HOMING_S = 8.0, 3.0, 20.0
+NAVIGATOR_HZ = 10.0
+ALIGNS_S = 300.0
+"""What an alignment usually takes."""
 
 
 def instruments(parameters: MotionParameters) -> tuple[str, ...]:
     """Return the bench instances that are commissioned."""
-    return (TURNTABLE, IMU, POWER)
+    return (TURNTABLE, parameters.device, POWER)
 
 
 def moves(angles_deg: Angles, text: str) -> tuple[AxisTo, ...]:
@@ -76,7 +80,9 @@ def turn_s(parameters: MotionParameters, turn: TableTurn) -> float:
 
 def work(parameters: MotionParameters) -> Iterator[Work]:
     """Yield the turns, then the levels, the last of them with the sensor turned on its plate."""
-    yield Work("M1", None, (Power(POWER, True), *moves(HOME, "all axes to zero")), (), HOMING_S)
+    aligns_s = ALIGNS_S if parameters.device == NAVIGATOR else 0.0
+    begin = (Power(POWER, True), *moves(HOME, "all axes to zero"))
+    yield Work("M1", None, begin, (), HOMING_S + aligns_s)
     for turn in parameters.turns:
         duration_s = turn_s(parameters, turn)
         reach_deg = turn.angle_deg + OVERSHOOT_DEG
@@ -95,17 +101,17 @@ def work(parameters: MotionParameters) -> Iterator[Work]:
             spin(turn, -1),
         )
         rows = (
-            Rows(IMU, duration_s, duration_s * parameters.sample_rate_Hz),
+            Rows(parameters.device, duration_s, duration_s * parameters.sample_rate_Hz),
             Rows(TURNTABLE, duration_s, 2.0 * duration_s),
         )
         step = "M1" if turn in parameters.small_turns else "M2"
         yield Work(step, turn.unit, commands, rows, duration_s + MOVE_S)
     rest_s = parameters.rest_s
-    at_rest = (Rows(IMU, rest_s, rest_s * parameters.sample_rate_Hz),)
+    at_rest = (Rows(parameters.device, rest_s, rest_s * parameters.sample_rate_Hz),)
     for angles_deg in HALF_TURNS:
         unit = level_unit(angles_deg)
         yield Work("M3", unit, moves(angles_deg, unit), at_rest, rest_s + MOVE_S)
-    yield Work("M3", None, moves(HOME, "all axes to zero"), (), MOVE_S)
+    yield Work("M3", None, moves(HOME, "all axes to zero"), (), MOVE_S + aligns_s)
     yield Work("M3", TURNED_UNIT, (), at_rest, rest_s)
     yield Work("M3", None, (Power(POWER, False),))
 
@@ -117,12 +123,14 @@ def records(parameters: MotionParameters, bench: Bench) -> tuple[RecordUse, ...]
 
 def check(parameters: MotionParameters, bench: Bench) -> Iterator[Problem]:
     """Yield axes that the bench file does not name, and a rate that the sensor does not have."""
-    table, sensor = bench.instruments.get(TURNTABLE), bench.instruments.get(IMU)
+    table, sensor = (bench.instruments.get(one) for one in (TURNTABLE, parameters.device))
     if table is not None:
         for what in unnamed_axes(TURNTABLE, table.settings):
             yield Problem(("parameters", "checks"), f"{what}, or leave out motion")
     if sensor is None or registry.why_not(registry.DRIVERS, sensor.driver):
         return
+    if parameters.device == NAVIGATOR and parameters.sample_rate_Hz > NAVIGATOR_HZ:
+        yield Problem((*MOTION, "sample_rate"), f"a navigator outputs {NAVIGATOR_HZ:g} Hz at most")
     driver = registry.load(registry.DRIVERS, sensor.driver)
     if said := getattr(driver, "rates_said", lambda rate_Hz: "")(parameters.sample_rate_Hz):
         yield Problem((*MOTION, "sample_rate"), said)

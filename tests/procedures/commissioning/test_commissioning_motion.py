@@ -8,11 +8,13 @@ from typing import Any
 
 import pytest
 from commissioning_parts import plan_of
+from fault_cases import read_bench_at
 from plan_runs import run_of, shipped_bench, shipped_plan
 from plants import Plant, named
 from plants_motion import PLANTS
+from quick_yaml import dump_yaml
 
-from procedures.commissioning.motion import limits
+from procedures.commissioning.motion import MOTION_PART, limits
 
 
 def short_plan() -> dict[str, Any]:
@@ -37,6 +39,25 @@ def test_a_healthy_table_raises_no_alarm(tmp_path: Path, bench: str) -> None:
     for one in results:
         nominal = 1.0 if one["name"].endswith("_ratio") else 0.0
         assert abs(one["value"] - nominal) < 3.5 * one["standard_uncertainty"], one
+
+
+def with_a_navigator_alone(bench: dict[str, Any]) -> dict[str, Any]:
+    """Return a bench without its nine-axis sensor."""
+    del bench["instruments"]["imu"]
+    bench["interlocks"] = [one for one in bench["interlocks"] if one["when"]["instrument"] != "imu"]
+    return bench
+
+
+@pytest.mark.parametrize("plant", [None, *PLANTS[:3]], ids=lambda one: one.name if one else "none")
+def test_a_navigator_stands_in_for_a_sensor(tmp_path: Path, plant: Plant | None) -> None:
+    bench = with_a_navigator_alone(shipped_bench("sim"))
+    causes = set() if plant is None else {plant.plant(bench, random.Random(4))}
+    path = tmp_path / "bench.yaml"
+    path.write_text(dump_yaml(bench), encoding="utf-8")
+    assert list(MOTION_PART.fits(read_bench_at(path))) == ["parameters.motion.device=navigator"]
+    plan = short_plan()
+    plan["parameters"]["motion"]["device"] = "navigator"
+    assert named(run_of(tmp_path / "run", plan, bench)) == causes
 
 
 @pytest.mark.parametrize("seed", [1, 2])
