@@ -18,6 +18,7 @@ from station.cli.validating import read_bench_named, read_served
 from station.clock import RealClock
 from station.control.signals import wishes
 from station.errors import EXIT_DONE, EXIT_FAULT, InputError
+from station.instruments.exchanged import explained
 from station.instruments.instrument_locks import InstrumentLocks
 from station.instruments.opening import probe
 from station.instruments.scan import draft, scan
@@ -33,12 +34,12 @@ def identify_bench(bench_name: str, mounted: str, *, as_json: bool) -> int:
     bench = read_bench_named(bench_name)
     locks = InstrumentLocks("`station identify`")
     with BenchSession(bench, mounted) as session, session.clock.participant("run"):
-        rows = [
-            probe(
-                instance, bench, session.addresses, session.clock, None if session.here else locks
-            )
+        taken = None if session.here else locks
+        probes = [
+            probe(instance, bench, session.addresses, session.clock, taken)
             for instance in bench.instruments
         ]
+    rows = explained(bench, probes)
     if as_json:
         print(json.dumps([row.to_data() for row in rows], indent=1, ensure_ascii=False))
     else:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 from station import registry
 from station.clock import Clock, RealClock
 from station.errors import InputError, InstrumentError, InstrumentInUse, InstrumentsMissing
+from station.instruments.exchanged import explained
 from station.instruments.instrument_locks import Identity, InstrumentLocks
 from station.roles.base import Driver
 from station.safety.readings import Publisher, Readings, Value
@@ -255,6 +256,7 @@ def open_instruments(
             name, bench, addresses, clock, asker, trace, readings, locks, opened
         ),
     )
+    probes = explained(bench, probes)
     found = {one.name: one.found for one in probes if one.found is not None}
     wrong = [one for one in probes if not one.ok]
     if wrong:
