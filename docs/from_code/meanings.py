@@ -26,6 +26,13 @@ PLAN = {
 PARAMETERS = {
     "commissioning": {
         "checks": "the parts that are walked",
+        "supplies": "the part of the coils' supplies, each by itself",
+        "supplies.limit": "limit that each supply is given, to be asked for more",
+        "supplies.beyond": "how much more than the limit is asked for",
+        "supplies.cut_at": "current at which each output is cut off",
+        "supplies.record": "length of each record of the field",
+        "supplies.settle": "time between a change of the field and its record",
+        "supplies.turn_probe": "whether a person turns a probe of one axis along each coil",
         "coils": "the part of coils, their supplies and the field probe",
         "watch": "whether the figures are held against those of the bench's commissioning",
         "coils.field": "steady field of each coil, of either sense",

@@ -45,9 +45,10 @@ class KepcoBop(KepcoSupply):
         self._line.query(f"*CLS;{ERROR_QUERY}")
         self._line.command("FUNC:MODE CURR")
         self._line.command("CURR:MODE FIX;:CURR 0")
+        # First, since a lower limit that somebody left is what the card then ends at.
+        answer = self._line.query(f"CURR:LIM {self._current_limit_A:.4f};{ERROR_QUERY}")
         self._check_rating()
         self._line.command(f"VOLT {self._voltage_limit_V:.4f}")
-        answer = self._line.query(f"CURR:LIM {self._current_limit_A:.4f};{ERROR_QUERY}")
         if not answer.startswith(("0,", "-113")):
             raise self._line.refused("CURR:LIM", answer)
         self.met("CURR:LIM is known" if answer.startswith("0,") else "limited by its rating alone")

@@ -56,6 +56,8 @@ class KepcoBop1kW(KepcoSupply):
         self._line.command("OUTP:MODE ACTIVE")
         self._line.command("FUNC:MODE CURR")
         self._line.command("CURR:MODE FIX;:CURR 0")
+        # First, since a lower limit that somebody left is what the supply then ends at.
+        self._line.query(f"CURR:LIM {self._current_limit_A:.4f};{ERROR_QUERY}")
         self._check_rating()
         self._limit("VOLT:PROT", self._voltage_limit_V)
         self._limit("CURR:LIM", self._current_limit_A)

@@ -12,7 +12,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 from itertools import pairwise
 
-from drivers.transport.visa_line import ScpiDriver
+from drivers.transport.visa_line import ERROR_QUERY, ScpiDriver
 from station.errors import InstrumentError
 from station.roles import CoilSettings, Place
 
@@ -26,6 +26,9 @@ PATIENCE_TAUS = 20.0
 RELATIVE_TOLERANCE = 0.002
 MOST_READS = 4
 VOLTAGE_MODE = 1 << 8
+SETTLES_S = 0.5
+MOST_CUT_A = 1.0
+"""The energy of a coil of 18 mH is then 9 mJ, which any output stage takes."""
 
 
 class SteadyCurrent(ScpiDriver, ABC):
@@ -66,6 +69,37 @@ class SteadyCurrent(ScpiDriver, ABC):
                 "it reads back as off",
                 "look at the supply's display for a tripped protection and clear it",
             )
+
+    def current_beyond_limit_A(self, limit_A: float, asked_A: float) -> float:
+        """Return the current in A that flows where more is asked for than a limit of its own.
+
+        A supply that refuses the set-point stays at zero; one that takes it holds the limit. The
+        output is off before and after. Raises InstrumentError where it knows no limit of its own.
+        """
+        self.switch_on()
+        try:
+            self._line.command(f"CURR:LIM {limit_A:.4f}")
+            self._line.query(f"CURR {asked_A:.4f};{ERROR_QUERY}")
+            self.place.clock.sleep(SETTLES_S + PATIENCE_TAUS / 4.0 * self._tau_s)
+            return self.current_A()
+        finally:
+            self.stop()
+            self._line.command(f"CURR:LIM {self._current_limit_A:.4f}")
+
+    def cut_off(self) -> None:
+        """Switch the output off at once; refused beyond 1 A, where a coil needs a ramp."""
+        if abs(self.current_A()) > MOST_CUT_A:
+            raise self.error(
+                "switch the output off at once",
+                f"more than {MOST_CUT_A:g} A flow",
+                "cut off a smaller current",
+            )
+        self._line.command("OUTP OFF")
+        self.place.publish("output", "off")
+
+    @abstractmethod
+    def stop(self) -> None:
+        """Bring the current to zero within the slew limit, output off."""
 
     def ramp_to(self, current_A: float) -> None:
         """Go to `current_A` in steps of the slew limit, and wait until the supply reads it back.

@@ -26,11 +26,12 @@ from .parameters import CommissioningParameters
 from .parts import Part
 from .probe import PROBE_PART
 from .stage import STAGE_PART
+from .supplies import SUPPLY_PART
 
 if TYPE_CHECKING:
     from station.instruments.bench import Bench
 
-PARTS: tuple[Part, ...] = (COIL_PART, PROBE_PART, MOTION_PART, STAGE_PART, GYRO_PART)
+PARTS: tuple[Part, ...] = (SUPPLY_PART, COIL_PART, PROBE_PART, MOTION_PART, STAGE_PART, GYRO_PART)
 """In the order in which they are walked."""
 
 

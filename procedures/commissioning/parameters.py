@@ -13,8 +13,9 @@ from .gyro.parameters import GyroParameters
 from .motion.parameters import MotionParameters
 from .probe.parameters import ProbeParameters
 from .stage.parameters import StageParameters
+from .supplies.parameters import SupplyParameters
 
-PartName = Literal["coils", "probe", "motion", "stage", "gyro"]
+PartName = Literal["supplies", "coils", "probe", "motion", "stage", "gyro"]
 
 
 class CommissioningParameters(StrictModel):
@@ -25,6 +26,7 @@ class CommissioningParameters(StrictModel):
 
     checks: Annotated[tuple[PartName, ...], Field(min_length=1)] = get_args(PartName)
     watch: bool = False
+    supplies: SupplyParameters = SupplyParameters()
     coils: CoilParameters = CoilParameters()
     probe: ProbeParameters = ProbeParameters()
     motion: MotionParameters = MotionParameters()

@@ -47,7 +47,8 @@ class KepcoBop(ScpiDevice):
     be given: `identity`, the form of the answer to `*IDN?`; `current_loop: true`, the coil follows
     as the supply's loop drives it and not with its own time constant; `command_time`, what each
     message takes (about 25 ms with a BIT 802E); `telnet: true`, each message is echoed;
-    `current_limit: false`, a card without `CURR:LIM`.
+    `current_limit: false`, a card without `CURR:LIM`; `own_limit_broken: true`, limits that are
+    shown and hold nothing; `output_stays_on: true`, a contact that does not open, unseen.
     """
 
     model = "Kepco BOP 36-12"
@@ -262,6 +263,8 @@ class KepcoBop(ScpiDevice):
     def _measure_current(self) -> str:
         now = self._clock.now()
         true_A = self._output.coil.recent_mean(now - FILTER_S, now)
+        if self._output.contact_sticks and not self._output.on:
+            true_A = 0.0  # its shunt is on the other side of the contact
         noise_A = self._read_noise_A * float(self._rng.standard_normal())
         return self._show("CURR", true_A * self._read_gain + self._read_offset_A + noise_A)
 

@@ -60,6 +60,8 @@ class Output:
         self.tripped = 0
         self._sagging_V = np.inf
         self._overdrive = 1.0
+        self._limits_act = not truth.switch("own_limit_broken")
+        self.contact_sticks = truth.switch("output_stays_on")
         self._list: tuple[float, list[Pass]] | None = None
         loop = CurrentLoop(coil, lambda: self._compliance_A() if self.mode == "CURR" else None)
         self._stage = loop if truth.switch("current_loop") else coil
@@ -75,14 +77,18 @@ class Output:
     def allowed(self, kind: str) -> tuple[float, float]:
         """Return the least and the greatest set point; the complementary one is a magnitude."""
         full = self.rated[kind] / (1 if self.auto[kind] else self.ranges[kind])
-        low = -min(full, self.limits[kind, "NEG"]) if self.mode == kind else 0.0
-        return low, min(full, self.limits[kind, "POS"])
+        below, above = (min(full, self._limit(kind, side)) for side in ("NEG", "POS"))
+        return -below if self.mode == kind else 0.0, above
 
     def check_level(self, kind: str, value: float) -> None:
         """Refuse what is out of range with -222."""
         full = self.rated[kind] / (1 if self.auto[kind] else self.ranges[kind])
-        if not -min(full, self.limits[kind, "NEG"]) <= value <= min(full, self.limits[kind, "POS"]):
+        if not -min(full, self._limit(kind, "NEG")) <= value <= min(full, self._limit(kind, "POS")):
             raise ScpiError(-222)
+
+    def _limit(self, kind: str, side: str) -> float:
+        """Return the limit that acts: one that is broken is shown, and holds nothing."""
+        return self.limits[kind, side] if self._limits_act else np.inf
 
     def rounded(self, kind: str, value: float) -> float:
         """Return a set point as the converter and its calibration constants make it."""
@@ -147,7 +153,7 @@ class Output:
         """Drive the fixed set point from now on."""
         self._list = None
         level = float(self._driven(np.array([self.levels[self.mode]]))[0])
-        self._stage.hold(time_s, level if self.on else 0.0)
+        self._stage.hold(time_s, level if self.on or self.contact_sticks else 0.0)
 
     def stay(self, time_s: float) -> None:
         """Hold the point where a list is, which becomes the set point."""

@@ -17,7 +17,13 @@ from station.roles.base import (
     published,
     quantity,
 )
-from station.roles.coil_supply import COIL_SUPPLY, CoilSettings, CoilSupply, DirectCurrentSupply
+from station.roles.coil_supply import (
+    COIL_SUPPLY,
+    CoilSettings,
+    CoilSupply,
+    DirectCurrentSupply,
+    ProvesItself,
+)
 from station.roles.digitizer import DIGITIZER, Digitizer
 from station.roles.dut_power import DUT_POWER, DutPower
 from station.roles.gaussmeter import GAUSSMETER, Gaussmeter
@@ -76,6 +82,7 @@ __all__ = [
     "Navigator",
     "NavigatorStatus",
     "Place",
+    "ProvesItself",
     "PumpLaser",
     "Quantity",
     "Role",

@@ -90,6 +90,22 @@ class DirectCurrentSupply(Instrument, MadeSafe, Protocol):
         ...
 
 
+@runtime_checkable
+class ProvesItself(DirectCurrentSupply, Protocol):
+    """A supply that shows, at small currents, that its own limit acts and that off is off."""
+
+    def current_beyond_limit_A(self, limit_A: float, asked_A: float) -> float:
+        """Return the current in A that flows where more is asked for than a limit of its own.
+
+        The output is off before and after, and the limit is again that of the bench.
+        """
+        ...
+
+    def cut_off(self) -> None:
+        """Switch the output off at once, without a ramp, at a current of at most 1 A."""
+        ...
+
+
 COIL_SUPPLY = Role(
     "coil_supply",
     CoilSupply,

@@ -10,6 +10,7 @@ from plants_gyro import PLANTS as GYRO
 from plants_motion import PLANTS as MOTION
 from plants_probe import PLANTS as PROBE
 from plants_stage import PLANTS as STAGE
+from plants_supplies import PLANTS as SUPPLIES
 
-ALL_PLANTS: tuple[Plant, ...] = (*PROBE, *MOTION, *STAGE, *GYRO)
+ALL_PLANTS: tuple[Plant, ...] = (*SUPPLIES, *PROBE, *MOTION, *STAGE, *GYRO)
 """What tests and benchmark plant."""
