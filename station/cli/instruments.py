@@ -18,9 +18,8 @@ from station.cli.validating import read_bench_named, read_served
 from station.clock import RealClock
 from station.control.signals import wishes
 from station.errors import EXIT_DONE, EXIT_FAULT, InputError
-from station.instruments.exchanged import explained
 from station.instruments.instrument_locks import InstrumentLocks
-from station.instruments.opening import probe
+from station.instruments.opening import explained, probe
 from station.instruments.scan import draft, scan
 from station.procedure import procedure_of
 from station.runner.session import BenchSession, serve_bench

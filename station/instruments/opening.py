@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Protocol
 
 from station import registry
 from station.clock import Clock, RealClock
 from station.errors import InputError, InstrumentError, InstrumentInUse, InstrumentsMissing
-from station.instruments.exchanged import explained
 from station.instruments.instrument_locks import Identity, InstrumentLocks
 from station.roles.base import Driver
 from station.safety.readings import Publisher, Readings, Value
@@ -264,6 +263,29 @@ def open_instruments(
             one.instrument.close()
         raise InstrumentsMissing(problems_of(wrong), len(wrong))
     return found
+
+
+def explained(bench: Bench, probes: Sequence[Probe]) -> list[Probe]:
+    """Return the probes; what answers with another entry's serial number names that entry."""
+    serials = {name: entry.serial for name, entry in bench.instruments.items() if entry.serial}
+    owners = {serial: name for name, serial in serials.items()}
+    answered = {one.name: one.found.identity.serial for one in probes if one.found is not None}
+    return [replace(one, said=one.said + hint(one, owners, serials, answered)) for one in probes]
+
+
+def hint(
+    probe: Probe, owners: dict[str, str], serials: dict[str, str], answered: dict[str, str]
+) -> str:
+    """Return what the serial number that answered says of the cables; empty where nothing."""
+    serial = answered.get(probe.name)
+    owner = owners.get(serial or "")
+    if probe.ok or owner is None or owner == probe.name:
+        return ""
+    if answered.get(owner) == serial:
+        return f"; {owner} answers with it, too: the addresses of both lead to one instrument"
+    if answered.get(owner) == serials.get(probe.name):
+        return f"; it is that of {owner}, which answers with this one's: the two are exchanged"
+    return f"; it is that of {owner}"
 
 
 def put_settings_back(instruments: Iterable[object]) -> None:
