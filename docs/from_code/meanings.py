@@ -65,6 +65,7 @@ PARAMETERS = {
         "motion.placing": "standard uncertainty of the angle at which the sensor stands against "
         "its stops",
         "motion.navigator_level": "standard uncertainty of what a navigator takes for the vertical",
+        "motion.gyro_misalignment": "standard uncertainty of a gyro's axis towards another one",
         "motion.gyro_scale": "relative standard uncertainty of its gyros' scale factors",
         "stage": "the part of the rotary stage, by the accelerometer on it",
         "stage.scale_factor": "nominal scale factor of the accelerometer",

@@ -29,7 +29,7 @@ LEANS = {
     "middle": ("towards_z",),
     "inner": ("towards_z",),
 }
-"""What gravity feels of each; middle and inner axis may lean in azimuth, too."""
+"""What gravity feels of each."""
 
 
 def leaning(bench: Bench, rng: random.Random) -> Planted:
@@ -38,6 +38,13 @@ def leaning(bench: Bench, rng: random.Random) -> Planted:
     off_deg = rng.choice((-1.0, 1.0)) * rng.uniform(0.1, 0.5)
     bench["simulation"]["fog"]["table"][axis]["lean"][towards] = f"{off_deg:.4f} deg"
     return "table-axis-leans", axis
+
+
+def off_square(bench: Bench, rng: random.Random) -> Planted:
+    axis, towards = rng.choice((("middle", "towards_x"), ("inner", "towards_y")))
+    off_deg = rng.choice((-1.0, 1.0)) * rng.uniform(0.15, 0.5)
+    bench["simulation"]["fog"]["table"][axis]["lean"][towards] = f"{off_deg:.4f} deg"
+    return "table-axes-not-square", None
 
 
 def swapped_gyros(bench: Bench, rng: random.Random) -> Planted:
@@ -57,6 +64,7 @@ PLANTS = (
     Plant("reversed table sense", "motion", reversed_sense),
     Plant("encoder zero off", "motion", zero_off),
     Plant("axis leaning", "motion", leaning),
+    Plant("axes off square", "motion", off_square),
     Plant("swapped gyro channels", "motion", swapped_gyros),
     Plant("reversed gyro channel", "motion", reversed_gyro),
 )

@@ -24,7 +24,7 @@ from .parameters import AXES, HALF_TURNS
 Array = NDArray[np.float64]
 DEG_PER_G = math.degrees(1.0)
 PLACING, SCALE, ENCODER = "placing_deg", "gyro_scale", "encoder_deg"
-VERTICAL = "navigator_level_deg"
+VERTICAL, MISALIGNMENT = "navigator_level_deg", "gyro_misalignment_deg"
 BY_PLACING = {PLACING: math.sqrt(0.5), VERTICAL: math.sqrt(0.5)}
 """Half of each counts: for the two levels of a reversal the sensor is placed, and aligned, anew."""
 BY_VERTICAL = {VERTICAL: 1.0}
@@ -74,7 +74,8 @@ class MotionDataset:
     `levels` stand in the order of `HALF_TURNS`; `placing_u_deg` is how well the sensor stands
     against its stops, `scale_u` the relative standard uncertainty of its gyros' scale factors,
     `encoder_u_deg` that of an angle by the table's calibration record, `vertical_u_deg` that of
-    what a navigator takes for the vertical; 0 for a sensor, whose accelerometers feel it.
+    what a navigator takes for the vertical, 0 for a sensor, whose accelerometers feel it;
+    `misalignment_u_deg` that of a gyro's input axis towards another one.
     """
 
     small: Mapping[str, Turn]
@@ -86,6 +87,7 @@ class MotionDataset:
     scale_u: float
     encoder_u_deg: float = 0.0
     vertical_u_deg: float = 0.0
+    misalignment_u_deg: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -112,6 +114,7 @@ def analyse(data: MotionDataset) -> Analysis:
         *(_turn_ratio(axis, data) for axis in AXES),
         *(_rate_ratio(axis, data) for axis in AXES),
         *_levels(leans_of(data)),
+        _off_square(data.small["middle"], data.small["inner"]),
     ]
     figures = {
         (one.name, one.axis or ""): Figure(one.value or 0.0, _combined(one, data))
@@ -170,6 +173,20 @@ def _lean(axis: str, value_deg: float, noise_deg: float, by: Mapping[str, float]
     return Estimate("axis_lean", axis, value_deg, "deg", noise_deg, None, method, by)
 
 
+def _off_square(middle: Turn, inner: Turn) -> Estimate:
+    """Return by how much middle and inner axis are not square, as the gyros feel their turns.
+
+    Gravity does not feel it: a lean within the plate's plane is a heading.
+    """
+    along = [one.felt / max(float(np.linalg.norm(one.felt)), 1e-9) for one in (middle, inner)]
+    value_deg = math.degrees(math.asin(float(along[0] @ along[1])))
+    turned_deg = min(float(np.abs(one.encoder_deg).sum()) for one in (middle, inner))
+    noise_deg = math.degrees(2.0 * max(middle.gyro_u_deg, inner.gyro_u_deg) / turned_deg)
+    method = "directions of small turns along the sensor's gyros"
+    by = {MISALIGNMENT: math.sqrt(2.0)}
+    return Estimate("axes_off_square", None, value_deg, "deg", noise_deg, None, method, by)
+
+
 def _less(first: float, second: float) -> float:
     return min(first, second, key=abs)
 
@@ -196,7 +213,7 @@ def _rate_ratio(axis: str, data: MotionDataset) -> Estimate:
 
 def _combined(one: Estimate, data: MotionDataset) -> float:
     known = {PLACING: data.placing_u_deg, SCALE: data.scale_u, ENCODER: data.encoder_u_deg}
-    known[VERTICAL] = data.vertical_u_deg
+    known |= {VERTICAL: data.vertical_u_deg, MISALIGNMENT: data.misalignment_u_deg}
     parts = [one.sensitivities[name] * known[name] for name in one.sensitivities]
     return math.hypot(one.standard_uncertainty or 0.0, *parts)
 

@@ -20,6 +20,7 @@ from .limits import (
     COVERAGE,
     ENCODER_ZERO_DEG,
     FOLLOWS,
+    OFF_SQUARE_DEG,
     RATE_RATIO,
     TURN_RATIO,
 )
@@ -182,3 +183,10 @@ def _leans(figures: Figures) -> Iterator[Flag]:
                 f"The {axis} axis of the table leans by {one.value:.2g} deg out of {out_of[axis]}."
             )
             yield Flag("table-axis-leans", message, axis)
+    square = figures.get(("axes_off_square", ""))
+    if square is not None and square.is_off(0.0, OFF_SQUARE_DEG):
+        message = (
+            f"Middle and inner axis of the table are {square.value:+.2g} deg off square: one of "
+            "them leans within the plate's plane, or the gyros of the sensor are askew."
+        )
+        yield Flag("table-axes-not-square", message)

@@ -10,7 +10,18 @@ import numpy as np
 from procedures.commissioning.not_measured import not_measured
 from station.findings import Findings, InputQuantity, findings_of
 
-from .analysis import ENCODER, PLACING, SCALE, VERTICAL, Array, Level, MotionDataset, Turn, analyse
+from .analysis import (
+    ENCODER,
+    MISALIGNMENT,
+    PLACING,
+    SCALE,
+    VERTICAL,
+    Array,
+    Level,
+    MotionDataset,
+    Turn,
+    analyse,
+)
 from .measuring import AT_RATE
 from .parameters import (
     AXES,
@@ -50,6 +61,9 @@ def findings(folder: RunFolder, parameters: MotionParameters, bench: Bench) -> F
         *encoder,
         InputQuantity(PLACING, "placing of the sensor", data.placing_u_deg, "deg", plan),
         InputQuantity(VERTICAL, "level of the navigator", data.vertical_u_deg, "deg", plan),
+        InputQuantity(
+            MISALIGNMENT, "misalignment of the gyros", data.misalignment_u_deg, "deg", plan
+        ),
         InputQuantity(SCALE, "scale factors of the sensor's gyros", data.scale_u, "1", plan),
     ]
     return findings_of(analyse(data), data, inputs)
@@ -76,6 +90,7 @@ def dataset_of_run(
         parameters.gyro_scale,
         encoder_u_deg,
         parameters.navigator_level_deg if parameters.device == NAVIGATOR else 0.0,
+        parameters.gyro_misalignment_deg,
     )
 
 

@@ -9,6 +9,8 @@ ENCODER_ZERO_DEG = 0.025
 (k = 2)."""
 AXIS_LEAN_DEG = 0.05
 """Half of 0.1 deg, by which a turn tilts a device that should stay level."""
+OFF_SQUARE_DEG = 0.08
+"""A gyro's own misalignment is within 0.015 deg (k = 1); 0.15 deg are decided by it."""
 FOLLOWS = 0.5
 """Of the turn by the encoder: a gyro or an accelerometer that feels less does not turn with it."""
 COVERAGE = 2.0

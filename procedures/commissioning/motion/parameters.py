@@ -18,6 +18,7 @@ RESULTS = {
     "rate_ratio": ResultKind(AXES, "1"),
     "encoder_zero": ResultKind(ZEROED, "deg"),
     "axis_lean": ResultKind(AXES, "deg"),
+    "axes_off_square": ResultKind((), "deg"),
 }
 """What is reported of each axis, with its unit."""
 Angles = tuple[float, float, float]
@@ -65,6 +66,7 @@ class MotionParameters(StrictModel):
     sample_rate_Hz: Annotated[float, Unit("Hz"), Field(ge=5, le=100)] = 10.0
     placing_deg: Annotated[float, Unit("deg"), Field(ge=0, le=1)] = 0.005
     navigator_level_deg: Annotated[float, Unit("deg"), Field(ge=0, le=1)] = 0.008
+    gyro_misalignment_deg: Annotated[float, Unit("deg"), Field(ge=0, le=1)] = 0.015
     gyro_scale: Annotated[float, Unit("1"), Field(ge=0, le=0.1)] = 0.001
 
     @property

@@ -76,4 +76,5 @@ def test_the_shipped_plan_states_the_limits_of_the_naming() -> None:
     for name, limit in (("turn_ratio", limits.TURN_RATIO), ("rate_ratio", limits.RATE_RATIO)):
         assert stated[name] == {"min": 1.0 - limit, "max": 1.0 + limit}
     assert stated["encoder_zero"] == {"max_abs": f"{limits.ENCODER_ZERO_DEG:g} deg"}
+    assert stated["axes_off_square"] == {"max_abs": f"{limits.OFF_SQUARE_DEG:g} deg"}
     assert stated["axis_lean"] == {"max": f"{limits.AXIS_LEAN_DEG:g} deg"}
