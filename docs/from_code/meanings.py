@@ -51,6 +51,11 @@ PARAMETERS = {
         "probe.settle": "time between a change of the field and its record",
         "probe.device": "edge of the cube, at the centre, in which the homogeneity is reported",
         "probe.placing": "standard uncertainty of each move of the probe by hand",
+        "chamber": "the part of the chamber and of the device's thermometers in it",
+        "chamber.from": "temperature at which the air is held before the step",
+        "chamber.step": "step of the set-point from there",
+        "chamber.before": "how long the air is held before the step",
+        "chamber.after": "how long it is held after the step",
         "motion": "the part of the turntable, by the nine-axis sensor on it",
         "motion.device": "what stands on the table; `station commission` takes the navigator where "
         "the bench has no nine-axis sensor",

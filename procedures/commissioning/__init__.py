@@ -18,6 +18,7 @@ from station.procedure import (
 )
 from station.runner.run import Run
 
+from .chamber import CHAMBER_PART
 from .coils import COIL_PART
 from .drift import DRIFT, drift_axes
 from .gyro import GYRO_PART
@@ -31,7 +32,15 @@ from .supplies import SUPPLY_PART
 if TYPE_CHECKING:
     from station.instruments.bench import Bench
 
-PARTS: tuple[Part, ...] = (SUPPLY_PART, COIL_PART, PROBE_PART, MOTION_PART, STAGE_PART, GYRO_PART)
+PARTS: tuple[Part, ...] = (
+    SUPPLY_PART,
+    COIL_PART,
+    PROBE_PART,
+    MOTION_PART,
+    STAGE_PART,
+    GYRO_PART,
+    CHAMBER_PART,
+)
 """In the order in which they are walked."""
 
 

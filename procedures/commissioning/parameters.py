@@ -8,6 +8,7 @@ from pydantic import Field
 
 from station.fields import StrictModel
 
+from .chamber.parameters import ChamberParameters
 from .coils.parameters import CoilParameters
 from .gyro.parameters import GyroParameters
 from .motion.parameters import MotionParameters
@@ -15,7 +16,7 @@ from .probe.parameters import ProbeParameters
 from .stage.parameters import StageParameters
 from .supplies.parameters import SupplyParameters
 
-PartName = Literal["supplies", "coils", "probe", "motion", "stage", "gyro"]
+PartName = Literal["supplies", "coils", "probe", "motion", "stage", "gyro", "chamber"]
 
 
 class CommissioningParameters(StrictModel):
@@ -32,3 +33,4 @@ class CommissioningParameters(StrictModel):
     motion: MotionParameters = MotionParameters()
     stage: StageParameters = StageParameters()
     gyro: GyroParameters = GyroParameters()
+    chamber: ChamberParameters = ChamberParameters()

@@ -36,7 +36,8 @@ class Chamber:
     Truth: `room`; `time_constant` under control; `heating` and `cooling`, its fastest ways;
     `lowest` and `highest`, as far as it can; `idle_time_constant` of the closed chamber that is
     off, `door_time_constant` of the open one; `cycling` with `amplitude` and `period`. Of an open
-    door the air takes the room's temperature, whatever the control does.
+    door the air takes the room's temperature, whatever the control does. `overshoot`, where it is
+    given: of a step of the set-point, the share by which a badly tuned control goes beyond it.
     """
 
     def __init__(self, truth: Truth, changed: Callable[[float], None] = ignore_change) -> None:
@@ -49,6 +50,7 @@ class Chamber:
         self._highest_degC = truth.quantity("highest", "degC")
         self._idle_tau_s = truth.quantity("idle_time_constant", "s")
         self._door_tau_s = truth.quantity("door_time_constant", "s")
+        self._overshoot = truth.quantity("overshoot", "1", 0.0)
         cycling = truth.section("cycling")
         self.cycling_K = cycling.quantity("amplitude", "K")
         self.cycling_rad_per_s = 2.0 * np.pi / cycling.quantity("period", "s")
@@ -125,10 +127,13 @@ class Chamber:
         if self._on and not self._open and self._reaches(wanted, steady):
             if self._cycles_from_s is None:
                 steady, self._cycles_from_s = steady + cycle, now_s
+            step_K = self._ends_degC - (self._ramp[1] if self._ramp[2] else steady)
             if wanted != self._ends_degC:
                 slope = self._ramp[2]
                 end_s = now_s + (self._ends_degC - wanted) / slope
                 now_s, steady = self._follow(now_s, steady, wanted, slope, end_s)
+            if self._overshoot and abs(self._ends_degC - steady) > REACHES_K:
+                now_s, steady = self._wind_up(now_s, steady, self._overshoot * step_K)
             self._follow(now_s, steady, self._ends_degC)
         else:
             # What was a cycle fades with the rest.
@@ -178,6 +183,13 @@ class Chamber:
                 air = wanted - behind + (behind - gap) * float(np.exp(-lasts_s / tau_s))
             now_s += lasts_s
         return now_s, air
+
+    def _wind_up(self, now_s: float, air: float, beyond_K: float) -> tuple[float, float]:
+        """Add full power until the air is beyond its set-point; return that time, and the air."""
+        way = self._ends_degC + beyond_K - air
+        limit = self._fastest(way)
+        self._add(now_s, air, slope=limit, effort=CONTROLS)
+        return now_s + way / limit, air + way
 
     def _fastest(self, way: float) -> float:
         """Return the fastest the chamber can go, up or down."""

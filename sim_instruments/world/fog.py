@@ -27,11 +27,13 @@ class FogGyros:
 
     Truth, for all: `temperature_range` (`low`, `high`), over which the variable u of the curves
     goes from -1 to 1; `shupe_at_1_degC_per_min`; `bias_walk`; `angle_random_walk`;
-    `sensor_noise` and `sensor_offset` of the thermometers. Below `x`, `y`, `z`: `lag` behind the
-    chamber's air and `self_heating` by which the switched-on gyro is warmer in the end;
-    `scale_factor_error` (`u0`, `u1`, …: of the power of u, ripple and hysteresis apart), `ripple`
-    (`amplitude`, `period`), `hysteresis` (`half_width`, and the `rate` of temperature at which
-    three quarters of it show); `bias` at the middle of the range, and `bias_per_degC`.
+    `sensor_noise` and `sensor_offset` of the thermometers, and `sensor_wiring`, where it is given:
+    what the thermometer of an axis shows instead, another axis, the `room` or the `air`. Below
+    `x`, `y`, `z`: `lag` behind the chamber's air and `self_heating` by which the switched-on gyro
+    is warmer in the end; `scale_factor_error` (`u0`, `u1`, …: of the power of u, ripple and
+    hysteresis apart), `ripple` (`amplitude`, `period`), `hysteresis` (`half_width`, and the `rate`
+    of temperature at which three quarters of it show); `bias` at the middle of the range, and
+    `bias_per_degC`.
     """
 
     def __init__(self, truth: Truth, chamber: Chamber, seed: int) -> None:
@@ -63,6 +65,11 @@ class FogGyros:
         self._sensor_K = np.array([offset.quantity(axis, "K") for axis in AXES])
         sigma = np.full(3, truth.quantity("sensor_noise", "K"))
         self._sensor = Readings(sigma, SENSOR_CELL_S, generator(seed, "fog-sensors"))
+        self._chamber = chamber
+        wired = truth.section("sensor_wiring") if "sensor_wiring" in truth else None
+        self._shown = [axis if wired is None else wired.text(axis, axis) for axis in AXES]
+        if unknown := set(self._shown) - {*AXES, "room", "air"}:
+            raise SimulationError(f"{truth.where}.sensor_wiring: there is no {min(unknown)}")
         # In deg/sqrt(h), that is 1/60 deg after one second.
         step = np.full(3, truth.quantity("angle_random_walk", "deg/sqrt(h)") / 60.0 * np.pi / 180)
         self._angle = RandomWalk(step, NOISE_CELL_S, generator(seed, "fog-angle-walk"))
@@ -76,7 +83,11 @@ class FogGyros:
     def sensor_degC(self, time_s: Array) -> Array:
         """Return what the thermometers in the gyros read, shape (times, 3)."""
         noise = self._sensor.at(time_s)
-        return np.asarray(self.temperature_degC(time_s) + self._sensor_K + noise)
+        true = dict(zip(AXES, self.temperature_degC(time_s).T, strict=True))
+        true["room"] = np.full(len(time_s), self._chamber.room_degC)
+        true["air"] = self._chamber.air_degC(time_s)
+        shown = np.column_stack([true[name] for name in self._shown])
+        return np.asarray(shown + self._sensor_K + noise)
 
     def scale_factor_error(
         self, temperature_degC: Array, rate_K_per_s: Array | float = 0.0
@@ -149,6 +160,10 @@ class FogBench(World):
             "mount-turned": (
                 self._navigator.turn_on_plate,
                 "The simulated navigator was turned by half a turn on the table.",
+            ),
+            "mount-navigator": (
+                nothing,
+                "The simulated navigator stands in the chamber, its door closed.",
             ),
             **self.usual_acts(
                 "The simulated navigator was switched on, and its gyros warm up.",

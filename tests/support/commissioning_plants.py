@@ -6,11 +6,12 @@ Each part has a file of its own, `plants_<part>.py`, whose `PLANTS` are collecte
 from __future__ import annotations
 
 from plants import Plant
+from plants_chamber import PLANTS as CHAMBER
 from plants_gyro import PLANTS as GYRO
 from plants_motion import PLANTS as MOTION
 from plants_probe import PLANTS as PROBE
 from plants_stage import PLANTS as STAGE
 from plants_supplies import PLANTS as SUPPLIES
 
-ALL_PLANTS: tuple[Plant, ...] = (*SUPPLIES, *PROBE, *MOTION, *STAGE, *GYRO)
+ALL_PLANTS: tuple[Plant, ...] = (*SUPPLIES, *PROBE, *MOTION, *STAGE, *GYRO, *CHAMBER)
 """What tests and benchmark plant."""

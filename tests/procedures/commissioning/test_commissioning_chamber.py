@@ -1,0 +1,60 @@
+"""The chamber's part on the simulated benches: healthy ones pass, planted faults are named."""
+
+from __future__ import annotations
+
+import random
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from commissioning_parts import plan_of
+from plan_runs import run_of, shipped_bench, shipped_plan
+from plants import Plant, named
+from plants_chamber import PLANTS
+
+from procedures.commissioning.chamber import limits
+from procedures.commissioning.chamber.analysis import lag_of
+
+
+def short_plan() -> dict[str, Any]:
+    plan = plan_of("chamber")
+    plan["parameters"]["chamber"] |= {"before": "15 min", "after": "40 min"}
+    return plan
+
+
+@pytest.mark.parametrize("bench", ["sim", "sim-alternate"])
+def test_a_healthy_chamber_raises_no_alarm(tmp_path: Path, bench: str) -> None:
+    outcome = run_of(tmp_path / bench, short_plan(), shipped_bench(bench))
+    assert named(outcome) == set()
+    assert outcome.exit_code == 0
+    assert outcome.document is not None
+    gains = [
+        one for one in outcome.document.to_data()["results"] if one["name"] == "thermometer_gain"
+    ]
+    assert {one["axis"] for one in gains} == {"x", "y", "z"}
+    assert all(abs(one["value"] - 1.0) < 0.05 for one in gains)
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("plant", PLANTS, ids=lambda one: one.name)
+def test_a_planted_fault_is_named_alone(tmp_path: Path, plant: Plant, seed: int) -> None:
+    bench, rng = shipped_bench("sim"), random.Random(seed)
+    bench["simulation"]["seed"] = seed
+    cause = plant.plant(bench, rng)
+    outcome = run_of(tmp_path / "run", short_plan(), bench)
+    assert named(outcome) == {cause}
+    assert outcome.exit_code == 1
+
+
+def test_a_lag_of_a_ramp_stays_behind_by_its_time_constant() -> None:
+    time_s = np.arange(0.0, 1000.0, 10.0)
+    behind = 0.01 * time_s - lag_of(time_s, 0.01 * time_s, 50.0)
+    assert behind[-1] == pytest.approx(0.5, rel=1e-6)
+
+
+def test_the_shipped_plan_states_the_limits_of_the_naming() -> None:
+    stated = shipped_plan("commissioning")["limits"]
+    assert stated["chamber_overshoot"] == {"max": f"{limits.OVERSHOOT_K:g} K"}
+    assert stated["chamber_steady_error"] == {"max_abs": f"{limits.STEADY_ERROR_K:g} K"}
+    assert stated["thermometer_gain"] == {"min": 1.0 - limits.GAIN, "max": 1.0 + limits.GAIN}
