@@ -241,12 +241,19 @@ def replay(
 @app.command()
 def status(
     run: NewestRun = None,
+    watch: Annotated[
+        bool, typer.Option("--watch", help="Show it again until the run ends; Ctrl-C stops.")
+    ] = False,
     json: Json = False,
 ) -> None:
     """Show the state of a run, from its log alone."""
     from station.cli.looking import print_status
+    from station.cli.watching import watch_newest
 
-    print_status(run, as_json=json)
+    if watch:
+        watch_newest(run, as_json=json)
+    else:
+        print_status(run, as_json=json)
 
 
 @app.command()
