@@ -56,6 +56,11 @@ PARAMETERS = {
         "chamber.step": "step of the set-point from there",
         "chamber.before": "how long the air is held before the step",
         "chamber.after": "how long it is held after the step",
+        "pick_up": "the part of what the voltmeter takes up of driven coils, the device off",
+        "pick_up.frequency": "frequency of the drive",
+        "pick_up.field": "amplitude of the drive, as a peak",
+        "pick_up.record": "length of each record",
+        "pick_up.every": "time between two readings",
         "motion": "the part of the turntable, by the nine-axis sensor on it",
         "motion.device": "what stands on the table; `station commission` takes the navigator where "
         "the bench has no nine-axis sensor",

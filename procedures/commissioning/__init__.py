@@ -25,6 +25,7 @@ from .gyro import GYRO_PART
 from .motion import MOTION_PART
 from .parameters import CommissioningParameters
 from .parts import Part
+from .pick_up import PICK_UP_PART
 from .probe import PROBE_PART
 from .stage import STAGE_PART
 from .supplies import SUPPLY_PART
@@ -36,6 +37,7 @@ PARTS: tuple[Part, ...] = (
     SUPPLY_PART,
     COIL_PART,
     PROBE_PART,
+    PICK_UP_PART,
     MOTION_PART,
     STAGE_PART,
     GYRO_PART,

@@ -12,11 +12,12 @@ from .chamber.parameters import ChamberParameters
 from .coils.parameters import CoilParameters
 from .gyro.parameters import GyroParameters
 from .motion.parameters import MotionParameters
+from .pick_up.parameters import PickUpParameters
 from .probe.parameters import ProbeParameters
 from .stage.parameters import StageParameters
 from .supplies.parameters import SupplyParameters
 
-PartName = Literal["supplies", "coils", "probe", "motion", "stage", "gyro", "chamber"]
+PartName = Literal["supplies", "coils", "probe", "pick_up", "motion", "stage", "gyro", "chamber"]
 
 
 class CommissioningParameters(StrictModel):
@@ -30,6 +31,7 @@ class CommissioningParameters(StrictModel):
     supplies: SupplyParameters = SupplyParameters()
     coils: CoilParameters = CoilParameters()
     probe: ProbeParameters = ProbeParameters()
+    pick_up: PickUpParameters = PickUpParameters()
     motion: MotionParameters = MotionParameters()
     stage: StageParameters = StageParameters()
     gyro: GyroParameters = GyroParameters()

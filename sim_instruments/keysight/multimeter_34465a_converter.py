@@ -16,6 +16,8 @@ import numpy as np
 from sim_instruments.faults.lasting import Frozen, Overload
 from sim_instruments.instrument import Setting
 from sim_instruments.truth import SimulationError
+from sim_instruments.world.coils import AXES
+from sim_instruments.world.currents import CurrentHistory
 from sim_instruments.world.piecewise import Array
 
 CYCLES = (0.001, 0.002, 0.006, 0.02, 0.06, 0.2, 1.0, 10.0, 100.0)
@@ -35,6 +37,13 @@ class AccelerometerWorld(Protocol):
 
     def mean_output_V(self, edges_s: Array) -> Array:
         """Return the mean voltage between neighbouring times, shape (intervals,)."""
+
+
+@runtime_checkable
+class CoilsWorld(Protocol):
+    """A world with coils that a meter's leads may pass."""
+
+    currents: dict[str, CurrentHistory]
 
 
 @runtime_checkable
@@ -99,8 +108,9 @@ class Converter:
     at one power-line cycle, of the range), `line_frequency`; with an accelerometer `gain_error`,
     `offset` in V and `zero_drift_in_one_hour` (V, where auto-zero is off), with a Pt100
     `gain_error` and `offset` in ohm; `linearity` may be given, how far the middle of the range is
-    off a straight line through its ends, of the range. What is not connected, or not in this
-    world, is an open input.
+    off a straight line through its ends, of the range; and `pick_up`, the volts that its leads take
+    up where the coils x, y and z together carry 1 A, whether or not the device is on. What is not
+    connected, or not in this world, is an open input.
     """
 
     def __init__(self, setting: Setting) -> None:
@@ -125,6 +135,8 @@ class Converter:
             self._offset = truth.quantity("offset", unit)
         if self.measures == "accelerometer":
             self._drift_per_s = truth.quantity("zero_drift_in_one_hour", "V") / 3600
+        self._pick_up_V = truth.quantity("pick_up", "V", 0.0)
+        self._coils = setting.world.find(CoilsWorld) if self._pick_up_V else None
         self._bow = truth.error("linearity", "1")
         self._open_V, self._open_at_s = 0.0, -np.inf
         self._last = 0.0
@@ -181,6 +193,7 @@ class Converter:
             if self.measures == "accelerometer" and self._accelerometer is not None:
                 volts = self._accelerometer.mean_output_V(edges_s)[::2]
                 drift = self._drift_per_s * (starts_s - function.zeroed_at_s)
+                volts = volts + self._picked_up_V(edges_s)
                 return self._gain * volts + self._offset + (0.0 if function.zero_on else drift)
             return self._open_input_V(starts_s)
         if function.unit == "OHM":
@@ -188,6 +201,13 @@ class Converter:
                 return self._gain * self._pt100.mean_pt100_ohm(edges_s)[::2] + self._offset
             return np.full(len(starts_s), np.inf)
         return np.zeros(len(starts_s))
+
+    def _picked_up_V(self, edges_s: Array) -> Array | float:
+        if self._coils is None:
+            return 0.0
+        coils = [one for name, one in self._coils.currents.items() if name in AXES]
+        currents_A = [one.mean_current(edges_s)[::2] for one in coils]
+        return np.asarray(self._pick_up_V * np.sum(currents_A, axis=0))
 
     def _open_input_V(self, starts_s: Array) -> Array:
         steps = np.exp(-np.diff(starts_s, prepend=self._open_at_s) / OPEN_INPUT_S)

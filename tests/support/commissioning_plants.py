@@ -9,9 +9,10 @@ from plants import Plant
 from plants_chamber import PLANTS as CHAMBER
 from plants_gyro import PLANTS as GYRO
 from plants_motion import PLANTS as MOTION
+from plants_pick_up import PLANTS as PICK_UP
 from plants_probe import PLANTS as PROBE
 from plants_stage import PLANTS as STAGE
 from plants_supplies import PLANTS as SUPPLIES
 
-ALL_PLANTS: tuple[Plant, ...] = (*SUPPLIES, *PROBE, *MOTION, *STAGE, *GYRO, *CHAMBER)
+ALL_PLANTS: tuple[Plant, ...] = (*SUPPLIES, *PROBE, *PICK_UP, *MOTION, *STAGE, *GYRO, *CHAMBER)
 """What tests and benchmark plant."""

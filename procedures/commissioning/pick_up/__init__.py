@@ -1,0 +1,35 @@
+"""The part of pick-up: what the voltmeter reads of driven coils while the device is off."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from procedures.commissioning.coils.work import supply_of
+from procedures.commissioning.parts import Part
+from station.procedure import Later
+
+from .parameters import COILS, RESULTS
+from .steps import STEPS, prompts
+from .work import METER, POWER, instruments, records, work
+
+if TYPE_CHECKING:
+    from station.instruments.bench import Bench
+
+
+def is_possible(bench: Bench) -> bool:
+    """Return whether a bench has three coils, a voltmeter and a supply of the device."""
+    needed = (METER, POWER, *(supply_of(coil) for coil in COILS))
+    return all(name in bench.instruments for name in needed)
+
+
+PICK_UP_PART = Part(
+    name="pick_up",
+    steps=STEPS,
+    results=RESULTS,
+    instruments=instruments,
+    work=work,
+    prompts=prompts,
+    records=records,
+    findings=Later(f"{__name__}.evaluate:findings"),
+    is_possible=is_possible,
+)

@@ -1,0 +1,95 @@
+"""The line at the drive frequency in a voltmeter whose device is off: least squares of a sine."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from station.findings import Analysis, Estimate, Flag
+
+from .limits import COVERAGE, OF_ROOM, PICK_UP_UV
+from .parameters import COILS, OFF
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Readings:
+    """Readings (n,) in uV at times in s, and the frequency in Hz of the drive."""
+
+    time_s: Array
+    voltage_uV: Array
+    frequency_Hz: float
+
+
+@dataclass(frozen=True)
+class PickUpDataset:
+    """The readings by driven coil, and those with all coils `off`."""
+
+    readings: Mapping[str, Readings]
+
+
+@dataclass(frozen=True)
+class Line:
+    """Amplitude of a line in uV, its standard uncertainty, and the degrees of freedom."""
+
+    amplitude_uV: float
+    u_uV: float
+    freedom: float
+
+
+def analyse(data: PickUpDataset) -> Analysis:
+    """Return the line of each coil, and a flag for each that is beyond the limit."""
+    lines = {coil: line_of(one) for coil, one in data.readings.items()}
+    method = "least squares of a sine beside an offset and a drift"
+    estimates = [
+        Estimate("pick_up", coil, one.amplitude_uV, "uV", one.u_uV, one.freedom, method)
+        for coil, one in ((coil, lines[coil]) for coil in COILS)
+    ]
+    return Analysis(estimates, (), causes_of(lines))
+
+
+def causes_of(lines: Mapping[str, Line]) -> tuple[Flag, ...]:
+    """Return the flag of lines beyond the limit: of the leads, or of the room with coils off."""
+    beyond = [coil for coil in COILS if lines[coil].amplitude_uV > limit_of(lines[coil])]
+    if not beyond:
+        return ()
+    worst = max(beyond, key=lambda coil: lines[coil].amplitude_uV)
+    one, room_uV = lines[worst], lines[OFF].amplitude_uV
+    seen = (
+        f"The voltmeter reads up to {one.amplitude_uV:.3g} uV (u = {one.u_uV:.1g} uV) at the drive "
+        f"frequency of coil {worst}, the device off"
+    )
+    details = {"coils": beyond, "amplitude_uV": one.amplitude_uV}
+    if room_uV > OF_ROOM * one.amplitude_uV:
+        message = (
+            f"{seen}, and {room_uV:.3g} uV with all coils off: the line is not the coil's. Look "
+            "for what else repeats so often, or choose another frequency."
+        )
+        return (Flag("line-at-drive-frequency", message, details=details),)
+    message = f"{seen}: twist and screen its leads, and part them from those of the coil."
+    return (Flag("pick-up", message, details=details),)
+
+
+def limit_of(line: Line) -> float:
+    """Return beyond what a line is named, in uV."""
+    return PICK_UP_UV + COVERAGE * line.u_uV
+
+
+def line_of(data: Readings) -> Line:
+    """Return the line of a record of at least six readings; ValueError of fewer."""
+    if len(data.time_s) < 6:
+        raise ValueError("a line needs six readings")
+    time_s = data.time_s - data.time_s.mean()
+    phase = 2.0 * math.pi * data.frequency_Hz * time_s
+    columns = np.column_stack((np.cos(phase), np.sin(phase), np.ones_like(time_s), time_s))
+    shares, *_ = np.linalg.lstsq(columns, data.voltage_uV, rcond=None)
+    freedom = float(len(time_s) - len(shares))
+    left = data.voltage_uV - columns @ shares
+    covariance = float(left @ left) / freedom * np.linalg.inv(columns.T @ columns)
+    u_uV = math.sqrt((covariance[0, 0] + covariance[1, 1]) / 2.0)
+    return Line(float(np.hypot(*shares[:2])), u_uV, freedom)

@@ -1,0 +1,41 @@
+"""From the record of the pick-up part to its findings."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from procedures.commissioning.not_measured import not_measured
+from station.findings import Findings, findings_of
+from station.record.raw import ARRIVAL
+
+from .analysis import PickUpDataset, Readings, analyse
+from .parameters import COILS, FREQUENCY, OFF, RESULTS, PickUpParameters, unit_of
+from .work import METER
+
+if TYPE_CHECKING:
+    from station.instruments.bench import Bench
+    from station.record.folder import RunFolder
+
+UV_PER_V = 1e6
+
+
+def findings(folder: RunFolder, parameters: PickUpParameters, bench: Bench) -> Findings:
+    """Return the lines of all coils; a run without all its records gives none."""
+    finished = folder.finished_units()
+    if missing := [unit_of(one) for one in (OFF, *COILS) if unit_of(one) not in finished]:
+        return findings_of(not_measured("pick_up", RESULTS, missing), None, [])
+    data = PickUpDataset({coil: readings_of(folder, unit_of(coil)) for coil in (OFF, *COILS)})
+    return findings_of(analyse(data), data, [])
+
+
+def readings_of(folder: RunFolder, unit: str) -> Readings:
+    """Return the readings of a record that are within the range."""
+    rows = folder.rows(METER, unit)
+    rows = rows[rows["overload"] == 0]
+    return Readings(
+        np.asarray(rows[ARRIVAL]),
+        rows["voltage_V"] * UV_PER_V,
+        float(folder.finished_units()[unit][FREQUENCY]),
+    )

@@ -1,0 +1,64 @@
+"""The pick-up part on the simulated benches: healthy ones pass, pick-up is named with its size."""
+
+from __future__ import annotations
+
+import random
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from commissioning_parts import plan_of
+from fault_cases import read_bench_at
+from plan_runs import run_of, shipped_bench, shipped_plan
+from plants import named
+from plants_pick_up import PLANTS
+
+from procedures.commissioning.pick_up import is_possible, limits
+from procedures.commissioning.pick_up.analysis import PickUpDataset, Readings, analyse
+from station.files.lookup import BENCHES, find
+
+
+def short_plan() -> dict[str, Any]:
+    plan = plan_of("pick_up")
+    plan["parameters"]["pick_up"] |= {"record": "20 s", "every": "1 s"}
+    return plan
+
+
+def test_healthy_leads_raise_no_alarm(tmp_path: Path) -> None:
+    outcome = run_of(tmp_path / "run", short_plan(), shipped_bench())
+    assert named(outcome) == set()
+    assert outcome.exit_code == 0
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_pick_up_is_named_with_its_size(tmp_path: Path, seed: int) -> None:
+    bench, rng = shipped_bench(), random.Random(seed)
+    bench["simulation"]["seed"] = seed
+    cause = PLANTS[0].plant(bench, rng)
+    outcome = run_of(tmp_path / "run", short_plan(), bench)
+    assert named(outcome) == {cause}
+    assert outcome.exit_code == 1
+    assert outcome.document is not None
+    planted_uV = float(bench["instruments"]["multimeter"]["simulator"]["pick_up"].split()[0])
+    for one in outcome.document.to_data()["results"]:
+        setting = bench["instruments"][f"coil_supply.{one['axis']}"]["settings"]["coil_constant"]
+        peak_A = 0.5 / float(setting.split()[0])
+        assert one["value"] == pytest.approx(planted_uV * peak_A, rel=0.01)
+
+
+def test_a_bench_without_a_voltmeter_has_no_such_part() -> None:
+    assert is_possible(read_bench_at(find(BENCHES, "sim")))
+    assert not is_possible(read_bench_at(find(BENCHES, "sim-alternate")))
+
+
+def test_a_line_that_is_there_without_a_drive_is_not_the_coils() -> None:
+    time_s = np.arange(0.0, 30.0, 0.5)
+    line = Readings(time_s, 20.0 * np.sin(2 * np.pi * 0.1 * time_s) + 0.1 * np.cos(time_s), 0.1)
+    found = analyse(PickUpDataset(dict.fromkeys(("off", "x", "y", "z"), line)))
+    assert [flag.code for flag in found.flags] == ["line-at-drive-frequency"]
+
+
+def test_the_shipped_plan_states_the_limit_of_the_naming() -> None:
+    stated = shipped_plan("commissioning")["limits"]
+    assert stated["pick_up"] == {"max": f"{limits.PICK_UP_UV:g} uV"}
