@@ -179,20 +179,25 @@ def main() -> None:
     options = parser.parse_args()
     for procedure in options.procedure:
         if options.clean:
-            lines = list(clean_runs(procedure, options.clean))
+            lines = []
+            for one in clean_runs(procedure, options.clean):
+                lines.append(one)
+                if one["false"]:
+                    print(json.dumps(one), flush=True)
             report = {"clean": len(lines), "false": sum(bool(one["false"]) for one in lines)}
-            lines = [one for one in lines if one["false"]]
         else:
             chosen = [one for one in faults_of(procedure) if options.fault in one.name]
-            lines = [judged(one, seed) for one in chosen for seed in range(options.seeds)]
+            lines = []
+            for fault in chosen:
+                for seed in range(options.seeds):
+                    lines.append(judged(fault, seed))
+                    print(json.dumps(lines[-1]), flush=True)
             report = {
                 "faults": len(chosen),
                 "planted": len(lines),
                 "shown": sum(one["shown"] for one in lines),
                 "broken": sum(one["broken"] for one in lines),
             }
-        for line in lines:
-            print(json.dumps(line), flush=True)
         print(json.dumps({"benchmark": "sabotage", "procedure": procedure, **report}), flush=True)
 
 

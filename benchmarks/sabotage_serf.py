@@ -172,11 +172,6 @@ FAULTS: Sequence[Fault] = (
         SHOTS,
         wandering(lambda k: (0.005 * (k > 6),) * 3, "factors"),
     ),
-    fault(
-        "residual field steps in mid-course",
-        SHOTS,
-        wandering(lambda k: (0, 0, 0.3 * (k > 6)), "residual_nT"),
-    ),
     fault("clock of the last seven is off", SHOTS, warped(lambda t, b: 1e-3 * t, range(7, 14))),
     fault("stamps begin at 1 s", DENIED, begun(1.0), shows=True),
     fault("stamps begin at 20 ms", SPOILT, begun(0.02), "strong", True),
