@@ -33,6 +33,8 @@ PARAMETERS = {
         "supplies.record": "length of each record of the field",
         "supplies.settle": "time between a change of the field and its record",
         "supplies.turn_probe": "whether a person turns a probe of one axis along each coil",
+        "clocks": "the part of the clocks of instruments that stamp their readings",
+        "clocks.record": "length of the record of time stamps",
         "coils": "the part of coils, their supplies and the field probe",
         "watch": "whether the figures are held against those of the bench's commissioning",
         "coils.field": "steady field of each coil, of either sense",

@@ -19,6 +19,7 @@ from station.procedure import (
 from station.runner.run import Run
 
 from .chamber import CHAMBER_PART
+from .clocks import CLOCK_PART
 from .coils import COIL_PART
 from .drift import DRIFT, drift_axes
 from .gyro import GYRO_PART
@@ -42,6 +43,7 @@ PARTS: tuple[Part, ...] = (
     STAGE_PART,
     GYRO_PART,
     CHAMBER_PART,
+    CLOCK_PART,
 )
 """In the order in which they are walked."""
 
@@ -103,9 +105,13 @@ def measured_axes(parameters: CommissioningParameters) -> dict[str, tuple[str, .
 def fits(bench: Bench, short: bool) -> Iterator[str]:
     """Yield what fits the shipped plan to a bench: its parts, the limits of these, their needs.
 
-    Its short form has the parts with figures that are watched, and a limit for their drift.
+    Its short form has the parts whose figures the bench file holds, and a limit for their drift.
     """
-    possible = [part for part in PARTS if part.is_possible(bench) and (part.drift or not short)]
+    possible = [part for part in PARTS if part.is_possible(bench)]
+    if short:
+        known = {one.name for one in bench.commissioned.figures} if bench.commissioned else None
+        watched = [one for one in possible if one.drift]
+        possible = [one for one in watched if known is None or known & set(one.drift)]
     if short:
         yield from ("parameters.watch=true", f"limits.{DRIFT}.max_abs=1")
     yield f"parameters.checks=[{', '.join(part.name for part in possible)}]"

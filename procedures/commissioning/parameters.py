@@ -9,6 +9,7 @@ from pydantic import Field
 from station.fields import StrictModel
 
 from .chamber.parameters import ChamberParameters
+from .clocks.parameters import ClockParameters
 from .coils.parameters import CoilParameters
 from .gyro.parameters import GyroParameters
 from .motion.parameters import MotionParameters
@@ -17,7 +18,9 @@ from .probe.parameters import ProbeParameters
 from .stage.parameters import StageParameters
 from .supplies.parameters import SupplyParameters
 
-PartName = Literal["supplies", "coils", "probe", "pick_up", "motion", "stage", "gyro", "chamber"]
+PartName = Literal[
+    "supplies", "coils", "probe", "pick_up", "motion", "stage", "gyro", "chamber", "clocks"
+]
 
 
 class CommissioningParameters(StrictModel):
@@ -36,3 +39,4 @@ class CommissioningParameters(StrictModel):
     stage: StageParameters = StageParameters()
     gyro: GyroParameters = GyroParameters()
     chamber: ChamberParameters = ChamberParameters()
+    clocks: ClockParameters = ClockParameters()

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from plants import Plant
 from plants_chamber import PLANTS as CHAMBER
+from plants_clocks import PLANTS as CLOCKS
 from plants_gyro import PLANTS as GYRO
 from plants_motion import PLANTS as MOTION
 from plants_pick_up import PLANTS as PICK_UP
@@ -14,5 +15,14 @@ from plants_probe import PLANTS as PROBE
 from plants_stage import PLANTS as STAGE
 from plants_supplies import PLANTS as SUPPLIES
 
-ALL_PLANTS: tuple[Plant, ...] = (*SUPPLIES, *PROBE, *PICK_UP, *MOTION, *STAGE, *GYRO, *CHAMBER)
+ALL_PLANTS: tuple[Plant, ...] = (
+    *SUPPLIES,
+    *PROBE,
+    *PICK_UP,
+    *MOTION,
+    *STAGE,
+    *GYRO,
+    *CHAMBER,
+    *CLOCKS,
+)
 """What tests and benchmark plant."""

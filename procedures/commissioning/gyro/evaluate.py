@@ -6,9 +6,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from procedures.commissioning.clocks.analysis import clock_estimate, clock_flags
 from procedures.commissioning.not_measured import not_measured
 from procedures.estimation.alignment import unwrapped
-from station.findings import Findings, InputQuantity, findings_of
+from station.findings import Analysis, Findings, InputQuantity, findings_of
 
 from .analysis import BIAS, DIRECTION, SCALE, GyroDataset, analyse, earth_of
 from .parameters import CHANNELS_UNIT, REST_UNIT, RESULTS, GyroParameters
@@ -35,7 +36,11 @@ def findings(folder: RunFolder, parameters: GyroParameters, bench: Bench) -> Fin
             InputQuantity(BIAS, "bias of the gyro", bias, "deg/h", "the plan"),
             InputQuantity(DIRECTION, "direction of the input axis", direction, "deg", "the plan"),
         ]
-    return findings_of(analyse(data, inputs), data, inputs)
+    found = analyse(data, inputs)
+    arrival_s = folder.rows(GYRO, REST_UNIT)["arrival_time_s"]
+    clock = clock_estimate("board_clock_error", data.time_s, arrival_s)
+    whole = Analysis([*found.estimates, clock], (), [*found.flags, *clock_flags(clock, GYRO)])
+    return findings_of(whole, data, inputs)
 
 
 def _is_measured(name: str, parameters: GyroParameters) -> bool:

@@ -14,6 +14,7 @@ RESULTS = {
     "gyro_channel_offset": ResultKind((), "1"),
     "rest_rate": ResultKind((), "deg/h"),
     "pulse_weight_ratio": ResultKind((), "1"),
+    "board_clock_error": ResultKind((), "ppm"),
 }
 """What is reported of the gyro, with its unit."""
 CHANNELS = (1, 2, 3)

@@ -1,0 +1,58 @@
+"""Clocks: healthy ones raise no alarm, those that are off are named, u holds what it states."""
+
+from __future__ import annotations
+
+import random
+from pathlib import Path
+
+import numpy as np
+import pytest
+from commissioning_parts import plan_of
+from plan_runs import run_of, shipped_bench
+from plants import Plant, named
+from plants_clocks import PLANTS
+
+from procedures.commissioning.clocks.analysis import clock_estimate, clock_flags
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("plant", PLANTS, ids=lambda one: one.name)
+def test_a_clock_that_is_off_is_named_alone(tmp_path: Path, plant: Plant, seed: int) -> None:
+    # A record of the gaussmeter's field is used by the coils' part.
+    parts = ("coils", "clocks") if plant.part == "clocks" else (plant.part,)
+    bench, plan = shipped_bench(), plan_of(*parts)
+    plan["parameters"]["coils"] |= {"record": "2 s"}
+    plan["parameters"]["gyro"] |= {"warm_up": "60 s", "record": "120 s"}
+    cause = plant.plant(bench, random.Random(seed))
+    outcome = run_of(tmp_path, plan, bench)
+    assert named(outcome) == {cause}
+    assert outcome.exit_code == 1
+
+
+def test_the_shipped_clock_raises_no_alarm(tmp_path: Path) -> None:
+    outcome = run_of(tmp_path, plan_of("coils", "clocks"), shipped_bench())
+    assert (named(outcome), outcome.exit_code) == (set(), 0)
+    assert outcome.document is not None
+    results = outcome.document.to_data()["results"]
+    (one,) = (one for one in results if one["name"] == "gaussmeter_clock_error")
+    # 12 ppm fast: its seconds are shorter.
+    assert abs(abs(one["value"]) - 12.0) < 2.0 * one["standard_uncertainty"] + 1.0
+
+
+def test_the_uncertainty_holds_what_late_arrivals_do() -> None:
+    rng, off = np.random.default_rng(5), []
+    for _ in range(200):
+        counter = np.arange(0.0, 120.0, 0.5)
+        arrival = 3.0 + counter * (1.0 + 80e-6) + rng.uniform(0.0, 0.02, counter.size)
+        one = clock_estimate("clock", counter, arrival)
+        assert one.value is not None and one.standard_uncertainty is not None
+        off.append((one.value - 80.0) / one.standard_uncertainty)
+    assert np.mean(np.abs(off) < 2.0) > 0.93
+
+
+def test_a_short_record_decides_nothing() -> None:
+    rng = np.random.default_rng(6)
+    counter = np.arange(0.0, 10.0, 1.0)
+    arrival = counter + rng.uniform(0.0, 0.5, counter.size)
+    one = clock_estimate("clock", counter, arrival)
+    assert [flag.code for flag in clock_flags(one, "gaussmeter")] == ["clock-undecided"]
