@@ -53,6 +53,11 @@ PARAMETERS = {
         "probe.settle": "time between a change of the field and its record",
         "probe.device": "edge of the cube, at the centre, in which the homogeneity is reported",
         "probe.placing": "standard uncertainty of each move of the probe by hand",
+        "lines": "the part of each instrument's line by itself",
+        "lines.instruments": "which instruments are asked; `station commission` takes those of the "
+        "bench",
+        "lines.queries": "questions for its identity that each is asked",
+        "lines.disconnected": "instruments whose cable a person pulls and plugs in again",
         "chamber": "the part of the chamber and of the device's thermometers in it",
         "chamber.from": "temperature at which the air is held before the step",
         "chamber.step": "step of the set-point from there",

@@ -23,6 +23,8 @@ from .clocks import CLOCK_PART
 from .coils import COIL_PART
 from .drift import DRIFT, drift_axes
 from .gyro import GYRO_PART
+from .lines import LINES_PART
+from .lines.work import records_of_asked
 from .motion import MOTION_PART
 from .parameters import CommissioningParameters
 from .parts import Part
@@ -35,6 +37,7 @@ if TYPE_CHECKING:
     from station.instruments.bench import Bench
 
 PARTS: tuple[Part, ...] = (
+    LINES_PART,
     SUPPLY_PART,
     COIL_PART,
     PROBE_PART,
@@ -75,7 +78,15 @@ def prompts(parameters: CommissioningParameters) -> tuple[Prompt, ...]:
 
 def records(parameters: CommissioningParameters, bench: Bench) -> tuple[RecordUse, ...]:
     """Return what the analyses take of calibration records."""
-    return tuple(use for part, own in chosen(parameters) for use in part.records(own, bench))
+    uses = [use for part, own in chosen(parameters) for use in part.records(own, bench)]
+    measured = {
+        name
+        for part, own in chosen(parameters)
+        if part is not LINES_PART
+        for name in part.instruments(own)
+    }
+    only_asked = [name for name in instruments(parameters) if name not in measured]
+    return (*uses, *records_of_asked(only_asked, bench))
 
 
 def check(parameters: CommissioningParameters, bench: Bench) -> Iterator[Problem]:

@@ -12,6 +12,7 @@ from .chamber.parameters import ChamberParameters
 from .clocks.parameters import ClockParameters
 from .coils.parameters import CoilParameters
 from .gyro.parameters import GyroParameters
+from .lines.parameters import LineParameters
 from .motion.parameters import MotionParameters
 from .pick_up.parameters import PickUpParameters
 from .probe.parameters import ProbeParameters
@@ -19,7 +20,7 @@ from .stage.parameters import StageParameters
 from .supplies.parameters import SupplyParameters
 
 PartName = Literal[
-    "supplies", "coils", "probe", "pick_up", "motion", "stage", "gyro", "chamber", "clocks"
+    "lines", "supplies", "coils", "probe", "pick_up", "motion", "stage", "gyro", "chamber", "clocks"
 ]
 
 
@@ -31,6 +32,7 @@ class CommissioningParameters(StrictModel):
 
     checks: Annotated[tuple[PartName, ...], Field(min_length=1)] = get_args(PartName)
     watch: bool = False
+    lines: LineParameters = LineParameters()
     supplies: SupplyParameters = SupplyParameters()
     coils: CoilParameters = CoilParameters()
     probe: ProbeParameters = ProbeParameters()

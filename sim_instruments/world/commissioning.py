@@ -6,7 +6,7 @@ from typing import TypeVar
 
 from sim_instruments.truth import Truth
 from sim_instruments.world.accelerometer import AccelerometerBench
-from sim_instruments.world.base import STRONG_COIL, World
+from sim_instruments.world.base import STRONG_COIL, World, nothing
 from sim_instruments.world.fog import FogBench
 from sim_instruments.world.laser_gyro import LaserGyroBench
 from sim_instruments.world.nine_axis import NineAxisBench
@@ -49,6 +49,7 @@ class CommissioningBench(World):
             self.currents |= {name: world.currents[name] for name in of_world}
         acts = [act for world in self._worlds for act in world.preparations]
         self.preparations = tuple(dict.fromkeys(acts))
+        self.acts["reconnect"] = (nothing, "The simulated data cable was put back.")
 
     def find(self, kind: type[Capability]) -> Capability | None:
         """Return the first of the worlds, or the public part of one, that is a `kind`."""

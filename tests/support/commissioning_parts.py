@@ -7,6 +7,7 @@ from typing import Any
 from plan_runs import shipped_plan
 
 from procedures.commissioning import PARTS
+from procedures.commissioning.lines.work import asked_on
 from station import registry
 from station.files.lookup import BENCHES, find
 from station.instruments.bench import read_bench
@@ -54,6 +55,9 @@ def whole_plan_of(part: str, bench: str = "sim") -> dict[str, Any]:
     parameters = plan["parameters"]
     if part == "coils":
         parameters["coils"] |= {"ambient": AMBIENT, "turn_probe": bench == "sim-alternate"}
+    if part == "lines":
+        read = read_bench(find(BENCHES, bench), registry.names(registry.DRIVERS))
+        parameters["lines"] = {"instruments": list(asked_on(read))}
     if part == "gyro":
         parameters["gyro"]["earth"] = EARTH
         plan["limits"]["pulse_weight_ratio"] = PULSE_WEIGHT_LIMIT

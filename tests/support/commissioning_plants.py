@@ -9,6 +9,7 @@ from plants import Plant
 from plants_chamber import PLANTS as CHAMBER
 from plants_clocks import PLANTS as CLOCKS
 from plants_gyro import PLANTS as GYRO
+from plants_lines import PLANTS as LINES
 from plants_motion import PLANTS as MOTION
 from plants_pick_up import PLANTS as PICK_UP
 from plants_probe import PLANTS as PROBE
@@ -16,6 +17,7 @@ from plants_stage import PLANTS as STAGE
 from plants_supplies import PLANTS as SUPPLIES
 
 ALL_PLANTS: tuple[Plant, ...] = (
+    *LINES,
     *SUPPLIES,
     *PROBE,
     *PICK_UP,

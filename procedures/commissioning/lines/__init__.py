@@ -1,0 +1,46 @@
+"""The part of the lines: each instrument by itself, nothing energised."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING
+
+from procedures.commissioning.parts import Part
+from station.procedure import Later
+
+from .parameters import RESULTS, LineParameters
+from .steps import STEPS
+from .work import asked_on, instruments, prompts, work
+
+if TYPE_CHECKING:
+    from station.instruments.bench import Bench
+
+
+def is_possible(bench: Bench) -> bool:
+    """Return whether a bench has an instrument with a line."""
+    return bool(asked_on(bench))
+
+
+def fits(bench: Bench) -> Iterator[str]:
+    """Yield which instruments of a bench are asked."""
+    yield f"parameters.lines.instruments=[{', '.join(asked_on(bench))}]"
+
+
+def measured_axes(parameters: LineParameters) -> Mapping[str, tuple[str, ...]]:
+    """Return the instruments that a plan asks, for each figure."""
+    return dict.fromkeys(RESULTS, parameters.instruments)
+
+
+LINES_PART = Part(
+    name="lines",
+    steps=STEPS,
+    results=RESULTS,
+    instruments=instruments,
+    work=work,
+    prompts=prompts,
+    findings=Later(f"{__name__}.evaluate:findings"),
+    is_possible=is_possible,
+    fits=fits,
+    measured_axes=measured_axes,
+    short=("parameters.lines.queries=20", "parameters.lines.disconnected=[]"),
+)

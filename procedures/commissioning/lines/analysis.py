@@ -1,0 +1,88 @@
+"""Latency of a line and the answers that it loses: a pure function of what was asked."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from station.findings import Analysis, Estimate, Flag, undetermined
+
+from .limits import LOST as MAY_BE_LOST
+from .limits import SLOWEST_MS
+from .parameters import LATENCY, LOST, SLOWEST
+
+Array = NDArray[np.float64]
+MEDIAN, P99 = 0.5, 0.99
+
+
+@dataclass(frozen=True)
+class Answers:
+    """Answers of one instrument, shape (n,): latency in s (NaN: none came), came, and as before."""
+
+    latency_s: Array
+    answered: NDArray[np.bool_]
+    same: NDArray[np.bool_]
+
+
+def analyse(asked: Mapping[str, Answers], returned: Mapping[str, Answers]) -> Analysis:
+    """Return latency and lost answers by instrument, and causes.
+
+    `asked`: answers by instrument; `returned`: those after its cable was pulled and plugged in.
+    """
+    estimates: list[Estimate] = []
+    flags: list[Flag] = []
+    for name, one in asked.items():
+        came_s = one.latency_s[one.answered]
+        estimates += [
+            quantile(LATENCY, name, came_s, MEDIAN),
+            quantile(SLOWEST, name, came_s, P99),
+            Estimate(LOST, name, float((~one.same).sum()), "1", 0.0, None, "answers counted"),
+        ]
+        flags += _causes(name, one, estimates[-2].value)
+    for name, one in returned.items():
+        if not one.same[-1]:
+            message = (
+                f"{name} does not answer as itself after its cable was pulled and plugged in "
+                "again: look at the plug, or switch it off and on; a run that loses it must be "
+                "started again."
+            )
+            flags.append(Flag("line-does-not-return", message, name))
+    return Analysis(estimates, (), tuple(flags))
+
+
+def quantile(name: str, axis: str, latency_s: Array, share: float) -> Estimate:
+    """Return a quantile of latencies in ms; its uncertainty is that of its rank, binomial."""
+    if not len(latency_s):
+        return undetermined(name, axis, "ms", "no answer came")
+    rank_u = math.sqrt(share * (1.0 - share) / len(latency_s))
+    around = (max(share - rank_u, 0.0), share, min(share + rank_u, 1.0))
+    low, value, high = 1e3 * np.quantile(latency_s, around)
+    method = f"quantile {share:g} of the latencies"
+    return Estimate(name, axis, float(value), "ms", float(high - low) / 2.0, None, method)
+
+
+def _causes(name: str, one: Answers, slowest_ms: float | None) -> Iterator[Flag]:
+    lost, others = int((~one.answered).sum()), int((one.answered & ~one.same).sum())
+    if lost > MAY_BE_LOST:
+        message = (
+            f"{name} leaves {lost} of {len(one.answered)} questions without a whole answer: check "
+            "cable, connectors and bit rate, and that nobody else talks to it."
+        )
+        yield Flag("line-loses-answers", message, name)
+    if others:
+        message = (
+            f"{name} answers {others} of {len(one.answered)} questions as another instrument: two "
+            "units share its address, or the line is out of step."
+        )
+        yield Flag("line-identity-changes", message, name)
+    if slowest_ms is not None and slowest_ms > SLOWEST_MS:
+        message = (
+            f"The line of {name} takes {slowest_ms:.0f} ms for its slowest answers (99th "
+            f"percentile), more than {SLOWEST_MS:.0f} ms: an interlock would look too late. Look "
+            "at the adapter's latency and at what else loads the line."
+        )
+        yield Flag("line-slow", message, name)

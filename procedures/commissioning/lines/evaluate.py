@@ -1,0 +1,40 @@
+"""From the record of the lines' part to its findings."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from procedures.commissioning.not_measured import not_measured
+from station.findings import Findings, findings_of
+from station.procedure import ResultKind
+
+from .analysis import Answers, analyse
+from .parameters import RESULTS, LineParameters, line_unit, return_unit
+from .steps import SOURCE
+
+if TYPE_CHECKING:
+    from station.instruments.bench import Bench
+    from station.record.folder import RunFolder
+
+
+def findings(folder: RunFolder, parameters: LineParameters, bench: Bench) -> Findings:
+    """Return the figures of the lines; a run without all their records gives none."""
+    wanted = [line_unit(name) for name in parameters.instruments]
+    wanted += [return_unit(name) for name in parameters.disconnected]
+    if missing := [unit for unit in wanted if unit not in folder.finished_units()]:
+        axes = parameters.instruments
+        asked = {name: ResultKind(axes, kind.unit) for name, kind in RESULTS.items()}
+        return findings_of(not_measured("lines", asked, missing), None, [])
+    by_name: dict[str, Answers] = {
+        name: answers(folder, line_unit(name)) for name in parameters.instruments
+    }
+    returned: dict[str, Answers] = {
+        name: answers(folder, return_unit(name)) for name in parameters.disconnected
+    }
+    return findings_of(analyse(by_name, returned), by_name, [])
+
+
+def answers(folder: RunFolder, unit: str) -> Answers:
+    """Return what came of the questions of a unit of work."""
+    rows = folder.rows(SOURCE, unit)
+    return Answers(rows["latency_s"], rows["answered"] > 0, rows["same"] > 0)

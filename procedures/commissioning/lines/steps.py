@@ -1,0 +1,85 @@
+"""Steps L1 and L2 of a commissioning: each line by itself, and its return after a pulled cable."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from procedures.commissioning.at_rest import ask_at_rest
+from station.errors import InstrumentError
+from station.procedure import Step
+from station.roles import Instrument
+
+from .parameters import line_unit, return_unit
+from .work import pull
+
+if TYPE_CHECKING:
+    from station.runner.run import Run
+
+SOURCE = "lines"
+COLUMNS = {
+    "latency_s": "s from the question for the identity to its answer, NaN where none came",
+    "answered": "1 the identity came, 0 it did not",
+    "same": "1 it is the identity of the run's beginning, 0 it is not",
+}
+TRIES, BETWEEN_S = 10, 1.0
+"""A person plugs the cable in before the prompt is answered; a line may need some seconds more."""
+
+
+def ask(run: Run) -> None:
+    """L1: each instrument is asked many times who it is."""
+    for name in run.parameters.lines.instruments:
+        if run.is_finished(line_unit(name)):
+            continue
+        run.may_pause()
+        with run.unit(line_unit(name)):
+            instrument = run.role(name, Instrument)
+            known = instrument.identify()
+            rows = [_one(run, instrument, known) for _ in range(run.parameters.lines.queries)]
+            _record(run, line_unit(name), rows)
+
+
+def come_back(run: Run) -> None:
+    """L2: each chosen instrument is disconnected by hand, and answers again.
+
+    Coils are off and axes at rest before the hand is asked for.
+    """
+    for name in run.parameters.lines.disconnected:
+        if run.is_finished(return_unit(name)):
+            continue
+        instrument = run.role(name, Instrument)
+        known = instrument.identify()
+        ask_at_rest(run, pull(name))
+        rows = []
+        with run.unit(return_unit(name)):
+            for _ in range(TRIES):
+                rows.append(_one(run, instrument, known))
+                if rows[-1][1]:
+                    break
+                run.wait(BETWEEN_S, f"{name} comes back")
+            _record(run, return_unit(name), rows)
+
+
+def _one(run: Run, instrument: Instrument, known: object) -> tuple[float, bool, bool]:
+    """Return how long one question took in s, whether it was answered, and as before."""
+    began_s = run.clock.now()
+    try:
+        who = instrument.identify()
+    except InstrumentError:
+        return float("nan"), False, False
+    return run.clock.now() - began_s, True, who == known
+
+
+def _record(run: Run, unit: str, rows: list[tuple[float, bool, bool]]) -> None:
+    import numpy as np
+
+    from station.record.raw import ARRIVAL
+
+    names = [(name, np.float64) for name in (*COLUMNS, ARRIVAL)]
+    now_s = run.clock.now()
+    run.record.block(SOURCE, unit, COLUMNS, np.array([(*row, now_s) for row in rows], dtype=names))
+
+
+STEPS = (
+    Step("L1", "Lines: identity, latency, answers that do not come", ask),
+    Step("L2", "Lines: disconnected by hand, and back", come_back),
+)

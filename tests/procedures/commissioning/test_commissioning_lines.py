@@ -1,0 +1,85 @@
+"""The lines' part on the simulated benches: healthy ones pass, planted faults are named."""
+
+from __future__ import annotations
+
+import random
+from pathlib import Path
+
+import numpy as np
+import pytest
+from commissioning_parts import whole_plan_of
+from plan_runs import run_of, shipped_bench, shipped_plan
+from plants import Plant, named
+from plants_lines import PLANTS, TRIES, faulty
+
+from procedures.commissioning.lines import limits
+from procedures.commissioning.lines.analysis import Answers, analyse
+from station.record.folder import RunFolder
+
+
+def answers(*, lost: int = 0, others: int = 0, latency_s: float = 0.01) -> Answers:
+    """Return fifty answers, the first of them lost, the next of somebody else."""
+    answered, same = np.ones(50, bool), np.ones(50, bool)
+    answered[:lost] = False
+    same[: lost + others] = False
+    return Answers(np.where(answered, latency_s, np.nan), answered, same)
+
+
+@pytest.mark.parametrize("bench", ["sim", "sim-alternate"])
+def test_a_healthy_bench_raises_no_alarm(tmp_path: Path, bench: str) -> None:
+    outcome = run_of(tmp_path / "run", whole_plan_of("lines", bench), shipped_bench(bench))
+    assert named(outcome) == set()
+    assert outcome.exit_code == 0
+    assert outcome.document is not None
+    asked = {one["axis"] for one in outcome.document.to_data()["results"]}
+    assert {"coil_supply.x", "gaussmeter", "turntable", "thermal_chamber"} <= asked
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("plant", PLANTS, ids=lambda one: one.name)
+def test_a_planted_fault_is_named_alone(tmp_path: Path, plant: Plant, seed: int) -> None:
+    bench, rng = shipped_bench("sim"), random.Random(seed)
+    bench["simulation"]["seed"] = seed
+    cause = plant.plant(bench, rng)
+    outcome = run_of(tmp_path / "run", whole_plan_of("lines"), bench)
+    assert named(outcome) == {cause}
+    assert outcome.exit_code == 1
+
+
+def test_an_instrument_that_is_pulled_and_plugged_in_answers_again(tmp_path: Path) -> None:
+    plan = whole_plan_of("lines")
+    plan["parameters"]["lines"] = {"instruments": ["gaussmeter"], "disconnected": ["multimeter"]}
+    bench = shipped_bench()
+    # Asked when it is opened, before the cable is pulled, and then on a line that is gone.
+    faulty(bench, "multimeter", fault="dropped-connection", nth=3, count=2 * TRIES)
+    outcome = run_of(tmp_path / "run", plan, bench)
+    assert named(outcome) == set()
+    folder = RunFolder(outcome.folder)
+    answered = folder.rows("lines", "return of multimeter")["answered"]
+    assert answered[-1] and not answered[0]
+    assert '"reconnect"' in (outcome.folder / "events.jsonl").read_text(encoding="utf-8")
+
+
+def test_one_that_stays_away_or_answers_as_another_is_named() -> None:
+    gone = analyse({}, {"multimeter": answers(lost=50)})
+    assert [(one.code, one.axis) for one in gone.flags] == [("line-does-not-return", "multimeter")]
+    back = analyse({}, {"multimeter": answers(lost=3)})
+    assert back.flags == ()
+    swapped = analyse({"gaussmeter": answers(others=4)}, {})
+    assert [(one.code, one.axis) for one in swapped.flags] == [
+        ("line-identity-changes", "gaussmeter")
+    ]
+
+
+def test_latency_is_that_of_the_answers_that_came() -> None:
+    found = analyse({"gaussmeter": answers(lost=2, latency_s=0.02)}, {})
+    values = {one.name: one.value for one in found.estimates}
+    assert values["line_latency"] == pytest.approx(20.0)
+    assert values["line_latency_p99"] == pytest.approx(20.0)
+    assert values["line_errors"] == 2.0
+
+
+def test_the_shipped_plan_states_the_limits_of_the_naming() -> None:
+    stated = shipped_plan("commissioning")["limits"]
+    assert stated["line_latency_p99"] == {"max": f"{limits.SLOWEST_MS:g} ms"}
+    assert stated["line_errors"] == {"max": limits.LOST}
