@@ -334,8 +334,8 @@ LIMITS = {
 INSTRUMENT = {
     "driver": "name of the driver; `station list drivers` gives them",
     "address": "VISA resource name, `socket://host:port`, `modbus-tcp://host`, "
-    "`socketcand://host:port/channel` or a serial port; another kind is refused, but for the "
-    "`scheme://…` of a driver of your own; none on a simulated bench",
+    "`socketcand://host:port/channel`, `can://INTERFACE/CHANNEL` or a serial port; another kind is "
+    "refused, but for the `scheme://…` of a driver of your own; none on a simulated bench",
     "shares": "instruments over whose lines this one is reached, in place of an address",
     "serial": "the serial number that must answer; without it any does",
     "settings": "the driver's own settings, see below",

@@ -10,10 +10,13 @@ from urllib.parse import urlsplit
 
 import can
 
+from drivers.transport.can_adapter import Adapter, StampedTime
 from drivers.transport.kept_frames import READ_SLICE_S, KeptFrames
 from drivers.transport.serial_port import CONNECT_DEADLINE_S, SocketPort, connected, one_line
 from station.clock import FarEnd, boot_seconds
+from station.errors import InstrumentError
 from station.roles import Place
+from station.roles.can_addresses import SCHEME, can_address
 
 GREETING, OPENED = b"< hi >", b"< ok >"
 LONGEST_MESSAGE = 256
@@ -145,7 +148,7 @@ class TextBus(can.BusABC):  # type: ignore[misc]  # python-can is not typed here
         self._far.write(frame_text(msg.arbitration_id, bytes(msg.data)).encode())
 
 
-Bus = Socketcand | TextBus
+Bus = Socketcand | TextBus | Adapter
 
 
 def frame_text(identifier: int, data: bytes) -> str:
@@ -170,10 +173,11 @@ class Frame:
 
 
 class CanLine(KeptFrames[Frame]):
-    """One connection to a CAN bus; `address` is `socketcand://host:port/channel`.
+    """One connection to a CAN bus: `socketcand://host:port/channel`, or `can://INTERFACE/CHANNEL`.
 
-    `names` are the frames that the instrument sends or takes, by identifier: what else is on the
-    bus is not kept.
+    Frames of the kernel's or the adapter's stamps arrive when they were stamped, others when they
+    are taken; the log has which. `names` are the frames that the instrument sends or takes, by
+    identifier: what else is on the bus is not kept.
     """
 
     line = "the CAN bus"
@@ -181,27 +185,43 @@ class CanLine(KeptFrames[Frame]):
 
     def __init__(self, place: Place, names: Mapping[int, str]) -> None:
         parts = urlsplit(place.address)
-        super().__init__(place, parts.netloc, lambda frame: frame.identifier)
+        is_adapter = parts.scheme == SCHEME
+        wire = place.address if is_adapter else parts.netloc
+        super().__init__(place, wire, lambda frame: frame.identifier)
         self._names = names
-        channel = parts.path.strip("/")
-        if parts.scheme != "socketcand" or not parts.hostname or not parts.port or not channel:
-            raise self._fault(
-                f"open {place.address!r}",
-                "this is no CAN address",
-                "write socketcand://host:port/channel in the bench file",
-            )
+        self._stamped: StampedTime | None = None
         try:
-            far = self._wire.port()
-            self._bus: Bus = (
-                TextBus(far)
-                if far
-                else Socketcand(parts.hostname, parts.port, channel, self._passed_over)
-            )
+            self._bus: Bus = self._adapter() if is_adapter else self._daemon()
         except OSError as error:
+            do = "check the adapter, its driver and that nobody else has it open"
             raise self._nobody_answers(
-                one_line(error), "start socketcand, check the adapter"
+                one_line(error), do if is_adapter else "start socketcand, check the adapter"
             ) from error
         self._begin_to_read()
+
+    def _daemon(self) -> Bus:
+        parts = urlsplit(self._place.address)
+        channel = parts.path.strip("/")
+        if parts.scheme != "socketcand" or not parts.hostname or not parts.port or not channel:
+            raise self._no_address("this is no CAN address", "write socketcand://host:port/channel")
+        if far := self._wire.port():
+            return TextBus(far)
+        return Socketcand(parts.hostname, parts.port, channel, self._passed_over)
+
+    def _adapter(self) -> Bus:
+        try:
+            address = can_address(self._place.address)
+        except ValueError as error:
+            raise self._no_address(str(error), "correct the address") from error
+        if far := self._wire.port():
+            return TextBus(far)
+        bus = Adapter(address)
+        self._stamped = None if address.stamps == "computer" else StampedTime()
+        self._place.note("can-time-stamps", of=address.stamps, interface=address.interface)
+        return bus
+
+    def _no_address(self, why: str, do: str) -> InstrumentError:
+        return self._fault(f"open {self._place.address!r}", why, f"{do} in the bench file")
 
     def send(self, identifier: int, data: bytes) -> None:
         """Put a frame on the bus."""
@@ -236,7 +256,9 @@ class CanLine(KeptFrames[Frame]):
                 continue
             self._traced_frame("<", identifier, data)
             if identifier in self._names:
-                frames.append(Frame(identifier, data, arrival_s))
+                stamped = self._stamped
+                came_s = stamped.run_time(message.timestamp, arrival_s) if stamped else arrival_s
+                frames.append(Frame(identifier, data, came_s))
         self._keep(frames)
         self._wire.picked_up(sum(not one.is_error_frame for one in messages))
         return bool(messages)

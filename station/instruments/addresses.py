@@ -12,6 +12,7 @@ from threading import Thread
 from urllib.parse import urlsplit
 
 from station.files.faults import nearest
+from station.roles.can_addresses import can_address
 
 RESOLVES_WITHIN_S = 2.0
 THIS_COMPUTER = "this computer"
@@ -23,12 +24,23 @@ SOCKET = re.compile(r"tcpip\d*::(.+)::(\d+)::socket")
 
 VISA_KINDS = ("TCPIP", "GPIB", "USB", "ASRL", "VXI", "PXI", "VICP", "PRLGX-TCPIP", "PRLGX-ASRL")
 PORTED = ("socket", "rfc2217", "modbus-tcp", "socketcand")
-SCHEMES = ("socket", "rfc2217", "loop", "spy", "hwgrep", "cp2110", "modbus-tcp", "socketcand")
+SCHEMES = (
+    "socket",
+    "rfc2217",
+    "loop",
+    "spy",
+    "hwgrep",
+    "cp2110",
+    "modbus-tcp",
+    "socketcand",
+    "can",
+)
 """Those of a package's own driver are not known here."""
 SERIAL_PORT = re.compile(r"/.+|COM\d+|\\\\.\\.+", re.IGNORECASE)
 KINDS = (
     "a VISA resource such as 'TCPIP::192.168.3.11::5025::SOCKET', 'socket://host:port', "
-    "'modbus-tcp://host', 'socketcand://host:port/can0', or a serial port such as '/dev/ttyUSB0'"
+    "'modbus-tcp://host', 'socketcand://host:port/can0', 'can://socketcan/can0', or a "
+    "serial port such as '/dev/ttyUSB0'"
 )
 
 
@@ -37,6 +49,8 @@ def why_unknown(address: str) -> tuple[str, str | None] | None:
     text = address.strip()
     what = f"'{address}' is no address of a known kind; write {KINDS}"
     scheme, is_url, rest = text.partition("://")
+    if is_url and scheme.lower() == "can":
+        return _why_no_can(text)
     if is_url and scheme.lower() in PORTED:
         return _why_no_port(text, what)
     if is_url:
@@ -66,6 +80,15 @@ def _why_no_tcpip(text: str, what: str) -> tuple[str, str | None] | None:
         is_port = len(rest) == 2 and rest[0].isdecimal() and 0 < int(rest[0]) < 1 << 16
         return None if host and is_port else (what, None)
     return None if host else (what, None)
+
+
+def _why_no_can(text: str) -> tuple[str, str | None] | None:
+    """Return why the address of a CAN interface is wrong; the sentence says what to write."""
+    try:
+        can_address(text)
+    except ValueError as error:
+        return f"'{text}' is no CAN address: {error}", None
+    return None
 
 
 def _why_no_port(text: str, what: str) -> tuple[str, str | None] | None:
@@ -108,6 +131,8 @@ def forms_of(address: str) -> frozenset[str]:
 def url_forms(address: str) -> frozenset[str]:
     """Return what `scheme://host:port/path` stands for."""
     parts = urlsplit(address)
+    if parts.scheme.lower() == "can":
+        return frozenset({address.partition("?")[0].lower()})
     with suppress(ValueError):  # a port that is no number: the driver says so
         port = parts.port or DEFAULT_PORTS.get(parts.scheme.lower())
         if parts.hostname and port:

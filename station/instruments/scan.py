@@ -23,6 +23,7 @@ from station.clock import RealClock
 from station.driver_checks import settings_of
 from station.fields import key_of
 from station.files.yaml.document import plain_scalar
+from station.instruments.can_adapters import can_interfaces
 from station.instruments.opening import Place
 from station.roles.base import MadeSafe
 from station.roles.role import instances, role_of, roles, roles_of, safe_states
@@ -69,7 +70,7 @@ def scan(hosts: Iterable[str], library: str, served: Mapping[str, Any] | None) -
     with ThreadPoolExecutor(max(len(places), 1)) as pool:
         answers = pool.map(lambda place: ask_port(*place), places)
         found = [one for one in answers if one is not None]
-    return [*visa_resources(library), *serial_ports(), *found]
+    return [*visa_resources(library), *serial_ports(), *can_buses(), *found]
 
 
 def ask_port(host: str, port: int) -> Seen | None:
@@ -198,6 +199,11 @@ def serial_ports() -> list[Seen]:
         for port in sorted(comports())
         if port.hwid != "n/a"
     ]
+
+
+def can_buses() -> list[Seen]:
+    """List the CAN interfaces that python-can detects."""
+    return [Seen(address, said, answered=False) for address, said in can_interfaces()]
 
 
 FILL_IN = "FILL IN"

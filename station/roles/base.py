@@ -33,7 +33,7 @@ class Place(Protocol):
 
     @property
     def address(self) -> str:
-        """A VISA resource name, `socketcand://host:port/channel`, or empty without a line."""
+        """A VISA resource name, a serial port, a URL such as `can://pcan/…`, or empty."""
         ...
 
     @property

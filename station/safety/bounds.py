@@ -31,7 +31,7 @@ BEYOND_LIMIT = 1.5
 BEYOND_TEMPERATURE_K = 25.0
 MOST_COIL_DEGC = 200.0
 """Windings are insulated for 130 to 200 degC."""
-BUSES = ("socketcand://",)
+BUSES = ("socketcand://", "can://")
 """Lines that several instruments are on."""
 
 
