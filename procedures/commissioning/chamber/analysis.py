@@ -19,6 +19,7 @@ from .limits import COVERAGE, FOLLOWS, IN_AIR, OVERSHOOT_K
 from .parameters import AXES
 
 Array = NDArray[np.float64]
+SURE = 0.1
 SHORTEST_S, LONGEST_S, TRIED = 20.0, 20000.0, 25
 REACHED = 1.0 - math.exp(-1.0)
 METHOD = "air after the step of the set-point"
@@ -65,6 +66,13 @@ def analyse(data: ChamberDataset) -> Analysis:
     lag_s = float(since_s[reached.argmax()]) if reached.any() else float(since_s[-1])
     spacing_s = float(np.diff(since_s).mean())
     followed = [follow(data, data.device_degC[:, k]) for k in range(len(AXES))]
+    sure = [one.lag_s for one in followed if one.gain_u < SURE] or [LONGEST_S]
+    # One that shows nothing of the step has no lag of its own: it is held against the others'.
+    followed = [
+        one if one.gain_u < SURE else follow(data, data.device_degC[:, k], float(np.median(sure)))
+        for k, one in enumerate(followed)
+    ]
+    middle_s = float(np.median([one.lag_s for one in followed]))
     freedom = float(late.size - 1)
 
     def estimate(name: str, value: float, unit: str, u: float) -> Estimate:
@@ -89,12 +97,16 @@ def analyse(data: ChamberDataset) -> Analysis:
             for axis, one in zip(AXES, followed, strict=True)
         ),
     ]
+    estimates += [
+        Estimate("thermometer_lag", axis, one.lag_s / middle_s, "1", 0.05, one.freedom, METHOD)
+        for axis, one in zip(AXES, followed, strict=True)
+    ]
     flags = [*overshooting(overshoot, ripple, data.step_K), *misplaced(followed, data.step_K)]
     return Analysis(estimates, (), flags)
 
 
-def follow(data: ChamberDataset, read_degC: Array) -> Following:
-    """Fit one thermometer's readings, shape (m,)."""
+def follow(data: ChamberDataset, read_degC: Array, lag_s: float | None = None) -> Following:
+    """Fit one thermometer's readings, shape (m,), with a lag of its own or a known one."""
     from scipy.optimize import least_squares
 
     time_s = data.device_s - data.device_s[0]
@@ -111,6 +123,11 @@ def follow(data: ChamberDataset, read_degC: Array) -> Following:
             np.sum((read_degC - columns(tau_s) @ shares) ** 2)
         )
 
+    if lag_s is not None:
+        shares, squares = linear(lag_s)
+        known = columns(lag_s)
+        spread = np.linalg.inv(known.T @ known) * squares / (len(known) - 3.0)
+        return Following(float(shares[2]), float(np.sqrt(spread[2, 2])), lag_s, len(known) - 3.0)
     tried = np.geomspace(SHORTEST_S, LONGEST_S, TRIED)
     tau_s = float(min(tried, key=lambda one: linear(float(one))[1]))
     start = np.array([math.log(tau_s), *linear(tau_s)[0]])

@@ -15,6 +15,7 @@ RESULTS = {
     "chamber_lag": ResultKind((), "s"),
     "chamber_steady_error": ResultKind((), "K"),
     "thermometer_gain": ResultKind(AXES, "1"),
+    "thermometer_lag": ResultKind(AXES, "1"),
 }
 """What is reported of the chamber and of the device's thermometers, with its unit."""
 UNIT = "chamber step"
