@@ -35,6 +35,8 @@ PARAMETERS = {
         "supplies.turn_probe": "whether a person turns a probe of one axis along each coil",
         "clocks": "the part of the clocks of instruments that stamp their readings",
         "clocks.record": "length of the record of time stamps",
+        "contacts": "the part of the contact of the chamber's door",
+        "contacts.settle": "time between a hand at the door and the look at its contact",
         "coils": "the part of coils, their supplies and the field probe",
         "watch": "whether the figures are held against those of the bench's commissioning",
         "coils.field": "steady field of each coil, of either sense",

@@ -21,6 +21,7 @@ from station.runner.run import Run
 from .chamber import CHAMBER_PART
 from .clocks import CLOCK_PART
 from .coils import COIL_PART
+from .contacts import CONTACT_PART
 from .drift import DRIFT, drift_axes
 from .gyro import GYRO_PART
 from .lines import LINES_PART
@@ -37,6 +38,7 @@ if TYPE_CHECKING:
     from station.instruments.bench import Bench
 
 PARTS: tuple[Part, ...] = (
+    CONTACT_PART,
     LINES_PART,
     SUPPLY_PART,
     COIL_PART,

@@ -11,6 +11,7 @@ from station.fields import StrictModel
 from .chamber.parameters import ChamberParameters
 from .clocks.parameters import ClockParameters
 from .coils.parameters import CoilParameters
+from .contacts.parameters import ContactParameters
 from .gyro.parameters import GyroParameters
 from .lines.parameters import LineParameters
 from .motion.parameters import MotionParameters
@@ -20,7 +21,17 @@ from .stage.parameters import StageParameters
 from .supplies.parameters import SupplyParameters
 
 PartName = Literal[
-    "lines", "supplies", "coils", "probe", "pick_up", "motion", "stage", "gyro", "chamber", "clocks"
+    "contacts",
+    "lines",
+    "supplies",
+    "coils",
+    "probe",
+    "pick_up",
+    "motion",
+    "stage",
+    "gyro",
+    "chamber",
+    "clocks",
 ]
 
 
@@ -33,6 +44,7 @@ class CommissioningParameters(StrictModel):
     checks: Annotated[tuple[PartName, ...], Field(min_length=1)] = get_args(PartName)
     watch: bool = False
     lines: LineParameters = LineParameters()
+    contacts: ContactParameters = ContactParameters()
     supplies: SupplyParameters = SupplyParameters()
     coils: CoilParameters = CoilParameters()
     probe: ProbeParameters = ProbeParameters()

@@ -41,7 +41,8 @@ class Plant:
     """The chamber of the world, or one of its own; `faults` begin and end here.
 
     Truth: `steers` (`chamber`, or `nothing` for a controller whose loop is not wired), and
-    `sensor_error` and `noise` of the process value.
+    `sensor_error` and `noise` of the process value; `door_inverted: true` for a door's contact
+    that is wired the other way round.
     """
 
     lasting_faults: ClassVar = (
@@ -62,6 +63,7 @@ class Plant:
         self._noise_K = truth.quantity("noise", "K")
         world = setting.world.find(Chamber) if steers == CHAMBER else None
         self._chamber = world or Chamber(Truth(ROOM, "chamber"))
+        self._inverted = truth.switch("door_inverted")
         self._controls = False
         self._kept_degC: float | None = None
         faults.when_changed(Frozen.kind, self._freeze)
@@ -101,8 +103,9 @@ class Plant:
         return self._moves()
 
     def door_is_open(self) -> bool:
-        """Return what the door's switch says."""
-        return self._faults.now(DoorOpen.kind) is not None
+        """Return what the door's switch shows; one that is wired inverted shows the opposite."""
+        is_open = self._faults.now(DoorOpen.kind) is not None or self._chamber.door_stands_open
+        return is_open != self._inverted
 
     def alarm_is_on(self, number: int) -> bool:
         """Return whether an alarm, numbered from 1, is on."""

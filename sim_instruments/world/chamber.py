@@ -101,6 +101,11 @@ class Chamber:
         self._on = on
         self._plan(time_s)
 
+    @property
+    def door_stands_open(self) -> bool:
+        """Whether the door is open."""
+        return self._open
+
     def door(self, time_s: float, is_open: bool) -> None:
         """Open or close the door."""
         self._open = is_open

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TypeVar
 
 from sim_instruments.truth import Truth
 from sim_instruments.world.accelerometer import AccelerometerBench
 from sim_instruments.world.base import STRONG_COIL, World, nothing
+from sim_instruments.world.chamber import Chamber
 from sim_instruments.world.fog import FogBench
 from sim_instruments.world.laser_gyro import LaserGyroBench
 from sim_instruments.world.nine_axis import NineAxisBench
@@ -49,6 +51,10 @@ class CommissioningBench(World):
             self.currents |= {name: world.currents[name] for name in of_world}
         acts = [act for world in self._worlds for act in world.preparations]
         self.preparations = tuple(dict.fromkeys(acts))
+        opened, closed = (partial(self._door, is_open) for is_open in (True, False))
+        self.acts["open-door"] = (opened, "The simulated chamber's door was opened.")
+        for act in ("close-door", "close-door-again"):
+            self.acts[act] = (closed, "The simulated chamber's door was closed.")
         self.acts["reconnect"] = (nothing, "The simulated data cable was put back.")
 
     def find(self, kind: type[Capability]) -> Capability | None:
@@ -80,6 +86,11 @@ class CommissioningBench(World):
             return super().act(prompt_id, time_s)
         sentences = [world.act(prompt_id, time_s) for world in knowing]
         return sentences[0]
+
+    def _door(self, is_open: bool, time_s: float) -> None:
+        chamber = self.find(Chamber)
+        if chamber is not None:
+            chamber.door(time_s, is_open)
 
     def _table_changed(self, time_s: float) -> None:
         for world in self._worlds:

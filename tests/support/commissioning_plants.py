@@ -8,6 +8,7 @@ from __future__ import annotations
 from plants import Plant
 from plants_chamber import PLANTS as CHAMBER
 from plants_clocks import PLANTS as CLOCKS
+from plants_contacts import PLANTS as CONTACTS
 from plants_gyro import PLANTS as GYRO
 from plants_lines import PLANTS as LINES
 from plants_motion import PLANTS as MOTION
@@ -18,6 +19,7 @@ from plants_supplies import PLANTS as SUPPLIES
 
 ALL_PLANTS: tuple[Plant, ...] = (
     *LINES,
+    *CONTACTS,
     *SUPPLIES,
     *PROBE,
     *PICK_UP,
