@@ -49,6 +49,9 @@ class Thinned:
         """Return times in s and values, or what the values change by in a second."""
         times, values = self.means.T
         if rate:
+            # What arrived together has one time: its last count is that of the time.
+            last = np.append(np.diff(times) > 0.0, True)[: len(times)]
+            times, values = times[last], values[last]
             times, values = (times[1:] + times[:-1]) / 2.0, np.diff(values) / np.diff(times)
         return {"t": times.round(3).tolist(), "v": [float(f"{one:.7g}") for one in values]}
 

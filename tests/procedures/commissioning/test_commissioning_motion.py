@@ -60,7 +60,7 @@ def test_a_navigator_stands_in_for_a_sensor(tmp_path: Path, plant: Plant | None)
     assert named(run_of(tmp_path / "run", plan, bench)) == causes
 
 
-@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("seed", [1])
 @pytest.mark.parametrize("plant", PLANTS, ids=lambda one: one.name)
 def test_a_planted_fault_is_named_alone(tmp_path: Path, plant: Plant, seed: int) -> None:
     bench, rng = shipped_bench("sim"), random.Random(seed)

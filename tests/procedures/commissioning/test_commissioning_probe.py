@@ -44,7 +44,7 @@ def test_the_shipped_probe_raises_no_alarm_and_its_place_is_measured(tmp_path: P
         assert abs(found["probe_field_error", axis]["value"]) < 0.001
 
 
-@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("seed", [1])
 def test_a_probe_off_centre_is_named_alone(tmp_path: Path, seed: int) -> None:
     bench, rng = shipped_bench(), random.Random(seed)
     bench["simulation"]["seed"] = seed

@@ -34,7 +34,7 @@ def test_a_healthy_bench_raises_no_alarm(tmp_path: Path, part: str) -> None:
     assert outcome.exit_code == 0
 
 
-@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("seed", [1])
 @pytest.mark.parametrize("plant", PLANTS, ids=lambda one: one.name)
 def test_a_planted_fault_is_named_alone(tmp_path: Path, plant: Plant, seed: int) -> None:
     bench, rng = shipped_bench("sim"), random.Random(seed)

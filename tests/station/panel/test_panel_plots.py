@@ -53,3 +53,10 @@ def test_counts_are_shown_as_a_rate(one_axis_run: Path) -> None:
     rate = data["gyro_acquisition, counts/s"]["counts"]["v"]
     # 9.65 deg/h of the earth's rate, 0.0625 arcsec a pulse.
     assert np.median(rate) == pytest.approx(9.65 / 0.0625, rel=0.05)
+
+
+def test_counts_that_arrived_together_make_one_point_of_the_rate() -> None:
+    series = Thinned()
+    series.add(np.array([1.0, 1.0, 2.0, 2.0, 3.0]), np.array([5.0, 10.0, 15.0, 20.0, 30.0]))
+    assert series.data(rate=True) == {"t": [1.5, 2.5], "v": [10.0, 10.0]}
+    assert Thinned().data(rate=True) == {"t": [], "v": []}
