@@ -18,6 +18,7 @@ from station.control.status import (
     since_it_went_on,
     state_of,
 )
+from station.errors import StationError
 from station.files.locks import is_held
 from station.guardian.notes import guardian_at_work
 from station.panel.plots import Plots
@@ -42,23 +43,30 @@ class RunWatch:
         self._events: list[Event] = []
         self._lock = Lock()
         self._looked_s = self._plotted_s = float("-inf")
-        self._texts = {"state": "", "plots": ""}
-        self._versions = {"state": 0, "plots": 0}
+        self._texts = {"state": "", "plots": "", "unreadable": ""}
+        self._versions = {"state": 0, "plots": 0, "unreadable": 0}
 
     def news(self, seen: dict[str, int]) -> Iterator[tuple[str, str]]:
-        """Yield `state` and `plots`, each with its JSON text, where they changed since `seen`."""
+        """Yield `state`, `plots` and `unreadable`, each with its text, where new since `seen`."""
         with self._lock:
             now_s = boot_seconds()
             if now_s - self._looked_s >= LOOKS_EVERY_S:
                 self._looked_s = now_s
-                self._put("state", self.state())
-            if now_s - self._plotted_s >= PLOTS_EVERY_S and self._plots.look():
-                self._plotted_s = now_s
-                self._put("plots", self._plots.data())
+                self._look(now_s)
             for name, version in self._versions.items():
                 if version > seen.get(name, 0):
                     seen[name] = version
                     yield name, self._texts[name]
+
+    def _look(self, now_s: float) -> None:
+        """Read what was added; a folder that cannot be read is said to be so."""
+        try:
+            self._put("state", self.state())
+            if now_s - self._plotted_s >= PLOTS_EVERY_S and self._plots.look():
+                self._plotted_s = now_s
+                self._put("plots", self._plots.data())
+        except (OSError, ValueError, LookupError, StationError) as error:
+            self._put("unreadable", {"message": f"{self.folder.name} cannot be read: {error}"})
 
     def _put(self, name: str, data: dict[str, Any]) -> None:
         text = json.dumps(data, ensure_ascii=False, allow_nan=False)

@@ -128,7 +128,12 @@ byId("answer-done").addEventListener("click", () => answer("done"));
 byId("answer-abort").addEventListener("click", () => answer("abort"));
 
 const news = new EventSource(API + "events");
-for (const [name, use] of [["state", stateOf], ["plots", plotsOf], ["beat", () => {}]]) {
+function unreadable(data) {
+  show("notice", true);
+  say("notice", `${data.message}. What stands below is old: look at the bench.`);
+}
+
+for (const [name, use] of [["state", stateOf], ["plots", plotsOf], ["unreadable", unreadable], ["beat", () => {}]]) {
   news.addEventListener(name, (event) => { heardMs = Date.now(); use(JSON.parse(event.data)); });
 }
 setInterval(() => {

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from station.clock import RealClock
 from station.panel.plots import MOST_POINTS, Plots, Thinned
+from station.panel.watching import LOOKS_EVERY_S, RunWatch
 from station.record.folder import RunFolder
 from station.record.raw_tail import RawTail
 
@@ -60,3 +63,17 @@ def test_counts_that_arrived_together_make_one_point_of_the_rate() -> None:
     series.add(np.array([1.0, 1.0, 2.0, 2.0, 3.0]), np.array([5.0, 10.0, 15.0, 20.0, 30.0]))
     assert series.data(rate=True) == {"t": [1.5, 2.5], "v": [10.0, 10.0]}
     assert Thinned().data(rate=True) == {"t": [], "v": []}
+
+
+def test_a_run_folder_that_is_gone_is_said_and_ends_no_viewer(
+    one_axis_run: Path, tmp_path: Path
+) -> None:
+    folder = tmp_path / one_axis_run.name
+    shutil.copytree(one_axis_run, folder)
+    watch, seen = RunWatch(folder), dict[str, int]()
+    assert [name for name, _ in watch.news(seen)] == ["state", "plots"]
+    shutil.rmtree(folder)
+    RealClock().sleep(2 * LOOKS_EVERY_S)
+    ((name, text),) = watch.news(seen)
+    assert name == "unreadable"
+    assert "cannot be read" in text
