@@ -44,7 +44,7 @@ def ask(
     waiting: Callable[[], None] | None = None,
     details: Mapping[str, str] | None = None,
 ) -> dict[str, Any]:
-    """Ask `pause`, `go-on`, `abort`, `status` or `answer` and return the last answer.
+    """Ask `pause`, `go-on`, `abort`, `status`, `live` or `answer` and return the last answer.
 
     `details` go with the request: the `id` of a prompt and the `text` of its answer.
     `meanwhile` gets what is said at once where that takes longer than `ANSWERS_WITHIN_S` allows,

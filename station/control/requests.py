@@ -7,7 +7,7 @@ has said what it does meanwhile.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from threading import Event, Lock
@@ -153,6 +153,8 @@ class Control:
         self._abort: Aborted | None = None
         self._made_safe: list[dict[str, Any]] | None = None
         self.desk = Desk(clock)
+        self.live: Callable[[], Mapping[str, Any]] = dict
+        """What the run sets and reads just now."""
 
     def __enter__(self) -> Control:
         try:
@@ -251,6 +253,8 @@ class Control:
                         ending=self._ending,
                         safe_state=self._made_safe,
                     )
+                case "live":
+                    incoming.answer(outcome="live", **self.live())
                 case other:
                     incoming.answer(outcome="unknown", said=f"nobody knows how to {other!r}")
 

@@ -9,6 +9,7 @@ from threading import Lock
 from typing import Any
 
 from station.clock import boot_seconds, utc_now
+from station.control.live import LiveValues
 from station.control.status import (
     RUN_STARTED,
     SENTENCES,
@@ -43,11 +44,12 @@ class RunWatch:
         self._events: list[Event] = []
         self._lock = Lock()
         self._looked_s = self._plotted_s = float("-inf")
-        self._texts = {"state": "", "plots": "", "unreadable": ""}
-        self._versions = {"state": 0, "plots": 0, "unreadable": 0}
+        self._live = LiveValues(folder)
+        self._texts = {"state": "", "live": "", "plots": "", "unreadable": ""}
+        self._versions = dict.fromkeys(self._texts, 0)
 
     def news(self, seen: dict[str, int]) -> Iterator[tuple[str, str]]:
-        """Yield `state`, `plots` and `unreadable`, each with its text, where new since `seen`."""
+        """Yield each kind of news that is new since `seen`, with its text."""
         with self._lock:
             now_s = boot_seconds()
             if now_s - self._looked_s >= LOOKS_EVERY_S:
@@ -62,6 +64,7 @@ class RunWatch:
         """Read what was added; a folder that cannot be read is said to be so."""
         try:
             self._put("state", self.state())
+            self._put("live", self.live())
             if now_s - self._plotted_s >= PLOTS_EVERY_S and self._plots.look():
                 self._plotted_s = now_s
                 self._put("plots", self._plots.data())
@@ -73,6 +76,11 @@ class RunWatch:
         if text != self._texts[name]:
             self._texts[name] = text
             self._versions[name] += 1
+
+    def live(self) -> dict[str, Any]:
+        """Return what the run sets and reads just now; nothing where it does not answer."""
+        held = is_held(self.folder / LOCK)
+        return (self._live.newest() if held else None) or {"instruments": [], "interlocks": []}
 
     def state(self) -> dict[str, Any]:
         """Return how the run stands now."""

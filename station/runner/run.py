@@ -12,6 +12,7 @@ from station.console import Prompt
 from station.errors import InputError
 from station.record.events import LEFT_FOR_THE_END
 from station.record.folder import RunFolder, RunRecord
+from station.runner.live import LiveBoard
 from station.runner.operator import Operator
 from station.runner.progress import Progress
 from station.safety.readings import Readings
@@ -85,6 +86,7 @@ class Run:
         self._step_began_s = clock.now()
         self.readings = Readings(clock)
         """What drivers published last, and what they noted."""
+        self.live = LiveBoard(clock, self.readings)
         self._said: set[tuple[str, str]] = set()
 
     @property
@@ -95,6 +97,7 @@ class Run:
     def listen_to(self, control: Control) -> Control:
         """Let other terminals act on this run from now on; returns what they act by."""
         self.control = control
+        control.live = self.live.data
         self._operator.listen_at(control.desk)
         return control
 
@@ -128,6 +131,7 @@ class Run:
         """
         if command not in self._prepared:
             self.prepare(command)
+        self.live.commanded(command.instrument, command.words(self.bench))
         return command.apply(self, self._prepared.pop(command))
 
     def state(self, kind: type[State], *arguments: Any) -> State:

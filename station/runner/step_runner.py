@@ -61,7 +61,6 @@ class StepRunner:
         self._session = session
         self._bench_file = bench_file
         self._trace = trace
-        self._readings = run.readings
         self._found: dict[str, Found] = {}
         needed = procedure.instruments(run.parameters)
         self._interlocks = watched_in_a_run(run.bench.interlocks, needed)
@@ -195,7 +194,7 @@ class StepRunner:
             run.clock,
             self._ask_for_driver,
             self._trace,
-            self._readings,
+            self._run.readings,
             None if self._session.here else self._locks,
         )
         run.instruments = {name: one.instrument for name, one in self._found.items()}
@@ -225,10 +224,11 @@ class StepRunner:
         self._monitor = Monitor(
             self._interlocks,
             self._run.instruments,
-            self._readings,
+            self._run.readings,
             self._run.clock,
             lambda: self._make_safe(signals),
         )
+        self._run.live.interlocks = self._monitor.looks
         if self._guardian is not None:
             # What is reached over another's line has no rest of its own to be brought to.
             names = [one for one in self._found if not self._run.bench.instruments[one].shares]

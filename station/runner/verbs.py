@@ -82,6 +82,7 @@ def keep(run: Run, unit: str, source: Source | Burst, block: Block) -> NDArray[A
     rows = to_rows(block)
     if len(rows):
         run.record.block(source.source, unit, source.columns, rows)
+        run.live.came(source.source, rows)
     return rows
 
 
@@ -96,6 +97,7 @@ def keep_row(
     names = [(name, np.float64) for name in (*columns, ARRIVAL)]
     row = np.array([(*values, run.clock.now())], dtype=names)
     run.record.block(instrument, unit, columns, row)
+    run.live.came(instrument, row)
 
 
 class Follower:

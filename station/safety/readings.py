@@ -93,6 +93,10 @@ class Readings:
         """Return the newest reading, or None where nothing was published yet."""
         return self._newest.get((instrument, quantity))
 
+    def board(self) -> dict[tuple[str, str], Reading]:
+        """Return the newest reading of everything, by instrument and quantity."""
+        return self._newest.copy()
+
     def on_change(self, tell: Callable[[str, str, str], None]) -> None:
         """Call `tell(instrument, quantity, state)` whenever a state becomes another one.
 

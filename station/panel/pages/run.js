@@ -55,6 +55,23 @@ function safeOf(outcomes) {
     one.verified ? "good" : "bad")));
 }
 
+const LOCK_WORDS = {clear: "✔ clear", waits: "! true for a moment", tripped: "✘ TRIPPED"};
+const OLD_S = 30;
+
+function readText(one) {
+  const old = one.age_s > OLD_S ? ` (${span(one.age_s)} ago)` : "";
+  return `${one.quantity} ${one.text}${old}`;
+}
+
+function liveOf(data) {
+  show("live", data.instruments.length > 0);
+  byId("live-values").replaceChildren(...data.instruments.map((one) => row(
+    one.instrument, one.set || "–", one.read.map(readText).join(", ") || "–")));
+  byId("interlocks").replaceChildren(...data.interlocks.map((one) => element(
+    "li", `${LOCK_WORDS[one.state]}: ${one.name}${one.said ? ": " + one.said : ""}`,
+    one.state === "clear" ? "good" : "bad")));
+}
+
 function chime() {
   try {
     const context = new AudioContext(), tone = context.createOscillator();
@@ -133,7 +150,7 @@ function unreadable(data) {
   say("notice", `${data.message}. What stands below is old: look at the bench.`);
 }
 
-for (const [name, use] of [["state", stateOf], ["plots", plotsOf], ["unreadable", unreadable], ["beat", () => {}]]) {
+for (const [name, use] of [["state", stateOf], ["live", liveOf], ["plots", plotsOf], ["unreadable", unreadable], ["beat", () => {}]]) {
   news.addEventListener(name, (event) => { heardMs = Date.now(); use(JSON.parse(event.data)); });
 }
 setInterval(() => {

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import _thread
 from collections.abc import Callable, Mapping, Sequence
+from typing import NamedTuple
 
 from station.clock import Clock, ClockError, ClockStopped
 from station.errors import InputError, InterlockTripped
@@ -26,6 +27,14 @@ MOST_LOOKS_OF_PATIENCE = 10.0
 ROUNDING_S = 1e-9
 
 
+class InterlockLook(NamedTuple):
+    """An interlock as it was seen last: `clear`, `waits` (true within its grace) or `tripped`."""
+
+    name: str
+    state: str
+    said: str
+
+
 class Watch:
     """One interlock: when it is looked at next, and since when its condition is true."""
 
@@ -34,6 +43,7 @@ class Watch:
         self.reader = reader
         self.due_s = 0.0
         self.since_s: float | None = None
+        self.said = ""
         self.own_state = [
             instrument
             for instrument in sorted(interlock.instruments)
@@ -52,7 +62,9 @@ class Watch:
 
     def judge(self) -> Judgement:
         """Look now."""
-        return self.interlock.when.judge(self.reader)
+        judged = self.interlock.when.judge(self.reader)
+        self.said = judged.said
+        return judged
 
 
 class Monitor:
@@ -107,6 +119,22 @@ class Monitor:
         if self._watches:
             self._turn = 1
             self._clock.start("interlocks", lambda: self._watch(1))
+
+    def looks(self) -> list[InterlockLook]:
+        """Return each interlock as it was seen last; any thread may ask."""
+        tripped = self.trip.name if self.trip else None
+        return [
+            InterlockLook(
+                one.interlock.name,
+                "tripped"
+                if one.interlock.name == tripped
+                else "clear"
+                if one.since_s is None
+                else "waits",
+                one.said,
+            )
+            for one in self._watches
+        ]
 
     def raise_trip(self) -> None:
         """Raise what tripped, if anything did."""

@@ -173,6 +173,10 @@ def test_a_plot_moves_a_pause_holds_and_a_killed_run_is_shown(
 
             before = last()
             page.wait(lambda: last() > before)
+            page.wait_for("live-values", "coil_supply.x")
+            page.wait_for("live-values", " mT")
+            page.wait_for("interlocks", "✔ clear: chain: ")
+            assert page.accessibility_findings() == []
             os.kill(process.pid, signal.SIGKILL)
             page.wait_for("notice", "STATION ERROR", 3.0)
             page.wait_for("notice", "made the bench safe")

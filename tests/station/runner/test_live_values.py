@@ -1,0 +1,76 @@
+"""What a run shows of its instruments while it runs: set-points, read-backs, interlocks."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from threading import Event
+
+import numpy as np
+import pytest
+
+from station.clock import VirtualClock, boot_seconds
+from station.control import live
+from station.control.live import LiveValues
+from station.errors import StationError
+from station.runner.live import LiveBoard
+from station.safety.interlocks.monitor import InterlockLook
+from station.safety.readings import Readings
+
+
+@pytest.fixture
+def board() -> LiveBoard:
+    clock = VirtualClock()
+    return LiveBoard(clock, Readings(clock))
+
+
+def test_a_set_point_stands_beside_what_its_instrument_reads_back(board: LiveBoard) -> None:
+    board.commanded("coil_supply_x", "1 A, at rest")
+    board.commanded("coil_supply_x", "0.5 mT at 2 Hz")
+    board._readings.publish("coil_supply_x", "current", 0.49987, "A")
+    board._readings.publish("coil_supply_x", "output", "on")
+    board.interlocks = lambda: [InterlockLook("chain", "clear", "the chain is closed")]
+    data = board.data()
+    (one,) = data["instruments"]
+    assert (one["instrument"], one["set"]) == ("coil_supply_x", "0.5 mT at 2 Hz")
+    assert [(each["quantity"], each["text"]) for each in one["read"]] == [
+        ("current", "0.4999 A"),
+        ("output", "on"),
+    ]
+    assert data["interlocks"] == [
+        {"name": "chain", "state": "clear", "said": "the chain is closed"}
+    ]
+
+
+def test_the_newest_row_of_a_source_is_shown_with_its_units(board: LiveBoard) -> None:
+    columns = ["sequence", "gyro_x_deg_per_s", "temperature_degC", "arrival_time_s"]
+    rows = np.array(
+        [(1, 0.5, 20.0, 0.1), (2, 1.25, np.nan, 0.2)], dtype=[(one, float) for one in columns]
+    )
+    board.came("imu", rows)
+    (one,) = board.data()["instruments"]
+    shown = [(each["quantity"], each["text"]) for each in one["read"]]
+    assert shown == [("gyro_x", "1.25 deg/s")]
+
+
+def test_what_a_run_no_longer_answers_grows_old(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    answers = [{"instruments": [{"instrument": "imu"}], "interlocks": []}]
+
+    def ask(folder: Path, request: str) -> dict[str, object]:
+        assert (folder, request) == (tmp_path, "live")
+        if answers:
+            return answers.pop()
+        raise StationError("gone")
+
+    for name, value in {"ask": ask, "EVERY_S": 0.01, "AGAIN_S": 0.01, "OLD_AFTER_S": 0.2}.items():
+        monkeypatch.setattr(live, name, value)
+    values = LiveValues(tmp_path)
+    until_s = boot_seconds() + 20.0
+    while (seen := values.newest()) is None and boot_seconds() < until_s:
+        Event().wait(0.01)
+    assert seen is not None
+    assert seen["instruments"] == [{"instrument": "imu"}]
+    while values.newest() is not None and boot_seconds() < until_s:
+        Event().wait(0.01)
+    assert values.newest() is None
