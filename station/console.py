@@ -11,7 +11,6 @@ from __future__ import annotations
 import atexit
 import os
 import sys
-from dataclasses import dataclass
 from queue import SimpleQueue
 from threading import Event, Thread
 from typing import Any, TextIO, cast
@@ -26,18 +25,6 @@ MOST_LOOKS, LOOKS_EVERY_S = 50, 0.005
 LAST_WORDS_S = 2.0
 IN_ORDER_WITHIN_S = 0.5
 STANDARD = range(3)
-
-
-@dataclass(frozen=True)
-class Prompt:
-    """A request to the operator: a stable id, the sentence, and whether it is a physical act.
-
-    A simulated bench does physical acts itself.
-    """
-
-    id: str
-    text: str
-    physical: bool = True
 
 
 class OutputLost(StationError):

@@ -10,9 +10,9 @@ from pkgutil import resolve_name
 from typing import TYPE_CHECKING, Any, TypedDict
 
 from station import registry
-from station.console import Prompt as Prompt
 from station.errors import InputError
 from station.files.faults import FaultList
+from station.method.prompts import Prompt as Prompt
 from station.method.set_points import Envelope
 from station.method.work import (
     Forecast,

@@ -8,6 +8,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from functools import lru_cache
 from importlib.metadata import Distribution, EntryPoint, EntryPoints, distributions
+from importlib.util import find_spec
+from pathlib import Path
 from typing import Any
 
 from station.errors import InputError
@@ -129,3 +131,13 @@ def why_not(group: str, name: str) -> str | None:
     except InputError as error:
         return str(error)
     return None
+
+
+def folder_of(group: str, name: str) -> Path | None:
+    """Return the folder of the module that an entry names; None where there is none."""
+    entry = offers()[0].get(group, {}).get(name)
+    try:
+        found = find_spec(entry.module) if entry else None
+    except (ImportError, ValueError):
+        return None
+    return Path(found.origin).parent if found is not None and found.origin else None

@@ -58,6 +58,8 @@ def mounting(plane: str) -> Prompt:
     return Prompt(
         f"mount-{plane}",
         f"Mount the accelerometer in the middle of the coil with {MOUNTINGS[plane]}.",
+        checklist=("The cables leave the stage room to turn.", "No loose iron is in the coil."),
+        then="the coil is driven and the stage turns",
     )
 
 
@@ -74,7 +76,7 @@ def groups_of(run: Run) -> list[list[Point]]:
 def mount(run: Run) -> None:
     """(1) The accelerometer is mounted on the stage, in the middle of the coil."""
     first = next((p for p in run.parameters.points if not run.is_finished(p.unit)), None)
-    run.ask(CABLES.id, CABLES.text)
+    run.ask(CABLES)
     if first is not None:
         mount_for(run, first.plane)
 
@@ -87,7 +89,7 @@ def mount_for(run: Run, plane: str) -> None:
     if place.plane is not None:
         run.apply(CoilOff(SUPPLY))
     prompt = mounting(plane)
-    run.ask(prompt.id, prompt.text)
+    run.ask(prompt)
     if place.plane is not None:
         energise(run)
     place.plane = plane

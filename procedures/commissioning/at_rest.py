@@ -33,4 +33,4 @@ def ask_at_rest(run: Run, prompt: Prompt) -> None:
                 f"it reads back {reading.read_back}",
                 "keep away from it and switch it off by hand",
             )
-    run.ask(prompt.id, prompt.text)
+    run.ask(prompt)

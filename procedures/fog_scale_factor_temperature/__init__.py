@@ -44,7 +44,15 @@ MOUNT = Prompt(
     "Mount the navigation system on the three-axis table in the chamber, x along the inner axis "
     "and z down with all axes at zero; close the door.",
 )
-CABLES = Prompt("connect-cables", "Connect its power and its data line through the slip rings.")
+CABLES = Prompt(
+    "connect-cables",
+    "Connect its power and its data line through the slip rings.",
+    checklist=(
+        "The fixture is bolted and no cable is in the way of an axis.",
+        "Nobody is in the chamber or at the table, and the door is closed.",
+    ),
+    then="the chamber goes to its lowest temperature; later the table turns",
+)
 
 
 def prompts(parameters: FogParameters) -> tuple[Prompt, ...]:
@@ -61,8 +69,8 @@ def soak(run: Run) -> None:
     from station.runner.verbs import come_to_rest
 
     parameters: FogParameters = run.parameters
-    run.ask(MOUNT.id, MOUNT.text)
-    run.ask(CABLES.id, CABLES.text)
+    run.ask(MOUNT)
+    run.ask(CABLES)
     work = run.state(BenchWork, run)
     work.chamber.programme_limits()
     work.table.programme_limits()

@@ -50,9 +50,9 @@ def ask_to_put(run: Run, prompt: Prompt, *, again: bool = False) -> None:
     """Ask for the sensor to be put somewhere, unless it was put there last."""
     placement = run.state(Placement)
     if again:
-        run.ask_again(prompt.id, prompt.text)
+        run.ask_again(prompt)
     elif placement.asked_for != prompt.id:
-        run.ask(prompt.id, prompt.text)
+        run.ask(prompt)
     placement.asked_for = prompt.id
 
 

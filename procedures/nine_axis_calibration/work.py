@@ -56,6 +56,12 @@ MOUNT_TABLE = Prompt(
     "mount-table",
     "Mount the sensor on the turntable, its X along the inner axis and its Z along the outer axis: "
     "with all axes at zero X points north, Y west and Z up. Connect its cable.",
+    picture="mounting.svg",
+    checklist=(
+        "The sensor is bolted, its cable free of the axes.",
+        "Nobody is within reach of the table.",
+    ),
+    then="the sensor is switched on and the table moves",
 )
 
 
@@ -191,6 +197,7 @@ def pose_prompt(position: int) -> Prompt:
         f"pose-{position}",
         f"Put the sensor, in its tooling, its cable connected, on the north-referenced plate in "
         f"position {position}: {STANDS[position]}. Then leave the plate alone.",
+        then="the sensor is read at rest; nothing moves",
     )
 
 
@@ -199,6 +206,8 @@ def up_prompt(axis: str) -> Prompt:
     return Prompt(
         f"mount-{axis}-up",
         f"Mount the sensor on the turntable with {axis} up, along the table's axis.",
+        checklist=("Nobody is within reach of the table.",),
+        then="the table turns",
     )
 
 

@@ -49,10 +49,17 @@ MOUNT = Prompt(
     "mount",
     "Mount the gyro on its non-magnetic base in the centre of the three-axis Helmholtz coil, "
     "IA, NA and LA parallel to the normals of coils X, Y and Z; set the field probe beside it.",
+    picture="mounting.svg",
+    then="cables; nothing is energised yet",
 )
 CABLES = Prompt(
     "connect-cables",
     "Connect the gyro to its acquisition board and each coil to its supply.",
+    checklist=(
+        "Each coil is on the supply of its own axis.",
+        "No tool and no loose iron is in the coils.",
+    ),
+    then="each supply gets its limits, then the coils are energised in turn",
 )
 
 
@@ -89,12 +96,12 @@ def prompts(parameters: RlgParameters) -> tuple[Prompt, ...]:
 
 def mount(run: Run) -> None:
     """S1: gyro in the centre of the coil, axes along the coils' normals."""
-    run.ask(MOUNT.id, MOUNT.text)
+    run.ask(MOUNT)
 
 
 def connect(run: Run) -> None:
     """S2: cables; every instrument was identified, now each supply gets its own limits."""
-    run.ask(CABLES.id, CABLES.text)
+    run.ask(CABLES)
     for axis in run.parameters.axes:
         run.role(coil_supply(axis), CoilSupply).programme_limits()
 

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from station.errors import ConditionNotReached
 from station.method.cell_commands import PumpLight
+from station.method.prompts import AskedValue
 from station.procedure import Procedure, Prompt, ResultKind, Step, usual_modules
 
 from .cell import Cell, LightPassed, fields_lost, null_residual_field
@@ -29,8 +30,16 @@ CABLES = Prompt(
     "digitizer, and the digitizer's trigger output to its trigger input, to the generators and to "
     "the shutter.",
 )
-HEAT = Prompt("heat-cell", "Bring the cell to its working temperature; note it as the answer.")
-REST = Prompt("gyro-at-rest", "Fix the gyro at rest in inertial space, its loops open.")
+HEAT = Prompt(
+    "heat-cell",
+    "Bring the cell to its working temperature and let it settle.",
+    value=AskedValue("cell temperature", "degC", 20.0, 250.0),
+)
+REST = Prompt(
+    "gyro-at-rest",
+    "Fix the gyro at rest in inertial space, its loops open.",
+    then="the gradient and the three coils are driven, the pump laser is shuttered",
+)
 
 
 def prompts(parameters: SerfParameters) -> tuple[Prompt, ...]:
@@ -46,9 +55,9 @@ def all_finished(run: Run) -> bool:
 def depolarise(run: Run) -> None:
     """Step 1: cell warm, gyro at rest; where it was running, a gradient depolarises its nuclei."""
     parameters: SerfParameters = run.parameters
-    run.ask(CABLES.id, CABLES.text)
-    run.ask(HEAT.id, HEAT.text)
-    run.ask(REST.id, REST.text)
+    run.ask(CABLES)
+    run.ask(HEAT)
+    run.ask(REST)
     if all_finished(run):
         return
     cell = run.state(Cell, run)

@@ -18,11 +18,11 @@ from station.cli.controlling import abort_run
 from station.cli.running import ANNOUNCE
 from station.clock import RealClock, boot_seconds
 from station.console import tell
-from station.control.answers import ABORT, DONE
 from station.control.client import NotRunning, ask, not_running
 from station.control.status import RUN_STARTED, in_words, read_status
 from station.errors import EXIT_ABORTED, EXIT_DONE, EXIT_FAULT, InputError
 from station.files.locks import is_held
+from station.method.prompts import Asking, Prompt
 from station.record.events import RESUMED, Event
 from station.record.folder import REPORT, RESULTS, RunFolder
 from station.record.layout import EVENTS, LOCK
@@ -149,7 +149,7 @@ class Viewer:
     def __init__(self, folder: Path) -> None:
         self._folder = folder
         self._log = LogTail(folder)
-        self._open: dict[str, str] = {}
+        self._open: dict[str, Prompt] = {}
         """The prompts that wait for an answer, by id."""
         self._expected_s: dict[str, float] = {}
         self._units: dict[str, float] = {}
@@ -195,7 +195,7 @@ class Viewer:
             case "step-started":
                 self._step_s = event.time_s
             case "prompt-shown":
-                self._open[details["id"]] = details["text"]
+                self._open[details["id"]] = Prompt.from_data(details)
             case "prompt":
                 self._open.pop(details["id"], None)
             case "failed":
@@ -221,9 +221,10 @@ class Viewer:
 
     def _answer(self) -> None:
         """Put the oldest prompt that waits, until somebody has answered it, here or elsewhere."""
-        prompt_id, text = next(iter(self._open.items()))
-        tell(f"\n>> {text}")
-        tell(f"   [{prompt_id}] Enter or `{DONE}` to go on, `{ABORT}` to end the run: ", end="")
+        prompt_id, prompt = next(iter(self._open.items()))
+        asking = Asking(prompt)
+        tell("\n" + "\n".join(prompt.lines))
+        tell(asking.question, end="")
         while prompt_id in self._open and is_held(self._folder / LOCK):
             line = typed_line(LOOKS_EVERY_S)
             for event in self._log.new_events():
@@ -231,8 +232,13 @@ class Viewer:
             if prompt_id not in self._open:
                 tell("   answered by somebody else")
                 return
-            if line is not None and self._sent(prompt_id, line):
+            if line is None:
+                continue
+            known, answer = asking.understands(line), asking.take(line)
+            if answer is not None and self._sent(prompt_id, answer):
                 self._open.pop(prompt_id, None)
+                return
+            tell(asking.question if known else f"   {line!r} is no answer here: ", end="")
 
     def _sent(self, prompt_id: str, line: str) -> bool:
         """Send an answer; whether it was taken."""

@@ -1,4 +1,4 @@
-"""What an answer to a prompt means, and the desk at which a detached run waits for one."""
+"""The desk at which a detached run waits for the answer to a prompt."""
 
 from __future__ import annotations
 
@@ -6,26 +6,15 @@ from collections.abc import Callable
 from threading import Event, Lock
 
 from station.clock import Clock, boot_seconds
-from station.console import Prompt, span
+from station.console import span
 from station.control.channel import Incoming
 from station.errors import Aborted
+from station.method.prompts import Prompt
 
-DONE, ABORT = "done", "abort"
-GO_ON = frozenset(("", DONE, "y", "yes"))
-END = frozenset(("no", "n", "q", "quit", ABORT))
 LOOKS_EVERY_S = 0.1
 """Real time between two looks of a run that waits for a person."""
 ANSWERED_WITHIN_S = 30 * 60.0
 """Real time after which a detached run that nobody answers makes its bench safe."""
-
-
-def meaning(text: str) -> str | None:
-    """Return `done`, `abort`, or None for what is neither: nobody guesses at a safety question."""
-    word = text.strip().lower()
-    if word in GO_ON:
-        return DONE
-    # In doubt towards the end: `abort!` is meant.
-    return ABORT if word.rstrip("!.") in END else None
 
 
 def wait_for_person(clock: Clock, wakes: Event, over: Callable[[], bool]) -> None:
@@ -52,17 +41,17 @@ class Desk:
         self._within_s = within_s
         self._lock = Lock()
         self._wakes = Event()
-        self._asked: str | None = None
+        self._asked: Prompt | None = None
         self._answer: str | None = None
 
     def ask(self, prompt: Prompt) -> str:
-        """Wait for the answer to a prompt: `done` or `abort`.
+        """Wait for the answer to a prompt: `done`, `abort` or the value that is asked for.
 
         Raises Aborted where nobody answers in time, and what ends the run meanwhile.
         """
         until_s = boot_seconds() + self._within_s
         with self._lock:
-            self._asked, self._answer = prompt.id, None
+            self._asked, self._answer = prompt, None
             self._wakes.clear()
         try:
             wait_for_person(
@@ -82,13 +71,13 @@ class Desk:
 
     def take(self, incoming: Incoming) -> None:
         """Take an answer; one to a prompt that does not wait, or that is no answer, is refused."""
-        prompt_id = str(incoming.details.get("id"))
-        answer = meaning(str(incoming.details.get("text", "?")))
+        prompt_id, text = str(incoming.details.get("id")), str(incoming.details.get("text", "?"))
         with self._lock:
-            if prompt_id != self._asked or self._answer is not None:
+            asked = self._asked
+            if asked is None or prompt_id != asked.id or self._answer is not None:
                 incoming.answer(outcome="refused", said=f"the prompt {prompt_id} waits no more")
-            elif answer is None:
-                incoming.answer(outcome="no-answer", said=f"write `{DONE}`, or `{ABORT}`")
+            elif (answer := asked.meaning(text)) is None:
+                incoming.answer(outcome="no-answer", said=asked.hint)
             else:
                 self._answer = answer
                 incoming.answer(outcome="taken", said=answer)

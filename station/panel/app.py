@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+import re
 from collections.abc import AsyncIterator, Callable
 from importlib.resources import files
 from pathlib import Path
@@ -18,10 +19,11 @@ from starlette.responses import FileResponse, JSONResponse, Response, StreamingR
 from starlette.routing import Mount, Route
 from starlette.staticfiles import StaticFiles
 
+from station import registry
 from station.control.client import ask
 from station.errors import StationError
 from station.panel.access import COOKIE, Access, Guard, Role
-from station.panel.overview import benches, newest_runs, plans
+from station.panel.overview import benches, first_event, newest_runs, plans
 from station.panel.starting import Starting, Wanted
 from station.panel.watching import LOOKS_EVERY_S, RunWatch
 from station.record.layout import EVENTS
@@ -31,6 +33,7 @@ PLOTLY = Path(str(files("plotly"))) / "package_data"
 REPORT, RESULTS = "report.html", "results.json"
 REPORT_POLICY = "sandbox; default-src 'none'; style-src 'unsafe-inline'; img-src data:"
 BEAT_S = 1.0
+PICTURE = re.compile(r"[a-z0-9-]+\.(svg|png)")
 REQUESTS = ("pause", "go-on", "abort", "answer")
 ABORT_WITHIN_S = 120.0
 
@@ -57,6 +60,7 @@ class Panel:
             Route("/api/run/{run}/events", self.events),
             Route("/api/run/{run}/results", self.results),
             Route("/api/run/{run}/report", self.report),
+            Route("/api/run/{run}/picture/{name}", self.picture),
             Route("/api/run/{run}/{wish}", self.wish, methods=["POST"]),
             Route("/static/plotly.min.js", plotly),
             Mount("/static", StaticFiles(directory=PAGES)),
@@ -160,6 +164,16 @@ class Panel:
         if not path.is_file():
             return JSONResponse({"error": "this run has no report"}, 404)
         return FileResponse(path, headers={"Content-Security-Policy": REPORT_POLICY})
+
+    def picture(self, request: Request) -> Response:
+        """Return a picture of the run's procedure; nothing outside its pictures is readable."""
+        procedure = str(first_event(self.folder(request)).get("procedure"))
+        package = registry.folder_of(registry.PROCEDURES, procedure)
+        name = request.path_params["name"]
+        found = package / "pictures" / name if package and PICTURE.fullmatch(name) else None
+        if found is None or not found.is_file():
+            return JSONResponse({"error": "there is no such picture"}, 404)
+        return FileResponse(found, headers={"Content-Security-Policy": REPORT_POLICY})
 
     async def wish(self, request: Request) -> Response:
         """Pass a wish on to the run's process: pause, go on, abort, or the answer to a prompt."""

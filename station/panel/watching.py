@@ -138,14 +138,14 @@ def steps_of(planned: dict[str, Any], events: list[Event] | Any) -> list[dict[st
     ]
 
 
-def open_prompt(events: list[Event]) -> dict[str, str] | None:
-    """Return id and text of the prompt that waits for an answer."""
-    waiting: dict[str, str] = {}
+def open_prompt(events: list[Event]) -> dict[str, Any] | None:
+    """Return the prompt that waits for an answer, as the log has it."""
+    waiting: dict[str, dict[str, Any]] = {}
     for one in since_it_went_on(events):
         if one.kind == "prompt-shown":
-            waiting[one.details["id"]] = one.details["text"]
+            waiting[one.details["id"]] = dict(one.details)
         elif one.kind == "prompt":
             waiting.pop(one.details["id"], None)
         elif one.kind in ("failed", "run-ended"):
             waiting.clear()
-    return next(({"id": key, "text": text} for key, text in waiting.items()), None)
+    return next(iter(waiting.values()), None)

@@ -8,12 +8,12 @@ from contextlib import suppress
 from dataclasses import dataclass
 
 from station.clock import Clock
-from station.console import Prompt, tell
-from station.control.answers import ABORT, DONE, Desk, meaning
+from station.console import tell
+from station.control.answers import Desk
 from station.control.signals import wishes_end_a_prompt
 from station.errors import Aborted, InputError, UnansweredPrompt
+from station.method.prompts import ABORT, DONE, Asking, Prompt, meaning
 
-HINT = f"Enter or `{DONE}` to go on, `{ABORT}` to end the run"
 HINT_AT_THE_END = f"Enter or `{DONE}` once it is, `{ABORT}` to leave it; nothing else waits"
 
 
@@ -83,7 +83,7 @@ class Operator:
         unknown = [
             f"\n  {prompt.id}: {self._answers[prompt.id]}"
             for prompt in prompts
-            if prompt.id in self._answers and not self._meant(prompt.id)
+            if prompt.id in self._answers and not self._meant(prompt)
         ]
         if unknown:
             raise InputError(
@@ -106,38 +106,37 @@ class Operator:
 
     def ask(self, prompt: Prompt) -> Answer:
         """Put a prompt and return its answer; raises Aborted when the operator says abort."""
-        given = self._meant(prompt.id)
+        given = self._meant(prompt)
         if given == ABORT:
             raise Aborted(f"the answers file ended the run at the prompt {prompt.id}")
         if self._act is not None and self._acts_alone(prompt):  # a file's `done` mounts nothing
             return Answer(self._act(prompt.id), "simulated world")
-        if given is None:
-            self._ask_a_person(prompt)
+        answer = self._ask_a_person(prompt) if given is None else given
         if self._act is not None and prompt.physical:
             self._act(prompt.id)
-        return Answer(DONE, "operator" if given is None else "answers file")
+        return Answer(answer, "operator" if given is None else "answers file")
 
-    def _ask_a_person(self, prompt: Prompt) -> None:
+    def _ask_a_person(self, prompt: Prompt) -> str:
         if not self._interactive:
             self.check([prompt])
         if self._desk is not None:
-            if self._desk.ask(prompt) == ABORT:
-                raise Aborted(f"the operator ended the run at the prompt {prompt.id}")
-            return
-        with self._clock.waiting_for_person(), wishes_end_a_prompt(self._clock):
-            tell(f"\n>> {prompt.text}")
-            discard_typed()
-            answer = self._typed(f"   [{prompt.id}] {HINT}: ")
+            answer = self._desk.ask(prompt)
+        else:
+            with self._clock.waiting_for_person(), wishes_end_a_prompt(self._clock):
+                tell("\n" + "\n".join(prompt.lines))
+                discard_typed()
+                answer = typed(prompt)
         if answer == ABORT:
             raise Aborted(f"the operator ended the run at the prompt {prompt.id}")
+        return answer
 
     def would_wait(self, prompt: Prompt) -> bool:
-        """Whether a person would have to be waited for: neither file nor world says `done`."""
-        return self._meant(prompt.id) != DONE and not self._acts_alone(prompt)
+        """Whether a person would have to be waited for: neither file nor world answers it."""
+        return self._meant(prompt) in (None, ABORT) and not self._acts_alone(prompt)
 
     def would_ask(self, prompt: Prompt) -> bool:
         """Whether a person is asked: the answers file does not end the run there either."""
-        return self.would_wait(prompt) and self._meant(prompt.id) is None
+        return self.would_wait(prompt) and self._meant(prompt) is None
 
     def ask_at_the_end(self, prompts: Sequence[Prompt]) -> None:
         """Put what was left for the end of a run; raises nothing: nothing depends on it any more.
@@ -147,24 +146,33 @@ class Operator:
         for prompt in prompts:
             tell(f"\n>> {prompt.text}")
             answer = ABORT
-            if self._interactive and not self._detached and self._meant(prompt.id) is None:
+            if self._interactive and not self._detached and self._meant(prompt) is None:
                 with suppress(Aborted), wishes_end_a_prompt(self._clock):
                     discard_typed()
-                    answer = self._typed(f"   [{prompt.id}] {HINT_AT_THE_END}: ")
+                    answer = typed(prompt, f"   [{prompt.id}] {HINT_AT_THE_END}: ")
             if answer != DONE:
                 tell(f"   not confirmed: {prompt.id}; nothing of the run depends on it")
 
-    def _meant(self, prompt_id: str) -> str | None:
-        """Return what the answers file means for a prompt; None where it holds no answer to it."""
-        given = self._answers.get(prompt_id)
-        return meaning(given) if given is not None and given.strip() else None
+    def _meant(self, prompt: Prompt) -> str | None:
+        """Return what the answers file means for a prompt; None where it holds no answer to it.
 
-    def _typed(self, question: str) -> str:
-        """Return `done` or `abort` as a person types it; anything else is asked again."""
-        while True:
-            tell(question, end="")
-            line = sys.stdin.readline()
-            answer = meaning(line) if line else ABORT  # the terminal is gone
-            if answer is not None:
-                return answer
+        There `done` stands for a value too: whoever writes the file knows it.
+        """
+        given = self._answers.get(prompt.id)
+        if given is None or not given.strip():
+            return None
+        return prompt.meaning(given) or meaning(given)
+
+
+def typed(prompt: Prompt, question: str = "") -> str:
+    """Return the answer that a person types; anything else is asked again."""
+    asking = Asking(prompt)
+    while True:
+        tell(question or asking.question, end="")
+        line = sys.stdin.readline()
+        known = asking.understands(line)
+        answer = asking.take(line) if line else ABORT  # the terminal is gone
+        if answer is not None:
+            return answer
+        if not known:
             tell(f"   {line.strip()!r} is no answer here")

@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from station.clock import Clock
-from station.console import Prompt
 from station.errors import InputError
+from station.method.prompts import Prompt
 from station.record.events import LEFT_FOR_THE_END
 from station.record.folder import RunFolder, RunRecord
 from station.runner.live import LiveBoard
@@ -211,38 +211,41 @@ class Run:
         if dropped:
             self.record.note("notes-dropped", count=dropped)
 
-    def ask(self, prompt_id: str, text: str) -> str:
+    def ask(self, prompt: Prompt) -> str:
         """Ask the operator for an act or an answer; both are recorded.
 
         What was answered in an earlier process of this run still holds, and is not asked again.
         """
-        if prompt_id in self.past.answered:
-            return self.past.answered[prompt_id]
-        return self.ask_again(prompt_id, text)
+        if prompt.id in self.past.answered:
+            return self.past.answered[prompt.id]
+        return self.ask_again(prompt)
 
-    def ask_again(self, prompt_id: str, text: str, of: str = "step") -> str:
+    def ask_again(self, prompt: Prompt, of: str = "step") -> str:
         """Ask the operator, whatever was answered before; `of` a step or a driver."""
-        prompt = Prompt(prompt_id, text)
         if self._operator.would_ask(prompt):
-            self.record.event("prompt-shown", durable=False, id=prompt_id, text=text, of=of)
+            self.record.event("prompt-shown", durable=False, **prompt.to_data(), of=of)
         with self._not_working(), self.progress.paused():
             answer = self._operator.ask(prompt)
         self.record.event(
-            "prompt", id=prompt_id, text=text, answer=answer.text, by=answer.by, of=of
+            "prompt", id=prompt.id, text=prompt.text, answer=answer.text, by=answer.by, of=of
         )
         return answer.text
 
-    def ask_at_the_end(self, prompt_id: str, text: str, of: str = "step") -> str:
+    def ask_at_the_end(self, prompt: Prompt, of: str = "step") -> str:
         """Ask for what no step waits for: a person when bench and results are done.
 
         What an answers file or the simulated world answers is answered now. Empty where it is not.
         """
-        prompt = Prompt(prompt_id, text)
         if not self._operator.would_wait(prompt):
-            return self.ask_again(prompt_id, text, of)
+            return self.ask_again(prompt, of)
         self.left.append(prompt)
-        self.record.event(LEFT_FOR_THE_END, id=prompt_id, text=text, of=of)
+        self.record.event(LEFT_FOR_THE_END, id=prompt.id, text=prompt.text, of=of)
         return ""
+
+    def ask_for_driver(self, prompt_id: str, text: str, at_the_end: bool) -> str:
+        """Ask for an act that a driver needs of a person."""
+        asks = self.ask_at_the_end if at_the_end else self.ask_again
+        return asks(Prompt(prompt_id, text), of="driver")
 
     @contextmanager
     def _not_working(self) -> Iterator[None]:

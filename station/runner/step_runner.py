@@ -31,7 +31,8 @@ from station.safety.interlocks.reading import watched_in_a_run
 from station.safety.safe_state import SafeOutcome, make_bench_safe
 
 if TYPE_CHECKING:
-    from station.procedure import Procedure, Prompt
+    from station.method.prompts import Prompt
+    from station.procedure import Procedure
 
 BALLAST_BYTES = 16_000_000
 """Memory that is given back when a run fails, so that making the bench safe has some."""
@@ -107,7 +108,7 @@ class StepRunner:
                 self._open()
                 self._watch(signals)
                 if self._first is not None:
-                    run.ask_again(self._first.id, self._first.text)
+                    run.ask_again(self._first)
                 run.envelope = self._procedure.envelope(run.parameters, run.bench)
                 for step, expected_s in self._procedure.timed_steps(run.parameters):
                     run.do(step.number, step.title, expected_s, step.body)
@@ -192,7 +193,7 @@ class StepRunner:
             self._needed,
             self._session.addresses,
             run.clock,
-            self._ask_for_driver,
+            self._run.ask_for_driver,
             self._trace,
             self._run.readings,
             None if self._session.here else self._locks,
@@ -214,10 +215,6 @@ class StepRunner:
                 known = (identity.model, identity.serial) if identity else ("", "")
                 said[entries[one].address or ""] = known
         return said
-
-    def _ask_for_driver(self, prompt_id: str, text: str, at_the_end: bool) -> str:
-        asks = self._run.ask_at_the_end if at_the_end else self._run.ask_again
-        return asks(prompt_id, text, of="driver")
 
     def _watch(self, signals: AbortSignals) -> None:
         """Look at every interlock once, then watch them beside the steps."""

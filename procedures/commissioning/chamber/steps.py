@@ -34,7 +34,7 @@ def step(run: Run) -> None:
     if run.is_finished(UNIT):
         return
     parameters: ChamberParameters = run.parameters.chamber
-    run.ask(MOUNT.id, MOUNT.text)
+    run.ask(MOUNT)
     chamber = run.role(CHAMBER, ThermalChamber)
     navigator = run.role(NAVIGATOR, Navigator)
     chamber.programme_limits()

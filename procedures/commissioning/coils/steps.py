@@ -33,7 +33,7 @@ def prompts(parameters: CoilParameters) -> tuple[Prompt, ...]:
 
 def ambient(run: Run) -> None:
     """C1: limits into the supplies, then the field with all coils off."""
-    run.ask(PLACE_PROBE.id, PLACE_PROBE.text)
+    run.ask(PLACE_PROBE)
     parameters: CoilParameters = run.parameters.coils
     for coil in COILS:
         run.role(supply_of(coil), DirectCurrentSupply).programme_limits()

@@ -30,7 +30,7 @@ def prompts(parameters: PickUpParameters) -> tuple[Prompt, ...]:
 def pick_up(run: Run) -> None:
     """U1: the voltmeter with all coils off, then with each coil driven at the plan's frequency."""
     parameters: PickUpParameters = run.parameters.pick_up
-    run.ask(CABLES.id, CABLES.text)
+    run.ask(CABLES)
     run.apply(Power(POWER, False))
     run.apply(meter_range())
     for coil in COILS:

@@ -52,11 +52,11 @@ def places(run: Run) -> None:
         all_off(run)
         run.may_pause()
         move = move_of(place)
-        run.ask(move.id, move.text)
+        run.ask(move)
         for record in wanted:
             measure(run, record, parameters)
         all_off(run)
-    run.ask(BACK.id, BACK.text)
+    run.ask(BACK)
 
 
 def all_off(run: Run) -> None:

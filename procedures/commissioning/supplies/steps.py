@@ -35,7 +35,7 @@ def prompts(parameters: SupplyParameters) -> tuple[Prompt, ...]:
 
 def own_limits(run: Run) -> None:
     """V1: a low limit into each supply, and a little more than that asked of it."""
-    run.ask(PLACE_PROBE.id, PLACE_PROBE.text)
+    run.ask(PLACE_PROBE)
     parameters: SupplyParameters = run.parameters.supplies
     for coil in COILS:
         supply, unit = supply_of(coil), limit_unit(coil)

@@ -44,8 +44,38 @@ function promptOf(prompt) {
   prompted = prompt.id;
   say("prompt-text", prompt.text);
   say("prompt-said", "");
+  say("prompt-then", prompt.then ? `Next: ${prompt.then}.` : "");
+  show("prompt-picture", Boolean(prompt.picture));
+  if (prompt.picture) {
+    byId("prompt-picture").src = `${API}picture/${encodeURIComponent(prompt.picture)}`;
+    byId("prompt-picture").alt = `Drawing: ${prompt.text}`;
+  }
+  byId("prompt-checklist").replaceChildren(...(prompt.checklist || []).map(checkbox));
+  show("prompt-value-line", Boolean(prompt.value));
+  byId("prompt-value").value = "";
+  if (prompt.value) {
+    const {name, unit, low, high} = prompt.value;
+    say("prompt-value-label", `${name}, ${low} ${unit} to ${high} ${unit}:`);
+  }
+  mayGoOn();
   byId("answer-abort").focus();  // nobody goes on by a key that was pressed before the question
   chime();
+}
+
+function checkbox(text) {
+  const item = element("li"), label = element("label"), box = element("input");
+  box.type = "checkbox";
+  box.addEventListener("change", mayGoOn);
+  label.append(box, " " + text);
+  item.append(label);
+  return item;
+}
+
+// The run itself holds the value against its range.
+function mayGoOn() {
+  const boxes = [...document.querySelectorAll("#prompt-checklist input")];
+  const typed = byId("prompt-value-line").hidden || byId("prompt-value").value.trim() !== "";
+  byId("answer-done").disabled = !(typed && boxes.every((box) => box.checked));
 }
 
 function safeOf(outcomes) {
@@ -141,7 +171,9 @@ async function answer(text) {
 byId("pause").addEventListener("click", () => wish("pause"));
 byId("go-on").addEventListener("click", () => wish("go-on"));
 byId("abort").addEventListener("click", () => wish("abort"));
-byId("answer-done").addEventListener("click", () => answer("done"));
+byId("answer-done").addEventListener("click", () => answer(
+  byId("prompt-value-line").hidden ? "done" : byId("prompt-value").value));
+byId("prompt-value").addEventListener("input", mayGoOn);
 byId("answer-abort").addEventListener("click", () => answer("abort"));
 
 const news = new EventSource(API + "events");

@@ -17,11 +17,11 @@ import pytest
 from command_line import PLAN, station, station_command
 
 from station.clock import RealClock
-from station.console import Prompt
 from station.control.answers import Desk
 from station.control.channel import Incoming
 from station.control.status import read_status
 from station.errors import Aborted
+from station.method.prompts import Prompt
 from station.record.log_tail import LogTail
 
 WITHIN_S = 60.0
@@ -102,7 +102,7 @@ def test_whoever_attaches_answers_and_whoever_leaves_ends_nothing(tmp_path: Path
         second = OnTerminal(tmp_path, "attach", "SN-1")
         second.wait_for("[mount]")
         second.type("perhaps\n")
-        second.wait_for("'perhaps': write `done`, or `abort`")
+        second.wait_for("'perhaps' is no answer here")
         second.type("yes\n")
         second.wait_for("[connect-cables]")
         assert answers(run) == [("mount", "operator")]

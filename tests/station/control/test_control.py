@@ -473,7 +473,7 @@ def test_an_interlock_or_a_lost_folder_ends_a_prompt_and_says_so(
 
             real.at_terminal(at_the_prompt)
             with AbortSignals(clock), pytest.raises(type(error)):
-                real.run.ask("mount", "Mount the gyro.")
+                real.run.ask(Prompt("mount", "Mount the gyro."))
             clock.interrupt(None)
         typed_at_last.cancel()
     assert [one["event"] for one in real.events].count("prompt-shown") == 2

@@ -13,6 +13,7 @@ from panel_server import Served, panel
 from station.cli.panel import read_tokens, serve_panel
 from station.errors import InputError
 from station.panel.access import LARGEST_REQUEST
+from station.record.layout import EVENTS
 
 WANTED = {"plan": "rlg-magnetic-sensitivity", "bench": "sim", "serial": "SN-1", "operator": ""}
 OPERATOR, ENGINEER = "operator-token-1", "engineer-token-2"
@@ -146,3 +147,19 @@ def test_a_file_of_tokens_that_protects_nobody_is_refused(
     file.write_text(text, encoding="utf-8")
     with pytest.raises(InputError, match=what):
         read_tokens(file)
+
+
+def test_a_picture_of_a_prompt_is_read_and_nothing_beside_it(tmp_path: Path) -> None:
+    run = tmp_path / "runs" / "one"
+    run.mkdir(parents=True)
+    started = {"event": "run-started", "t": 0.0, "procedure": "rlg-magnetic-sensitivity"}
+    (run / EVENTS).write_text(json.dumps(started) + "\n", encoding="utf-8")
+    with panel(tmp_path / "runs") as served:
+        status, text = served.get("/api/run/one/picture/mounting.svg")
+        assert status == 200
+        assert "field probe" in text
+        for name in ("..%2F__init__.py", "%2e%2e%2f__init__.py", "other.svg", "MOUNTING.SVG"):
+            assert served.get(f"/api/run/one/picture/{name}")[0] == 404
+        started["procedure"] = "../../x"
+        (run / EVENTS).write_text(json.dumps(started) + "\n", encoding="utf-8")
+        assert served.get("/api/run/one/picture/mounting.svg")[0] == 404

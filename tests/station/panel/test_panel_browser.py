@@ -96,12 +96,23 @@ def test_no_ends_the_run_with_a_safe_bench(page: Page, served: Served) -> None:
 
 def test_yes_to_every_prompt_leads_to_results(page: Page, served: Served) -> None:
     start(page, served, "SN-YES")
+    picture = page.element("prompt-picture")
+    assert int(picture.get_attribute("naturalWidth")) > 0
+    assert "nothing is energised yet" in page.text("prompt-then")
+    ticked = 0
     while not page.text("verdict"):
         if not page.element("prompt").is_displayed():
             continue
         asked = page.text("prompt-text")
+        if boxes := page.driver.find_elements(By.CSS_SELECTOR, "#prompt-checklist input"):
+            assert not page.element("answer-done").is_enabled()
+            assert page.accessibility_findings() == []
+            for box in boxes:
+                box.click()
+            ticked += len(boxes)
         page.click("answer-done")
         page.wait(partial(answered, page, asked))
+    assert ticked == 2
     assert page.accessibility_findings() == []
     assert page.text("verdict") == "✔ PASS: within every limit"
     assert "magnetic_sensitivity IA" in page.text("results")

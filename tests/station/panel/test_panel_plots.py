@@ -71,7 +71,7 @@ def test_a_run_folder_that_is_gone_is_said_and_ends_no_viewer(
     folder = tmp_path / one_axis_run.name
     shutil.copytree(one_axis_run, folder)
     watch, seen = RunWatch(folder), dict[str, int]()
-    assert [name for name, _ in watch.news(seen)] == ["state", "plots"]
+    assert [name for name, _ in watch.news(seen)] == ["state", "live", "plots"]
     shutil.rmtree(folder)
     RealClock().sleep(2 * LOOKS_EVERY_S)
     ((name, text),) = watch.news(seen)
