@@ -359,6 +359,8 @@ BENCH = {
     "`not` of such conditions",
     "interlocks[].grace": "for how long the condition may hold",
     "interlocks[].period": "how often it is looked at",
+    "notify": "who is informed at a prompt and at the end of a run",
+    "notify.command": "a program and its arguments, each in its own place of the list; no shell",
     "commissioned": "figures of the bench's commissioning, written by it",
     "commissioned.date": "the day of the commissioning",
     "commissioned.run": "its run folder",

@@ -37,11 +37,17 @@ def main() -> None:
             page.click("start")
             page.wait_for("prompt-text", "Mount the gyro")
             take(page, "panel-prompt", 900)
+            shown = False
             while not page.text("verdict"):
                 if page.element("prompt").is_displayed():
                     asked = page.text("prompt-text")
+                    for box in page.driver.find_elements("css selector", "#prompt input"):
+                        box.click()
                     page.click("answer-done")
                     page.wait(lambda asked=asked: page.text("prompt-text") != asked)
+                if not shown and "coil_supply" in page.text("live-values"):
+                    take(page, "panel-live", 1500)
+                    shown = True
             take(page, "panel-results", 2000)
         finally:
             page.driver.quit()

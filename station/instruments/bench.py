@@ -84,6 +84,12 @@ class SafeStep(StrictModel):
     within_s: Annotated[Second, Field(gt=0)]
 
 
+class Notify(StrictModel):
+    """Who is informed at a prompt and at the end: a program with its arguments, no shell."""
+
+    command: Annotated[tuple[Words, ...], Field(min_length=1)]
+
+
 class BenchFile(StrictModel):
     """The keys of a bench file."""
 
@@ -95,6 +101,7 @@ class BenchFile(StrictModel):
     safe_state: tuple[SafeStep, ...]
     interlocks: tuple[InterlockEntry, ...] = ()
     commissioned: Commissioned | None = None
+    notify: Notify | None = None
 
 
 @lru_cache

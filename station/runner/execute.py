@@ -111,6 +111,7 @@ def execute(request: Request) -> Outcome:
             trace = Trace(record.path, clock) if request.trace else None
             StepRunner(run, procedure, session, bench.path, trace).go(outcome)
     conclude(record, outcome, report=request.report)
+    run.notices.ended(outcome.sentence)
     outcome.ask_at_the_end = lambda: operator.ask_at_the_end(run.left)
     return outcome
 

@@ -56,6 +56,14 @@ class Outcome:
     """Asks a person for what nothing waited for; called once the results are printed."""
 
     @property
+    def sentence(self) -> str:
+        """Return in one line how the run ended, for somebody who is not there."""
+        unsafe = ", ".join(one.instrument for one in self.unsafe)
+        at_bench = f"NOT VERIFIED as safe: {unsafe}" if unsafe else "the bench is safe"
+        verdict = f"verdict {self.document.verdict}" if self.document else "no results"
+        return "; ".join(one for one in (self.error, verdict, at_bench) if one)
+
+    @property
     def unsafe(self) -> list[SafeOutcome]:
         """Instruments whose safe state could not be verified."""
         return [outcome for outcome in self.safe if not outcome.verified]

@@ -123,6 +123,7 @@ def resume(request: ResumeRequest) -> Outcome:
             trace = Trace(record.path, clock, record.segment) if request.trace else None
             StepRunner(run, procedure, session, bench_file, trace, first=AS_BEFORE).go(outcome)
     conclude(record, outcome, report=request.report)
+    run.notices.ended(outcome.sentence)
     outcome.ask_at_the_end = lambda: operator.ask_at_the_end(run.left)
     return outcome
 

@@ -13,6 +13,7 @@ from station.method.prompts import Prompt
 from station.record.events import LEFT_FOR_THE_END
 from station.record.folder import RunFolder, RunRecord
 from station.runner.live import LiveBoard
+from station.runner.notices import Notices
 from station.runner.operator import Operator
 from station.runner.progress import Progress
 from station.safety.readings import Readings
@@ -87,6 +88,8 @@ class Run:
         self.readings = Readings(clock)
         """What drivers published last, and what they noted."""
         self.live = LiveBoard(clock, self.readings)
+        command = bench.file.notify.command if bench.file.notify else ()
+        self.notices = Notices(command, record.path, bench.name, plan.dut.serial)
         self._said: set[tuple[str, str]] = set()
 
     @property
@@ -224,6 +227,7 @@ class Run:
         """Ask the operator, whatever was answered before; `of` a step or a driver."""
         if self._operator.would_ask(prompt):
             self.record.event("prompt-shown", durable=False, **prompt.to_data(), of=of)
+            self.notices.prompt(prompt.text)
         with self._not_working(), self.progress.paused():
             answer = self._operator.ask(prompt)
         self.record.event(
