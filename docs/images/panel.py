@@ -41,11 +41,11 @@ def main() -> None:
             while not page.text("verdict"):
                 if page.element("prompt").is_displayed():
                     asked = page.text("prompt-text")
-                    for box in page.driver.find_elements("css selector", "#prompt input"):
+                    for box in page.driver.find_elements("css selector", "#prompt-checklist input"):
                         box.click()
                     page.click("answer-done")
                     page.wait(lambda asked=asked: page.text("prompt-text") != asked)
-                if not shown and "coil_supply" in page.text("live-values"):
+                if not shown and "sine" in page.text("live-values"):
                     take(page, "panel-live", 1500)
                     shown = True
             take(page, "panel-results", 2000)
