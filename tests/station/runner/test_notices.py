@@ -8,6 +8,7 @@ from threading import Event
 
 import pytest
 from command_line import PLAN, station
+from places import ROOT
 
 from station.clock import boot_seconds
 from station.runner import notices
@@ -33,7 +34,8 @@ def test_a_program_is_informed_at_the_end_of_a_run(tmp_path: Path) -> None:
     (tmp_path / "plan.yaml").write_text(PLAN, encoding="utf-8")
     bench = tmp_path / "bench.yaml"
     command = [sys.executable, "-c", WRITES, str(told)]
-    bench.write_text(f"extends: sim\nname: sim\nnotify: {{command: {command!r}}}\n", "utf-8")
+    shipped = (ROOT / "config" / "benches" / "sim.yaml").read_text(encoding="utf-8")
+    bench.write_text(f"{shipped}\nnotify: {{command: {command!r}}}\n", encoding="utf-8")
     options = ("--bench", "bench.yaml", "--non-interactive", "--output", "runs")
     done = station(tmp_path, "run", "plan.yaml", *options)
     assert done.returncode == 0, done.stderr
