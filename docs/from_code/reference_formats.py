@@ -157,6 +157,9 @@ RUN_EVENTS = {
     "pause-refused": "the run goes on; `reasons` by the name of each instrument that refused",
     "went-on": "the pause is over, and how long it took",
     "resumed": "another process resumes the run: what it found, and what has changed",
+    "contact-test-started": "a person is asked to open a contact of the interlocks, `opens` by the "
+    "instruments that see it; it is excused while the bench reads back as off",
+    "contact-test-finished": "the test of a contact is over, and every contact was seen closed",
     "interlock-tripped": "the interlock that ended the run, what it saw, its limit, and when",
     "failed": "why the run did not finish, with its exit code and the program's traceback",
     "safe-state": "how each instrument came to rest, and whether that was read back; `outside` "

@@ -36,9 +36,11 @@ from __future__ import annotations
 from contextlib import suppress
 from typing import ClassVar
 
+from pydantic import Field
+
 from drivers.transport.line import shortened
 from drivers.transport.retry import Repeatable
-from drivers.transport.visa_line import ScpiDriver
+from drivers.transport.visa_line import ScpiDriver, VisaSettings
 from station.errors import InstrumentError
 from station.roles import Driver, Identity, Place, quantity
 from station.roles.interlock_chain import SeesContacts
@@ -48,6 +50,13 @@ STATES = {"CLOSED": "closed", "OPEN": "open"}
 
 class InterlockChainLine(ScpiDriver):
     """The interlock chain as a reader with the protocol of this file sees it."""
+
+    class Settings(VisaSettings):
+        """What the reader does not list while they are closed, and its line."""
+
+        contacts: tuple[str, ...] = Field(
+            (), description="the reader's names of contacts that a commissioning has opened by hand"
+        )
 
     recognises: ClassVar[str] = r"^[^,]*,interlock chain reader,(?P<serial>[^,]+)"
     repeatable: ClassVar[Repeatable] = Repeatable(r"\*IDN\?|CHAIN\?|CHAIN:LIST\?")

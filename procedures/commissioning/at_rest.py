@@ -20,6 +20,12 @@ def ask_at_rest(run: Run, prompt: Prompt) -> None:
     Of the instruments that the run has opened. Raises InstrumentError where one is not safe: the
     person is not asked.
     """
+    bring_to_rest(run)
+    run.ask(prompt)
+
+
+def bring_to_rest(run: Run) -> None:
+    """Make all that turns or carries a coil's current safe; InstrumentError where one is not."""
     for name, one in run.instruments.items():
         if not isinstance(one, Turntable | RotaryStage | DirectCurrentSupply):
             continue
@@ -33,4 +39,3 @@ def ask_at_rest(run: Run, prompt: Prompt) -> None:
                 f"it reads back {reading.read_back}",
                 "keep away from it and switch it off by hand",
             )
-    run.ask(prompt)

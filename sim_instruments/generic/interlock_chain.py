@@ -1,8 +1,8 @@
 """A reader of a hard-wired interlock chain: emergency stop and door in series, asked by lines.
 
 `*IDN?`, `CHAIN?` (CLOSED or OPEN), `CHAIN:LIST?` (the open contacts, or NONE) and the error queue
-of SCPI. A contact opens by the fault `chain-open`, at a time, at a message, or while the bench is
-served.
+of SCPI. A contact opens by a person's hand, or by the fault `chain-open`, at a time, at a message,
+or while the bench is served. The contact `bridged` reads closed whatever its switch does.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from typing import ClassVar
 from sim_instruments.faults.lasting import CONTACTS, ChainOpen
 from sim_instruments.instrument import Setting
 from sim_instruments.wire.scpi_device import ScpiDevice
+from sim_instruments.world.contacts import HandContacts
 
 FIRMWARE = "1.0"
 
@@ -27,6 +28,8 @@ class InterlockChain(ScpiDevice):
         super().__init__(f"house-made,interlock chain reader,{setting.serial},{FIRMWARE}")
         self._clock = setting.clock
         self._faults = setting.faults
+        self._by_hand = setting.world.find(HandContacts) or HandContacts()
+        self._bridged = setting.truth.text("bridged", "")
         self.tree.add("CHAIN?", self._answer(lambda: "OPEN" if self._open() else "CLOSED"))
         self.tree.add("CHAIN:LIST?", self._answer(lambda: ",".join(self._open()) or "NONE"))
         self.begin_to_serve(setting)
@@ -38,4 +41,5 @@ class InterlockChain(ScpiDevice):
             for fault in self._faults.all
             if isinstance(fault, ChainOpen) and fault.lasts(now_s)
         }
-        return [name for name in CONTACTS if name in opened]
+        opened |= self._by_hand.open
+        return [name for name in CONTACTS if name in opened and name != self._bridged]

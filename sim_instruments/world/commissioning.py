@@ -5,10 +5,12 @@ from __future__ import annotations
 from functools import partial
 from typing import TypeVar
 
+from sim_instruments.faults.lasting import CONTACTS
 from sim_instruments.truth import Truth
 from sim_instruments.world.accelerometer import AccelerometerBench
 from sim_instruments.world.base import STRONG_COIL, World, nothing
 from sim_instruments.world.chamber import Chamber
+from sim_instruments.world.contacts import HandContacts
 from sim_instruments.world.fog import FogBench
 from sim_instruments.world.laser_gyro import LaserGyroBench
 from sim_instruments.world.nine_axis import NineAxisBench
@@ -55,6 +57,14 @@ class CommissioningBench(World):
         self.acts["open-door"] = (opened, "The simulated chamber's door was opened.")
         for act in ("close-door", "close-door-again"):
             self.acts[act] = (closed, "The simulated chamber's door was closed.")
+        self.contacts = HandContacts()
+        for name in CONTACTS:
+            for verb, is_open in (("open", True), ("close", False)):
+                moved = partial(self._contact, name, is_open)
+                said = f"The simulated contact {name} was {'opened' if is_open else 'closed'}."
+                self.acts[f"{verb}-contact-{name}"] = (moved, said)
+        self.acts["open-contact-thermal_chamber-door"] = self.acts["open-door"]
+        self.acts["close-contact-thermal_chamber-door"] = self.acts["close-door"]
         self.acts["reconnect"] = (nothing, "The simulated data cable was put back.")
 
     def find(self, kind: type[Capability]) -> Capability | None:
@@ -91,6 +101,9 @@ class CommissioningBench(World):
         chamber = self.find(Chamber)
         if chamber is not None:
             chamber.door(time_s, is_open)
+
+    def _contact(self, name: str, is_open: bool, time_s: float) -> None:
+        self.contacts.move(name, is_open)
 
     def _table_changed(self, time_s: float) -> None:
         for world in self._worlds:

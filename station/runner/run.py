@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, field
+from functools import partial
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from station.clock import Clock
@@ -16,13 +17,16 @@ from station.runner.live import LiveBoard
 from station.runner.notices import Notices
 from station.runner.operator import Operator
 from station.runner.progress import Progress
+from station.safety.interlocks.contact_test import ContactTest
 from station.safety.readings import Readings
+from station.safety.safe_state import not_off
 
 if TYPE_CHECKING:
     from station.control.requests import Control
     from station.files.plan import Plan
     from station.instruments.bench import Bench
     from station.method.set_points import Command, Envelope
+    from station.safety.interlocks.monitor import Monitor
 
 Role = TypeVar("Role")
 State = TypeVar("State")
@@ -81,6 +85,8 @@ class Run:
         """What the procedure declared of its commands, None where it declares none."""
         self._prepared: dict[Command[Any], Any] = {}
         self._states: dict[type[Any], Any] = {}
+        self.monitor: Monitor | None = None
+        """The interlocks, None before they are watched."""
         self.control: Control | None = None
         """What other terminals ask of this run, None where nobody can."""
         self._operator = operator
@@ -234,6 +240,22 @@ class Run:
             "prompt", id=prompt.id, text=prompt.text, answer=answer.text, by=answer.by, of=of
         )
         return answer.text
+
+    @contextmanager
+    def testing_contact(self, contact: str, opens: Mapping[str, str]) -> Iterator[None]:
+        """Let a person open a contact of the interlocks by hand, while the bench reads back as off.
+
+        `opens`: the instruments that see it, each to the name that it gives the contact. Raises
+        InputError where something is not off, InterlockTripped where another contact opens or one
+        is still open afterwards.
+        """
+        test = ContactTest(opens, partial(not_off, self.instruments))
+        if refusal := test.not_off():
+            raise InputError(f"the contact {contact} is opened on a bench that is off; {refusal}")
+        self.record.event("contact-test-started", contact=contact, opens=dict(opens))
+        with self.monitor.testing(test) if self.monitor else nullcontext():
+            yield
+        self.record.event("contact-test-finished", contact=contact)
 
     def ask_at_the_end(self, prompt: Prompt, of: str = "step") -> str:
         """Ask for what no step waits for: a person when bench and results are done.

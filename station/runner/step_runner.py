@@ -218,7 +218,7 @@ class StepRunner:
 
     def _watch(self, signals: AbortSignals) -> None:
         """Look at every interlock once, then watch them beside the steps."""
-        self._monitor = Monitor(
+        self._monitor = self._run.monitor = Monitor(
             self._interlocks,
             self._run.instruments,
             self._run.readings,

@@ -37,6 +37,15 @@ def can_harm(driver: object) -> bool:
     return not isinstance(driver, type) or issubclass(driver, MadeSafe)
 
 
+def not_off(instruments: Mapping[str, object]) -> str:
+    """Return which opened instruments that can harm read back as not safe, empty where none does.
+
+    Raises InstrumentError where one does not answer.
+    """
+    read = [(n, one.read_safety()) for n, one in instruments.items() if isinstance(one, MadeSafe)]
+    return "; ".join(f"{name}: {reading.read_back}" for name, reading in read if not reading.safe)
+
+
 @dataclass(frozen=True)
 class SafeOutcome:
     """How one instrument came to rest: verified or not, what it read back, and the time it took.

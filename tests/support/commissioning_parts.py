@@ -7,6 +7,8 @@ from typing import Any
 from plan_runs import shipped_plan
 
 from procedures.commissioning import PARTS
+from procedures.commissioning.contacts import chain_contacts, door_is_free
+from procedures.commissioning.contacts.parameters import CHAIN_ERRORS, DOOR_ERRORS
 from procedures.commissioning.lines.work import asked_on
 from station import registry
 from station.files.lookup import BENCHES, find
@@ -55,6 +57,13 @@ def whole_plan_of(part: str, bench: str = "sim") -> dict[str, Any]:
     parameters = plan["parameters"]
     if part == "coils":
         parameters["coils"] |= {"ambient": AMBIENT, "turn_probe": bench == "sim-alternate"}
+    if part == "contacts":
+        read = read_bench(find(BENCHES, bench), registry.names(registry.DRIVERS))
+        own = {"door": door_is_free(read), "chain": list(chain_contacts(read))}
+        parameters["contacts"] = own
+        for name, walked in ((DOOR_ERRORS, own["door"]), (CHAIN_ERRORS, own["chain"])):
+            if not walked:
+                del plan["limits"][name]
     if part == "lines":
         read = read_bench(find(BENCHES, bench), registry.names(registry.DRIVERS))
         parameters["lines"] = {"instruments": list(asked_on(read))}

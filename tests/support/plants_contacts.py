@@ -18,7 +18,13 @@ def stuck_door(bench: Bench, rng: random.Random) -> Planted:
     return "door-contact-stuck", None
 
 
+def bridged_contact(bench: Bench, rng: random.Random) -> Planted:
+    bench["instruments"]["interlock_chain"]["simulator"]["bridged"] = rng.choice(["e-stop", "door"])
+    return "chain-contact-bridged", None
+
+
 PLANTS = (
     Plant("inverted door contact", "contacts", inverted_door),
     Plant("door contact on another input", "contacts", stuck_door),
+    Plant("bridged contact of the interlock chain", "contacts", bridged_contact),
 )

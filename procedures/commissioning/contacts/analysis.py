@@ -1,20 +1,22 @@
-"""What a door's contact reads of what a person did: a pure function of the readings."""
+"""What contacts read of what a person did: pure functions of the readings."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 from station.findings import Analysis, Estimate, Flag
+
+from .parameters import CHAIN_ERRORS, DOOR_ERRORS
 
 DONE = ("closed", "open", "closed again")
 """What a person did to the door, in order; each reading should be its first word."""
 
 
-def analyse(read: Mapping[str, str]) -> Analysis:
+def analyse_door(read: Mapping[str, str]) -> Analysis:
     """Return how many readings are wrong, and the cause; `read` has one of each of `DONE`."""
     wrong = [done for done in DONE if read[done] != done.split(" ")[0]]
     method = "readings of the contact that are not what the person did"
-    estimate = Estimate("door_contact_errors", None, float(len(wrong)), "1", 0.0, None, method)
+    estimate = Estimate(DOOR_ERRORS, None, float(len(wrong)), "1", 0.0, None, method)
     return Analysis([estimate], (), _causes(read, wrong))
 
 
@@ -40,3 +42,27 @@ def _causes(read: Mapping[str, str], wrong: list[str]) -> list[Flag]:
         "again."
     )
     return [Flag("door-contact-loose", message)]
+
+
+def analyse_chain(opened: Mapping[str, Sequence[str]]) -> Analysis:
+    """Return how many contacts of the chain are not seen while they are open, and which.
+
+    `opened`: each contact that was opened to the contacts that read open then. Another one, or one
+    that does not close again, has ended the run.
+    """
+    unseen = [contact for contact, read in opened.items() if contact not in read]
+    method = "contacts of the chain that read closed while they were open"
+    estimate = Estimate(CHAIN_ERRORS, None, float(len(unseen)), "1", 0.0, None, method)
+    return Analysis(
+        [estimate],
+        (),
+        tuple(
+            Flag(
+                "chain-contact-bridged",
+                f"The contact {contact} of the interlock chain reads closed while it is open: it "
+                "is bridged, not wired into the chain, or has another name in the bench file. "
+                "Energise nothing before that is mended.",
+            )
+            for contact in unseen
+        ),
+    )

@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from procedures.commissioning.not_measured import not_measured
-from station.findings import Findings, findings_of
+from station.findings import Analysis, Findings, findings_of
 
-from .analysis import DONE, analyse
-from .parameters import RESULTS, UNIT, ContactParameters
+from .analysis import DONE, analyse_chain, analyse_door
+from .parameters import CHAIN_ERRORS, DOOR_ERRORS, RESULTS, UNIT, ContactParameters, chain_unit
 
 if TYPE_CHECKING:
     from station.instruments.bench import Bench
@@ -16,8 +16,20 @@ if TYPE_CHECKING:
 
 
 def findings(folder: RunFolder, parameters: ContactParameters, bench: Bench) -> Findings:
-    """Return what the contact reads; a run without its record gives nothing."""
-    found = folder.finished_units().get(UNIT)
-    if found is None:
-        return findings_of(not_measured("contacts", RESULTS, [UNIT]), None, [])
-    return findings_of(analyse({done: str(found[done]) for done in DONE}), None, [])
+    """Return what the contacts read; what was not walked whole gives nothing."""
+    units = folder.finished_units()
+    chain = {one: chain_unit(one) for one in parameters.chain}
+    wanted = [*([UNIT] if parameters.door else []), *chain.values()]
+    missing = [unit for unit in wanted if unit not in units]
+    if missing:
+        names = [*([DOOR_ERRORS] if parameters.door else []), *([CHAIN_ERRORS] if chain else [])]
+        results = {name: RESULTS[name] for name in names}
+        return findings_of(not_measured("contacts", results, missing), None, [])
+    parts = []
+    if parameters.door:
+        parts.append(analyse_door({done: str(units[UNIT][done]) for done in DONE}))
+    if chain:
+        parts.append(analyse_chain({one: units[unit]["opened"] for one, unit in chain.items()}))
+    estimates = [estimate for one in parts for estimate in one.estimates]
+    flags = tuple(flag for one in parts for flag in one.flags)
+    return findings_of(Analysis(estimates, (), flags), None, [])

@@ -12,13 +12,13 @@ from station.procedure import Prompt, Step
 from station.roles import Driver
 
 from .analysis import DONE
-from .parameters import UNIT, ContactParameters
+from .chain import chain, chain_prompts
+from .parameters import CHAIN, CHAMBER, UNIT, ContactParameters, chain_unit
 
 if TYPE_CHECKING:
     from station.runner.run import Run
 
-CHAMBER = "thermal_chamber"
-DOOR, CHAIN = "door", "chain"
+DOOR = "door"
 PROMPTS = {
     "closed": Prompt("close-door", "Close the door of the chamber."),
     "open": Prompt("open-door", "Open the door of the chamber."),
@@ -28,24 +28,31 @@ PROMPTS = {
 
 def prompts(parameters: ContactParameters) -> tuple[Prompt, ...]:
     """Return what the operator is asked to do."""
-    return tuple(PROMPTS[done] for done in DONE)
+    of_door = tuple(PROMPTS[done] for done in DONE) if parameters.door else ()
+    return (*of_door, *(one for name in parameters.chain for one in chain_prompts(name)))
 
 
 def instruments(parameters: ContactParameters) -> tuple[str, ...]:
     """Return the instruments whose contacts are looked at."""
-    return (CHAMBER,)
+    return (
+        *((CHAMBER,) if parameters.door else ()),
+        *((CHAIN,) if parameters.chain else ()),
+    )
 
 
 def work(parameters: ContactParameters) -> Iterator[Work]:
-    """Yield the looks at the door: nothing is commanded."""
-    yield Work("I1", UNIT, duration_s=parameters.settle_s * len(DONE))
+    """Yield the looks at door and chain: nothing is commanded."""
+    if parameters.door:
+        yield Work("I1", UNIT, duration_s=parameters.settle_s * len(DONE))
+    for contact in parameters.chain:
+        yield Work("I2", chain_unit(contact), duration_s=2.0 * parameters.settle_s)
 
 
 def door(run: Run) -> None:
     """I1: everything is at rest; a person moves the door, the contact is read."""
-    if run.is_finished(UNIT):
-        return
     parameters: ContactParameters = run.parameters.contacts
+    if not parameters.door or run.is_finished(UNIT):
+        return
     chamber = run.role(CHAMBER, Driver)
     with run.unit(UNIT) as details:
         for done in DONE:
@@ -60,4 +67,7 @@ def door(run: Run) -> None:
             details[done] = state
 
 
-STEPS = (Step("I1", "Chamber: its door's contact follows the door", door),)
+STEPS = (
+    Step("I1", "Chamber: its door's contact follows the door", door),
+    Step("I2", "Interlock chain: its contacts, opened by hand on a bench at rest", chain),
+)

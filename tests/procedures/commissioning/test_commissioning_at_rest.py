@@ -36,10 +36,10 @@ class Bench:
     def role(self, name: str, kind: type[Any]) -> Any:
         return self.instruments[name]
 
-    def ask(self, prompt_id: str, text: str) -> None:
+    def ask(self, prompt: Prompt) -> None:
         made_safe = [self.instruments[n].make_safe.called for n in ("turntable", "coil_supply.x")]
         assert all(made_safe)
-        self.asked.append(prompt_id)
+        self.asked.append(prompt.id)
 
 
 def test_axes_and_coils_are_made_safe_before_a_hand_is_asked_for() -> None:
