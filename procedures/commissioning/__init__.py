@@ -84,7 +84,7 @@ def records(parameters: CommissioningParameters, bench: Bench) -> tuple[RecordUs
     measured = {
         name
         for part, own in chosen(parameters)
-        if part is not LINES_PART
+        if part not in (LINES_PART, CLOCK_PART)
         for name in part.instruments(own)
     }
     only_asked = [name for name in instruments(parameters) if name not in measured]

@@ -5,11 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 from plan_runs import shipped_plan
+from quick_yaml import load_yaml
 
-from procedures.commissioning import PARTS
-from procedures.commissioning.contacts import chain_contacts, door_is_free
-from procedures.commissioning.contacts.parameters import CHAIN_ERRORS, DOOR_ERRORS
-from procedures.commissioning.lines.work import asked_on
+from procedures.commissioning import PARTS, PROCEDURE
 from station import registry
 from station.files.lookup import BENCHES, find
 from station.instruments.bench import read_bench
@@ -52,22 +50,43 @@ def fitted_parts(bench: str) -> list[str]:
 
 
 def whole_plan_of(part: str, bench: str = "sim") -> dict[str, Any]:
-    """Return the plan of a part with all that an engineer knows of a simulated bench."""
+    """Return the plan of a part, fitted, with all that an engineer knows of a simulated bench."""
     plan = plan_of(part)
+    read = read_bench(find(BENCHES, bench), registry.names(registry.DRIVERS))
+    (own,) = (one for one in PARTS if one.name == part)
+    for line in own.fits(read):
+        _state(plan, line)
+    return _with_known(plan)
+
+
+def bench_plan_of(bench: str) -> dict[str, Any]:
+    """Return what `station commission` runs on a shipped bench, with all that is known of it."""
+    plan = shipped_plan("commissioning")
+    read = read_bench(find(BENCHES, bench), registry.names(registry.DRIVERS))
+    for line in PROCEDURE.fits(read, False):
+        _state(plan, line)
+    return _with_known(plan)
+
+
+def _with_known(plan: dict[str, Any]) -> dict[str, Any]:
+    """State the ambient field, the earth's rate and what they decide, where their parts are."""
     parameters = plan["parameters"]
-    if part == "coils":
-        parameters["coils"] |= {"ambient": AMBIENT, "turn_probe": bench == "sim-alternate"}
-    if part == "contacts":
-        read = read_bench(find(BENCHES, bench), registry.names(registry.DRIVERS))
-        own = {"door": door_is_free(read), "chain": list(chain_contacts(read))}
-        parameters["contacts"] = own
-        for name, walked in ((DOOR_ERRORS, own["door"]), (CHAIN_ERRORS, own["chain"])):
-            if not walked:
-                del plan["limits"][name]
-    if part == "lines":
-        read = read_bench(find(BENCHES, bench), registry.names(registry.DRIVERS))
-        parameters["lines"] = {"instruments": list(asked_on(read))}
-    if part == "gyro":
+    if "coils" in parameters["checks"]:
+        parameters["coils"]["ambient"] = AMBIENT
+    if "gyro" in parameters["checks"]:
         parameters["gyro"]["earth"] = EARTH
         plan["limits"]["pulse_weight_ratio"] = PULSE_WEIGHT_LIMIT
     return plan
+
+
+def _state(plan: dict[str, Any], line: str) -> None:
+    """Do what `--set` does with a line of `fits`."""
+    keys, _, value = line.partition("=")
+    *places, last = keys.split(".")
+    place = plan
+    for key in places:
+        place = place.setdefault(key, {})
+    if value == "null":
+        place.pop(last, None)
+    else:
+        place[last] = load_yaml(value)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import random
 
-from plants import Bench, Plant, Planted
+from plants import BOTH, Bench, Plant, Planted
 
 
 def overshooting(bench: Bench, rng: random.Random) -> Planted:
@@ -20,5 +20,5 @@ def wrong_channel(bench: Bench, rng: random.Random) -> Planted:
 
 PLANTS = (
     Plant("chamber that overshoots", "chamber", overshooting),
-    Plant("thermometer on the wrong channel", "chamber", wrong_channel),
+    Plant("thermometer on the wrong channel", "chamber", wrong_channel, BOTH),
 )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import random
 
-from plants import Bench, Plant, Planted
+from plants import BOTH, Bench, Plant, Planted
 
 
 def gaussmeter_clock(bench: Bench, rng: random.Random) -> Planted:
@@ -21,5 +21,5 @@ def board_clock(bench: Bench, rng: random.Random) -> Planted:
 
 PLANTS = (
     Plant("gaussmeter's clock off", "clocks", gaussmeter_clock),
-    Plant("pulse board's clock off", "gyro", board_clock),
+    Plant("pulse board's clock off", "gyro", board_clock, BOTH),
 )

@@ -6,6 +6,8 @@ import random
 
 from plants import Bench, Plant, Planted
 
+CONTACTS = ("e-stop", "door")
+
 
 def inverted_door(bench: Bench, rng: random.Random) -> Planted:
     bench["instruments"]["thermal_chamber"]["simulator"]["door_inverted"] = True
@@ -19,7 +21,7 @@ def stuck_door(bench: Bench, rng: random.Random) -> Planted:
 
 
 def bridged_contact(bench: Bench, rng: random.Random) -> Planted:
-    bench["instruments"]["interlock_chain"]["simulator"]["bridged"] = rng.choice(["e-stop", "door"])
+    bench["instruments"]["interlock_chain"]["simulator"]["bridged"] = rng.choice(CONTACTS)
     return "chain-contact-bridged", None
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import random
 
-from plants import Bench, Plant, Planted
+from plants import BOTH, Bench, Plant, Planted
 
 
 def pulse_weight_off(bench: Bench, rng: random.Random) -> Planted:
@@ -21,6 +21,6 @@ def other_channel(bench: Bench, rng: random.Random) -> Planted:
 
 
 PLANTS = (
-    Plant("pulse weight off", "gyro", pulse_weight_off),
-    Plant("gyro on another channel", "gyro", other_channel),
+    Plant("pulse weight off", "gyro", pulse_weight_off, BOTH),
+    Plant("gyro on another channel", "gyro", other_channel, BOTH),
 )

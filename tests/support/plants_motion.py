@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import random
 
-from plants import Bench, Plant, Planted
+from plants import BOTH, Bench, Plant, Planted
 
 TABLE_AXES = ("outer", "middle", "inner")
 
@@ -61,10 +61,10 @@ def reversed_gyro(bench: Bench, rng: random.Random) -> Planted:
 
 
 PLANTS = (
-    Plant("reversed table sense", "motion", reversed_sense),
-    Plant("encoder zero off", "motion", zero_off),
-    Plant("axis leaning", "motion", leaning),
-    Plant("axes off square", "motion", off_square),
-    Plant("swapped gyro channels", "motion", swapped_gyros),
-    Plant("reversed gyro channel", "motion", reversed_gyro),
+    Plant("reversed table sense", "motion", reversed_sense, BOTH),
+    Plant("encoder zero off", "motion", zero_off, BOTH),
+    Plant("axis leaning", "motion", leaning, BOTH),
+    Plant("axes off square", "motion", off_square, BOTH),
+    Plant("swapped gyro channels", "motion", swapped_gyros, BOTH),
+    Plant("reversed gyro channel", "motion", reversed_gyro, BOTH),
 )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import random
 
-from plants import Bench, Plant, Planted
+from plants import BOTH, Bench, Plant, Planted
 
 COILS = ("x", "y", "z")
 
@@ -22,6 +22,6 @@ def output_stays_on(bench: Bench, rng: random.Random) -> Planted:
 
 
 PLANTS = (
-    Plant("own limit that does not act", "supplies", own_limit_broken),
-    Plant("output that stays on", "supplies", output_stays_on),
+    Plant("own limit that does not act", "supplies", own_limit_broken, BOTH),
+    Plant("output that stays on", "supplies", output_stays_on, BOTH),
 )

@@ -18,10 +18,7 @@ from procedures.commissioning.clocks.analysis import clock_estimate, clock_flags
 @pytest.mark.parametrize("seed", [1])
 @pytest.mark.parametrize("plant", PLANTS, ids=lambda one: one.name)
 def test_a_clock_that_is_off_is_named_alone(tmp_path: Path, plant: Plant, seed: int) -> None:
-    # A record of the gaussmeter's field is used by the coils' part.
-    parts = ("coils", "clocks") if plant.part == "clocks" else (plant.part,)
-    bench, plan = shipped_bench(), plan_of(*parts)
-    plan["parameters"]["coils"] |= {"record": "2 s"}
+    bench, plan = shipped_bench(), plan_of(plant.part)
     plan["parameters"]["gyro"] |= {"warm_up": "60 s", "record": "120 s"}
     cause = plant.plant(bench, random.Random(seed))
     outcome = run_of(tmp_path, plan, bench)
@@ -30,7 +27,7 @@ def test_a_clock_that_is_off_is_named_alone(tmp_path: Path, plant: Plant, seed: 
 
 
 def test_the_shipped_clock_raises_no_alarm(tmp_path: Path) -> None:
-    outcome = run_of(tmp_path, plan_of("coils", "clocks"), shipped_bench())
+    outcome = run_of(tmp_path, plan_of("clocks"), shipped_bench())
     assert (named(outcome), outcome.exit_code) == (set(), 0)
     assert outcome.document is not None
     results = outcome.document.to_data()["results"]
