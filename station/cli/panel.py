@@ -13,6 +13,8 @@ if TYPE_CHECKING:
     from station.panel.access import Role
 
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
+VIEWERS_LEAVE_WITHIN_S = 1
+"""A browser listens for as long as the panel lives: its end waits for none."""
 FEWEST_CHARACTERS = 12
 ROLES: tuple[Role, ...] = ("operator", "engineer")
 
@@ -44,7 +46,14 @@ def serve_panel(host: str, port: int, runs: Path, tokens_file: Path | None) -> N
     if host not in LOOPBACK:
         tell("the panel is open to other computers, without encryption: keep it in the laboratory")
     try:
-        uvicorn.run(app, host=host, port=port, log_level="warning", access_log=False)
+        uvicorn.run(
+            app,
+            host=host,
+            port=port,
+            log_level="warning",
+            access_log=False,
+            timeout_graceful_shutdown=VIEWERS_LEAVE_WITHIN_S,
+        )
     except SystemExit as error:  # uvicorn has said that the port is taken
         raise InputError(f"nobody can listen at {host}:{port}; choose another --port") from error
 

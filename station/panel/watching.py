@@ -27,7 +27,7 @@ from station.record.events import Event, guardian_events, latest_safe_state
 from station.record.layout import LOCK
 from station.record.log_tail import LogTail
 
-LOOKS_EVERY_S = 0.2
+LOOKS_EVERY_S = 0.1
 """Real time between two looks at the files, however many viewers there are."""
 PLOTS_EVERY_S = 0.5
 LATEST = 40

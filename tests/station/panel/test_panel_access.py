@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import json
+import subprocess
 import urllib.request
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from panel_server import Served, panel
+from command_line import station_command
+from panel_server import Served, free_port, panel
 
 from station.cli.panel import read_tokens, serve_panel
+from station.clock import boot_seconds
 from station.errors import InputError
 from station.panel.access import LARGEST_REQUEST
 from station.record.layout import EVENTS
@@ -163,3 +166,24 @@ def test_a_picture_of_a_prompt_is_read_and_nothing_beside_it(tmp_path: Path) -> 
         started["procedure"] = "../../x"
         (run / EVENTS).write_text(json.dumps(started) + "\n", encoding="utf-8")
         assert served.get("/api/run/one/picture/mounting.svg")[0] == 404
+
+
+def test_the_panel_ends_although_a_browser_listens(one_axis_run: Path) -> None:
+    port = free_port()
+    options = ("--output", one_axis_run.parent, "--port", str(port))
+    process = subprocess.Popen(station_command("panel", *options), stderr=subprocess.PIPE)
+    assert process.stderr is not None
+    assert b"http" in process.stderr.readline()
+    url = f"http://127.0.0.1:{port}/api/run/{one_axis_run.name}/events"
+    until_s = boot_seconds() + 60.0
+    while True:
+        try:
+            listening = urllib.request.urlopen(url, timeout=60)
+            break
+        except OSError:
+            assert boot_seconds() < until_s
+    with listening:
+        assert listening.readline().startswith(b"event: ")
+        process.terminate()
+        process.wait(60.0)
+    process.stderr.close()
