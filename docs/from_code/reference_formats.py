@@ -127,6 +127,7 @@ RUN_EVENTS = {
     "prompt-shown": "a person is being asked at the run's terminal, which waits for the answer",
     "prompt": "a request to the operator, the answer, and who gave it",
     "prompt-left": "a request that nothing waits for; asked once the results are written",
+    "terminal-closed": "the terminal of the run is gone; the run goes on, its guardian watches it",
     "unit-started": "a unit of work begins",
     "unit-finished": "a unit of work is measured and its raw data are on disk; analysis reads "
     "finished units only; `raw_bytes` is how long the raw file of each source was then",

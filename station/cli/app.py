@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 from typing import Annotated
 
@@ -33,6 +32,7 @@ from station.cli.options import (
     complete_run,
     named_run,
 )
+from station.cli.own_process import leave_to_own_process
 from station.cli.serving import add_to
 
 # rich would draw the same help in twice the time.
@@ -89,10 +89,8 @@ def run(
     json: Json = False,
 ) -> None:
     """Run a test plan; leaves a folder of data and report."""
-    if detach and not dry_run:
-        from station.cli.attaching import run_detached
-
-        raise typer.Exit(run_detached([one for one in sys.argv[1:] if one != "--detach"]))
+    if not dry_run:
+        leave_to_own_process(detach=detach, non_interactive=non_interactive, as_json=json)
     if dry_run:
         from station.cli.running import dry_run_plan
 
@@ -151,6 +149,7 @@ def resume(
     json: Json = False,
 ) -> None:
     """Resume an interrupted or paused run."""
+    leave_to_own_process(non_interactive=non_interactive, as_json=json)
     from station.cli.running import resume_run
 
     raise typer.Exit(

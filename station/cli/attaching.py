@@ -4,30 +4,33 @@ from __future__ import annotations
 
 import os
 import select
+import signal
 import subprocess
 import sys
 import tempfile
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from shlex import quote
-from threading import Thread
+from threading import Event, Thread
 from typing import IO
 
 from station.cli.analysing import print_document
-from station.cli.controlling import abort_run
-from station.cli.running import ANNOUNCE
+from station.cli.controlling import abort_run, logs_of
+from station.cli.running import ANNOUNCE, may_ask
 from station.clock import RealClock, boot_seconds
 from station.console import tell
 from station.control.client import NotRunning, ask, not_running
 from station.control.status import RUN_STARTED, in_words, read_status
-from station.errors import EXIT_ABORTED, EXIT_DONE, EXIT_FAULT, InputError
+from station.errors import EXIT_ABORTED, EXIT_DONE, EXIT_FAULT, EXIT_INTERLOCK, InputError
 from station.files.locks import is_held
 from station.method.prompts import Asking, Prompt
-from station.record.events import RESUMED, Event
+from station.record.events import LEFT_FOR_THE_END, RESUMED, latest_left_out, whole_bench
+from station.record.events import Event as LogEvent
 from station.record.folder import REPORT, RESULTS, RunFolder
 from station.record.layout import EVENTS, LOCK
 from station.record.log_tail import LogTail
 from station.runner.evaluation import evaluate_run, exit_code_of
+from station.runner.operator import Operator
 from station.runner.progress import Progress
 
 LOOKS_EVERY_S = 0.2
@@ -48,10 +51,36 @@ def run_detached(arguments: Sequence[str]) -> int:
     """
     process, folder = begin(arguments, lambda line: tell(line, end=""))
     if folder is None:
-        return process.returncode or EXIT_FAULT
+        return EXIT_FAULT if process.returncode is None else process.returncode
     print(f"the run goes on in process {process.pid}, without this terminal")
     print(f"to watch it and answer its prompts: station attach {quote(str(folder))}")
     return EXIT_DONE
+
+
+def run_elsewhere(
+    arguments: Sequence[str], *, detach: bool, non_interactive: bool, as_json: bool
+) -> int | None:
+    """Begin a run in a process of its own; return the exit code, None where it gets none.
+
+    It gets one where it is to be detached, and where a person watches it at this terminal.
+    """
+    if detach:
+        return run_detached([one for one in arguments if one != "--detach"])
+    person = sys.stderr.isatty() and may_ask(non_interactive=non_interactive) and not as_json
+    return run_attended(arguments) if person and sys.platform != "win32" else None
+
+
+def run_attended(arguments: Sequence[str]) -> int:
+    """Begin a run in a process of its own and show it here; return the exit code of the run.
+
+    A terminal that closes, and `d`, leave the run to itself; Ctrl-C and SIGTERM end it.
+    """
+    process, folder = begin(arguments, lambda line: tell(line, end=""))
+    if folder is None:
+        return EXIT_FAULT if process.returncode is None else process.returncode
+    tell(f"another terminal sees it with: station attach {quote(str(folder))}")
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    return attach(folder)
 
 
 def begin_detached(arguments: Sequence[str]) -> Path:
@@ -81,22 +110,23 @@ def begin(
             start_new_session=True,
         )
         assert process.stderr is not None
-        relay = Thread(target=relayed, args=(process.stderr, announced, show), daemon=True)
+        began = Event()
+        relay = Thread(target=relayed, args=(process.stderr, began, show), daemon=True)
         relay.start()
         while not announced.exists() and process.poll() is None:
             RealClock().sleep(LOOKS_EVERY_S / 10)
         if not announced.exists():
             relay.join(1.0)
             return process, None
+        began.set()
         return process, Path(announced.read_text(encoding="utf-8"))
 
 
-def relayed(messages: IO[bytes], announced: Path, show: Callable[[str], None]) -> None:
-    """Show what a run prints until it has its folder, where the rest is recorded."""
+def relayed(messages: IO[bytes], began: Event, show: Callable[[str], None]) -> None:
+    """Take what a run prints; show it until the run has its folder, where the rest is recorded."""
     for line in messages:
-        if announced.exists():
-            return
-        show(line.decode(errors="replace"))
+        if not began.is_set():
+            show(line.decode(errors="replace"))
 
 
 def attach(folder: Path) -> int:
@@ -116,23 +146,38 @@ def attach(folder: Path) -> int:
     except EOFError:  # this terminal is gone, not the run
         left = is_held(folder / LOCK)
     except KeyboardInterrupt:
-        tell("\nthe run is being ended; its bench is made safe")
-        abort_run(folder, ABORT_WITHIN_S, as_json=False)
-        tell(f"to go on where it stopped: station resume {quote(str(folder))}")
-        return EXIT_ABORTED
+        return end(folder)
     if left:
         tell(f"the run goes on; to come back: station attach {quote(str(folder))}")
         return EXIT_DONE
     return how_it_ended(folder, viewer.failure)
 
 
+def end(folder: Path) -> int:
+    """End a run; each further Ctrl-C only cuts short the waits of making its bench safe."""
+    tell("\nthe run is being ended; its bench is made safe")
+    while True:
+        try:
+            abort_run(folder, ABORT_WITHIN_S, as_json=False)
+            break
+        except KeyboardInterrupt:
+            tell("\nthe bench is being made safe; that is never skipped, its waits are cut short")
+    tell(f"to go on where it stopped: station resume {quote(str(folder))}")
+    return EXIT_ABORTED
+
+
 def how_it_ended(folder: Path, failure: str) -> int:
     """Say how a run that is over has ended, and return its exit code."""
     status = read_status(folder)
+    if status.bench_safe:
+        tell(whole_bench(latest_left_out(*logs_of(folder))))
     if status.state == "finished" and (folder / RESULTS).is_file():
+        if not status.bench_safe:
+            tell("NOT VERIFIED: go to the bench and look at it now")
         document, _ = evaluate_run(RunFolder(folder))
         print_document(document)
         print(f"report: {folder / REPORT}")
+        ask_what_was_left(folder)
         return exit_code_of(document)
     again = f"`station resume {quote(str(folder))}` resumes it"
     tell(f"the run did not finish: {failure}; {again}" if failure else not_running(folder))
@@ -140,7 +185,17 @@ def how_it_ended(folder: Path, failure: str) -> int:
         tell(f"NOT VERIFIED: go to the bench and look at it now; last heard: {status.message}")
         return EXIT_FAULT
     failed = [event for event in LogTail(folder).new_events() if event.kind == "failed"]
-    return int(failed[-1].details["exit_code"]) if failed else EXIT_FAULT
+    code = int(failed[-1].details["exit_code"]) if failed else EXIT_FAULT
+    if code == EXIT_INTERLOCK:
+        tell("first `station acknowledge` the bench")
+    return code
+
+
+def ask_what_was_left(folder: Path) -> None:
+    """Ask for what no step waited for, in the run's last process."""
+    left = RunFolder(folder).of_last_process(LEFT_FOR_THE_END)
+    operator = Operator(RealClock(), {}, interactive=sys.stdin.isatty(), act=None)
+    operator.ask_at_the_end([Prompt.from_data(one.details) for one in left])
 
 
 class Viewer:
@@ -181,7 +236,7 @@ class Viewer:
                 now_s = self._latest_s + (boot_seconds() - self._looked_s) * self._speed
                 progress.at(now_s - self._step_s)
 
-    def _note(self, event: Event) -> None:
+    def _note(self, event: LogEvent) -> None:
         """Keep what an event says of the run's plan and its prompts."""
         details = event.details
         self._latest_s, self._looked_s = event.time_s, boot_seconds()
@@ -203,8 +258,9 @@ class Viewer:
                 self._open.clear()
             case kind if kind == RESUMED:
                 self._open.clear()
+                self.failure = ""
 
-    def _show(self, event: Event, progress: Progress) -> None:
+    def _show(self, event: LogEvent, progress: Progress) -> None:
         """Show an event as the run's own terminal would."""
         details = event.details
         match event.kind:

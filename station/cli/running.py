@@ -241,13 +241,15 @@ def resume_run(
             print(json.dumps({"run": str(folder), "went_on": True, "exit_code": EXIT_DONE}))
         return EXIT_DONE
     plan, _ = read_plan_and_bench(RunFolder(folder))
+    announce = announcement()
     request = ResumeRequest(
         folder,
         read_bench_named(bench_name) if bench_name else None,
         answers=read_answers(answers) if answers else {},
-        interactive=may_ask(non_interactive=non_interactive),
+        interactive=may_ask(non_interactive=non_interactive, attached=announce is not None),
         served=read_served(served) if served else None,
         trace=trace,
+        announce=announce,
     )
     return report_outcome(resume(request), plan.procedure, as_json=as_json)
 

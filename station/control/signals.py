@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import _thread
 import signal
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from threading import main_thread
 from types import FrameType
@@ -15,7 +15,8 @@ from station.console import tell
 from station.errors import Aborted
 from station.safety.safe_state import Hurry
 
-WISHES = ("SIGINT", "SIGTERM", "SIGHUP")
+HANG_UP = "SIGHUP"
+WISHES = ("SIGINT", "SIGTERM", HANG_UP)
 
 
 @contextmanager
@@ -84,6 +85,8 @@ class AbortSignals:
         self._clock = clock
         self.heard = 0
         """How many wishes came to the main thread."""
+        self.hang_up: Callable[[], bool] = lambda: False
+        """Takes note that the terminal is gone; whether the run goes on without it."""
         self._making_safe = False
         self._before: dict[int, Any] = {}
 
@@ -111,6 +114,8 @@ class AbortSignals:
         # The clock's watchdog sends SIGINT too: to a thread that is stuck where no clock can see.
         self._clock.raise_failure()
         name = signal.Signals(number).name
+        if name == HANG_UP and self.hang_up():
+            return
         if self._making_safe:
             tell(
                 f"\n{name}: the bench is being made safe; that is never skipped, its waits are "

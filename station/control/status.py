@@ -285,8 +285,19 @@ def in_words(event: Event) -> str:
             return f"{details['unit']} is recorded"
         case "run-ended":
             return "all steps are done"
+        case "safe-state":
+            used = [one for one in details["outcomes"] if one.get("used", True)]
+            bad = [one["instrument"] for one in used if not one["verified"]]
+            state = f"NOT VERIFIED: {', '.join(bad)}" if bad else "verified"
+            read = "; ".join(in_short(one["instrument"], one["read_back"]) for one in used)
+            return f"safe state {state}: {read}" if read else "nothing on this bench can harm"
         case "paused" | "pause-refused":
             said = details.get("devices") or details.get("reasons") or {}
             return ": ".join([event.kind, "; ".join(f"{who} {what}" for who, what in said.items())])
     plain = (f"{key} {value}" for key, value in details.items() if not isinstance(value, list))
     return f"{event.kind}: {', '.join(plain)}" if details else event.kind
+
+
+def in_short(instrument: str, read_back: str) -> str:
+    """Return what an instrument read back, its name once."""
+    return f"{instrument} {read_back.removeprefix(f'{instrument}: ')}"

@@ -91,8 +91,7 @@ def execute(request: Request) -> Outcome:
         }
         record = RunRecord(request.output, plan.procedure, plan.dut.serial, clock, head)
         outcome = Outcome(record.path)
-        if request.announce is not None:
-            write_whole_file(request.announce, str(record.path.resolve()).encode())
+        announce_folder(request.announce, record.path)
         expected_s = procedure.duration_s(plan.parameters)
         units = procedure.expected_units(plan.parameters)
         with Progress(expected_s, units=units, quiet=request.quiet) as progress:
@@ -114,6 +113,12 @@ def execute(request: Request) -> Outcome:
     run.notices.ended(outcome.sentence)
     outcome.ask_at_the_end = lambda: operator.ask_at_the_end(run.left)
     return outcome
+
+
+def announce_folder(place: Path | None, folder: Path) -> None:
+    """Write where a detached run is recorded, for who began it."""
+    if place is not None:
+        write_whole_file(place, str(folder.resolve()).encode())
 
 
 def what_is_planned(plan: Plan, procedure: Procedure, clock: Clock) -> dict[str, Any]:

@@ -71,6 +71,11 @@ class Operator:
         """Get the answers of a detached run from there."""
         self._desk = desk if self._detached else None
 
+    @property
+    def needs_no_terminal(self) -> bool:
+        """Whether every prompt is answered without the terminal of this process."""
+        return self._detached or not self._interactive
+
     def _acts_alone(self, prompt: Prompt) -> bool:
         """Whether the simulated world does what a prompt asks for, and nobody is asked."""
         return prompt.physical and self._act is not None and not self._rehearse

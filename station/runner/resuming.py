@@ -23,7 +23,7 @@ from station.record.integrity import sentence_of
 from station.record.layout import EVENTS, RUN, covered_files, versions
 from station.record.recorded import read_plan_and_bench, used_instruments
 from station.runner.evaluation import evaluate_run, exit_code_of
-from station.runner.execute import SERVED_SINCE, all_prompts, conclude
+from station.runner.execute import SERVED_SINCE, all_prompts, announce_folder, conclude
 from station.runner.operator import Operator
 from station.runner.outcome import Outcome
 from station.runner.preflight import watch_system_clock
@@ -59,6 +59,8 @@ class ResumeRequest:
     report: bool = True
     served: Mapping[str, Any] | None = None
     trace: bool = False
+    announce: Path | None = None
+    """A file to write the run folder into: this process is detached, and has no terminal."""
 
 
 def resume(request: ResumeRequest) -> Outcome:
@@ -90,13 +92,18 @@ def resume(request: ResumeRequest) -> Outcome:
     with BenchSession(bench, plan.procedure, request.served, began_s) as session:
         clock = session.clock
         operator = Operator(
-            clock, request.answers, interactive=request.interactive, act=session.act_again
+            clock,
+            request.answers,
+            interactive=request.interactive,
+            act=session.act_again,
+            detached=request.announce is not None,
         )
         past = past_of(folder, again=session.here)
         asked = [one for one in all_prompts(procedure, plan, bench) if one.id not in past.answered]
         operator.check([AS_BEFORE, *asked])
         record = RunRecord.go_on(folder.path, clock)
         outcome = Outcome(record.path)
+        announce_folder(request.announce, record.path)
         expected_s = procedure.duration_s(plan.parameters)
         expected = procedure.expected_units(plan.parameters)
         units = {one: s for one, s in expected.items() if one not in past.finished}
@@ -149,6 +156,7 @@ def evaluate_only(folder: RunFolder, request: ResumeRequest) -> Outcome:
     if evaluated and RESULTS in covered_files(folder.path):
         raise InputError(f"{folder.path} is finished; `station analyse` computes its results again")
     record = RunRecord.go_on(folder.path, RealClock())
+    announce_folder(request.announce, record.path)
     record.close()
     outcome = Outcome(record.path, exit_code=0)
     if evaluated:  # only the manifest is missing

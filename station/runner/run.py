@@ -97,6 +97,7 @@ class Run:
         command = bench.file.notify.command if bench.file.notify else ()
         self.notices = Notices(command, record.path, bench.name, plan.dut.serial)
         self._said: set[tuple[str, str]] = set()
+        self._hung_up = False
 
     @property
     def parameters(self) -> Any:
@@ -184,6 +185,14 @@ class Run:
         yield details
         self.record.finish_unit(name, **details)
 
+    def hang_up(self) -> bool:
+        """Take note that the terminal is gone; whether no prompt of this run needs it.
+
+        Called in the middle of anything: the log has it with the next sign of progress.
+        """
+        self._hung_up = True
+        return self._operator.needs_no_terminal
+
     def may_pause(self) -> None:
         """Pause here where somebody wishes it: between units of work, before conditions are set."""
         if self.control is not None:
@@ -205,6 +214,9 @@ class Run:
 
     def log_notes(self) -> None:
         """Write what drivers noted of their lines to the log; the operator reads each kind once."""
+        if self._hung_up:
+            self._hung_up = False
+            self.record.note("terminal-closed")
         notes, dropped = self.readings.take_notes()
         for one in notes:
             self.record.note(

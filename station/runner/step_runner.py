@@ -98,6 +98,8 @@ class StepRunner:
             stack.enter_context(run.clock.participant("run"))
             signals = stack.enter_context(AbortSignals(run.clock))
             control = run.listen_to(stack.enter_context(Control(run.record.path, run.clock)))
+            control.hurry = signals.hurry.ask
+            signals.hang_up = lambda: self._guardian is not None and run.hang_up()
             if isinstance(run.clock, RealClock):
                 self._stillness = stack.enter_context(
                     Stillness(run.clock, signals, lambda: self._make_safe(signals))

@@ -15,12 +15,13 @@ from threading import Thread
 
 import pytest
 from command_line import PLAN, station, station_command
+from kill_helpers import served_bench
 
 from station.clock import RealClock
 from station.control.answers import Desk
 from station.control.channel import Incoming
 from station.control.status import read_status
-from station.errors import Aborted
+from station.errors import EXIT_ABORTED, EXIT_DONE, EXIT_WRONG_INPUT, Aborted
 from station.method.prompts import Prompt
 from station.record.log_tail import LogTail
 
@@ -205,3 +206,64 @@ def test_without_a_terminal_attach_names_the_prompt_and_waits(
         station(tmp_path, "abort", str(run))
         watching.communicate(timeout=WITHIN_S)
         assert watching.returncode == 4
+
+
+def test_a_run_at_a_terminal_outlives_it(tmp_path: Path) -> None:
+    (tmp_path / "plan.yaml").write_text(PLAN, encoding="utf-8")
+    terminal = OnTerminal(tmp_path, "run", "plan.yaml", "--rehearse")
+    terminal.wait_for("[mount]")
+    (run,) = (tmp_path / "runs").iterdir()
+    try:
+        terminal.wait_for(f"station attach {run}")
+        terminal.process.send_signal(signal.SIGHUP)  # its window is closed
+        terminal.ended()
+        assert read_status(run).running
+        again = OnTerminal(tmp_path, "attach", "SN-1")
+        again.wait_for("[mount]")
+        again.process.send_signal(signal.SIGINT)
+        assert again.ended() == EXIT_ABORTED
+    finally:
+        if read_status(run).running:
+            station(tmp_path, "abort", str(run))
+    assert read_status(run).bench_safe
+
+
+@pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM])
+def test_ctrl_c_and_sigterm_end_the_run_at_its_terminal(tmp_path: Path, how: int) -> None:
+    (tmp_path / "plan.yaml").write_text(PLAN, encoding="utf-8")
+    terminal = OnTerminal(tmp_path, "run", "plan.yaml", "--rehearse")
+    terminal.wait_for("[mount]")
+    terminal.process.send_signal(how)
+    assert terminal.ended() == EXIT_ABORTED
+    (run,) = (tmp_path / "runs").iterdir()
+    assert f"station resume {run}" in terminal.shown
+    status = read_status(run)
+    assert (status.running, status.bench_safe) == (False, True)
+
+
+def test_a_plan_with_a_fault_is_refused_at_a_terminal_as_elsewhere(tmp_path: Path) -> None:
+    (tmp_path / "plan.yaml").write_text(PLAN.replace("1 mT", "1 furlong"), encoding="utf-8")
+    terminal = OnTerminal(tmp_path, "run", "plan.yaml", "--rehearse")
+    assert terminal.ended() == EXIT_WRONG_INPUT
+    terminal.wait_for("plan.yaml:6:14: parameters.amplitude")
+
+
+def test_a_run_goes_on_when_its_terminal_closes_and_nobody_is_asked(tmp_path: Path) -> None:
+    (tmp_path / "plan.yaml").write_text(PLAN, encoding="utf-8")
+    with served_bench(tmp_path, speed=30.0) as (at, _):
+        options = ("--served", at, "--non-interactive", "--output", tmp_path / "runs")
+        process = subprocess.Popen(
+            station_command("run", tmp_path / "plan.yaml", *options),
+            stderr=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,
+            start_new_session=True,
+            preexec_fn=hears_hang_up,
+        )
+        until_s = time.monotonic() + WITHIN_S
+        while not any((tmp_path / "runs").glob("*/raw/*.mcap")):
+            assert time.monotonic() < until_s
+            time.sleep(0.02)
+        process.send_signal(signal.SIGHUP)
+        assert process.wait(WITHIN_S) == EXIT_DONE
+    (run,) = (tmp_path / "runs").iterdir()
+    assert "terminal-closed" in [one.kind for one in LogTail(run).new_events()]

@@ -505,3 +505,11 @@ def test_the_time_of_a_pause_is_no_progress() -> None:
 
 if sys.platform == "win32":
     pytest.skip("mode bits and signals of POSIX; not verified there", allow_module_level=True)
+
+
+def test_a_second_wish_to_end_cuts_short_what_the_safe_state_waits_for(real: Desk) -> None:
+    hurried: list[str] = []
+    real.control.hurry = lambda: hurried.append("hurry")
+    real.control.hold()
+    assert ask(real.folder, "abort")["said"] == ENDS_ALREADY
+    assert hurried == ["hurry"]
