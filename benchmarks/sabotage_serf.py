@@ -19,11 +19,13 @@ from sabotage_serf_changes import (
     fault,
     held,
     inverted,
+    leaking,
     line_V,
     moved,
     one_sense,
     read_again,
     stated,
+    stepping,
     volts,
     wandering,
     warped,
@@ -31,6 +33,7 @@ from sabotage_serf_changes import (
 from scipy.signal import lfilter
 
 SHOTS = "shots-disagree shot-rejected"
+STEP = f"{SHOTS} unseen-step"
 SHAPE = "misfit model-too-stiff"
 SPOILT = f"{SHAPE} {SHOTS} overload outliers-rejected"
 DENIED = "contradicts-statement"
@@ -177,7 +180,29 @@ FAULTS: Sequence[Fault] = (
     fault("stamps begin at 20 ms", SPOILT, begun(0.02), "strong", True),
     fault("the cell warms", SPOILT, wandering(lambda k: 8.0 * k, "relaxation"), "strong"),
     fault("the vapour grows denser", SPOILT, wandering(lambda k: 2e4 * k, "exchange"), "strong"),
+    *(
+        fault(
+            f"residual field steps along {axis} before shot {place}, {kind}",
+            STEP,
+            stepping(place, axis, size_nT),
+            kind,
+        )
+        for kind, size_nT in (("opposites", 0.3), ("blocks", 0.3), ("few cycles", 0.5))
+        for place in (4, 7, 8, 10)
+        for axis in "xyz"
+    ),
+    *(
+        fault("residual field steps in mid-course", STEP, stepping(7, "z", 0.3), kind, True)
+        for kind in ("reversal", "known", "strong", "mains")
+    ),
+    *(
+        fault(f"coil {coil} leaks into {into} in one sense", SHOTS, leaking(coil, into, 0.2), kind)
+        for kind in ("reversal", "few cycles", "caesium")
+        for coil, into in ("xy", "xz", "yz", "zx")
+    ),
 )
 
 CLEAN: Sequence[Callable[[int], Made]] = tuple(partial(clean_of, kind) for kind in KINDS)
-USUAL_FLAGS = frozenset({"scale-by-convention", "chirp", "few-cycles", "not-identifiable"})
+USUAL_FLAGS = frozenset(
+    {"scale-by-convention", "chirp", "few-cycles", "not-identifiable", "unseen-step"}
+)

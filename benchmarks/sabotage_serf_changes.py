@@ -13,7 +13,9 @@ import yaml
 from numpy.typing import NDArray
 from sabotage import Fault, Made
 from scipy.interpolate import CubicSpline
-from serf_shots import FOUR, Cell
+from serf_shots import FOUR, FOURTEEN, Cell
+
+from procedures.serf_nonorthogonality.shots import shots_of
 
 Array = NDArray[Any]
 Change = Callable[["Recorded", np.random.Generator], "Recorded"]
@@ -33,6 +35,8 @@ class Recorded:
     time_s: Array
     fields_nT: Array
     conditions: Mapping[str, Any] = field(default_factory=dict)
+    unsteady: bool = False
+    """Whether no one residual field is true of all shots."""
 
     def write(self, folder: Path) -> None:
         """Write the dataset's folder."""
@@ -65,7 +69,10 @@ class Recorded:
         """Return the dataset for the frame."""
         model = model_of(self.cell) if with_model else np.zeros((0, 0))
         noise = np.full(self.volts.size, self.cell.noise_V)
-        return Made(truth_of(self.cell), self.write, self.volts.ravel(), model, noise)
+        truth = truth_of(self.cell)
+        if self.unsteady:
+            truth = {key: true for key, true in truth.items() if key[0] != "residual_field"}
+        return Made(truth, self.write, self.volts.ravel(), model, noise)
 
 
 def truth_of(cell: Cell) -> dict[tuple[str, str | None, str | None], float]:
@@ -131,6 +138,13 @@ def cell_of(seed: int, **changes: object) -> Cell:
 
 
 EXACT: Mapping[str, Any] = {"factors": (1.0, 1.0, 1.0), "known": True}
+OPPOSITES = tuple(
+    tuple(int(np.sign(one)) for one in shot.field_nT)
+    for shot in shots_of("reversal", dict.fromkeys("xyz", 1.0), "z", "y")
+)
+"""The order of a run."""
+BLOCKS = (FOURTEEN[0], FOURTEEN[13], *(FOURTEEN[k + 3 * n] for k in (1, 2, 3) for n in range(4)))
+"""Pair after pair, each with its polarities in the order ++ +− −+ −−."""
 KINDS: Mapping[str, Callable[[int], Cell]] = {
     "reversal": cell_of,
     "known": partial(cell_of, **EXACT),
@@ -140,6 +154,8 @@ KINDS: Mapping[str, Callable[[int], Cell]] = {
     "caesium": partial(cell_of, spin=3.5, field_nT=120.0, duration_s=0.3, relaxation=260.0),
     "few cycles": partial(cell_of, relaxation=900.0, field_nT=38.0),
     "noisy": partial(cell_of, noise_V=0.1),
+    "opposites": partial(cell_of, pattern=OPPOSITES),
+    "blocks": partial(cell_of, pattern=BLOCKS),
     "fast exchange": partial(cell_of, exchange=2e5, field_nT=80.0),
 }
 
@@ -194,6 +210,25 @@ def wandering(path: Callable[[int], object], name: str) -> Change:
             moved = tuple(value) if value.ndim else float(value)
             one = cells([k], **{name: moved})(one, draw)
         return one
+
+    return change
+
+
+def stepping(place: int, axis: str, size_nT: float) -> Change:
+    """Return the change by a residual field that steps before a shot."""
+    step_nT = size_nT * np.eye(3)["xyz".index(axis)]
+    change = wandering(lambda k: step_nT * (k >= place), "residual_nT")
+    return lambda one, draw: replace(change(one, draw), unsteady=True)
+
+
+def leaking(coil: str, into: str, size_nT: float) -> Change:
+    """Return the change by a coil that, where its field is positive, makes one along another."""
+
+    def change(one: Recorded, draw: np.random.Generator) -> Recorded:
+        leak_nT = size_nT * np.eye(3)["xyz".index(into)]
+        acts = [signs["xyz".index(coil)] > 0 for signs in one.cell.pattern]
+        leaky = wandering(lambda k: leak_nT * acts[k], "residual_nT")(one, draw)
+        return replace(leaky, unsteady=True)
 
     return change
 

@@ -34,6 +34,7 @@ from .relabelled import relabelled_flags
 from .shot_flags import data_flags, misfit_flags
 from .shots import AXES, PAIRS
 from .signs import sign_flags
+from .steady import held_to_steady_fields
 
 Array = NDArray[np.float64]
 __all__ = ["AnalysisSettings", "SerfAnalysis", "analyse"]
@@ -52,10 +53,12 @@ def analyse(dataset: SerfDataset, settings: AnalysisSettings | None = None) -> S
     settings = settings or AnalysisSettings()
     seen = look_at_all(dataset, settings)
     found: Frequencies | None = None
-    denied: list[Flag] = []
+    doubts: list[Flag] = []
     if any(one.used for one in seen):
         try:
-            dataset, seen, found, denied = agreed(dataset, seen, settings)
+            dataset, seen, found, doubts = agreed(dataset, seen, settings)
+            found, unseen = held_to_steady_fields(seen, found)
+            doubts += unseen
         except np.linalg.LinAlgError:
             found = None
     freedom = float(sum(one.used_fit.degrees_of_freedom for one in seen if one.used))
@@ -63,7 +66,7 @@ def analyse(dataset: SerfDataset, settings: AnalysisSettings | None = None) -> S
     paper = _published(dataset, seen)
     shots = _shots(dataset, seen, found)
     size_nT = residual_magnitude_nT(dataset, found.solution) if found is not None else None
-    flags = [*data_flags(dataset, seen, shots, settings), *denied, *misfit_flags(dataset, shots)]
+    flags = [*data_flags(dataset, seen, shots, settings), *doubts, *misfit_flags(dataset, shots)]
     flags += [*sign_flags(dataset, seen, found), *relabelled_flags(dataset, seen, found)]
     flags += result_flags(dataset, found, results, paper, size_nT, settings)
     return SerfAnalysis(

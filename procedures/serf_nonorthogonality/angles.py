@@ -116,6 +116,12 @@ def _slopes(commanded_nT: Array, p: Array) -> Array:
     return np.asarray(slopes / omega[:, None])
 
 
+def slopes_of(commanded_nT: Array, solution: Solution) -> Array:
+    """Return the derivatives (shots, 9) of the frequencies by the nine unknowns of a solution."""
+    p = np.concatenate([solution.scale, solution.cosine, solution.residual])
+    return _slopes(commanded_nT, p)
+
+
 def solve(commanded_nT: Array, omega: Array, covariance: Array, *, known: bool) -> Solution:
     """Solve for what the shots determine; `commanded_nT` (n, 3), `omega` (n,) with covariance.
 

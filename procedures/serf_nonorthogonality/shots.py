@@ -21,8 +21,9 @@ LEAST_CYCLES = 1.0
 """Within the 1/e time of a shot; with fewer it says nothing."""
 LEAST_SIGNAL_TO_NOISE = 3.0
 """Of the tone of a shot; below it there is none."""
-ROUND = ((1, 1), (-1, -1), (1, -1), (-1, 1))
-"""The polarities of a pair, so that a drift in time falls on all four alike."""
+OPPOSITES = ((1, 1), (-1, -1), (-1, 1), (1, -1))
+"""The polarities of a pair: opposites side by side, so that a step of the residual field between
+other shots moves no angle that the shots do not contradict."""
 
 
 @dataclass(frozen=True)
@@ -69,18 +70,15 @@ def shots_of(
     """Return the shots of a plan in the order in which they are taken.
 
     `as_published`: the single axis and the three pairs, all positive. `reversal`: the single axis
-    of either sign and the four polarities of each pair, interleaved.
+    of either sign, first and last, and the four polarities of each pair.
     """
     alone = single_axis(pump_axis, probe_axis)
     wishes: list[dict[str, int]]
     if kind == "as_published":
         wishes = [{alone: 1}, *(dict.fromkeys(pair, 1) for pair in PAIRS)]
     else:
-        wishes = [{alone: 1}]
-        for first, second in ROUND:
-            wishes += [{pair[0]: first, pair[1]: second} for pair in PAIRS]
-            if len(wishes) == 1 + 2 * len(PAIRS):
-                wishes.append({alone: -1})
+        pairs = [{pair[0]: a, pair[1]: b} for pair in PAIRS for a, b in OPPOSITES]
+        wishes = [{alone: 1}, *pairs, {alone: -1}]
     return tuple(
         Wanted(
             name_of(wish),

@@ -208,7 +208,7 @@ def test_an_output_that_is_inverted_throughout_is_no_wrong_sign(late_s: float) -
 
 
 def test_clean_shots_of_every_kind_raise_no_flag_of_a_fault() -> None:
-    for one in clean_runs("serf-nonorthogonality", 9):
+    for one in clean_runs("serf-nonorthogonality", 11):
         assert not one["false"] and one["error_u"] < 4.5, one
 
 
