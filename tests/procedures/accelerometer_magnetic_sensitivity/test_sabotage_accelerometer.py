@@ -65,6 +65,18 @@ def test_hysteresis_of_the_device_is_flagged_by_its_cause(width_V: float) -> Non
             assert max(off_in_u(analysis).values()) < 4.5
 
 
+def test_a_shape_over_the_field_is_no_hysteresis_where_each_field_comes_after_the_same() -> None:
+    name = "cubic in the field, 3 %; three planes, 12 angles"
+    cubic = next(one for one in FAULTS if one.name == name)
+    assert judged(cubic, 6)["flags"] == ["misfit", "not-identifiable"]
+    one = record(0, ("io", "ip"), 12, FIVE_T)
+    first = 1e-4 * (one.field_commanded_T == min(FIVE_T))
+    analysis = analyse(replace(one, output_V=one.output_V + first))
+    assert "hysteresis" not in codes(analysis)
+    said = next(flag.message for flag in analysis.flags if flag.code == "misfit")
+    assert "by field or, as hysteresis, by where it came from" in said
+
+
 def test_hysteresis_of_the_core_is_in_the_measured_field_and_costs_nothing() -> None:
     one, up = there_and_back(3)
     k = 0.0135 + 2 * 0.12 * one.field_T
