@@ -30,7 +30,7 @@ from station.record.folder import REPORT, RESULTS, RunFolder
 from station.record.layout import EVENTS, LOCK
 from station.record.log_tail import LogTail
 from station.runner.evaluation import evaluate_run, exit_code_of
-from station.runner.operator import Operator
+from station.runner.operator import Operator, discard_typed
 from station.runner.progress import Progress
 
 LOOKS_EVERY_S = 0.2
@@ -212,6 +212,7 @@ class Viewer:
         self._latest_s = self._step_s = 0.0
         self._looked_s = boot_seconds()
         self.failure = ""
+        self._leaves = False
 
     def watch(self) -> bool:
         """Show the run until it ends; whether the operator left before."""
@@ -231,6 +232,8 @@ class Viewer:
                 if self._open and sys.stdin.isatty():
                     with progress.paused():
                         self._answer()
+                    if self._leaves:
+                        return True
                 elif self._wants_to_leave():
                     return True
                 now_s = self._latest_s + (boot_seconds() - self._looked_s) * self._speed
@@ -280,6 +283,7 @@ class Viewer:
         prompt_id, prompt = next(iter(self._open.items()))
         asking = Asking(prompt)
         tell("\n" + "\n".join(prompt.lines))
+        discard_typed()
         tell(asking.question, end="")
         while prompt_id in self._open and is_held(self._folder / LOCK):
             line = typed_line(LOOKS_EVERY_S)
@@ -290,6 +294,9 @@ class Viewer:
                 return
             if line is None:
                 continue
+            if line.strip().lower() == DETACH:
+                self._leaves = True
+                return
             known, answer = asking.understands(line), asking.take(line)
             if answer is not None and self._sent(prompt_id, answer):
                 self._open.pop(prompt_id, None)

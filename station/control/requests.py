@@ -256,7 +256,8 @@ class Control:
                         safe_state=self._made_safe,
                     )
                 case "live":
-                    incoming.answer(outcome="live", **self.live())
+                    pausing = any(not one.withdrawn for one in self._waiting)
+                    incoming.answer(outcome="live", pause_requested=pausing, **self.live())
                 case other:
                     incoming.answer(outcome="unknown", said=f"nobody knows how to {other!r}")
 

@@ -20,12 +20,12 @@ from starlette.routing import Mount, Route
 from starlette.staticfiles import StaticFiles
 
 from station import registry
-from station.control.client import ask
 from station.errors import StationError
 from station.panel.access import COOKIE, Access, Guard, Role
 from station.panel.overview import benches, first_event, newest_runs, plans
 from station.panel.starting import Starting, Wanted
 from station.panel.watching import LOOKS_EVERY_S, RunWatch
+from station.panel.wishes import REQUESTS, Wishes
 from station.record.layout import EVENTS
 
 PAGES = Path(__file__).parent / "pages"
@@ -34,8 +34,6 @@ REPORT, RESULTS = "report.html", "results.json"
 REPORT_POLICY = "sandbox; default-src 'none'; style-src 'unsafe-inline'; img-src data:"
 BEAT_S = 1.0
 PICTURE = re.compile(r"[a-z0-9-]+\.(svg|png)")
-REQUESTS = ("pause", "go-on", "abort", "answer")
-ABORT_WITHIN_S = 120.0
 
 
 class Panel:
@@ -46,6 +44,7 @@ class Panel:
         self._starting = starting
         self._access = access
         self._watched: dict[str, RunWatch] = {}
+        self._wishes = Wishes()
         self._lock = Lock()
 
     def app(self) -> Starlette:
@@ -182,10 +181,7 @@ class Panel:
             return JSONResponse({"error": f"no such action: {wish}"}, 404)
         folder, data = self.folder(request), await body(request)
         details = {key: str(value)[:1000] for key, value in data.items() if key in ("id", "text")}
-        word = await run_in_threadpool(
-            lambda: ask(folder, wish, ABORT_WITHIN_S if wish == "abort" else 5.0, details=details)
-        )
-        return JSONResponse(word)
+        return JSONResponse(await run_in_threadpool(self._wishes.pass_on, folder, wish, details))
 
 
 async def body(request: Request) -> dict[str, Any]:

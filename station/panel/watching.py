@@ -139,11 +139,11 @@ def steps_of(planned: dict[str, Any], events: list[Event] | Any) -> list[dict[st
 
 
 def open_prompt(events: list[Event]) -> dict[str, Any] | None:
-    """Return the prompt that waits for an answer, as the log has it."""
+    """Return the prompt that waits for an answer, as the log has it, and its `number`."""
     waiting: dict[str, dict[str, Any]] = {}
-    for one in since_it_went_on(events):
+    for number, one in enumerate(since_it_went_on(events)):
         if one.kind == "prompt-shown":
-            waiting[one.details["id"]] = dict(one.details)
+            waiting[one.details["id"]] = {**one.details, "number": number}
         elif one.kind == "prompt":
             waiting.pop(one.details["id"], None)
         elif one.kind in ("failed", "run-ended"):

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 
-from station.clock import Clock
+from station.clock import Clock, RealClock
 from station.console import tell
 from station.control.answers import Desk
 from station.control.signals import wishes_end_a_prompt
@@ -15,10 +15,15 @@ from station.errors import Aborted, InputError, UnansweredPrompt
 from station.method.prompts import ABORT, DONE, Asking, Prompt, meaning
 
 HINT_AT_THE_END = f"Enter or `{DONE}` once it is, `{ABORT}` to leave it; nothing else waits"
+READS_WITHIN_S = 0.5
+"""Real time after a prompt is shown within which nobody has read it, as of a key struck twice."""
 
 
 def discard_typed() -> None:
-    """Forget the keys that were pressed before a prompt was shown; they answer something else."""
+    """Forget the keys that were pressed before a person can have read the prompt that is shown."""
+    if not sys.stdin.isatty():
+        return
+    RealClock().sleep(READS_WITHIN_S)
     if sys.platform == "win32":
         import msvcrt
 

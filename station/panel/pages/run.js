@@ -6,7 +6,9 @@ const ICONS = {pass: "✔", fail: "✘", inconclusive: "?", none: "–"};
 const WORDS = {pass: "PASS: within every limit", fail: "FAIL: the device is outside a limit",
                inconclusive: "INCONCLUSIVE: no decision about the device", none: "No limit was asked for"};
 const STEP_ICONS = {done: "✔", now: "▶", waits: "·"};
-let heardMs = Date.now(), prompted = null, resultsShown = false, titleBefore = "";
+const READS_MS = 1000;
+const ANSWERS_MS = 3000;
+let heardMs = Date.now(), prompted = null, resultsShown = false, titleBefore = "", state = "", pausing = false, read = false;
 
 function stateOf(data) {
   titleBefore = `${data.dut ? data.dut.serial : RUN}: ${data.sentence}`;
@@ -19,9 +21,8 @@ function stateOf(data) {
   say("left", data.state === "finished" ? "nothing" : span(data.left_s));
   say("ends", data.ends ? new Date(data.ends * 60000).toLocaleTimeString([], {hour: "2-digit", minute: "2-digit"}) : "unknown");
   const alive = ["running", "paused", "evaluating"].includes(data.state);
-  byId("pause").disabled = data.state !== "running";
-  byId("go-on").disabled = data.state !== "paused";
-  byId("abort").disabled = !["running", "paused"].includes(data.state);
+  state = data.state;
+  buttons();
   byId("steps").replaceChildren(...data.steps.map((one) => {
     const made = element("li", `${STEP_ICONS[one.state]} ${one.number} ${one.title}`, "step " + one.state);
     if (one.state === "now") made.setAttribute("aria-current", "step");
@@ -37,11 +38,19 @@ function stateOf(data) {
   if (!alive && data.state === "finished" && !resultsShown) after();
 }
 
+function buttons() {
+  show("pausing", pausing && state === "running");
+  byId("pause").disabled = state !== "running" || pausing;
+  byId("go-on").disabled = !(state === "paused" || (state === "running" && pausing));
+  byId("abort").disabled = !["running", "paused"].includes(state);
+}
+
 function promptOf(prompt) {
   show("prompt", Boolean(prompt));
   if (!prompt) { prompted = null; return; }
-  if (prompted === prompt.id) return;
-  prompted = prompt.id;
+  if (prompted && prompted.id === prompt.id && prompted.number === prompt.number) return;
+  prompted = prompt;
+  readable(prompt);
   say("prompt-text", prompt.text);
   say("prompt-said", "");
   say("prompt-then", prompt.then ? `Next: ${prompt.then}.` : "");
@@ -71,11 +80,17 @@ function checkbox(text) {
   return item;
 }
 
+// The second click of a pair, or one that was meant for the prompt before, consents to nothing.
+function readable(prompt) {
+  read = false;
+  setTimeout(() => { if (prompted === prompt) { read = true; mayGoOn(); } }, READS_MS);
+}
+
 // The run itself holds the value against its range.
 function mayGoOn() {
   const boxes = [...document.querySelectorAll("#prompt-checklist input")];
   const typed = byId("prompt-value-line").hidden || byId("prompt-value").value.trim() !== "";
-  byId("answer-done").disabled = !(typed && boxes.every((box) => box.checked));
+  byId("answer-done").disabled = !(read && typed && boxes.every((box) => box.checked));
 }
 
 function safeOf(outcomes) {
@@ -94,6 +109,9 @@ function readText(one) {
 }
 
 function liveOf(data) {
+  if (pausing && !data.pause_requested) say("action-said", "");
+  pausing = Boolean(data.pause_requested);
+  buttons();
   show("live", data.instruments.length > 0);
   byId("live-values").replaceChildren(...data.instruments.map((one) => row(
     one.instrument, one.set || "–", one.read.map(readText).join(", ") || "–")));
@@ -155,17 +173,24 @@ function plotsOf(data) {
 }
 
 async function wish(name, data) {
-  say("action-said", name === "abort" ? "the run is being ended; the bench is made safe …" : "asking …");
+  say("action-said", name === "abort" ? "asking the run to end …" : "asking …");
+  const silent = setTimeout(() => say("action-said",
+    `No answer yet. From a terminal: station ${name === "abort" ? "abort" : "attach"} ${RUN}`), ANSWERS_MS);
   try {
     const word = await post(API + name, data || {});
+    clearTimeout(silent);
     say("action-said", word.said || word.outcome || "");
     return word;
-  } catch (error) { say("action-said", error.message); return {}; }
+  } catch (error) { clearTimeout(silent); say("action-said", error.message); return {}; }
 }
 
 async function answer(text) {
-  const word = await wish("answer", {id: prompted, text});
-  if (word.outcome !== "taken") say("prompt-said", word.said || byId("action-said").textContent);
+  const asked = prompted;
+  byId("answer-done").disabled = true;
+  const word = await wish("answer", {id: asked.id, text});
+  if (word.outcome === "taken" || prompted !== asked) return;
+  mayGoOn();
+  say("prompt-said", word.said || byId("action-said").textContent);
 }
 
 byId("pause").addEventListener("click", () => wish("pause"));

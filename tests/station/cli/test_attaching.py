@@ -115,6 +115,22 @@ def test_whoever_attaches_answers_and_whoever_leaves_ends_nothing(tmp_path: Path
         assert status.bench_safe
 
 
+def test_keys_from_before_a_prompt_was_read_answer_nothing(tmp_path: Path) -> None:
+    with detached_run(tmp_path) as run:
+        terminal = OnTerminal(tmp_path, "attach", run)
+        terminal.type("\n")
+        terminal.wait_for(">> Mount the gyro")
+        terminal.type("\n")  # too soon to have been read
+        terminal.wait_for("[mount]")
+        terminal.type("perhaps\n")
+        terminal.wait_for("'perhaps' is no answer here")
+        assert answers(run) == []
+        terminal.type("d\n")
+        assert terminal.ended() == 0
+        terminal.wait_for("the run goes on; to come back")
+        assert read_status(run).running
+
+
 def test_ctrl_c_in_an_attached_terminal_ends_the_run_safely(tmp_path: Path) -> None:
     with detached_run(tmp_path) as run:
         terminal = OnTerminal(tmp_path, "attach", run)

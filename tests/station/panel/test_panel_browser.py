@@ -134,6 +134,7 @@ def test_two_viewers_see_the_same_and_a_reload_loses_nothing(page: Page, served:
     page.wait_for("prompt-text", text)
     page.click("answer-done")
     page.wait(lambda: page.text("prompt-text") not in ("", text))
+    assert not page.element("answer-done").is_enabled()  # the second click of a pair
     page.driver.switch_to.window(first)
     page.wait(lambda: page.text("prompt-text") not in ("", text))
     before = page.text("prompt-text")

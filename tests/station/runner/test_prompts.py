@@ -30,7 +30,8 @@ from station.instruments.opening import Place
 from station.procedure import Prompt
 from station.record.folder import RunFolder
 from station.runner import execute as executing
-from station.runner.operator import Operator
+from station.runner import operator as asking
+from station.runner.operator import READS_WITHIN_S, Operator
 from station.runner.outcome import Outcome
 from station.runner.resuming import ResumeRequest, resume
 
@@ -133,8 +134,8 @@ def test_keys_that_were_pressed_before_a_prompt_are_no_answer_to_it(
     with os.fdopen(terminal, encoding="utf-8") as stdin:
         monkeypatch.setattr(sys, "stdin", stdin)
         os.write(master, b"\n\ndone\n")
-        time.sleep(0.2)
-        Timer(0.5, os.write, (master, b"abort\n")).start()
+        Timer(READS_WITHIN_S / 2, os.write, (master, b"done\n")).start()
+        Timer(3 * READS_WITHIN_S, os.write, (master, b"abort\n")).start()
         with pytest.raises(Aborted):
             operator().ask(MOUNT)
     os.close(master)
@@ -197,6 +198,7 @@ def test_no_answer_to_the_last_prompt_changes_exit_code_or_results(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     before = {path: path.read_bytes() for path in run.folder.rglob("*") if path.is_file()}
+    monkeypatch.setattr(asking, "READS_WITHIN_S", 0.0)
     master, terminal = pty.openpty()
     with os.fdopen(terminal, encoding="utf-8") as stdin:
         monkeypatch.setattr(sys, "stdin", stdin if answer else io.StringIO())
