@@ -203,7 +203,7 @@ class Procedure:
     report(findings, document): plots and tables of its own;
     work(parameters): what the steps command and record, by unit of work: the commands that they
     apply, from which units, durations, forecast and limit checks follow;
-    held_bytes(parameters, bench): the most that the evaluation holds of the record at once;
+    held_bytes(parameters, bench): the most of the record that the evaluation holds at once;
     inputs(parameters): files that the plan names, by their places in the run folder, where copies
     of them are kept and read from;
     files(findings, document): name to text of files beside the results, such as a compensation;
@@ -211,7 +211,7 @@ class Procedure:
     undetermined(parameters): results that a plan does not determine alone, each with a sentence;
     measured_axes(parameters): the axes of results that a plan may leave out;
     needs_limits(parameters): the results, with their axes, that a plan ends by deciding;
-    fits(bench, short): overrides (`--set`) that fit its shipped plan, or a short form, to a bench;
+    fits(bench, short, stated): overrides that fit its shipped plan to a bench, beside stated ones;
     assumptions: what its numbers do not say;
     conditions(): model of an imported dataset's `conditions`, for the JSON Schema.
     """
@@ -237,7 +237,7 @@ class Procedure:
     files: Callable[[Findings, ResultDocument], Mapping[str, str]] = no_files
     measured_axes: Callable[[Any], Mapping[str, tuple[str, ...]]] = every_axis
     needs_limits: Callable[[Any], Mapping[str, tuple[str, ...]]] = every_axis
-    fits: Callable[[Bench, bool], Iterable[str]] = no_lines
+    fits: Callable[[Bench, bool, Mapping[str, str]], Iterable[str]] = no_lines
     assumptions: tuple[str, ...] = ()
     conditions: Callable[[], type[StrictModel]] | None = None
 

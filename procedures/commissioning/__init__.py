@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+import re
+from collections.abc import Callable, Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
+from station.errors import InputError
 from station.method.work import Work
 from station.procedure import (
     Later,
@@ -17,12 +19,14 @@ from station.procedure import (
     usual_modules,
 )
 from station.runner.run import Run
+from station.safety.drift import DRIFT
 
+from .causes import CAUSES
 from .chamber import CHAMBER_PART
 from .clocks import CLOCK_PART
 from .coils import COIL_PART
 from .contacts import CONTACT_PART
-from .drift import DRIFT, drift_axes
+from .drift import drift_axes
 from .gyro import GYRO_PART
 from .lines import LINES_PART
 from .lines.work import records_of_asked
@@ -51,6 +55,9 @@ PARTS: tuple[Part, ...] = (
     CLOCK_PART,
 )
 """In the order in which they are walked."""
+
+
+CHECKS = "parameters.checks"
 
 
 def chosen(parameters: CommissioningParameters) -> Iterator[tuple[Part, Any]]:
@@ -115,25 +122,36 @@ def measured_axes(parameters: CommissioningParameters) -> dict[str, tuple[str, .
     }
 
 
-def fits(bench: Bench, short: bool) -> Iterator[str]:
+def fits(bench: Bench, short: bool, stated: Mapping[str, str]) -> Iterator[str]:
     """Yield what fits the shipped plan to a bench: its parts, the limits of these, their needs.
 
     Its short form has the parts whose figures the bench file holds, and a limit for their drift.
+    Parts that are `stated` in the place of these have theirs.
     """
-    possible = [part for part in PARTS if part.is_possible(bench)]
-    if short:
+    possible = wanted = [part for part in PARTS if part.is_possible(bench)]
+    if CHECKS in stated:
+        wanted = [part for part in PARTS if part.name in re.findall(r"\w+", stated[CHECKS])]
+    elif short:
         known = {one.name for one in bench.commissioned.figures} if bench.commissioned else None
         watched = [one for one in possible if one.drift]
-        possible = [one for one in watched if known is None or known & set(one.drift)]
+        wanted = [one for one in watched if known is None or known & set(one.drift)]
     if short:
         yield from ("parameters.watch=true", f"limits.{DRIFT}.max_abs=1")
-    yield f"parameters.checks=[{', '.join(part.name for part in possible)}]"
+    if not wanted and CHECKS not in stated:
+        raise InputError(
+            f"{bench.path}: nothing of this bench can be commissioned; a part needs, for one, "
+            "three coils with their supplies and a gaussmeter"
+            if not possible
+            else f"{bench.path}: `commissioned` holds no figure that a check watches; commission "
+            "the bench again"
+        )
+    yield f"{CHECKS}=[{', '.join(part.name for part in wanted)}]"
     for part in PARTS:
-        if part in possible:
+        if part not in wanted:
+            yield from (f"limits.{name}=null" for name in part.results)
+        elif part in possible:
             yield from part.fits(bench)
             yield from part.short if short else ()
-        else:
-            yield from (f"limits.{name}=null" for name in part.results)
 
 
 def steps() -> Iterator[Step]:
@@ -158,6 +176,7 @@ PROCEDURE = Procedure(
     parameters=CommissioningParameters,
     results={
         **{name: kind for part in PARTS for name, kind in part.results.items()},
+        CAUSES: ResultKind((), "1"),
         DRIFT: ResultKind(drift_axes(PARTS), "1"),
     },
     steps=tuple(steps()),

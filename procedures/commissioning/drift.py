@@ -7,10 +7,10 @@ from collections.abc import Iterator, Mapping, Sequence
 
 from station.findings import Estimate, Flag, undetermined
 from station.instruments.commissioned import Commissioned
+from station.safety.drift import DRIFT
 
 from .parts import Part
 
-DRIFT = "drift"
 METHOD = "difference from the commissioning over what is allowed"
 
 

@@ -13,6 +13,7 @@ from station.instruments.commissioned import Commissioned
 from station.record.layout import BENCH_AS_WRITTEN
 
 from . import chosen
+from .causes import named_causes
 from .completing import Completion, figures_to_watch, files_of
 from .drift import drifts, flags_of
 from .parameters import CommissioningParameters
@@ -41,6 +42,7 @@ def findings_of_run(
     found = [(part, part.findings(folder, own, bench)) for part, own in chosen(parameters)]
     estimates = [one for _, findings in found for one in findings.estimates]
     flags = [one for _, findings in found for one in findings.flags]
+    estimates.append(named_causes(flags))
     written = read_yaml(folder.path / BENCH_AS_WRITTEN)
     changes = tuple(
         one

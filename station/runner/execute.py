@@ -35,6 +35,7 @@ from station.runner.session import BenchSession, Replay
 from station.runner.step_runner import StepRunner
 from station.runner.trace import Trace
 from station.safety.acknowledgement import addresses_of, refuse_until_acknowledged
+from station.safety.drift import remember_drift
 
 SERVED_SINCE = "served_since_unix"
 """In run.json: when the bench that `station sim` served began, None where nothing was served."""
@@ -110,6 +111,8 @@ def execute(request: Request) -> Outcome:
             trace = Trace(record.path, clock) if request.trace else None
             StepRunner(run, procedure, session, bench.path, trace).go(outcome)
     conclude(record, outcome, report=request.report)
+    if request.replay is None:
+        remember_drift(bench, bench.path, outcome.document, record.path)
     run.notices.ended(outcome.sentence)
     outcome.ask_at_the_end = lambda: operator.ask_at_the_end(run.left)
     return outcome

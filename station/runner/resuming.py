@@ -33,6 +33,7 @@ from station.runner.session import RESUME, BenchSession
 from station.runner.step_runner import StepRunner
 from station.runner.trace import Trace
 from station.safety.acknowledgement import addresses_of, refuse_until_acknowledged
+from station.safety.drift import remember_drift
 
 AS_BEFORE = Prompt(
     RESUME,
@@ -84,7 +85,9 @@ def resume(request: ResumeRequest) -> Outcome:
     bench_file = bench.path if request.bench else Path(facts.get("bench_file", bench.path))
     refuse_until_acknowledged(bench_file, [] if request.served else addresses_of(bench))
     if is_measured(folder):
-        return evaluate_only(folder, request)
+        outcome = evaluate_only(folder, request)
+        remember_drift(bench, bench_file, outcome.document, folder.path)
+        return outcome
     refuse_another_world(folder, facts, request.served)
     stopped_s = folder.events[-1].time_s
     silent_s = real_seconds_since(folder.path / EVENTS)
@@ -130,6 +133,7 @@ def resume(request: ResumeRequest) -> Outcome:
             trace = Trace(record.path, clock, record.segment) if request.trace else None
             StepRunner(run, procedure, session, bench_file, trace, first=AS_BEFORE).go(outcome)
     conclude(record, outcome, report=request.report)
+    remember_drift(bench, bench_file, outcome.document, record.path)
     run.notices.ended(outcome.sentence)
     outcome.ask_at_the_end = lambda: operator.ask_at_the_end(run.left)
     return outcome

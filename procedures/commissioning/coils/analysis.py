@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from station.findings import Analysis, Estimate
 
-from .causes import Measured, causes_of
+from .causes import Measured, across_of, causes_of
 from .parameters import COILS
 
 Array = NDArray[np.float64]
@@ -119,9 +119,8 @@ def _of_coil(
     axis: str, k: int, data: CoilDataset, response: Array, response_u: Array
 ) -> list[Estimate]:
     own, own_u = float(response[k, k]), float(response_u[k, k])
-    others = [i for i in range(len(COILS)) if i != k]
-    across = float(np.hypot(*response[others, k]))
-    across_u = float(np.hypot(*response_u[others, k]))
+    across, across_u = across_of(response, response_u, k)
+    along = math.sqrt(1.0 - across**2)
     coil = data.coils[k]
     freedom = float(coil.plus.readings + coil.minus.readings - 2)
     left_mT = float(coil.off.field_mT[k] - data.ambient.field_mT[k])
@@ -132,9 +131,7 @@ def _of_coil(
     method = "half the difference of both senses over the stated field"
     return [
         Estimate("coil_constant_ratio", axis, own, "1", own_u, freedom, method, {GAIN: own}, extra),
-        Estimate(
-            "cross_axis", axis, across, "1", across_u, freedom, method, {GAIN: across, ANGLE: own}
-        ),
+        Estimate("cross_axis", axis, across, "1", across_u, freedom, method, {ANGLE: along}),
         Estimate(
             "field_after_off", axis, left_mT, "mT", left_u_mT, left_freedom, "off less ambient"
         ),

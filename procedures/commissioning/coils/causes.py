@@ -15,10 +15,20 @@ from numpy.typing import NDArray
 
 from station.findings import Flag
 
-from .limits import COIL_CONSTANT, COVERAGE, CROSS_AXIS, FIELD_AFTER_OFF_MT, LEAST_SHARE
+from .limits import (
+    ALIKE,
+    AMBIENT_MT,
+    COIL_CONSTANT,
+    COVERAGE,
+    CROSS_AXIS,
+    EARTH_MT,
+    FIELD_AFTER_OFF_MT,
+    LEAST_SHARE,
+)
 from .parameters import COILS
 
 Array = NDArray[np.float64]
+PROBE_SWAPPED = "probe-axes-swapped"
 
 
 @dataclass(frozen=True)
@@ -61,11 +71,12 @@ def causes_of(data: Measured) -> list[Flag]:
     moved = [k for k, axis in enumerate(seen_on) if axis != k]
     if moved:
         flags.append(_exchanged(data, seen_on, moved))
+    probe_swapped = any(flag.code == PROBE_SWAPPED for flag in flags)
     for k, axis in enumerate(seen_on):
-        if data.response[axis, k] < 0.0:
-            flags.append(_reversed(data, k, int(axis)))
+        if not moved or data.response[axis, k] < 0.0:
+            flags += _reversed(data, k, int(axis), k if probe_swapped else int(axis))
     if not moved:
-        flags += [*_constants(data), *_leaning(data)]
+        flags += [*_constants(data), *_leaning(data), *_ambient(data)]
     return flags
 
 
@@ -99,33 +110,72 @@ def _exchanged(data: Measured, seen_on: NDArray[np.intp], moved: list[int]) -> F
         message = f"The coils {names} are swapped: exchange their cables at the supplies."
         return Flag("coils-swapped", message)
     message = f"The gaussmeter's axes {names} are swapped: look at its probe's mounting and cable."
-    return Flag("probe-axes-swapped", message)
+    return Flag(PROBE_SWAPPED, message)
 
 
-def _reversed(data: Measured, coil: int, axis: int) -> Flag:
-    """Return which is reversed; both are named where the ambient field does not decide it."""
+def _reversed(data: Measured, coil: int, axis: int, along: int) -> Iterator[Flag]:
+    """Yield what is reversed; both are named where the ambient field does not decide it.
+
+    The probe's `axis` sees the coil; it lies along the bench's axis `along`.
+    """
     name, seen = COILS[coil], COILS[axis]
-    expected = None if data.expected_mT is None else float(data.expected_mT[axis])
-    if expected is None or abs(expected) < COVERAGE * data.ambient_u_mT:
-        message = (
-            f"The field of coil {name} is reversed: its cable's poles, or axis {seen} of the "
-            "probe. State the ambient field in the plan, from a map, to decide which."
-        )
-        return Flag("field-reversed", message, name)
-    if data.ambient_mT[axis] * expected < 0.0:
+    negative = data.response[axis, coil] < 0.0
+    expected = 0.0 if data.expected_mT is None else float(data.expected_mT[along])
+    ambient = float(data.ambient_mT[axis])
+    if min(abs(expected), abs(ambient)) < COVERAGE * data.ambient_u_mT:
+        if negative:
+            message = (
+                f"The field of coil {name} is reversed: its cable's poles, or axis {seen} of the "
+                "probe. State the ambient field in the plan, from a map, to decide which."
+            )
+            yield Flag("field-reversed", message, name)
+        return
+    mirrored = ambient * expected < 0.0
+    if mirrored:
         message = f"Axis {seen} of the probe is reversed: it shows the ambient field reversed, too."
-        return Flag("probe-axis-reversed", message, seen)
-    message = f"The polarity of coil {name} is reversed: exchange the poles of its cable."
-    return Flag("coil-polarity-reversed", message, name)
+        yield Flag("probe-axis-reversed", message, seen)
+    if negative != mirrored:
+        message = f"The polarity of coil {name} is reversed: exchange the poles of its cable."
+        yield Flag("coil-polarity-reversed", message, name)
+
+
+def _ambient(data: Measured) -> Iterator[Flag]:
+    """Yield that the ambient field is not the stated one, or none of the earth."""
+    within_mT = AMBIENT_MT + COVERAGE * data.ambient_u_mT
+    if data.expected_mT is not None:
+        # An axis of the probe that is reversed is named as such.
+        off_mT = np.abs(np.abs(data.ambient_mT) - np.abs(data.expected_mT))
+        if off_mT.max() > within_mT:
+            axis = COILS[int(off_mT.argmax())]
+            message = (
+                f"The ambient field along {axis} differs by {off_mT.max():.3g} mT from the stated "
+                "one: look for iron and magnets, at the gaussmeter's zero, and at the map."
+            )
+            yield Flag("ambient-otherwise", message, axis)
+    elif float(np.linalg.norm(data.ambient_mT)) > EARTH_MT:
+        message = (
+            f"The ambient field is {np.linalg.norm(data.ambient_mT):.3g} mT, more than the "
+            "earth's: look for iron and magnets, and at the gaussmeter's zero."
+        )
+        yield Flag("ambient-otherwise", message)
 
 
 def _constants(data: Measured) -> Iterator[Flag]:
+    ratio = np.abs(np.diag(data.response))
+    off_by = ratio - 1.0
+    is_off = np.abs(off_by) - COVERAGE * np.diag(data.response_u) > COIL_CONSTANT
+    if is_off.all() and np.ptp(ratio) < ALIKE * ratio.mean():
+        message = (
+            f"All coils measure {100.0 * off_by.mean():+.3g} % off alike: rather the gaussmeter's "
+            "gain or units than three coils. Compare it with another one; no constant is replaced."
+        )
+        yield Flag("field-scale-off", message)
+        return
     for k, coil in enumerate(COILS):
-        off_by = abs(float(data.response[k, k])) - 1.0
-        if abs(off_by) - COVERAGE * float(data.response_u[k, k]) > COIL_CONSTANT:
-            constant = abs(float(data.response[k, k] * data.constants_mT_per_A[k]))
+        if is_off[k]:
+            constant = float(ratio[k] * abs(data.constants_mT_per_A[k]))
             message = (
-                f"The constant of coil {coil} is off by {100.0 * off_by:.2g} %: it measures "
+                f"The constant of coil {coil} is off by {100.0 * off_by[k]:.3g} %: it measures "
                 f"{constant:.4g} mT/A. Compare settings.coil_constant with the coil."
             )
             yield Flag("coil-constant-off", message, coil)
@@ -133,9 +183,15 @@ def _constants(data: Measured) -> Iterator[Flag]:
 
 def _leaning(data: Measured) -> Iterator[Flag]:
     for k, coil in enumerate(COILS):
-        others = [i for i in range(len(COILS)) if i != k]
-        across = float(np.hypot(*data.response[others, k]))
-        u = float(np.hypot(*data.response_u[others, k]))
+        across, u = across_of(data.response, data.response_u, k)
         if across - COVERAGE * u > CROSS_AXIS:
             message = f"Coil {coil} has {100.0 * across:.2g} % across its axis: coil or probe lean."
             yield Flag("coil-leans", message, coil)
+
+
+def across_of(response: Array, response_u: Array, coil: int) -> tuple[float, float]:
+    """Return the part of a coil's field across its axis over the whole of it, and u of that."""
+    others = [i for i in range(len(COILS)) if i != coil]
+    whole = max(float(np.linalg.norm(response[:, coil])), 1e-9)
+    across = float(np.hypot(*response[others, coil]))
+    return across / whole, float(np.hypot(*response_u[others, coil])) / whole

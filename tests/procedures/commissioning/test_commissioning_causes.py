@@ -61,3 +61,45 @@ def test_a_constant_within_its_uncertainty_is_not_called_off() -> None:
     off = replace(HEALTHY, response=np.diag([1.03, 1.0, 1.0]))
     assert codes(off) == ["coil-constant-off"]
     assert codes(replace(off, response_u=np.full((3, 3), 0.02))) == []
+
+
+KNOWN = replace(HEALTHY, expected_mT=np.array([0.021, 0.004, -0.043]))
+
+
+def test_a_coil_and_its_probe_axis_that_are_both_reversed_are_named_by_the_ambient_field() -> None:
+    mirrored = replace(KNOWN, ambient_mT=np.array([0.02, 0.004, 0.04]))
+    found = {(one.code, one.axis) for one in causes_of(mirrored)}
+    assert found == {("probe-axis-reversed", "z"), ("coil-polarity-reversed", "z")}
+
+
+def test_an_ambient_field_that_is_not_the_stated_one_is_named() -> None:
+    assert codes(KNOWN) == []
+    assert codes(replace(KNOWN, ambient_mT=np.array([0.035, 0.004, -0.043]))) == [
+        "ambient-otherwise"
+    ]
+    assert codes(replace(HEALTHY, ambient_mT=np.array([0.02, 0.0, 2.0]))) == ["ambient-otherwise"]
+
+
+def test_coils_that_are_all_off_alike_are_the_gaussmeters() -> None:
+    alike = np.diag([1.0277, 1.0315, 1.0283])
+    assert codes(replace(HEALTHY, response=alike)) == ["field-scale-off"]
+    apart = np.diag([1.0277, 1.0515, 1.0283])
+    assert codes(replace(HEALTHY, response=apart)) == ["coil-constant-off"] * 3
+
+
+def test_a_coil_leans_by_its_own_field_whatever_constant_is_stated() -> None:
+    upright, leaning = np.array([0.008, 1.0, 0.001]), np.array([0.1, 1.0, 0.0])
+    for scale in (0.2, 10.0):
+        stated = replace(HEALTHY, response_u=np.full((3, 3), 0.003 * scale))
+        response = np.eye(3)
+        response[:, 1] = scale * upright
+        assert codes(replace(stated, response=response)) == ["coil-constant-off"]
+        response[:, 1] = scale * leaning
+        assert codes(replace(stated, response=response)) == ["coil-constant-off", "coil-leans"]
+
+
+def test_the_sign_of_a_coil_is_decided_with_the_axes_of_the_probe_swapped() -> None:
+    exchanged = np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+    swapped = replace(KNOWN, response=exchanged, ambient_mT=np.array([0.004, 0.021, -0.043]))
+    found = {(one.code, one.axis) for one in causes_of(swapped)}
+    assert found == {("probe-axes-swapped", None), ("coil-polarity-reversed", "x")}

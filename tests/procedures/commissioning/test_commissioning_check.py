@@ -11,11 +11,13 @@ import yaml
 from commissioning_parts import only
 from plan_runs import shipped_bench
 
+from procedures.commissioning.coils import COIL_PART
 from station.cli.commissioning import commission_bench
-from station.errors import NotAcknowledged
+from station.errors import InputError, NotAcknowledged
 from station.files.faults import FaultList
 from station.files.lookup import BENCHES, find
 from station.files.yaml.reading import read_yaml
+from station.runner.resuming import ResumeRequest, resume
 from station.safety.acknowledgement import acknowledge
 
 SHORT = ("parameters.coils.record=2 s", *only("coils"))
@@ -108,3 +110,37 @@ def test_a_bench_that_has_drifted_is_refused_until_somebody_has_looked(
 def test_a_bench_that_was_not_commissioned_cannot_be_checked(tmp_path: Path) -> None:
     with pytest.raises(FaultList, match="holds no figures of a commissioning"):
         commissioned(written(tmp_path), tmp_path / "runs", check=True, short=())
+
+
+def test_a_check_that_was_interrupted_and_resumed_refuses_a_bench_that_has_drifted(
+    completed: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+    text = completed.read_text(encoding="utf-8")
+    moved = tmp_path / "moved.yaml"
+    moved.write_text(text.replace("spacing_error: 0.3 %", "spacing_error: 3 %"), encoding="utf-8")
+    answers = tmp_path / "answers.yaml"
+    answers.write_text("place-probe: no\n", encoding="utf-8")
+    runs = tmp_path / "runs"
+    assert commission_bench(str(moved), (), True, answers, runs, check=True, as_json=False) == 4
+    (folder,) = runs.iterdir()
+    assert resume(ResumeRequest(folder, quiet=True, report=False)).exit_code == 1
+    with pytest.raises(NotAcknowledged, match="coil_constant_ratio x drifted since"):
+        commissioned(moved, tmp_path / "later", check=True, short=())
+
+
+def test_figures_that_no_check_watches_are_named(completed: Path, tmp_path: Path) -> None:
+    data = yaml.safe_load(completed.read_text(encoding="utf-8"))
+    data["commissioned"]["figures"] = []
+    bench = tmp_path / "bench.yaml"
+    bench.write_text(yaml.safe_dump(data), encoding="utf-8")
+    with pytest.raises(InputError, match="holds no figure that a check watches"):
+        commissioned(bench, tmp_path / "runs", check=True, short=())
+
+
+def test_parts_are_chosen_by_name_alone(completed: Path, tmp_path: Path) -> None:
+    short = ("parameters.coils.record=2 s", "parameters.checks=[coils]")
+    code, folder = commissioned(completed, tmp_path / "runs", short=short)
+    assert code == 0
+    results = json.loads((folder / "results.json").read_text(encoding="utf-8"))["results"]
+    assert {one["name"] for one in results} == {*COIL_PART.results, "named_causes"}

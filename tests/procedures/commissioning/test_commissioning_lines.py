@@ -60,6 +60,17 @@ def test_an_instrument_that_is_pulled_and_plugged_in_answers_again(tmp_path: Pat
     assert '"reconnect"' in (outcome.folder / "events.jsonl").read_text(encoding="utf-8")
 
 
+def test_one_that_stays_away_fails_the_bench_though_no_limit_of_a_figure_does(
+    tmp_path: Path,
+) -> None:
+    plan, bench = whole_plan_of("lines"), shipped_bench()
+    plan["parameters"]["lines"] = {"instruments": ["multimeter"], "disconnected": ["multimeter"]}
+    faulty(bench, "multimeter", fault="no-reply", nth=54, count=200)
+    outcome = run_of(tmp_path / "run", plan, bench)
+    assert named(outcome) == {("line-does-not-return", "multimeter")}
+    assert outcome.exit_code == 1
+
+
 def test_one_that_stays_away_or_answers_as_another_is_named() -> None:
     gone = analyse({}, {"multimeter": answers(lost=50)})
     assert [(one.code, one.axis) for one in gone.flags] == [("line-does-not-return", "multimeter")]

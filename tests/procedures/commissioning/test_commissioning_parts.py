@@ -29,6 +29,6 @@ def test_a_bench_without_a_gaussmeter_has_no_part_and_no_limit_of_the_coils(tmp_
     ]
     path = tmp_path / "bench.yaml"
     path.write_text(yaml.safe_dump(bench), encoding="utf-8")
-    overrides = list(PROCEDURE.fits(read_bench_at(path), False))
+    overrides = list(PROCEDURE.fits(read_bench_at(path), False, {}))
     assert "coils" not in overrides[0]
     assert {f"limits.{name}=null" for name in COIL_PART.results} <= set(overrides)

@@ -41,7 +41,9 @@ def test_pick_up_is_named_with_its_size(tmp_path: Path, seed: int) -> None:
     assert outcome.exit_code == 1
     assert outcome.document is not None
     planted_uV = float(bench["instruments"]["multimeter"]["simulator"]["pick_up"].split()[0])
-    for one in outcome.document.to_data()["results"]:
+    lines = [one for one in outcome.document.to_data()["results"] if one["name"] == "pick_up"]
+    assert len(lines) == 3
+    for one in lines:
         setting = bench["instruments"][f"coil_supply.{one['axis']}"]["settings"]["coil_constant"]
         peak_A = 0.5 / float(setting.split()[0])
         assert one["value"] == pytest.approx(planted_uV * peak_A, rel=0.01)

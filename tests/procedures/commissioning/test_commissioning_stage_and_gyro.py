@@ -58,7 +58,7 @@ def test_without_an_input_axis_nothing_is_said_of_the_pulse_weight(tmp_path: Pat
     assert named(outcome) == set()
     assert outcome.document is not None
     results = {one["name"] for one in outcome.document.to_data()["results"]}
-    assert results == {"gyro_channel_offset", "rest_rate", "board_clock_error"}
+    assert results == {"gyro_channel_offset", "rest_rate", "board_clock_error", "named_causes"}
     assert outcome.exit_code == 0
 
 
