@@ -214,7 +214,7 @@ class ExchangePort(TracedLine, ABC):
                 port.close()
             if not isinstance(error, OSError | ValueError):
                 raise
-            raise self._nobody_answers(one_line(error)) from error
+            raise self._not_opened(error) from error
         self._port = port
         return port
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+from drivers.transport.not_opened import why_not_opened
 from station.errors import InstrumentError
 from station.roles import Place
 
@@ -37,6 +38,15 @@ class TracedLine:
     ) -> InstrumentError:
         self._traced("!", f"{attempted}: {came_back}".encode())
         return kind(self._place.name, attempted, came_back, do_now)
+
+    def _not_opened(self, error: BaseException) -> InstrumentError:
+        """Return the error of a line that cannot be opened, with what to do about its cause."""
+        said = " ".join(str(error).split())
+        known = why_not_opened(self._place.address, error)
+        if known is None:
+            return self._nobody_answers(said)
+        why, do_now = known
+        return self._fault(f"open {self._place.address}", f"{why} ({said})", do_now)
 
     def _nobody_answers(
         self, why: object, do_now: str = "switch the instrument on, check its cable"

@@ -50,7 +50,7 @@ class SerialStream(KeptFrames[StreamFrame]):
         try:
             self._port: Port = self._wire.port() or open_port(place.address, framing)
         except (OSError, ValueError) as error:
-            raise self._nobody_answers(one_line(error)) from error
+            raise self._not_opened(error) from error
         self._begin_to_read()
 
     def send(self, data: bytes) -> None:

@@ -66,7 +66,7 @@ def visa_port(place: Place, answer_end: str) -> Port:
             read_termination=answer_end,
         )
     except Exception as error:  # pyvisa-py raises bare Exception for a refused connection
-        raise OSError(str(error)) from error
+        raise OSError(getattr(error, "errno", None), str(error)) from error
     session = getattr(resource.visalib, "sessions", {}).get(resource.session)
     connection = getattr(session, "interface", None)
     if is_socket(place.address) and isinstance(connection, socket.socket):

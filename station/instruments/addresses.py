@@ -22,6 +22,24 @@ USB = re.compile(r"usb(\d*)::(\w+)::(\w+)::([^:]+)(?:::(\d+))?(?:::instr)?")
 VXI = re.compile(r"tcpip\d*::([^:]+|\[.*\])(?:::([^:]+))?::instr")
 SOCKET = re.compile(r"tcpip\d*::(.+)::(\d+)::socket")
 
+NUMBER_16 = r"(?:0x[0-9a-f]{1,4}|\d{1,5})"
+VISA_NAMES = {
+    "GPIB": (
+        re.compile(r"gpib\d*::(?:[12]?\d|30)(?:::(?:[12]?\d|30))?(?:::instr)?", re.IGNORECASE),
+        "GPIB0::22::INSTR, with the primary address, 0 to 30, and perhaps a secondary one",
+    ),
+    "USB": (
+        re.compile(
+            rf"usb\d*::{NUMBER_16}::{NUMBER_16}::[^:]+(?:::\d+)?(?:::(?:instr|raw))?", re.IGNORECASE
+        ),
+        "USB0::0x2A8D::0x0101::SERIAL::INSTR, with the numbers of maker and model",
+    ),
+    "ASRL": (
+        re.compile(r"asrl(?:\d+|com\d+|/[^:]+|\\\\\.\\.+)(?:::instr)?", re.IGNORECASE),
+        "ASRL/dev/ttyUSB0::INSTR or ASRL3::INSTR",
+    ),
+}
+"""What follows the kind in a resource name of VISA (VPP-4.3, 4.3.1), and an example of each."""
 VISA_KINDS = ("TCPIP", "GPIB", "USB", "ASRL", "VXI", "PXI", "VICP", "PRLGX-TCPIP", "PRLGX-ASRL")
 PORTED = ("socket", "rfc2217", "modbus-tcp", "socketcand")
 SCHEMES = (
@@ -61,10 +79,25 @@ def why_unknown(address: str) -> tuple[str, str | None] | None:
         return None if SERIAL_PORT.fullmatch(text) else (what, None)
     if re.fullmatch(r"TCPIP\d*", kind, re.IGNORECASE):
         return _why_no_tcpip(text, what)
+    if whole := next((one for one in VISA_NAMES if kind.upper().startswith(one)), None):
+        return _why_no_visa_name(text, *VISA_NAMES[whole])
     if any(re.match(rf"{known}(\d*$|(?<=ASRL))", kind, re.IGNORECASE) for known in VISA_KINDS):
         return None
     meant = nearest(kind.upper().rstrip("0123456789"), VISA_KINDS)
     return what, f"'{meant}::{rest}'" if meant else None
+
+
+def _why_no_visa_name(
+    text: str, form: re.Pattern[str], example: str
+) -> tuple[str, str | None] | None:
+    """Return why a resource name of VISA is not well formed, and what was probably meant."""
+    if form.fullmatch(text):
+        return None
+    body, _, last = text.rpartition("::")
+    meant = nearest(last.upper(), ("INSTR",))
+    whole = meant and form.fullmatch(f"{body}::{meant}")
+    what = f"'{text}' is no whole VISA resource name; write it as {example}"
+    return what, f"'{body}::{meant}'" if whole else None
 
 
 def _why_no_tcpip(text: str, what: str) -> tuple[str, str | None] | None:

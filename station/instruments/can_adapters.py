@@ -5,11 +5,10 @@ A maker's library that hangs or crashes ends with its process and costs its own 
 
 from __future__ import annotations
 
-import json
-import subprocess
-import sys
 from collections.abc import Iterable
 from concurrent.futures import ThreadPoolExecutor
+
+from station.instruments.own_process import asked_alone
 
 DETECTED = ("socketcan", "pcan", "kvaser", "vector", "ixxat")
 """`slcan` adapters are serial ports; `virtual` and `udp_multicast` have nothing attached."""
@@ -32,21 +31,12 @@ def can_interfaces(
 
     def lines(interface: str) -> list[tuple[str, str]]:
         address = f"can://{interface}/"
-        try:
-            ended = subprocess.run(
-                [sys.executable, "-c", detect, interface],
-                stdin=subprocess.DEVNULL,
-                capture_output=True,
-                timeout=within_s,
-                check=True,
-            )
-            channels = json.loads(ended.stdout.splitlines()[-1])
-        except subprocess.TimeoutExpired:
-            what = f"the detection of {interface} has no answer in {within_s:g} s"
-            return [(f"{address}CHANNEL", what)]
-        except (OSError, subprocess.SubprocessError, ValueError, IndexError) as error:
-            return [(f"{address}CHANNEL", f"the detection of {interface} fails ({error})")]
-        return [(f"{address}{one}", f"CAN interface {interface}") for one in channels]
+        found, why = asked_alone(detect, interface, within_s)
+        if why or not found:
+            return [
+                (f"{address}CHANNEL", f"the detection of {interface} fails ({why or 'silent'})")
+            ]
+        return [(f"{address}{one}", f"CAN interface {interface}") for one in found[-1]]
 
     asked = list(interfaces)
     with ThreadPoolExecutor(len(asked)) as pool:

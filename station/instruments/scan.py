@@ -11,7 +11,6 @@ import json
 import re
 import socket
 import struct
-import warnings
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
@@ -23,6 +22,7 @@ from station.clock import RealClock
 from station.driver_checks import settings_of
 from station.fields import key_of
 from station.files.yaml.document import plain_scalar
+from station.instruments.attached import serial_ports, visa_resources
 from station.instruments.can_adapters import can_interfaces
 from station.instruments.opening import Place
 from station.roles.base import MadeSafe
@@ -70,7 +70,7 @@ def scan(hosts: Iterable[str], library: str, served: Mapping[str, Any] | None) -
     with ThreadPoolExecutor(max(len(places), 1)) as pool:
         answers = pool.map(lambda place: ask_port(*place), places)
         found = [one for one in answers if one is not None]
-    return [*visa_resources(library), *serial_ports(), *can_buses(), *found]
+    return [*visa(library), *ports(), *can_buses(), *found]
 
 
 def ask_port(host: str, port: int) -> Seen | None:
@@ -166,39 +166,17 @@ def recognised(address: str, said: str) -> Seen:
     return Seen(address, said)
 
 
-def visa_resources(library: str) -> list[Seen]:
+def visa(library: str) -> list[Seen]:
     """Ask every resource that a VISA library lists, serial ports left out."""
-    import pyvisa
-
-    seen = []
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # what the library could find with further packages
-        try:
-            manager = pyvisa.ResourceManager(library)
-            names = manager.list_resources()
-        except Exception as error:  # libraries raise whatever they like
-            return [Seen(library, f"this VISA library lists nothing ({error})", answered=False)]
-        for name in sorted(names):
-            if not name.endswith("::INSTR") or name.startswith("ASRL"):
-                continue
-            try:
-                with manager.open_resource(name, open_timeout=int(1000 * CONNECT_S)) as resource:
-                    resource.timeout = 1000 * ANSWER_S
-                    seen.append(recognised(name, resource.query("*IDN?").strip()))
-            except Exception as error:
-                seen.append(Seen(name, f"no answer to *IDN? ({error})", answered=False))
-    return seen
-
-
-def serial_ports() -> list[Seen]:
-    """List the serial ports of this computer with what their adapters say of themselves."""
-    from serial.tools.list_ports import comports
-
     return [
-        Seen(f"ASRL{port.device}::INSTR", f"serial port, {port.description}", answered=False)
-        for port in sorted(comports())
-        if port.hwid != "n/a"
+        recognised(address, said) if answered else Seen(address, said, answered=False)
+        for address, said, answered in visa_resources(library)
     ]
+
+
+def ports() -> list[Seen]:
+    """List the serial ports of this computer with what their adapters say of themselves."""
+    return [Seen(*one) for one in serial_ports()]
 
 
 def can_buses() -> list[Seen]:
