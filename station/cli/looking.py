@@ -71,7 +71,10 @@ def outcome_of(path: Path) -> str:
     results = path / "results.json"
     if not results.is_file():
         return "no results"
-    verdict: str = json.loads(results.read_text(encoding="utf-8"))["verdict"]
+    try:
+        verdict = json.loads(results.read_text(encoding="utf-8"))["verdict"]
+    except (OSError, ValueError, LookupError, TypeError, RecursionError):
+        return "results that cannot be read"
     return f"verdict {verdict}"
 
 

@@ -284,13 +284,9 @@ def in_words(event: Event) -> str:
         case "unit-finished":
             return f"{details['unit']} is recorded"
         case "run-ended":
-            return "all steps are done"
-        case "safe-state":
-            used = [one for one in details["outcomes"] if one.get("used", True)]
-            bad = [one["instrument"] for one in used if not one["verified"]]
-            state = f"NOT VERIFIED: {', '.join(bad)}" if bad else "verified"
-            read = "; ".join(in_short(one["instrument"], one["read_back"]) for one in used)
-            return f"safe state {state}: {read}" if read else "nothing on this bench can harm"
+            if details.get("complete"):
+                return "all steps are done"
+            return "no word of why it ended, as where its disk was full: look at the bench"
         case "paused" | "pause-refused":
             said = details.get("devices") or details.get("reasons") or {}
             return ": ".join([event.kind, "; ".join(f"{who} {what}" for who, what in said.items())])

@@ -48,7 +48,7 @@ class Access:
         fitting = [
             role
             for role, own in self.tokens.items()
-            if hmac.compare_digest(own.encode(), token.encode())
+            if hmac.compare_digest(own.encode(), token.encode(errors="surrogatepass"))
         ]
         if not fitting:
             return None

@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import json
 import re
-from collections.abc import AsyncIterator, Callable
+from collections.abc import Callable
 from importlib.resources import files
 from pathlib import Path
 from threading import Lock
@@ -23,8 +23,10 @@ from station import registry
 from station.errors import StationError
 from station.panel.access import COOKIE, Access, Guard, Role
 from station.panel.overview import benches, first_event, newest_runs, plans
+from station.panel.reading import is_own_file
 from station.panel.starting import Starting, Wanted
-from station.panel.watching import LOOKS_EVERY_S, RunWatch
+from station.panel.streams import Streams
+from station.panel.watching import RunWatch
 from station.panel.wishes import REQUESTS, Wishes
 from station.record.layout import EVENTS
 
@@ -32,7 +34,6 @@ PAGES = Path(__file__).parent / "pages"
 PLOTLY = Path(str(files("plotly"))) / "package_data"
 REPORT, RESULTS = "report.html", "results.json"
 REPORT_POLICY = "sandbox; default-src 'none'; style-src 'unsafe-inline'; img-src data:"
-BEAT_S = 1.0
 PICTURE = re.compile(r"[a-z0-9-]+\.(svg|png)")
 
 
@@ -45,6 +46,7 @@ class Panel:
         self._access = access
         self._watched: dict[str, RunWatch] = {}
         self._wishes = Wishes()
+        self._streams = Streams()
         self._lock = Lock()
 
     def app(self) -> Starlette:
@@ -73,8 +75,9 @@ class Panel:
         """Return the folder of the run that a path names; raises StationError without one."""
         name: str = request.path_params["run"]
         folder = self._runs / name
-        inside = folder.resolve().parent == self._runs.resolve() and not name.startswith(".")
-        if not inside or not (folder / EVENTS).is_file():
+        if not is_own_file(folder / EVENTS) or name.startswith("."):
+            raise StationError("there is no such run")
+        if folder.resolve().parent != self._runs.resolve():
             raise StationError("there is no such run")
         return folder
 
@@ -135,32 +138,19 @@ class Panel:
     async def events(self, request: Request) -> Response:
         """Return the news of a run as server-sent events, for as long as the browser listens."""
         watch = self.watch(self.folder(request))
-
-        async def news() -> AsyncIterator[str]:
-            seen: dict[str, int] = {}
-            since_beat_s = BEAT_S
-            while not await request.is_disconnected():
-                for name, text in await run_in_threadpool(lambda: list(watch.news(seen))):
-                    yield f"event: {name}\ndata: {text}\n\n"
-                if since_beat_s >= BEAT_S:
-                    yield "event: beat\ndata: {}\n\n"
-                    since_beat_s = 0.0
-                await asyncio.sleep(LOOKS_EVERY_S)
-                since_beat_s += LOOKS_EVERY_S
-
-        return StreamingResponse(news(), media_type="text/event-stream")
+        return StreamingResponse(self._streams.news(request, watch), media_type="text/event-stream")
 
     def results(self, request: Request) -> Response:
         """Return the results of a run."""
         path = self.folder(request) / RESULTS
-        if not path.is_file():
+        if not is_own_file(path):
             return JSONResponse({"error": "this run has no results"}, 404)
         return FileResponse(path, media_type="application/json")
 
     def report(self, request: Request) -> Response:
         """Return the report of a run, which may run nothing."""
         path = self.folder(request) / REPORT
-        if not path.is_file():
+        if not is_own_file(path):
             return JSONResponse({"error": "this run has no report"}, 404)
         return FileResponse(path, headers={"Content-Security-Policy": REPORT_POLICY})
 
@@ -188,7 +178,7 @@ async def body(request: Request) -> dict[str, Any]:
     """Return the mapping that a request carries; raises StationError."""
     try:
         data = json.loads(await request.body())
-    except ValueError:
+    except (ValueError, RecursionError):
         data = None
     if not isinstance(data, dict):
         raise StationError("an action is a JSON mapping")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from datetime import date
 from pathlib import Path
 from typing import Any
@@ -13,6 +12,7 @@ from station.files.faults import FaultList
 from station.files.locks import is_held
 from station.files.lookup import BENCHES, PLANS, available, find
 from station.instruments.bench import Bench, read_bench
+from station.panel.reading import first_line, read_json, words
 from station.record.layout import EVENTS, LOCK, RUN
 from station.record.run_names import runs_below
 from station.safety.acknowledgement import addresses_in, unacknowledged
@@ -70,6 +70,8 @@ def newest_runs(runs: Path, search: str = "") -> list[dict[str, Any]]:
     for folder in reversed(runs_below(runs)):
         if len(found) >= MOST_RUNS:
             break
+        if folder.is_symlink() or not folder.name.isprintable():  # no page can be had of it
+            continue
         entry = entry_of(folder)
         if search.lower() in f"{entry['run']} {entry['serial']}".lower():
             found.append(entry)
@@ -80,35 +82,25 @@ def entry_of(folder: Path) -> dict[str, Any]:
     """Return how a run stands, from the first line of its log, its lock and its results."""
     begun = first_event(folder)
     facts = read_json(folder / RUN)
-    verdict = read_json(folder / RESULTS).get("verdict")
-    running = is_held(folder / LOCK)
-    dut = begun.get("dut") or {}
+    verdict = words(read_json(folder / RESULTS).get("verdict")) or None
+    dut = begun.get("dut")
+    try:
+        running = is_held(folder / LOCK)
+        state = "running" if running else "evaluated" if verdict else "ended without results"
+    except OSError:
+        running, state = False, "its lock cannot be read"
     return {
         "run": folder.name,
-        "procedure": begun.get("procedure"),
-        "bench": facts.get("bench_file", ""),
-        "serial": dut.get("serial", ""),
-        "started": facts.get("started_utc"),
+        "procedure": words(begun.get("procedure")),
+        "bench": words(facts.get("bench_file")),
+        "serial": words(dut.get("serial")) if isinstance(dut, dict) else "",
+        "started": words(facts.get("started_utc")),
         "running": running,
         "verdict": verdict,
-        "state": "running" if running else "evaluated" if verdict else "ended without results",
+        "state": state,
     }
 
 
 def first_event(folder: Path) -> dict[str, Any]:
     """Return the first event of a run, nothing where it cannot be read."""
-    try:
-        with (folder / EVENTS).open(encoding="utf-8") as log:
-            data = json.loads(log.readline())
-    except (OSError, ValueError):
-        return {}
-    return data if isinstance(data, dict) else {}
-
-
-def read_json(path: Path) -> dict[str, Any]:
-    """Return the mapping of a JSON file, empty where it cannot be read."""
-    try:
-        data = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError):
-        return {}
-    return data if isinstance(data, dict) else {}
+    return first_line(folder / EVENTS)

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from station.panel.reading import is_own_file
 from station.record.layout import RAW
 from station.record.raw import ARRIVAL
 from station.record.raw_tail import RawTail
@@ -68,6 +69,8 @@ class Plots:
         """Read what was added; whether there was anything."""
         added = False
         for path in sorted(self._raw.rglob("*.mcap")) if self._raw.is_dir() else ():
+            if not is_own_file(path):
+                continue
             tail = self._tails.setdefault(path, RawTail(path))
             series = self._series.setdefault(source_of(path), {})
             for _, rows in tail.new_rows():

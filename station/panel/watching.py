@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator
 from pathlib import Path
+from secrets import token_hex
 from threading import Lock
 from typing import Any
 
@@ -32,6 +33,9 @@ LOOKS_EVERY_S = 0.1
 PLOTS_EVERY_S = 0.5
 LATEST = 40
 """Lines of the log that are shown."""
+WHOLE = json.dumps({"message": ""})
+DAMAGE = (OSError, ValueError, LookupError, TypeError, AttributeError, StationError)
+"""What a folder that was altered, or is another program's, may raise."""
 
 
 class RunWatch:
@@ -42,10 +46,12 @@ class RunWatch:
         self._log = LogTail(folder)
         self._plots = Plots(folder)
         self._events: list[Event] = []
+        self._held = False
         self._lock = Lock()
         self._looked_s = self._plotted_s = float("-inf")
         self._live = LiveValues(folder)
-        self._texts = {"state": "", "live": "", "plots": "", "unreadable": ""}
+        self._key = token_hex(4)
+        self._texts = {"state": "", "live": "", "plots": "", "unreadable": WHOLE}
         self._versions = dict.fromkeys(self._texts, 0)
 
     def news(self, seen: dict[str, int]) -> Iterator[tuple[str, str]]:
@@ -62,31 +68,55 @@ class RunWatch:
 
     def _look(self, now_s: float) -> None:
         """Read what was added; a folder that cannot be read is said to be so."""
-        try:
-            self._put("state", self.state())
-            self._put("live", self.live())
-            if now_s - self._plotted_s >= PLOTS_EVERY_S and self._plots.look():
-                self._plotted_s = now_s
-                self._put("plots", self._plots.data())
-        except (OSError, ValueError, LookupError, StationError) as error:
-            self._put("unreadable", {"message": f"{self.folder.name} cannot be read: {error}"})
+        damage = ""
+        for look in (self._read_log, self._look_at_state, lambda: self._look_at_plots(now_s)):
+            try:
+                look()
+            except DAMAGE as error:
+                damage = damage or f"{self.folder.name} cannot be read: {error}"
+        self._put("unreadable", {"message": damage})
+
+    def _read_log(self) -> None:
+        self._held = is_held(self.folder / LOCK)  # first: a run that ends meanwhile has logged that
+        for one in self._log.new_events():
+            self._events.append(one)
+
+    def _look_at_state(self) -> None:
+        self._put("state", self.state())
+        self._put("live", self.live())
+
+    def _look_at_plots(self, now_s: float) -> None:
+        if now_s - self._plotted_s >= PLOTS_EVERY_S and self._plots.look():
+            self._plotted_s = now_s
+            self._put("plots", self._plots.data())
+
+    def mark(self, seen: dict[str, int]) -> str:
+        """Return a word for what was seen, for a browser that comes again."""
+        return ":".join([self._key, *(str(seen.get(name, 0)) for name in self._versions)])
+
+    def seen_at(self, mark: str) -> dict[str, int]:
+        """Return what was seen at a mark; nothing where another panel gave it."""
+        key, *numbers = mark.split(":")
+        if key != self._key or len(numbers) != len(self._versions):
+            return {}
+        return {name: int(n) for name, n in zip(self._versions, numbers, strict=True)}
 
     def _put(self, name: str, data: dict[str, Any]) -> None:
-        text = json.dumps(data, ensure_ascii=False, allow_nan=False)
+        text = json.dumps(data, allow_nan=False)
         if text != self._texts[name]:
             self._texts[name] = text
             self._versions[name] += 1
 
     def live(self) -> dict[str, Any]:
         """Return what the run sets and reads just now; nothing where it does not answer."""
-        held = is_held(self.folder / LOCK)
-        return (self._live.newest() if held else None) or {"instruments": [], "interlocks": []}
+        return (self._live.newest() if self._held else None) or {
+            "instruments": [],
+            "interlocks": [],
+        }
 
     def state(self) -> dict[str, Any]:
         """Return how the run stands now."""
-        held = is_held(self.folder / LOCK)
-        self._events += self._log.new_events()
-        events = self._events
+        events, held = self._events, self._held
         planned = next((one.details for one in events if one.kind == RUN_STARTED), {})
         state = state_of(events, held)
         of_guardian = guardian_events(self.folder)
@@ -111,7 +141,7 @@ class RunWatch:
             "left_s": left_s,
             "ends": None if real_s is None else self._end(real_s),
             "prompt": open_prompt(events) if held else None,
-            "safe": [dict(one) for one in safe] if safe else None,
+            "safe": None if safe is None else [dict(one) for one in safe],
             "log": [{"t": one.time_s, "text": in_words(one)} for one in events[-LATEST:]],
         }
 

@@ -6,6 +6,7 @@ import json
 from collections.abc import Iterator
 from pathlib import Path
 
+from station.errors import DamagedRecord
 from station.record.events import Event
 from station.record.layout import EVENTS
 
@@ -18,13 +19,22 @@ class LogTail:
         self._at = 0
 
     def new_events(self) -> Iterator[Event]:
-        """Yield the events since the last call; raises OSError where the log is gone."""
+        """Yield the events since the last call.
+
+        Raises OSError where the log is gone, and DamagedRecord at each line that is no event.
+        """
         with self._path.open("rb") as file:
             file.seek(self._at)
             added = file.read()
         whole = added[: added.rfind(b"\n") + 1]
-        self._at += len(whole)
-        for line in whole.splitlines():
-            data = json.loads(line)
-            data.pop("previous", None)
-            yield Event(float(data.pop("t_s")), str(data.pop("event")), data)
+        for line in whole.splitlines(keepends=True):
+            try:
+                data = json.loads(line)
+                data.pop("previous", None)
+                event = Event(float(data.pop("t_s")), str(data.pop("event")), data)
+            except (ValueError, LookupError, TypeError, AttributeError, RecursionError) as error:
+                raise DamagedRecord(
+                    f"{self._path}: the log was altered: what stands at byte {self._at} is no event"
+                ) from error
+            self._at += len(line)
+            yield event

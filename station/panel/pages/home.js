@@ -57,7 +57,9 @@ byId("look-form").addEventListener("submit", async (event) => {
   show("look", false);
   say("look-said", "looking …");
   try {
+    const looked = JSON.stringify(wanted());
     const data = await post("/api/look", wanted());
+    if (looked !== JSON.stringify(wanted())) { say("look-said", "changed meanwhile: look again"); return; }
     say("look-said", data.faults.join("\n"));
     if (!data.steps) return;
     say("look-title", data.title);
@@ -67,7 +69,7 @@ byId("look-form").addEventListener("submit", async (event) => {
     byId("look-warnings").replaceChildren(...data.warnings.map((one) => element("li", one)));
     byId("start").disabled = data.faults.length > 0;
     show("look", true);
-    byId("start").focus();
+    byId("look-title").focus();  // the next scan ends with Enter, and starts nothing
   } catch (error) { say("look-said", error.message); }
 });
 

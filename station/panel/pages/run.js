@@ -7,10 +7,12 @@ const WORDS = {pass: "PASS: within every limit", fail: "FAIL: the device is outs
                inconclusive: "INCONCLUSIVE: no decision about the device", none: "No limit was asked for"};
 const STEP_ICONS = {done: "✔", now: "▶", waits: "·"};
 const READS_MS = 1000;
+const AGAIN_MS = 2000;
 const ANSWERS_MS = 3000;
-let heardMs = Date.now(), prompted = null, resultsShown = false, titleBefore = "", state = "", pausing = false, read = false;
+let heardMs = Date.now(), prompted = null, resultsShown = false, titleBefore = "", state = "", pausing = false, read = false, damage = "", refused = false, shown = null;
 
 function stateOf(data) {
+  shown = data;
   titleBefore = `${data.dut ? data.dut.serial : RUN}: ${data.sentence}`;
   document.title = (data.prompt ? "● " : "") + titleBefore;
   say("run-title", [data.procedure, data.dut && `${data.dut.model} ${data.dut.serial}`].filter(Boolean).join(" · "));
@@ -32,7 +34,8 @@ function stateOf(data) {
   promptOf(data.prompt);
   safeOf(data.safe);
   const died = data.state === "interrupted";
-  show("notice", died || data.state === "failed");
+  show("notice", died || data.state === "failed" || damage !== "");
+  if (damage) say("notice", damage);
   if (died) say("notice", `STATION ERROR: the run's process is gone. ${data.message}`);
   if (data.state === "failed") say("notice", `The run did not finish: ${data.message}`);
   if (!alive && data.state === "finished" && !resultsShown) after();
@@ -94,7 +97,7 @@ function mayGoOn() {
 }
 
 function safeOf(outcomes) {
-  show("safe-section", Boolean(outcomes));
+  show("safe-section", Boolean(outcomes && outcomes.length));
   byId("safe").replaceChildren(...(outcomes || []).map((one) => element(
     "li", `${one.verified ? "✔ verified" : "✘ NOT VERIFIED"}: ${one.instrument}: ${one.read_back}`,
     one.verified ? "good" : "bad")));
@@ -201,17 +204,30 @@ byId("answer-done").addEventListener("click", () => answer(
 byId("prompt-value").addEventListener("input", mayGoOn);
 byId("answer-abort").addEventListener("click", () => answer("abort"));
 
-const news = new EventSource(API + "events");
 function unreadable(data) {
-  show("notice", true);
-  say("notice", `${data.message}. What stands below is old: look at the bench.`);
+  damage = data.message && `${data.message}. What stands below is old or has gaps: look at the bench.`;
+  show("notice", damage !== "");
+  say("notice", damage);
+  if (!damage && shown) stateOf(shown);
 }
 
-for (const [name, use] of [["state", stateOf], ["live", liveOf], ["plots", plotsOf], ["unreadable", unreadable], ["beat", () => {}]]) {
-  news.addEventListener(name, (event) => { heardMs = Date.now(); use(JSON.parse(event.data)); });
+function listen() {
+  const news = new EventSource(API + "events");
+  for (const [name, use] of [["state", stateOf], ["live", liveOf], ["plots", plotsOf], ["unreadable", unreadable], ["beat", () => {}]]) {
+    news.addEventListener(name, (event) => { heardMs = Date.now(); use(JSON.parse(event.data)); });
+  }
+  // A stream that was refused is not opened again by the browser.
+  news.addEventListener("error", async () => {
+    if (news.readyState !== EventSource.CLOSED) return;
+    setTimeout(listen, AGAIN_MS);
+    try { refused = (await fetch("/api/home")).status === 401; } catch (error) { /* not even that */ }
+  });
 }
+listen();
 setInterval(() => {
   const lost = Date.now() - heardMs > SILENT_MS;
   byId("connection").className = lost ? "bad" : "good";
-  say("connection", lost ? "CONNECTION LOST: what stands here is old. The run goes on without this page." : "connected");
+  if (!lost) refused = false;
+  say("connection", !lost ? "connected" : "CONNECTION LOST: what stands here is old. The run goes on without this page."
+    + (refused ? " Log in again on the first page." : ""));
 }, 500);

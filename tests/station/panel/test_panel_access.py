@@ -183,7 +183,7 @@ def test_the_panel_ends_although_a_browser_listens(one_axis_run: Path) -> None:
         except OSError:
             assert boot_seconds() < until_s
     with listening:
-        assert listening.readline().startswith(b"event: ")
+        assert listening.readline().startswith(b"retry: ")
         process.terminate()
         process.wait(60.0)
     process.stderr.close()

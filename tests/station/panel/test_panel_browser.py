@@ -148,6 +148,36 @@ def test_two_viewers_see_the_same_and_a_reload_loses_nothing(page: Page, served:
     page.driver.switch_to.window(first)
 
 
+def test_an_abort_is_sent_from_the_last_of_many_tabs(page: Page, served: Served) -> None:
+    start(page, served, "SN-TABS")
+    first, run = page.driver.current_window_handle, page.driver.current_url
+    for _ in range(6):
+        page.driver.switch_to.new_window("tab")
+        page.driver.get(run)
+        page.wait_for("prompt-text", "Mount the gyro")
+    page.click("abort")
+    page.wait_for("notice", "did not finish", 10.0)
+    for other in set(page.driver.window_handles) - {first}:
+        page.driver.switch_to.window(other)
+        page.driver.close()
+    page.driver.switch_to.window(first)
+
+
+def test_a_look_is_of_what_stands_in_the_form_and_a_scan_starts_nothing(
+    page: Page, served: Served
+) -> None:
+    home(page, served)
+    page.element("plan").send_keys("short")
+    page.element("bench").send_keys("sim")
+    page.element("serial").send_keys("SN-A", Keys.ENTER, "B")
+    page.wait_for("look-said", "changed meanwhile")
+    assert not page.element("look").is_displayed()
+    page.element("serial").send_keys(Keys.ENTER)
+    page.wait_for("look-steps", "Mount the gyro")
+    page.driver.switch_to.active_element.send_keys("SN-C", Keys.ENTER)
+    assert "begins" not in page.text("look-said")
+
+
 def test_what_a_person_types_is_shown_as_text(page: Page, served: Served) -> None:
     start(page, served, "SN&lt;b&gt;1")
     assert "SN&lt;b&gt;1" in page.text("run-title")

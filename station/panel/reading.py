@@ -1,0 +1,54 @@
+"""Files of a run folder, read with care: anybody may have put anything there."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+MOST_BYTES = 16_000_000
+"""Of a file that is read as a whole."""
+LONGEST_LINE = 4_000_000
+
+
+def is_own_file(path: Path) -> bool:
+    """Whether a path is a plain file: no link to elsewhere, no pipe that would be waited for."""
+    try:
+        return path.is_file() and not path.is_symlink()
+    except (OSError, ValueError):  # a name that no file system takes
+        return False
+
+
+def read_json(path: Path) -> dict[str, Any]:
+    """Return the mapping of a JSON file, empty where it cannot be read."""
+    try:
+        if not is_own_file(path) or path.stat().st_size > MOST_BYTES:
+            return {}
+        return mapping(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return {}
+
+
+def first_line(path: Path) -> dict[str, Any]:
+    """Return the mapping in the first line of a log, empty where it cannot be read."""
+    try:
+        if not is_own_file(path):
+            return {}
+        with path.open(encoding="utf-8") as log:
+            return mapping(log.readline(LONGEST_LINE))
+    except (OSError, ValueError):
+        return {}
+
+
+def mapping(text: str) -> dict[str, Any]:
+    """Return the mapping that a JSON text is, an empty one where it is none."""
+    try:
+        data = json.loads(text)
+    except (ValueError, RecursionError):
+        return {}
+    return data if isinstance(data, dict) else {}
+
+
+def words(value: object) -> str:
+    """Return a text that any answer can hold, empty for what is no text."""
+    return value.encode(errors="replace").decode() if isinstance(value, str) else ""

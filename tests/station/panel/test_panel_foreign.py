@@ -1,0 +1,150 @@
+"""What others put among the runs: it is listed or left out, and takes nothing else away."""
+
+from __future__ import annotations
+
+import json
+import os
+import urllib.request
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+from panel_server import Served, panel
+
+from station.cli.looking import outcome_of
+from station.control.status import in_words
+from station.panel.streams import MOST_STREAMS
+from station.panel.watching import RunWatch
+from station.record.events import Event
+
+NAME = "20260101T000000Z-foreign"
+DEEP = "[" * 100_000
+
+
+@pytest.fixture(scope="module")
+def served(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
+    """A panel on a folder without runs."""
+    with panel(tmp_path_factory.mktemp("foreign")) as one:
+        yield one
+
+
+def made(runs: Path, log: str = "", **files: str) -> Path:
+    """Make a run folder with a log and other JSON files, in place of the one before."""
+    folder = runs / NAME
+    folder.mkdir(exist_ok=True)
+    for path in folder.iterdir():
+        path.unlink()
+    (folder / "events.jsonl").write_text(log, encoding="utf-8")
+    for name, text in files.items():
+        (folder / f"{name}.json").write_text(text, encoding="utf-8")
+    return folder
+
+
+def line(kind: str = "run-started", **details: object) -> str:
+    return json.dumps({"t_s": 0.0, "event": kind, **details}) + "\n"
+
+
+def linked_lock(folder: Path) -> None:
+    (folder / "run.lock").symlink_to("events.jsonl")
+
+
+def pipes(folder: Path) -> None:
+    os.mkfifo(folder / "run.json")
+    os.mkfifo(folder / "results.json")
+
+
+def nothing_more(folder: Path) -> None:
+    """Leave the folder as it is."""
+
+
+@pytest.mark.parametrize(
+    ("log", "results", "more"),
+    [
+        (line(dut="no mapping", procedure=["x"]), "{}", nothing_more),
+        (line(dut={"serial": 7}), '{"verdict": NaN}', nothing_more),
+        (line(procedure="\ud800"), DEEP, nothing_more),
+        (line(), "{}", linked_lock),
+    ],
+)
+def test_a_foreign_folder_leaves_the_first_page_whole(
+    log: str, results: str, more: Callable[[Path], None], served: Served
+) -> None:
+    folder = made(served.runs, log, results=results)
+    more(folder)
+    status, text = served.get("/api/home")
+    assert status == 200
+    assert [one["run"] for one in json.loads(text)["runs"]] == [NAME]
+    outcome_of(folder)
+
+
+def test_a_pipe_is_waited_for_by_nobody(served: Served) -> None:
+    pipes(made(served.runs, line()))
+    assert served.get("/api/home")[0] == 200
+
+
+def test_no_link_leads_out_of_a_run(served: Served, tmp_path: Path) -> None:
+    secret = tmp_path / "secret"
+    secret.write_text("secret", encoding="utf-8")
+    folder = made(served.runs, line())
+    for name in ("report.html", "results.json"):
+        (folder / name).symlink_to(secret)
+    for what in ("report", "results"):
+        status, text = served.get(f"/api/run/{NAME}/{what}")
+        assert status == 404 and "secret" not in text
+
+
+@pytest.mark.parametrize("path", ["/run/%00", f"/run/{'a' * 300}", f"/api/run/{'a' * 300}/events"])
+def test_a_name_that_no_folder_has_is_refused_in_a_sentence(path: str, served: Served) -> None:
+    status, text = served.get(path)
+    assert status == 409 and "no such run" in text
+
+
+def test_a_body_that_nests_too_deep_is_refused_in_a_sentence(served: Served) -> None:
+    own = {"Origin": served.url, "Content-Type": "application/json"}
+    request = urllib.request.Request(served.url + "/api/look", b"[" * 60_000, own)
+    with pytest.raises(urllib.error.HTTPError) as refused:
+        urllib.request.urlopen(request)
+    assert refused.value.code == 409
+
+
+def test_a_damaged_log_is_said_to_be_so_until_it_is_whole(tmp_path: Path) -> None:
+    begun, rest = line(steps=[]), line("prompt-shown", id="mount", text="Mount the gyro.")
+    folder = made(tmp_path, f"{begun}[]\n{rest}")
+    watch = RunWatch(folder)
+    for _ in range(2):
+        news = dict(watch.news({}))
+        assert "byte" in json.loads(news["unreadable"])["message"]
+        assert len(json.loads(news["state"])["log"]) == 1
+        watch._looked_s = float("-inf")
+    (folder / "events.jsonl").write_text(f"{begun}\n"[:-1] + rest, encoding="utf-8")
+    news = dict(watch.news({}))
+    assert json.loads(news["unreadable"])["message"] == ""
+    assert len(json.loads(news["state"])["log"]) == 2
+
+
+def test_an_event_without_its_details_is_said_to_be_damage(tmp_path: Path) -> None:
+    watch = RunWatch(made(tmp_path, line(steps=[1], units=3)))
+    assert "cannot be read" in json.loads(dict(watch.news({}))["unreadable"])["message"]
+
+
+def test_many_pages_of_one_browser_leave_a_connection_for_an_abort(served: Served) -> None:
+    made(served.runs, line(steps=[]))
+    path = f"{served.url}/api/run/{NAME}/events"
+    staying = [urllib.request.urlopen(path, timeout=30) for _ in range(MOST_STREAMS)]
+    for one in staying:
+        while b"beat" not in one.readline():
+            pass
+    with urllib.request.urlopen(path, timeout=30) as further:
+        text = further.read().decode()  # it ends
+    assert "event: state" in text and "event: beat" in text
+    mark = text.rpartition("id: ")[2].split("\n")[0]
+    request = urllib.request.Request(path, headers={"Last-Event-ID": mark})
+    with urllib.request.urlopen(request, timeout=30) as again:
+        assert "event: state" not in again.read().decode()
+    for one in staying:
+        one.close()
+
+
+def test_a_run_that_could_not_log_its_failure_is_not_said_to_be_done() -> None:
+    assert in_words(Event(1.0, "run-ended", {"complete": True})) == "all steps are done"
+    assert "look at the bench" in in_words(Event(1.0, "run-ended", {"complete": False}))
