@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from station.cli.more_verbs import add_to
 from station.cli.options import (
     DEFAULT_BENCH,
     MOUNTED,
@@ -33,7 +34,6 @@ from station.cli.options import (
     named_run,
 )
 from station.cli.own_process import leave_to_own_process
-from station.cli.serving import add_to
 
 # rich would draw the same help in twice the time.
 app = typer.Typer(

@@ -146,7 +146,7 @@ def damage_of(folder: OpenedRecord) -> Damage:
     for name, digest in listed.items():
         if name == EVENTS or (grown and name in GROWS_LATER):
             continue
-        said = _unlike(path, name, digest)
+        said = differs(path, name, digest)
         if said is None:
             continue
         if name.startswith(f"{RAW}/"):
@@ -268,12 +268,12 @@ def _altered_revisions(path: Path) -> Iterator[str]:
             yield str(error)
             continue
         for name, digest in listed.items():
-            said = _unlike(manifest.parent, name, digest)
+            said = differs(manifest.parent, name, digest)
             if said is not None:
                 yield said
 
 
-def _unlike(path: Path, name: str, digest: str) -> str | None:
+def differs(path: Path, name: str, digest: str) -> str | None:
     """Return what is wrong with a file that a manifest names."""
     now = _file_hash(path / name)
     if now == digest:

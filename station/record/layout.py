@@ -150,8 +150,12 @@ def write_manifest(folder: Path) -> None:
         and path.name != MANIFEST
         and path.relative_to(folder).parts[0] not in NOT_COVERED
     }
-    text = json.dumps({"algorithm": "sha256", "files": files}, indent=1)
-    write_whole_file(folder / MANIFEST, f"{text}\n".encode())
+    write_whole_file(folder / MANIFEST, manifest_text(files).encode())
+
+
+def manifest_text(files: Mapping[str, str]) -> str:
+    """Return a manifest as it is written, to the byte."""
+    return f"{json.dumps({'algorithm': 'sha256', 'files': files}, indent=1)}\n"
 
 
 class Presence:

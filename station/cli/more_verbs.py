@@ -1,4 +1,4 @@
-"""The verbs that serve until Ctrl-C: simulated instruments, and the panel."""
+"""Further verbs: simulated instruments and the panel, served until Ctrl-C; and verify."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from station.cli.options import DEFAULT_BENCH, MOUNTED, Procedure
+from station.cli.options import DEFAULT_BENCH, MOUNTED, Json, Procedure
 
 
 def sim(
@@ -36,7 +36,18 @@ def panel(
     serve_panel(host, port, output, tokens)
 
 
+def verify(
+    runs: Annotated[list[Path], typer.Argument(metavar="RUN...", help="Run folders.")],
+    json: Json = False,
+) -> None:
+    """Prove run folders unchanged, or name what was altered."""
+    from station.cli.verifying import verify_runs
+
+    raise typer.Exit(verify_runs(runs, as_json=json))
+
+
 def add_to(app: typer.Typer) -> None:
     """Add the verbs to the command line."""
     app.command()(sim)
     app.command()(panel)
+    app.command()(verify)
