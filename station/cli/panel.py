@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import socket
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -16,6 +17,7 @@ LOOPBACK = ("127.0.0.1", "localhost", "::1")
 VIEWERS_LEAVE_WITHIN_S = 1
 """A browser listens for as long as the panel lives: its end waits for none."""
 FEWEST_CHARACTERS = 12
+OF_OTHERS = 0o077
 ROLES: tuple[Role, ...] = ("operator", "engineer")
 
 
@@ -38,10 +40,8 @@ def serve_panel(host: str, port: int, runs: Path, tokens_file: Path | None) -> N
             f"{host} can be reached from other computers, so people must log in: write a file of "
             "tokens, `operator: …` and `engineer: …`, and name it with --tokens"
         )
-    names = (host, socket.gethostname())
-    hosts = ("127.0.0.1", "localhost", "[::1]") if host in LOOPBACK else names
-    app = Panel(runs, Access(hosts, tokens), DetachedRuns(runs)).app()
     shown = f"[{host}]" if ":" in host else host
+    app = Panel(runs, Access(names_of(host), tokens), DetachedRuns(runs)).app()
     tell(f"panel: http://{shown}:{port}/ (Ctrl-C ends it; runs go on without it)")
     if host not in LOOPBACK:
         tell("the panel is open to other computers, without encryption: keep it in the laboratory")
@@ -58,6 +58,13 @@ def serve_panel(host: str, port: int, runs: Path, tokens_file: Path | None) -> N
         raise InputError(f"nobody can listen at {host}:{port}; choose another --port") from error
 
 
+def names_of(host: str) -> tuple[str, ...]:
+    """Return the names by which a browser asks for a panel that listens at an address."""
+    if host in LOOPBACK:
+        return ("127.0.0.1", "localhost", "[::1]")
+    return (f"[{host}]" if ":" in host else host.lower(), socket.gethostname().lower())
+
+
 def read_tokens(path: Path) -> dict[Role, str]:
     """Return the tokens of the roles in a YAML file; raises InputError."""
     from station.files.yaml.reading import read_yaml
@@ -71,4 +78,6 @@ def read_tokens(path: Path) -> dict[Role, str]:
         raise InputError(f"{path}: a token has {FEWEST_CHARACTERS} characters or more")
     if len(set(words.values())) < len(words):
         raise InputError(f"{path}: the roles have different tokens")
+    if os.name == "posix" and path.stat().st_mode & OF_OTHERS:
+        raise InputError(f"{path}: others can read the tokens; `chmod 600 {path}`")
     return words

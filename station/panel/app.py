@@ -20,6 +20,7 @@ from starlette.routing import Mount, Route
 from starlette.staticfiles import StaticFiles
 
 from station import registry
+from station.clock import boot_seconds
 from station.errors import StationError
 from station.panel.access import COOKIE, Access, Guard, Role
 from station.panel.overview import benches, first_event, newest_runs, plans
@@ -33,6 +34,8 @@ from station.record.layout import EVENTS
 PAGES = Path(__file__).parent / "pages"
 PLOTLY = Path(str(files("plotly"))) / "package_data"
 REPORT, RESULTS = "report.html", "results.json"
+SEEN_FOR_S = 1.5
+"""Real time for which a look at benches and runs is shown; the page asks every 2 s."""
 REPORT_POLICY = "sandbox; default-src 'none'; style-src 'unsafe-inline'; img-src data:"
 PICTURE = re.compile(r"[a-z0-9-]+\.(svg|png)")
 
@@ -48,6 +51,8 @@ class Panel:
         self._wishes = Wishes()
         self._streams = Streams()
         self._lock = Lock()
+        self._looks = Lock()
+        self._seen: tuple[float, str, dict[str, Any]] = (float("-inf"), "", {})
 
     def app(self) -> Starlette:
         """Return the application."""
@@ -111,16 +116,19 @@ class Panel:
         if self._access.role_of(request) is None:
             return JSONResponse({"error": "log in first"}, 401)
 
-        def found() -> dict[str, Any]:
-            search = request.query_params.get("search", "")[:200]
-            return {
-                "role": self.role(request),
-                "benches": benches(self._runs),
-                "plans": plans(),
-                "runs": newest_runs(self._runs, search),
-            }
+        search = request.query_params.get("search", "")[:200]
+        found = await run_in_threadpool(self.overview, search)
+        return JSONResponse({"role": self.role(request), **found})
 
-        return JSONResponse(await run_in_threadpool(found))
+    def overview(self, search: str) -> dict[str, Any]:
+        """Return benches, plans and runs; one look at the files does for all who ask at once."""
+        with self._looks:
+            seen_s, searched, seen = self._seen
+            if searched != search or boot_seconds() - seen_s > SEEN_FOR_S:
+                runs = newest_runs(self._runs, search)
+                seen = {"benches": benches(self._runs), "plans": plans(), "runs": runs}
+                self._seen = boot_seconds(), search, seen
+            return seen
 
     async def look(self, request: Request) -> Response:
         """Return what a run would do."""

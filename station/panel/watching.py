@@ -25,7 +25,7 @@ from station.files.locks import is_held
 from station.guardian.notes import guardian_at_work
 from station.panel.plots import Plots
 from station.record.events import Event, guardian_events, latest_safe_state
-from station.record.layout import LOCK
+from station.record.layout import EVENTS, LOCK
 from station.record.log_tail import LogTail
 
 LOOKS_EVERY_S = 0.1
@@ -124,7 +124,11 @@ class RunWatch:
         steps = steps_of(planned, since_it_went_on(events))
         done = {one.details["unit"] for one in events if one.kind == "unit-finished"}
         speed = float(planned.get("speed") or 0.0)
-        left_s = remaining_s(planned, events, events[-1].time_s) if planned and events else None
+        now_s = events[-1].time_s if events else 0.0
+        if events and speed and state in ("running", "paused"):  # time goes on between two events
+            now_s += self._age_s() * speed
+        goes_on = events and planned and state in ("running", "paused", "evaluating")
+        left_s = remaining_s(planned, events, now_s) if goes_on else None
         real_s = left_s / speed if left_s is not None and speed else None
         return {
             "run": self.folder.name,
@@ -137,13 +141,18 @@ class RunWatch:
             "steps": steps,
             "units_done": len(done),
             "units_planned": len(planned.get("units") or ()) or None,
-            "time_s": events[-1].time_s if events else 0.0,
-            "left_s": left_s,
+            "time_s": round(now_s),
+            "left_s": None if left_s is None else round(left_s),
             "ends": None if real_s is None else self._end(real_s),
             "prompt": open_prompt(events) if held else None,
             "safe": None if safe is None else [dict(one) for one in safe],
             "log": [{"t": one.time_s, "text": in_words(one)} for one in events[-LATEST:]],
         }
+
+    def _age_s(self) -> float:
+        """Return how long ago the last event was logged, in real time."""
+        logged_s = (self.folder / EVENTS).stat().st_mtime
+        return max(utc_now().timestamp() - logged_s, 0.0)
 
     def _end(self, real_s: float) -> int:
         """Return the time of the end in whole minutes of UTC: it stays the same for a while."""

@@ -13,6 +13,7 @@ let heardMs = Date.now(), prompted = null, resultsShown = false, titleBefore = "
 
 function stateOf(data) {
   shown = data;
+  const alive = ["running", "paused", "evaluating"].includes(data.state);
   titleBefore = `${data.dut ? data.dut.serial : RUN}: ${data.sentence}`;
   document.title = (data.prompt ? "● " : "") + titleBefore;
   say("run-title", [data.procedure, data.dut && `${data.dut.model} ${data.dut.serial}`].filter(Boolean).join(" · "));
@@ -20,9 +21,8 @@ function stateOf(data) {
   say("message", data.message);
   say("units", data.units_planned ? `${data.units_done} of ${data.units_planned}` : `${data.units_done}`);
   say("time", span(data.time_s));
-  say("left", data.state === "finished" ? "nothing" : span(data.left_s));
-  say("ends", data.ends ? new Date(data.ends * 60000).toLocaleTimeString([], {hour: "2-digit", minute: "2-digit"}) : "unknown");
-  const alive = ["running", "paused", "evaluating"].includes(data.state);
+  say("left", alive ? span(data.left_s) : "nothing");
+  say("ends", data.ends ? new Date(data.ends * 60000).toLocaleTimeString([], {hour: "2-digit", minute: "2-digit"}) : alive ? "unknown" : "it has ended");
   state = data.state;
   buttons();
   byId("steps").replaceChildren(...data.steps.map((one) => {

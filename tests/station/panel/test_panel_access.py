@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import socket
 import subprocess
 import urllib.request
 from collections.abc import Iterator
@@ -12,7 +13,7 @@ import pytest
 from command_line import station_command
 from panel_server import Served, free_port, panel
 
-from station.cli.panel import read_tokens, serve_panel
+from station.cli.panel import names_of, read_tokens, serve_panel
 from station.clock import boot_seconds
 from station.errors import InputError
 from station.panel.access import LARGEST_REQUEST
@@ -132,6 +133,22 @@ def test_a_token_gives_its_role(guarded: Served, token: str, role: str) -> None:
 def test_the_panel_is_not_opened_to_others_without_tokens(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="people must log in"):
         serve_panel("0.0.0.0", 8642, tmp_path, None)
+
+
+def test_a_file_of_tokens_that_others_can_read_is_refused(tmp_path: Path) -> None:
+    file = tmp_path / "tokens.yaml"
+    file.write_text(f"operator: {OPERATOR}\n", encoding="utf-8")
+    file.chmod(0o644)
+    with pytest.raises(InputError, match="chmod 600"):
+        read_tokens(file)
+    file.chmod(0o600)
+    assert read_tokens(file) == {"operator": OPERATOR}
+
+
+def test_a_panel_is_asked_for_as_browsers_write_names(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(socket, "gethostname", lambda: "LAB-PC")
+    assert names_of("fe80::7") == ("[fe80::7]", "lab-pc")
+    assert "localhost" in names_of("127.0.0.1")
 
 
 @pytest.mark.parametrize(

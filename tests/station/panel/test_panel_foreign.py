@@ -13,6 +13,7 @@ from panel_server import Served, panel
 
 from station.cli.looking import outcome_of
 from station.control.status import in_words
+from station.panel import app
 from station.panel.streams import MOST_STREAMS
 from station.panel.watching import RunWatch
 from station.record.events import Event
@@ -24,7 +25,8 @@ DEEP = "[" * 100_000
 @pytest.fixture(scope="module")
 def served(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
     """A panel on a folder without runs."""
-    with panel(tmp_path_factory.mktemp("foreign")) as one:
+    with pytest.MonkeyPatch.context() as patch, panel(tmp_path_factory.mktemp("foreign")) as one:
+        patch.setattr(app, "SEEN_FOR_S", 0.0)
         yield one
 
 

@@ -1,0 +1,58 @@
+"""What the panel shows of a run between two events, and what all viewers share."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+
+import pytest
+from panel_server import panel
+
+from station.clock import utc_now
+from station.files.locks import FileLock
+from station.panel import app
+from station.panel.watching import RunWatch
+
+STARTED = {
+    "t_s": 0.0,
+    "event": "run-started",
+    "speed": 2.0,
+    "steps": [{"step": "S1", "title": "Record", "expected_s": 600.0}],
+}
+STEP = {"t_s": 0.0, "event": "step-started", "step": "S1", "title": "Record"}
+
+
+def run_of_a_minute_ago(folder: Path) -> Path:
+    log = folder / "events.jsonl"
+    log.write_text(f"{json.dumps(STARTED)}\n{json.dumps(STEP)}\n", encoding="utf-8")
+    past_s = utc_now().timestamp() - 60.0
+    os.utime(log, (past_s, past_s))
+    return folder
+
+
+def test_time_goes_on_between_two_events_and_the_end_stays(tmp_path: Path) -> None:
+    lock = FileLock(run_of_a_minute_ago(tmp_path) / "run.lock")
+    state = json.loads(dict(RunWatch(tmp_path).news({}))["state"])
+    lock.release()
+    assert state["state"] == "running"
+    assert 120 <= state["time_s"] < 200 and 400 < state["left_s"] <= 480
+    begun_s = utc_now().timestamp() - 60.0
+    assert abs(state["ends"] * 60.0 - begun_s - 300.0) < 45.0
+
+
+def test_nothing_is_left_of_a_run_that_is_gone(tmp_path: Path) -> None:
+    state = json.loads(dict(RunWatch(run_of_a_minute_ago(tmp_path)).news({}))["state"])
+    assert (state["state"], state["left_s"], state["ends"]) == ("interrupted", None, None)
+
+
+def test_one_look_does_for_every_first_page(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    looks: list[str] = []
+    monkeypatch.setattr(app, "newest_runs", lambda _, search: looks.append(search) or [])
+    monkeypatch.setattr(app, "SEEN_FOR_S", 60.0)
+    with panel(tmp_path) as served:
+        for path in ("/api/home", "/api/home", "/api/home?search=x"):
+            assert served.get(path)[0] == 200
+    assert looks == ["", "x"]
