@@ -13,7 +13,7 @@ from station.findings import Analysis, Estimate, Flag, undetermined
 
 from .limits import LOST as MAY_BE_LOST
 from .limits import SLOWEST_MS
-from .parameters import LATENCY, LOST, SLOWEST
+from .parameters import JITTER, LATENCY, LOST, SLOWEST
 
 Array = NDArray[np.float64]
 MEDIAN, P99 = 0.5, 0.99
@@ -40,9 +40,10 @@ def analyse(asked: Mapping[str, Answers], returned: Mapping[str, Answers]) -> An
         estimates += [
             quantile(LATENCY, name, came_s, MEDIAN),
             quantile(SLOWEST, name, came_s, P99),
+            jitter(name, came_s),
             Estimate(LOST, name, float((~one.same).sum()), "1", 0.0, None, "answers counted"),
         ]
-        flags += _causes(name, one, estimates[-2].value)
+        flags += _causes(name, one, estimates[-3].value)
     for name, one in returned.items():
         if not one.same[-1]:
             message = (
@@ -63,6 +64,16 @@ def quantile(name: str, axis: str, latency_s: Array, share: float) -> Estimate:
     low, value, high = 1e3 * np.quantile(latency_s, around)
     method = f"quantile {share:g} of the latencies"
     return Estimate(name, axis, float(value), "ms", float(high - low) / 2.0, None, method)
+
+
+def jitter(axis: str, latency_s: Array) -> Estimate:
+    """Return the standard deviation of latencies in ms, with that of normal ones as its own."""
+    freedom = len(latency_s) - 1
+    if freedom < 1:
+        return undetermined(JITTER, axis, "ms", "fewer than two answers came")
+    value = 1e3 * float(np.std(latency_s, ddof=1))
+    u, method = value / math.sqrt(2.0 * freedom), "standard deviation of the latencies"
+    return Estimate(JITTER, axis, value, "ms", u, float(freedom), method)
 
 
 def _causes(name: str, one: Answers, slowest_ms: float | None) -> Iterator[Flag]:

@@ -87,7 +87,19 @@ def test_latency_is_that_of_the_answers_that_came() -> None:
     values = {one.name: one.value for one in found.estimates}
     assert values["line_latency"] == pytest.approx(20.0)
     assert values["line_latency_p99"] == pytest.approx(20.0)
+    assert values["line_jitter"] == pytest.approx(0.0)
     assert values["line_errors"] == 2.0
+
+
+def test_jitter_is_the_standard_deviation_of_the_latencies() -> None:
+    spread_s = np.where(np.arange(50) % 2 == 0, 0.01, 0.03)
+    every = np.ones(50, bool)
+    found = analyse({"gaussmeter": Answers(spread_s, every, every)}, {})
+    (one,) = (one for one in found.estimates if one.name == "line_jitter")
+    assert one.value == pytest.approx(10.0, rel=0.02)
+    assert one.standard_uncertainty == pytest.approx(one.value / np.sqrt(98.0))
+    silent = analyse({"gaussmeter": answers(lost=49)}, {})
+    assert [one.value for one in silent.estimates if one.name == "line_jitter"] == [None]
 
 
 def test_the_shipped_plan_states_the_limits_of_the_naming() -> None:
