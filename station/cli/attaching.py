@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import select
 import signal
@@ -43,7 +44,7 @@ LATEST = 20
 """Lines that say why a run did not begin."""
 
 
-def run_detached(arguments: Sequence[str]) -> int:
+def run_detached(arguments: Sequence[str], *, as_json: bool = False) -> int:
     """Begin a run in a process of its own that no terminal ends, and return once it has a folder.
 
     `arguments` are those of the command line, without `--detach`. What keeps the run from
@@ -52,6 +53,9 @@ def run_detached(arguments: Sequence[str]) -> int:
     process, folder = begin(arguments, lambda line: tell(line, end=""))
     if folder is None:
         return EXIT_FAULT if process.returncode is None else process.returncode
+    if as_json:
+        print(json.dumps({"run": str(folder), "process": process.pid, "exit_code": EXIT_DONE}))
+        return EXIT_DONE
     print(f"the run goes on in process {process.pid}, without this terminal")
     print(f"to watch it and answer its prompts: station attach {quote(str(folder))}")
     return EXIT_DONE
@@ -65,7 +69,8 @@ def run_elsewhere(
     It gets one where it is to be detached, and where a person watches it at this terminal.
     """
     if detach:
-        return run_detached([one for one in arguments if one != "--detach"])
+        wanted = [one for one in arguments if one != "--detach"]
+        return run_detached(wanted, as_json=as_json)
     person = sys.stderr.isatty() and may_ask(non_interactive=non_interactive) and not as_json
     return run_attended(arguments) if person and sys.platform != "win32" else None
 

@@ -287,6 +287,9 @@ def in_words(event: Event) -> str:
             if details.get("complete"):
                 return "all steps are done"
             return "no word of why it ended, as where its disk was full: look at the bench"
+        case "safe-state":
+            left = [one["instrument"] for one in details.get("outcomes", ()) if not one["verified"]]
+            return f"NOT VERIFIED as safe: {', '.join(left)}" if left else "the bench is made safe"
         case "paused" | "pause-refused":
             said = details.get("devices") or details.get("reasons") or {}
             return ": ".join([event.kind, "; ".join(f"{who} {what}" for who, what in said.items())])

@@ -13,7 +13,8 @@ from starlette.responses import PlainTextResponse
 from starlette.types import ASGIApp, Receive, Scope, Send
 
 Role = Literal["operator", "engineer"]
-COOKIE = "station-panel"
+COOKIE = "station-panel-"
+"""And the port: a browser keeps one set of cookies for every port of a computer."""
 LARGEST_REQUEST = 65536
 LOOPBACK = ("127.0.0.1", "localhost", "[::1]")
 OPEN_PATHS = ("/login", "/static/")
@@ -37,7 +38,7 @@ class Access:
 
     def role_of(self, connection: HTTPConnection) -> Role | None:
         """Return the role of who asks; None where a token is still to be shown."""
-        session = self._sessions.get(connection.cookies.get(COOKIE, ""))
+        session = self._sessions.get(connection.cookies.get(cookie_of(connection), ""))
         if session is not None:
             return session
         return None if "operator" in self.tokens else "operator"
@@ -55,6 +56,11 @@ class Access:
         session = secrets.token_urlsafe(32)
         self._sessions[session] = fitting[0]
         return session, fitting[0]
+
+
+def cookie_of(connection: HTTPConnection) -> str:
+    """Return the name of the cookie that holds a session of this panel."""
+    return COOKIE + (connection.headers.get("host", "").rpartition(":")[2] or "80")
 
 
 class Guard:

@@ -22,7 +22,7 @@ from starlette.staticfiles import StaticFiles
 from station import registry
 from station.clock import boot_seconds
 from station.errors import StationError
-from station.panel.access import COOKIE, Access, Guard, Role
+from station.panel.access import Access, Guard, Role, cookie_of
 from station.panel.overview import benches, first_event, newest_runs, plans
 from station.panel.reading import is_own_file
 from station.panel.starting import Starting, Wanted
@@ -108,7 +108,7 @@ class Panel:
             return JSONResponse({"error": "this token is not known here"}, 403)
         session, role = found
         response = JSONResponse({"role": role})
-        response.set_cookie(COOKIE, session, httponly=True, samesite="strict")
+        response.set_cookie(cookie_of(request), session, httponly=True, samesite="strict")
         return response
 
     async def home(self, request: Request) -> Response:

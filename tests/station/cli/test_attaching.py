@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import pty
 import re
@@ -144,9 +145,10 @@ def test_ctrl_c_in_an_attached_terminal_ends_the_run_safely(tmp_path: Path) -> N
 
 def test_a_detached_run_goes_to_its_end_and_attach_shows_its_results(tmp_path: Path) -> None:
     (tmp_path / "plan.yaml").write_text(PLAN, encoding="utf-8")
-    started = station(tmp_path, "run", "plan.yaml", "--detach", "--non-interactive")
+    started = station(tmp_path, "run", "plan.yaml", "--detach", "--non-interactive", "--json")
     assert started.returncode == 0, started.stderr
     (run,) = (tmp_path / "runs").iterdir()
+    assert Path(json.loads(started.stdout)["run"]).samefile(run)
     seen = station(tmp_path, "attach", str(run))
     assert seen.returncode == 0, seen.stderr
     assert "magnetic_sensitivity IA" in seen.stdout

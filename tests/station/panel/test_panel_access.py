@@ -125,6 +125,7 @@ def test_a_token_gives_its_role(guarded: Served, token: str, role: str) -> None:
     with urllib.request.urlopen(request) as answer:
         cookie = answer.headers["Set-Cookie"]
         assert json.loads(answer.read()) == {"role": role}
+    assert cookie.startswith(f"station-panel-{guarded.url.rpartition(':')[2]}=")
     assert "HttpOnly" in cookie and "SameSite=strict" in cookie and token not in cookie
     status, text = guarded.get("/api/home", Cookie=cookie.partition(";")[0])
     assert status == 200 and json.loads(text)["role"] == role

@@ -150,3 +150,11 @@ def test_many_pages_of_one_browser_leave_a_connection_for_an_abort(served: Serve
 def test_a_run_that_could_not_log_its_failure_is_not_said_to_be_done() -> None:
     assert in_words(Event(1.0, "run-ended", {"complete": True})) == "all steps are done"
     assert "look at the bench" in in_words(Event(1.0, "run-ended", {"complete": False}))
+
+
+@pytest.mark.parametrize(
+    ("verified", "words"), [(True, "made safe"), (False, "NOT VERIFIED as safe: x")]
+)
+def test_how_the_bench_was_left_is_said_in_words(verified: bool, words: str) -> None:
+    outcomes = [{"instrument": "x", "verified": verified, "read_back": "0 A"}]
+    assert words in in_words(Event(1.0, "safe-state", {"outcomes": outcomes}))
