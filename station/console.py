@@ -56,6 +56,11 @@ class NeverBlocking:
     def flush(self) -> None:
         """Wait for nobody."""
 
+    @property
+    def idle(self) -> bool:
+        """Whether the terminal has taken everything so far."""
+        return self._waiting.empty()
+
     def drain(self, within_s: float) -> bool:
         """Wait in real time until everything is written, and no longer than that; whether it is."""
         self._say_what_was_dropped()

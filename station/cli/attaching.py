@@ -224,7 +224,8 @@ class Viewer:
         caught_up = list(self._log.new_events())
         for event in caught_up:
             self._note(event)
-        with Progress(sum(self._expected_s.values()), units=self._units) as progress:
+        total_s = sum(self._expected_s.values())
+        with Progress(total_s, units=self._units, folder=self._folder) as progress:
             for event in caught_up:
                 self._show(event, progress)
             while True:

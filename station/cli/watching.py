@@ -5,31 +5,19 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Any
 
-from station.cli.looking import rows
-from station.clock import RealClock, boot_seconds
+from station.clock import RealClock, boot_seconds, local_time
 from station.console import span, tell
-from station.control.status import SENTENCES, Status, newest_run, read_status
+from station.control.run_reader import GOES_ON, RunReader, sentence_of_now
+from station.control.status import newest_run
 from station.errors import InputError
+from station.record.layout import EVENTS
 from station.record.run_names import RUNS
-from station.runner.progress import REPEAT_S, local_time
+from station.runner.progress import REPEAT_S
 
-if TYPE_CHECKING:
-    from rich.table import Table
-
-LOOKS_EVERY_S = 1.0
-"""Real time between two looks at the run folder; each reads the whole log."""
-GOES_ON = ("running", "paused", "evaluating")
-COLOURS = {
-    "running": "green",
-    "paused": "yellow",
-    "evaluating": "green",
-    "finished": "bold",
-    "failed": "red",
-    "interrupted": "red",
-}
-"""They stand beside the word that says the same."""
+LOOKS_EVERY_S = 0.5
+"""Real time between two looks at the run folder."""
 
 
 def pause_between_looks() -> None:
@@ -51,10 +39,15 @@ def watch_status(folder: Path, wait: Callable[[], None] = pause_between_looks) -
     """Show how a run stands until its process has ended, or Ctrl-C; the run is not touched.
 
     One screen that is drawn again on a terminal; elsewhere a line with the time of day when state,
-    step or unit of work change, and one a minute. Raises InputError and RecordError as
-    `read_status`.
+    step or unit of work change, and one a minute. Raises InputError for what is no run folder.
     """
-    show = watch_on_screen if sys.stdout.isatty() else watch_in_lines
+    if not (folder / EVENTS).is_file():
+        raise InputError(f"{folder} is no run folder: it holds no {EVENTS}")
+    show = watch_in_lines
+    if sys.stdout.isatty():
+        from station.view.screen import can_draw
+
+        show = watch_on_screen if can_draw(sys.stdout) else watch_in_lines
     try:
         show(folder, wait)
     except KeyboardInterrupt:
@@ -62,51 +55,43 @@ def watch_status(folder: Path, wait: Callable[[], None] = pause_between_looks) -
 
 
 def watch_on_screen(folder: Path, wait: Callable[[], None]) -> None:
-    """Draw the status in place, cut to the height of the terminal; the last one stays."""
-    from rich.live import Live
+    """Draw the run in place; the last picture stays."""
+    from station.view.screen import Screen
 
-    status = read_status(folder)
-    with Live(table_of(status), auto_refresh=False) as screen:
-        while status.state in GOES_ON:
+    with Screen(folder, to_error=False, stays=True) as screen:
+        while screen.look() in GOES_ON:
             wait()
-            status = read_status(folder)
-            screen.update(table_of(status), refresh=True)
-
-
-def table_of(status: Status) -> Table:
-    """Return the rows of a status, with the time of day at which they were read."""
-    from rich.table import Table
-    from rich.text import Text
-
-    table = Table.grid(padding=(0, 2))
-    table.add_column(no_wrap=True)
-    table.add_column(overflow="fold")
-    for name, text in rows(status):
-        table.add_row(name, Text(text, COLOURS[status.state] if name == "state" else ""))
-    table.add_row("read at", f"{local_time():%H:%M:%S}")
-    return table
 
 
 def watch_in_lines(folder: Path, wait: Callable[[], None]) -> None:
     """Print a line when something changed, and at least one a minute."""
-    last: tuple[str, str | None, int] | None = None
+    reader = RunReader(folder)
+    last: tuple[str, str, int] | None = None
     said_at = boot_seconds()
     while True:
-        status = read_status(folder)
-        present = (status.state, status.step, len(status.units_finished))
+        reader.read()
+        state = reader.state()
+        present = (state["state"], step_of(state), state["units_done"])
         if present != last or boot_seconds() - said_at >= REPEAT_S:
-            print(f"{local_time():%H:%M:%S}  {line_of(status)}", flush=True)
+            left_s = reader.times(state["state"]).left_s
+            line = line_of(state, left_s, sentence_of_now(state, reader.live()))
+            print(f"{local_time():%H:%M:%S}  {line}", flush=True)
             last, said_at = present, boot_seconds()
-        if status.state not in GOES_ON:
+        if state["state"] not in GOES_ON:
             return
         wait()
 
 
-def line_of(status: Status) -> str:
+def step_of(state: dict[str, Any]) -> str:
+    """Return the number of the step that began last."""
+    begun = [one["number"] for one in state["steps"] if one["state"] != "waits"]
+    return str(begun[-1]) if begun else "no step yet"
+
+
+def line_of(state: dict[str, Any], left_s: float | None, now: str) -> str:
     """Return how a run stands in one line."""
-    of = "" if status.units_planned is None else f" of {status.units_planned}"
-    parts = [SENTENCES[status.state], status.step or "no step yet"]
-    parts.append(f"{len(status.units_finished)}{of} units of work finished")
-    if status.state in ("running", "paused") and status.remaining_s is not None:
-        parts.append(f"bench time left about {span(status.remaining_s)}")
-    return f"{', '.join(parts)}: {status.message}"
+    of = "" if state["units_planned"] is None else f" of {state['units_planned']}"
+    parts = [state["sentence"], step_of(state), f"{state['units_done']}{of} units of work finished"]
+    if state["state"] in ("running", "paused") and left_s is not None:
+        parts.append(f"bench time left about {span(left_s)}")
+    return f"{', '.join(parts)}: {now}"

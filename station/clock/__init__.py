@@ -13,6 +13,7 @@ from station.clock.pulse import Pulse, Quiet
 from station.clock.real import (
     RealClock,
     boot_seconds,
+    local_time,
     system_clock_synchronised,
     utc_now,
     utc_today,
@@ -32,6 +33,7 @@ __all__ = [
     "VirtualClock",
     "Wire",
     "boot_seconds",
+    "local_time",
     "system_clock_synchronised",
     "utc_now",
     "utc_today",

@@ -28,6 +28,11 @@ def utc_now() -> datetime:
     return datetime.now(UTC)
 
 
+def local_time() -> datetime:
+    """Return the time of day where the bench stands."""
+    return utc_now().astimezone()
+
+
 def utc_today() -> date:
     """Return today's date in UTC."""
     return utc_now().date()

@@ -24,11 +24,11 @@ from station.clock import boot_seconds
 from station.errors import StationError
 from station.panel.access import Access, Guard, Role, cookie_of
 from station.panel.overview import benches, first_event, newest_runs, plans
-from station.panel.reading import is_own_file
 from station.panel.starting import Starting, Wanted
 from station.panel.streams import Streams
 from station.panel.watching import RunWatch
 from station.panel.wishes import REQUESTS, Wishes
+from station.record.files import is_own_file
 from station.record.layout import EVENTS
 
 PAGES = Path(__file__).parent / "pages"

@@ -6,17 +6,11 @@ import json
 from pathlib import Path
 from typing import Any
 
+from station.record.files import is_own_file
+
 MOST_BYTES = 16_000_000
 """Of a file that is read as a whole."""
 LONGEST_LINE = 4_000_000
-
-
-def is_own_file(path: Path) -> bool:
-    """Whether a path is a plain file: no link to elsewhere, no pipe that would be waited for."""
-    try:
-        return path.is_file() and not path.is_symlink()
-    except (OSError, ValueError):  # a name that no file system takes
-        return False
 
 
 def read_json(path: Path) -> dict[str, Any]:

@@ -123,3 +123,11 @@ def not_written(path: Path, error: OSError, otherwise: str = ANOTHER_DISK) -> Re
 def json_text(data: Mapping[str, Any]) -> str:
     """Return data as the text of a JSON file; numbers must be finite."""
     return json.dumps(data, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+
+
+def is_own_file(path: Path) -> bool:
+    """Whether a path is a plain file: no link to elsewhere, no pipe that would be waited for."""
+    try:
+        return path.is_file() and not path.is_symlink()
+    except (OSError, ValueError):  # a name that no file system takes
+        return False

@@ -52,4 +52,5 @@ DIGITIZER = Role(
     Digitizer,
     quantities={"voltage": Quantity("V", magnitude=True)},
     safe_state=SafeState("the trigger output at rest", "the state of the output pin", rank=60),
+    reads_device=True,
 )

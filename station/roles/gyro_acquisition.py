@@ -26,4 +26,5 @@ GYRO_ACQUISITION = Role(
     GyroAcquisition,
     quantities={"temperature": TEMPERATURE},
     start_samples=lambda source: source.start(sample_interval_s=0.1, channel=1),
+    reads_device=True,
 )

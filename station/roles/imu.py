@@ -55,4 +55,5 @@ IMU = Role(
     Imu,
     quantities={"temperature": TEMPERATURE},
     start_samples=lambda source: source.start(rate_Hz=10.0),
+    reads_device=True,
 )

@@ -53,5 +53,10 @@ class Thermometer(Instrument, Protocol):
         ...
 
 
-MULTIMETER = Role("multimeter", Multimeter, quantities={"voltage": Quantity("V", magnitude=True)})
+MULTIMETER = Role(
+    "multimeter",
+    Multimeter,
+    quantities={"voltage": Quantity("V", magnitude=True)},
+    reads_device=True,
+)
 THERMOMETER = Role("thermometer", Thermometer, quantities={"temperature": TEMPERATURE})

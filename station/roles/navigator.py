@@ -57,4 +57,5 @@ NAVIGATOR = Role(
     Navigator,
     quantities={"temperature": TEMPERATURE},
     start_samples=lambda source: source.start(rate_Hz=10.0),
+    reads_device=True,
 )

@@ -88,7 +88,7 @@ class Role:
     `members` are the places of a bench where it has several, as `x` of `coil_supply.x`. `settings`
     are those that procedures read, whatever the model. `quantities` are what interlocks may watch.
     A role without a `safe_state` cannot harm. `start_samples` starts a source of samples for the
-    conformance tests.
+    conformance tests. `reads_device`: what it records is the output of the device under test.
     """
 
     name: str
@@ -99,6 +99,7 @@ class Role:
     quantities: Mapping[str, Quantity] = field(default_factory=dict)
     safe_state: SafeState | None = None
     start_samples: Callable[[Any], None] | None = None
+    reads_device: bool = False
 
     def __post_init__(self) -> None:
         for name in (self.name, *self.members, *self.limits, *self.quantities):

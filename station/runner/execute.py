@@ -95,7 +95,7 @@ def execute(request: Request) -> Outcome:
         announce_folder(request.announce, record.path)
         expected_s = procedure.duration_s(plan.parameters)
         units = procedure.expected_units(plan.parameters)
-        with Progress(expected_s, units=units, quiet=request.quiet) as progress:
+        with Progress(expected_s, units=units, quiet=request.quiet, folder=record.path) as progress:
             progress.say(f"{procedure.title}: {plan.dut.model} {plan.dut.serial}")
             progress.say(f"bench {bench.name}, {how_long(expected_s, clock)}")
             progress.say(f"recorded in {record.path}")

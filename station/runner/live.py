@@ -35,6 +35,8 @@ class LiveBoard:
         self._readings = readings
         self._set: dict[str, str] = {}
         self._rows: dict[str, tuple[NDArray[Any], float]] = {}
+        self.now = ""
+        """What goes on within the present step."""
         self.interlocks: Callable[[], Sequence[InterlockLook]] = tuple
 
     def commanded(self, instrument: str, words: str) -> None:
@@ -46,7 +48,7 @@ class LiveBoard:
         self._rows[source] = rows[-1], self._clock.now()
 
     def data(self) -> dict[str, Any]:
-        """Return instruments with set-point and values, and interlocks, as plain data.
+        """Return instruments with set-point and values, interlocks, and what goes on at `time_s`.
 
         `age_s` is the run time since a value was read.
         """
@@ -72,6 +74,8 @@ class LiveBoard:
                 for name in sorted({*commanded, *read})
             ],
             "interlocks": [one._asdict() for one in self.interlocks()],
+            "now": self.now,
+            "time_s": now_s,
         }
 
 

@@ -1,29 +1,23 @@
-"""How far a run is: a live bar on a terminal, elsewhere a line a unit of work and a minute."""
+"""How far a run is: its picture on a terminal, elsewhere a line a unit of work and a minute."""
 
 from __future__ import annotations
 
 import sys
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager, suppress
-from datetime import datetime
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING
 
-from station.clock import Clock, boot_seconds
-from station.clock.real import utc_now
+from station.clock import Clock, boot_seconds, local_time
 from station.console import span, tell
 from station.control.status import FinishedUnit, time_left_s
 
+if TYPE_CHECKING:
+    from station.view.screen import Screen
+
 LONGER = "not known, it takes longer than expected"
-LONGER_ON_A_BAR = "not known"
-BAR_WIDTH = 16
-LEFT_WIDTH = len("100 %  bench time left 26 h 15 min")
-"""On a narrow terminal what the step does is shortened, never the time left."""
 REPEAT_S = 60.0
 """Real time between two lines of progress of one unit of work where the output is no terminal."""
-
-
-def local_time() -> datetime:
-    """Return the time of day where the bench stands."""
-    return utc_now().astimezone()
 
 
 def how_long(expected_s: float, clock: Clock) -> str:
@@ -38,10 +32,18 @@ def how_long(expected_s: float, clock: Clock) -> str:
 
 
 class Progress:
-    """Write progress to standard error; a live bar on a terminal, a line now and then elsewhere."""
+    """Write progress to standard error: the picture of the run on a terminal, lines elsewhere.
+
+    `folder` is that of the run, which the picture is read from; without one there are lines.
+    """
 
     def __init__(
-        self, total_s: float, *, units: Mapping[str, float] | None = None, quiet: bool = False
+        self,
+        total_s: float,
+        *,
+        units: Mapping[str, float] | None = None,
+        quiet: bool = False,
+        folder: Path | None = None,
     ) -> None:
         self._later_s = total_s
         """What the steps after the present one should take."""
@@ -52,41 +54,19 @@ class Progress:
         self._units = dict(units or {})
         """The units of work that are still to be done, and how long they should take."""
         self._finished: list[FinishedUnit] = []
-        self._number = self._title = ""
         self._quiet = quiet
         self._said_at = 0.0
         self._another_unit = False
-        self._bar = None
-        self._task = None
-        if sys.stderr.isatty() and not quiet:
-            from rich.console import Console
-            from rich.progress import BarColumn, Progress, TextColumn
-            from rich.table import Column
-
-            self._bar = Progress(
-                BarColumn(bar_width=BAR_WIDTH),
-                TextColumn(
-                    "{task.percentage:>3.0f} %  bench time left {task.fields[left]}",
-                    table_column=Column(no_wrap=True, min_width=LEFT_WIDTH),
-                ),
-                TextColumn(
-                    "{task.description}", table_column=Column(no_wrap=True, overflow="ellipsis")
-                ),
-                console=Console(stderr=True),
-                transient=True,
-            )
-            self._task = self._bar.add_task("", total=max(total_s, 1e-9), left=span(total_s))
+        self._screen = None if quiet or folder is None else screen_of(folder)
 
     def __enter__(self) -> Progress:
-        if self._bar is not None:
-            with suppress(OSError):  # a terminal that is gone ends no run
-                self._bar.start()
+        if self._screen is not None:
+            self._screen.__enter__().begin()
         return self
 
     def __exit__(self, *_: object) -> None:
-        if self._bar is not None:
-            with suppress(OSError):
-                self._bar.stop()
+        if self._screen is not None:
+            self._screen.__exit__()
 
     def step(self, number: str, title: str, expected_s: float) -> None:
         """Say that a step begins that is expected to take `expected_s` of bench time."""
@@ -94,8 +74,7 @@ class Progress:
         self._elapsed_s = 0.0
         self._step_s = expected_s
         self._later_s -= expected_s
-        self._number, self._title = number, f"{number}  {title}"
-        self.say(self._title)
+        self.say(f"{number}  {title}")
         self.at(0.0)
 
     def unit_finished(self, unit: str) -> None:
@@ -108,58 +87,42 @@ class Progress:
     def at(self, elapsed_s: float, detail: str = "") -> None:
         """Say how the run stands after `elapsed_s` of work on its step."""
         self._elapsed_s = elapsed_s
-        if self._quiet:
+        if self._quiet or self._screen is not None:
             return
-        done_s = self._before_s + elapsed_s
-        forecast_s = max(self._later_s, 0.0) + max(self._step_s - elapsed_s, 0.0)
-        left_s = time_left_s(forecast_s, self._finished, sum(self._units.values()), done_s)
-        total_s = max(done_s + left_s, 1e-9)
-        left = span(left_s) if left_s > 0.0 else LONGER
-        if self._bar is not None and self._task is not None:
-            room = self._bar.console.width - BAR_WIDTH - LEFT_WIDTH - 2  # a blank between columns
-            text = doing(self._number, self._title, detail, room)
-            left = left if left_s > 0.0 else LONGER_ON_A_BAR
-            with suppress(OSError):
-                self._bar.update(
-                    self._task, completed=done_s, total=total_s, description=text, left=left
-                )
-        elif (self._another_unit and detail) or boot_seconds() - self._said_at >= REPEAT_S:
+        if (self._another_unit and detail) or boot_seconds() - self._said_at >= REPEAT_S:
             self._another_unit = False
-            percent = 100 * done_s / total_s
+            done_s = self._before_s + elapsed_s
+            forecast_s = max(self._later_s, 0.0) + max(self._step_s - elapsed_s, 0.0)
+            left_s = time_left_s(forecast_s, self._finished, sum(self._units.values()), done_s)
+            percent = 100 * done_s / max(done_s + left_s, 1e-9)
+            left = span(left_s) if left_s > 0.0 else LONGER
             self.say(f"    {percent:3.0f} %  bench time left {left}  {detail}".rstrip())
 
     @contextmanager
     def paused(self) -> Iterator[None]:
         """Leave the terminal to somebody else for a while."""
-        if self._bar is not None:
-            self._bar.stop()
-        yield
-        if self._bar is not None:
-            self._bar.start()
+        if self._screen is None:
+            yield
+            return
+        with self._screen.paused():
+            yield
 
     def say(self, text: str) -> None:
         """Write a line that stays."""
         if self._quiet:
             return
         self._said_at = boot_seconds()
-        if self._bar is None:
-            tell(f"{local_time():%H:%M:%S}  {text}")
-            return
-        with suppress(OSError):  # a terminal that is gone ends no run
-            self._bar.console.print(text, highlight=False)
+        line = f"{local_time():%H:%M:%S}  {text}"
+        if self._screen is None:
+            tell(line)
+        else:
+            self._screen.say(line)
 
 
-def doing(number: str, title: str, detail: str, room: int) -> str:
-    """Return what a step does in a line of `room` characters, in whole words.
+def screen_of(folder: Path) -> Screen | None:
+    """Return the picture of a run on standard error; None where that is no terminal."""
+    if not sys.stderr.isatty():
+        return None
+    from station.view.screen import Screen, can_draw
 
-    The title, which stands in a line of its own above, gives way to what goes on just now.
-    """
-    text = f"{title}  {detail}".rstrip()
-    if len(text) > room and detail:
-        text = f"{number}  {detail}"
-    if len(text) <= room:
-        return text
-    kept = text[: max(room - 1, 0)]
-    if not text[len(kept)].isspace():
-        kept = kept.rpartition(" ")[0].rstrip() or kept
-    return kept.rstrip(" ,;:") + "…"
+    return Screen(folder) if can_draw(sys.stderr) else None

@@ -110,7 +110,7 @@ def resume(request: ResumeRequest) -> Outcome:
         expected_s = procedure.duration_s(plan.parameters)
         expected = procedure.expected_units(plan.parameters)
         units = {one: s for one, s in expected.items() if one not in past.finished}
-        with Progress(expected_s, units=units, quiet=request.quiet) as progress:
+        with Progress(expected_s, units=units, quiet=request.quiet, folder=record.path) as progress:
             changed = software_changes(facts)
             record.event(
                 RESUMED,

@@ -162,6 +162,7 @@ class Run:
         """
         self.progress.step(number, title, expected_s)
         self._step_began_s = self.clock.now()
+        self.live.now = ""
         self.record.event("step-started", durable=False, step=number, title=title)
         self.clock.expect(COMPUTES_WITHIN_S)  # libraries are loaded where they are first used
         body(self)
@@ -210,6 +211,7 @@ class Run:
         """Say how much of the present step's bench time is over, and how it stands."""
         self.record.write_later()
         self.log_notes()
+        self.live.now = detail
         self.progress.at(self.clock.now() - self._step_began_s, detail)
 
     def log_notes(self) -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import pty
 import re
 import signal
 import subprocess
@@ -17,6 +16,7 @@ from threading import Thread
 import pytest
 from command_line import PLAN, station, station_command
 from kill_helpers import served_bench
+from terminal import OnTerminal, hears_hang_up
 
 from station.clock import RealClock
 from station.control.answers import Desk
@@ -28,50 +28,6 @@ from station.record.log_tail import LogTail
 
 WITHIN_S = 60.0
 MOUNT = Prompt("mount", "Mount the gyro.")
-
-
-def hears_hang_up() -> None:
-    """Take SIGHUP as a terminal's program does, also where the tests run under `nohup`."""
-    signal.signal(signal.SIGHUP, signal.SIG_DFL)
-
-
-class OnTerminal:
-    """A verb on a pseudo-terminal of its own, typed at like a person does."""
-
-    def __init__(self, folder: Path, *arguments: str | Path) -> None:
-        self._master, slave = pty.openpty()
-        self.shown = ""
-        self.process = subprocess.Popen(
-            station_command(*arguments),
-            cwd=folder,
-            stdin=slave,
-            stdout=slave,
-            stderr=slave,
-            start_new_session=True,
-            preexec_fn=hears_hang_up,
-            env={key: value for key, value in os.environ.items() if key != "CI"},
-        )
-        os.close(slave)
-        Thread(target=self._read, daemon=True).start()
-
-    def _read(self) -> None:
-        try:
-            while data := os.read(self._master, 65536):
-                self.shown += data.decode(errors="replace")
-        except OSError:
-            return
-
-    def wait_for(self, text: str) -> None:
-        until_s = time.monotonic() + WITHIN_S
-        while text not in self.shown:
-            assert time.monotonic() < until_s, self.shown
-            time.sleep(0.02)
-
-    def type(self, text: str) -> None:
-        os.write(self._master, text.encode())
-
-    def ended(self) -> int:
-        return self.process.wait(WITHIN_S)
 
 
 @contextmanager

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from station.clock import RealClock
-from station.panel.plots import MOST_POINTS, Plots, Thinned
 from station.panel.watching import LOOKS_EVERY_S, RunWatch
 from station.record.folder import RunFolder
 from station.record.raw_tail import RawTail
+from station.record.series import MOST_POINTS, RunSeries, Thinned
 
 
 @pytest.mark.parametrize("block", [1, 7, 100, 5000])
@@ -49,7 +49,7 @@ def test_the_tail_of_a_raw_file_has_every_row_once(one_axis_run: Path, tmp_path:
 
 
 def test_counts_are_shown_as_a_rate(one_axis_run: Path) -> None:
-    plots = Plots(one_axis_run)
+    plots = RunSeries(one_axis_run)
     assert plots.look()
     assert not plots.look()
     data = plots.data()

@@ -1,17 +1,20 @@
-"""What the plots of a run show: every source's columns over run time, at most 600 points each."""
+"""What a run has recorded so far, thinned: each source's columns over run time, 600 points each."""
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from station.panel.reading import is_own_file
+from station.clock import boot_seconds
+from station.record.files import is_own_file
 from station.record.layout import RAW
 from station.record.raw import ARRIVAL
 from station.record.raw_tail import RawTail
+from station.roles.role import role, role_of
 
 Array = NDArray[np.float64]
 
@@ -57,17 +60,20 @@ class Thinned:
         return {"t": times.round(3).tolist(), "v": [float(f"{one:.7g}") for one in values]}
 
 
-class Plots:
-    """The series of a run, by source and column."""
+class RunSeries:
+    """The series of a run, by source and column, for whoever watches it."""
 
     def __init__(self, folder: Path) -> None:
         self._raw = folder / RAW
         self._tails: dict[Path, RawTail] = {}
         self._series: dict[str, dict[str, Thinned]] = {}
 
-    def look(self) -> bool:
-        """Read what was added; whether there was anything."""
-        added = False
+    def look(self, within_s: float = math.inf) -> bool:
+        """Read what was added, for so long in real time at most; whether there was anything.
+
+        What there was no time for is read at the next look.
+        """
+        until_s, added = boot_seconds() + within_s, False
         for path in sorted(self._raw.rglob("*.mcap")) if self._raw.is_dir() else ():
             if not is_own_file(path):
                 continue
@@ -77,6 +83,8 @@ class Plots:
                 added = True
                 for name in columns_of(rows):
                     series.setdefault(name, Thinned()).add(rows[ARRIVAL], rows[name])
+                if boot_seconds() > until_s:
+                    return added
         return added
 
     def data(self) -> dict[str, Any]:
@@ -87,10 +95,38 @@ class Plots:
         plots: dict[str, dict[str, dict[str, list[float]]]] = {}
         for source, series in self._series.items():
             for name, one in series.items():
-                counted = name == COUNTED
-                unit = "counts/s" if counted else name.rpartition("_")[2]
-                plots.setdefault(f"{source}, {unit}", {})[name] = one.data(rate=counted)
+                plots.setdefault(f"{source}, {unit_of(name)}", {})[name] = values_of(name, one)
         return plots
+
+    def of_device(self) -> Trace | None:
+        """Return what the device under test gave, None where nothing of it was recorded yet."""
+        for source, series in self._series.items():
+            declared = role(role_of(source))
+            if declared is None or not declared.reads_device:
+                continue
+            for name, one in series.items():
+                if values := values_of(name, one)["v"]:
+                    return Trace(source, name.rpartition("_")[0] or name, unit_of(name), values)
+        return None
+
+
+class Trace(NamedTuple):
+    """Values of one quantity of a source, in the order of time."""
+
+    source: str
+    quantity: str
+    unit: str
+    values: list[float]
+
+
+def unit_of(column: str) -> str:
+    """Return the unit in which a column is shown."""
+    return "counts/s" if column == COUNTED else column.rpartition("_")[2]
+
+
+def values_of(column: str, series: Thinned) -> dict[str, list[float]]:
+    """Return times in s and values of a column as it is shown."""
+    return series.data(rate=column == COUNTED)
 
 
 def source_of(path: Path) -> str:

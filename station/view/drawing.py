@@ -1,0 +1,319 @@
+"""One picture of a run, as lines that fit a terminal of any size from 60 x 12 on."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from datetime import datetime, timedelta
+from typing import Any
+
+from rich.cells import cell_len
+from rich.console import Console, ConsoleOptions, RenderableType, RenderResult
+from rich.progress_bar import ProgressBar
+from rich.segment import Segment
+from rich.table import Table
+from rich.text import Text
+
+from station.console import span
+from station.control.run_reader import GOES_ON, NOTHING_LIVE, Times, sentence_of_now
+from station.record.events import whole_bench
+from station.record.series import Trace
+from station.view.marks import Marks
+from station.view.sparkline import sparkline
+
+Line = list[Segment]
+
+WIDE = 130
+"""Columns from which steps and values stand side by side."""
+GAP = 3
+BAR_WIDTH = 24
+FEWEST_STEPS = 4
+OLD_S = 30.0
+"""Bench time after which a value is shown with its age."""
+COLOURS = {
+    "running": "green",
+    "paused": "yellow",
+    "evaluating": "green",
+    "finished": "bold green",
+    "failed": "bold red",
+    "interrupted": "bold red",
+}
+"""They stand beside the word that says the same, as every colour here."""
+STEP_COLOURS = {"done": "green", "now": "bold cyan", "waits": "dim"}
+LOCK_WORDS = {"clear": "clear", "waits": "true for a moment", "tripped": "TRIPPED"}
+LOCK_COLOURS = {"clear": "green", "waits": "yellow", "tripped": "bold red"}
+
+
+@dataclass(frozen=True)
+class Picture:
+    """What is known of a run at one moment."""
+
+    state: dict[str, Any]
+    times: Times
+    time_of_day: datetime
+    live: dict[str, Any] = field(default_factory=lambda: NOTHING_LIVE)
+    trace: Trace | None = None
+    """What the device under test gave so far."""
+
+
+class Frame:
+    """Lines that are drawn as they are."""
+
+    def __init__(self, lines: Sequence[Line]) -> None:
+        self.lines = list(lines)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Frame) and other.lines == self.lines
+
+    __hash__ = None  # type: ignore[assignment]
+
+    def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
+        for line in self.lines:
+            yield from line
+            yield Segment.line()
+
+
+class Drawing:
+    """Draws pictures for a console; `rows` and `columns` are what may be used of it."""
+
+    def __init__(self, console: Console, columns: int, rows: int) -> None:
+        self._console = console
+        self._columns, self._rows = columns, rows
+        self._marks = Marks.of(console.encoding)
+
+    def frame(self, picture: Picture) -> Frame:
+        """Return the lines of a picture: at most `rows`, of at most `columns` each."""
+        head = [*self._lines(self._head(picture)), []]
+        foot = [line for part in bench_words(picture, self._marks) for line in self._lines(part)]
+        room = max(self._rows - len(head) - len(foot), 0)
+        if self._columns >= WIDE:
+            left = (self._columns - GAP) // 2
+            right = self._columns - GAP - left
+            body = beside(
+                self._steps(picture, left, room), self._measured(picture, right, room), left
+            )
+        else:
+            steps = sum(map(len, self._all_steps(picture, self._columns)))
+            values = self._measured(picture, self._columns, room - min(steps, FEWEST_STEPS))
+            body = [*self._steps(picture, self._columns, room - len(values)), *values]
+        return Frame([*head, *body, *foot][: self._rows])
+
+    def _lines(self, part: RenderableType, width: int | None = None) -> list[Line]:
+        options = self._console.options.update(width=width or self._columns, height=None)
+        return self._console.render_lines(part, options, pad=False)
+
+    # What the run is, how far it is, and what it does now.
+
+    def _head(self, picture: Picture) -> RenderableType:
+        state, times = picture.state, picture.times
+        colour = COLOURS[state["state"]]
+        dut = state["dut"] or {}
+        now = f"{picture.time_of_day:%H:%M:%S}"
+        what = " ".join(str(one) for one in (dut.get("model"), dut.get("serial")) if one)
+        table = Table.grid(padding=(0, 2))
+        table.add_column(no_wrap=True)
+        table.add_column(overflow="fold")
+        sentence = Text(f"{self._marks.state(state['state'])} {state['sentence']}", colour)
+        table.add_row("state", sentence.append(f"   device {what or 'unknown'}   {now}", "none"))
+        table.add_row("run", Text(f"{state['run']}"))
+        table.add_row("progress", self._progress(state, times))
+        table.add_row("time", Text(time_words(times, picture.time_of_day)))
+        table.add_row("now", Text(sentence_of_now(state, picture.live), "bold"))
+        return table
+
+    def _progress(self, state: dict[str, Any], times: Times) -> RenderableType:
+        goes_on = state["state"] in GOES_ON
+        done, planned = state["units_done"], state["units_planned"]
+        of = f" of {planned}" if planned else ""
+        if goes_on and (planned is None or done < planned):
+            units = f"unit of work {done + 1}{of}"
+        else:
+            units = f"{done}{of} units of work finished"
+        whole_s = times.elapsed_s + (times.left_s or 0.0)
+        known = times.left_s is not None and whole_s > 0.0
+        if not known and state["state"] != "finished":
+            return Text(units)
+        share = times.elapsed_s / whole_s if known else 1.0
+        row = Table.grid(padding=(0, 2))
+        bar = ProgressBar(total=1.0, completed=share, width=BAR_WIDTH)
+        row.add_row(bar, f"{100 * share:.0f} %", units)
+        return row
+
+    # The steps.
+
+    def _all_steps(self, picture: Picture, width: int) -> list[list[Line]]:
+        steps = picture.state["steps"]
+        number_width = max((cell_len(one["number"]) for one in steps), default=0)
+        found = []
+        for one in steps:
+            table = Table.grid(padding=(0, 1))
+            table.add_column(width=1)
+            table.add_column(width=max(map(len, STEP_COLOURS)))
+            table.add_column(width=number_width)
+            table.add_column(overflow="fold")
+            colour = STEP_COLOURS[one["state"]]
+            cells = (self._marks.step(one["state"]), one["state"], one["number"], one["title"])
+            table.add_row(*(Text(cell, colour) for cell in cells))
+            found.append(self._lines(table, width))
+        return found
+
+    def _steps(self, picture: Picture, width: int, room: int) -> list[Line]:
+        """Return the steps around the present one, and how many there are before and after."""
+        blocks = self._all_steps(picture, width)
+        states = [one["state"] for one in picture.state["steps"]]
+        present = states.index("now") if "now" in states else last_index(states, "done")
+        first, end = window([len(one) for one in blocks], present, room)
+        left_out = {"before": first, "after": len(blocks) - end}
+        more = ", ".join(f"{count} {where}" for where, count in left_out.items() if count)
+        rest = self._lines(Text(f"{self._marks.more} {more}", "dim"), width) if more else []
+        return [*(line for block in blocks[first:end] for line in block), *rest]
+
+    # Set-points beside read-backs, interlocks, and what the device gives.
+
+    def _measured(self, picture: Picture, width: int, room: int) -> list[Line]:
+        locks = self._locks(picture.live["interlocks"], width)
+        trace = self._trace(picture.trace, width) if picture.trace else []
+        fixed = [*locks, *trace]
+        instruments = picture.live["instruments"]
+        if not instruments:
+            return fixed[: max(room, 0)]
+        values = self._values(instruments, width, room - len(fixed))
+        return [*values, *fixed][: max(room, 0)]
+
+    def _values(self, instruments: Sequence[dict[str, Any]], width: int, room: int) -> list[Line]:
+        """Return a line for each instrument, two where it has much to show."""
+        name_width = max(cell_len(one["instrument"]) for one in instruments)
+        set_width = min(
+            max(cell_len(one["set"]) for one in instruments), (width - name_width - 4) * 2 // 5
+        )
+        read_width = width - name_width - max(set_width, len("set")) - 4
+
+        def line(name: str, set_: str, read: str, style: str = "") -> list[Line]:
+            table = Table.grid(padding=(0, 2))
+            table.add_column(width=name_width, overflow="fold")
+            table.add_column(width=max(set_width, len("set")), overflow="fold")
+            table.add_column(width=read_width, overflow="fold")
+            table.add_row(*(Text(cell, style) for cell in (name, set_, read)))
+            return self._lines(table, width)
+
+        heading = line("instrument", "set", "read back", "bold")
+        most = 2 if room > 2 * len(instruments) else 1
+        blocks = [
+            line(one["instrument"], one["set"] or "-", read_words(one["read"], most * read_width))
+            for one in instruments
+        ]
+        first, end = window([len(one) for one in blocks], 0, room - len(heading))
+        left = len(blocks) - (end - first)
+        after = self._lines(Text(f"{self._marks.more} {left} more", "dim"), width) if left else []
+        return [*heading, *(line for block in blocks[first:end] for line in block), *after]
+
+    def _locks(self, interlocks: Sequence[dict[str, str]], width: int) -> list[Line]:
+        """Return the interlocks by state; beside the steps those that are clear are named, too."""
+        table = Table.grid(padding=(0, 2))
+        table.add_column(no_wrap=True)
+        table.add_column(overflow="fold")
+        name = "interlocks"
+        for state in ("tripped", "waits", "clear"):
+            those = [one for one in interlocks if one["state"] == state]
+            if those:
+                named = state != "clear" or width != self._columns
+                which = ", ".join(map(lock_words, those)) if named else str(len(those))
+                said = f"{self._marks.lock(state)} {LOCK_WORDS[state]}: {which}"
+                table.add_row(name, Text(said, LOCK_COLOURS[state]))
+                name = ""
+        return self._lines(table, width) if interlocks else []
+
+    def _trace(self, trace: Trace, width: int) -> list[Line]:
+        low, high = min(trace.values), max(trace.values)
+        unit = trace.unit
+        said = (
+            f"{trace.source} {trace.quantity}: {trace.values[-1]:.5g} {unit}, "
+            f"from {low:.5g} to {high:.5g} {unit} so far"
+        )
+        drawn = sparkline(trace.values, width, self._marks.levels)
+        return [*self._lines(Text(said), width), *self._lines(Text(drawn, "cyan"), width)]
+
+
+def bench_words(picture: Picture, marks: Marks) -> Iterator[Text]:
+    """Yield how the bench was left; nothing before it was made safe."""
+    safe = picture.state["safe"]
+    if safe is None:
+        return
+    wrong = [str(one["instrument"]) for one in safe if not one["verified"]]
+    if wrong:
+        yield Text(f"{marks.bad} NOT VERIFIED as safe: {', '.join(wrong)}", "bold red")
+    else:
+        yield Text(f"{marks.good} {whole_bench(picture.state['left_out'])}", "green")
+
+
+def time_words(times: Times, now: datetime) -> str:
+    """Return elapsed and left bench time, the time of day of the end."""
+    parts = [f"elapsed {span(times.elapsed_s)}"]
+    if times.left_s is not None:
+        parts.append(f"left about {span(times.left_s)}")
+    if times.ends is not None:
+        ends = times.ends.astimezone(now.tzinfo)
+        day = "" if ends.date() == now.date() else f"{ends:%a %d %b} "
+        soon = ends - now < timedelta(days=300)
+        parts.append(f"ends about {day if soon else f'{ends:%Y-%m-%d} '}{ends:%H:%M}")
+    return ", ".join(parts)
+
+
+def read_words(read: Sequence[dict[str, Any]], room: int) -> str:
+    """Return values as they were read, in `room` characters, numbers before states.
+
+    What there is no room for is counted. The age of the oldest stands where that is old.
+    """
+    ordered = sorted(read, key=lambda one: not one["text"][-1:].isalpha() or " " not in one["text"])
+    parts = [f"{one['quantity']} {one['text']}" for one in ordered]
+    old_s = max((one["age_s"] for one in read), default=0.0)
+    age = f" (up to {span(old_s)} ago)" if old_s > OLD_S else ""
+    for kept in range(len(parts), 0, -1):
+        more = len(parts) - kept
+        said = ", ".join(parts[:kept]) + (f", +{more}" if more else "") + age
+        if cell_len(said) <= room:
+            return said
+    return parts[0] if parts else "-"
+
+
+def lock_words(one: dict[str, str]) -> str:
+    """Return the name of an interlock, and what it says where it is not clear."""
+    return one["name"] if one["state"] == "clear" else f"{one['name']} ({one['said']})"
+
+
+def beside(left: Sequence[Line], right: Sequence[Line], left_width: int) -> list[Line]:
+    """Return two columns of lines as one; `left_width` is that of the left column."""
+    found = []
+    for n in range(max(len(left), len(right))):
+        first = left[n] if n < len(left) else []
+        blank = Segment(" " * (left_width - Segment.get_line_length(first) + GAP))
+        found.append([*first, blank, *right[n]] if n < len(right) else list(first))
+    return found
+
+
+def window(heights: Sequence[int], focus: int, room: int) -> tuple[int, int]:
+    """Return first and end of the blocks around `focus` that fit into `room` lines.
+
+    Where not all of them do, a line is kept free that says how many are left out.
+    """
+    if sum(heights) <= room:
+        return 0, len(heights)
+    room -= 1
+    if heights[focus] > room:
+        return focus, focus
+    first, end, used = focus, focus + 1, heights[focus]
+    while True:
+        # What comes next matters more than what is over; one that is over is always shown.
+        after, before = end, first - 1
+        for at in (after, before) if end - focus <= focus - first else (before, after):
+            if 0 <= at < len(heights) and used + heights[at] <= room:
+                first, end = min(first, at), max(end, at + 1)
+                used += heights[at]
+                break
+        else:
+            return first, end
+
+
+def last_index(states: Sequence[str], state: str) -> int:
+    """Return where a state stands last; 0 where it does not."""
+    return max((n for n, one in enumerate(states) if one == state), default=0)
