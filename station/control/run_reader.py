@@ -171,4 +171,5 @@ def sentence_of_now(state: Mapping[str, Any], live: Mapping[str, Any]) -> str:
     if state["prompt"]:
         return f"waits for an answer: {state['prompt']['text']}"
     doing = live.get("now") if state["state"] == "running" else ""
-    return str(doing or state["message"])
+    pause = "; a pause comes after this unit of work" if live.get("pause_requested") else ""
+    return f"{doing or state['message']}{pause}"

@@ -114,7 +114,7 @@ class Drawing:
         table.add_column(no_wrap=True)
         table.add_column(overflow="fold")
         sentence = Text(f"{self._marks.state(state['state'])} {state['sentence']}", colour)
-        table.add_row("state", sentence.append(f"   device {what or 'unknown'}   {now}", "none"))
+        table.add_row("state", Text.assemble(sentence, f"   device {what or 'unknown'}   {now}"))
         table.add_row("run", Text(f"{state['run']}"))
         table.add_row("progress", self._progress(state, times))
         table.add_row("time", Text(time_words(times, picture.time_of_day)))
@@ -135,7 +135,13 @@ class Drawing:
             return Text(units)
         share = times.elapsed_s / whole_s if known else 1.0
         row = Table.grid(padding=(0, 2))
-        bar = ProgressBar(total=1.0, completed=share, width=BAR_WIDTH)
+        bar = ProgressBar(
+            total=1.0,
+            completed=share,
+            width=BAR_WIDTH,
+            complete_style="cyan",
+            finished_style="green",
+        )
         row.add_row(bar, f"{100 * share:.0f} %", units)
         return row
 
@@ -237,7 +243,7 @@ class Drawing:
 def bench_words(picture: Picture, marks: Marks) -> Iterator[Text]:
     """Yield how the bench was left; nothing before it was made safe."""
     safe = picture.state["safe"]
-    if safe is None:
+    if not safe:  # not made safe yet, or nothing that can harm
         return
     wrong = [str(one["instrument"]) for one in safe if not one["verified"]]
     if wrong:
@@ -262,18 +268,25 @@ def time_words(times: Times, now: datetime) -> str:
 def read_words(read: Sequence[dict[str, Any]], room: int) -> str:
     """Return values as they were read, in `room` characters, numbers before states.
 
-    What there is no room for is counted. The age of the oldest stands where that is old.
+    What there is no room for is counted.
     """
     ordered = sorted(read, key=lambda one: not one["text"][-1:].isalpha() or " " not in one["text"])
-    parts = [f"{one['quantity']} {one['text']}" for one in ordered]
-    old_s = max((one["age_s"] for one in read), default=0.0)
-    age = f" (up to {span(old_s)} ago)" if old_s > OLD_S else ""
+    parts = [f"{one['quantity']} {one['text']}{age_words(one['age_s'])}" for one in ordered]
     for kept in range(len(parts), 0, -1):
         more = len(parts) - kept
-        said = ", ".join(parts[:kept]) + (f", +{more}" if more else "") + age
+        said = ", ".join(parts[:kept]) + (f", +{more}" if more else "")
         if cell_len(said) <= room:
             return said
     return parts[0] if parts else "-"
+
+
+def age_words(age_s: float) -> str:
+    """Return in short how old a value is, nothing where it is new."""
+    if age_s <= OLD_S:
+        return ""
+    units = (("h", 3600.0), ("min", 60.0), ("s", 1.0))
+    unit, size_s = next(one for one in units if age_s >= one[1])
+    return f" ({age_s / size_s:.0f} {unit} ago)"
 
 
 def lock_words(one: dict[str, str]) -> str:

@@ -12,7 +12,7 @@ from rich.console import Console
 
 from station.control.run_reader import Times
 from station.record.series import Trace
-from station.view.drawing import Drawing, Picture, read_words, time_words, window
+from station.view.drawing import Drawing, Picture, age_words, read_words, time_words, window
 from station.view.sparkline import sparkline
 
 NOW = datetime(2026, 3, 1, 14, 5, 27, tzinfo=UTC)
@@ -168,6 +168,11 @@ def test_a_prompt_and_a_bench_that_is_not_safe_are_said() -> None:
     assert "✔ the bench is safe" in text
 
 
+def test_a_pause_that_is_to_come_is_said() -> None:
+    text = "\n".join(shown(picture({**LIVE, "pause_requested": True}), 80, 23))
+    assert "IA: 1566 of 5500 samples; a pause comes after this unit of work" in text
+
+
 def test_without_an_answer_of_the_run_there_is_still_a_picture() -> None:
     bare = Picture({**STATE, "steps": [], "dut": None, "units_planned": None}, TIMES, NOW)
     text = "\n".join(shown(bare, 80, 23))
@@ -178,11 +183,12 @@ def test_without_an_answer_of_the_run_there_is_still_a_picture() -> None:
 
 def test_what_a_line_has_no_room_for_is_counted_and_old_values_have_an_age() -> None:
     read = [
-        {"quantity": "output", "text": "off", "age_s": 60.0},
+        {"quantity": "output", "text": "off", "age_s": 600.0},
         {"quantity": "current", "text": "3.33 A", "age_s": 1.0},
     ]
-    assert read_words(read, 80) == "current 3.33 A, output off (up to 1 min 00 s ago)"
-    assert read_words(read, 45) == "current 3.33 A, +1 (up to 1 min 00 s ago)"
+    assert read_words(read, 80) == "current 3.33 A, output off (10 min ago)"
+    assert read_words(read, 38) == "current 3.33 A, +1"
+    assert [age_words(one) for one in (30.0, 45.0, 7300.0)] == ["", " (45 s ago)", " (2 h ago)"]
     assert read_words([], 10) == "-"
 
 
