@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from station.findings import Estimate, Flag, undetermined
 
-from .causes import cause_flag
+from .causes import LIKE_HYSTERESIS, cause_flag
 from .dataset import (
     AccelerometerAnalysis,
     AccelerometerDataset,
@@ -30,6 +30,7 @@ from .flags import (
     residual_flags,
     result_flags,
 )
+from .history import tells_history
 from .misread import misread_flags
 from .model import (
     COEFFICIENTS,
@@ -125,6 +126,9 @@ def analyse(
         flags += residual_flags(solution, coarse_step_V(dataset.output_V[usable]))
     if solution is not None and solution.cause is not None:
         flags.append(cause_flag(solution, solution.cause, np.flatnonzero(usable)))
+        distinguished = tells_history(dataset.field_commanded_T[usable])
+        if solution.cause.code == "hysteresis" and not distinguished:
+            flags.append(LIKE_HYSTERESIS)
     count = found.rank if solution is not None else 0
     return AccelerometerAnalysis(
         identifiability=measured,

@@ -43,8 +43,12 @@ SLOWEST_CYCLES = 4.5
 """What is slower in the record is drift."""
 WARMING_ROWS = (4.0, 12.0, 36.0)
 """Time constants of a device in a coil, in intervals of the rows."""
-UNTOLD = "field or, as hysteresis, by where it came from"
-"""Two causes of one shape, where each field always comes after the same one."""
+LIKE_HYSTERESIS = Flag(
+    "misfit",
+    "Each field always comes after the same one, so that what hysteresis leaves is a shape over "
+    "the field: a core that saturates, or another shape that the model does not have, may be the "
+    "cause as well. Take the fields up and down, or in random order, which distinguishes the two.",
+)
 STEP_KEYS = {"V": "step_V", "V/g": "step_V_per_g", "V/T": "step_V_per_T"}
 
 
@@ -66,22 +70,18 @@ def known_causes(rows: Rows, acceleration_g: Array, coefficients: Array) -> list
     last = np.concatenate(([0], np.arange(len(data) - 1)))
     change_T = rows.field_T[last] - rows.field_T
     off_T = rows.commanded_T - rows.field_T
-    history = tells_history(rows.commanded_T)
-    field = "field" if history else UNTOLD
-    left_behind = [
-        ("bias", "V", up),
-        ("bias", "V", np.column_stack((up, up * b**2))),
-        ("scale", "V/g", up * i),
-        ("last field", "V/T", change_T),
-        ("last field", "1", change_T * by_field),
-    ]
     shapes: list[tuple[str, str, str, Array]] = [
+        ("hysteresis", "bias", "V", up),
+        ("hysteresis", "bias", "V", np.column_stack((up, up * b**2))),
+        ("hysteresis", "scale", "V/g", up * i),
+        ("hysteresis", "last field", "V/T", change_T),
+        ("hysteresis", "last field", "1", change_T * by_field),
         ("not-settled", "output", "1", data[last] - data),
         ("field-differs-from-commanded", "gaussmeter", "1", off_T * by_field),
-        ("misfit", field, "V", b**3),
-        ("misfit", field, "V", np.abs(b) * b),
-        ("misfit", field, "V", b**4),
-        ("misfit", field, "V", np.column_stack((b**3, b**4))),
+        ("misfit", "field", "V", b**3),
+        ("misfit", "field", "V", np.abs(b) * b),
+        ("misfit", "field", "V", b**4),
+        ("misfit", "field", "V", np.column_stack((b**3, b**4))),
         ("misfit", "field and acceleration", "V/g", i * b**2),
         ("misfit", "field's sign and acceleration", "V/g", i * np.sign(b)),
         ("misfit", "field's sign and acceleration", "V/g", i * np.abs(b)),
@@ -94,11 +94,7 @@ def known_causes(rows: Rows, acceleration_g: Array, coefficients: Array) -> list
         ("misfit", "drift of the encoder", "V/g", rows.slope * time),
         ("drift-removed", "Km", "V", time * b),
     ]
-    if not history:
-        # What the field before leaves is a shape over the field, as a core that saturates has it.
-        shapes += [("misfit", field, unit, one) for _, unit, one in left_behind]
-    else:
-        shapes += [("hysteresis", what, unit, one) for what, unit, one in left_behind]
+    if tells_history(rows.commanded_T):
         for constant in WARMING_ROWS:
             shapes += [("not-settled", f"{constant:g}", "V", warmth(rows, constant))]
     if rows.temperature_degC is not None:
