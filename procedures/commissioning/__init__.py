@@ -26,7 +26,7 @@ from .chamber import CHAMBER_PART
 from .clocks import CLOCK_PART
 from .coils import COIL_PART
 from .contacts import CONTACT_PART
-from .drift import drift_axes
+from .drift import drift_axes, unlike
 from .gyro import GYRO_PART
 from .lines import LINES_PART
 from .lines.work import records_of_asked
@@ -57,7 +57,7 @@ PARTS: tuple[Part, ...] = (
 """In the order in which they are walked."""
 
 
-CHECKS = "parameters.checks"
+CHECKS, WATCH = "parameters.checks", ("parameters", "watch")
 
 
 def chosen(parameters: CommissioningParameters) -> Iterator[tuple[Part, Any]]:
@@ -102,10 +102,13 @@ def check(parameters: CommissioningParameters, bench: Bench) -> Iterator[Problem
     """Yield why a part cannot be done on a bench, or a bench not be checked."""
     if parameters.watch and bench.commissioned is None:
         yield Problem(
-            ("parameters", "watch"),
+            WATCH,
             "the bench file holds no figures of a commissioning; run `station commission` first "
             "and use the bench file that it leaves",
         )
+    elif parameters.watch and bench.commissioned is not None:
+        units = {name: kind.unit for name, kind in PROCEDURE.results.items()}
+        yield from (Problem(WATCH, one) for one in unlike(bench.commissioned, units))
     for part, own in chosen(parameters):
         yield from part.check(own, bench)
 

@@ -29,6 +29,20 @@ def figure_name(name: str, axis: str | None) -> str:
     return name if axis is None else f"{name} {axis}"
 
 
+def unlike(commissioned: Commissioned, units: Mapping[str, str]) -> Iterator[str]:
+    """Yield why figures of a bench file are not those of a check; `units` by result."""
+    said = [figure_name(one.name, one.axis) for one in commissioned.figures]
+    for name in dict.fromkeys(said):
+        if said.count(name) > 1:
+            yield f"`commissioned` in the bench file states {name} {said.count(name)} times"
+    for name, one in zip(said, commissioned.figures, strict=True):
+        if one.name in units and one.unit != units[one.name]:
+            yield (
+                f"`commissioned` in the bench file states {name} in '{one.unit}', and a check "
+                f"measures it in '{units[one.name]}'; commission the bench again"
+            )
+
+
 def drifts(
     estimates: Sequence[Estimate], allowed: Mapping[str, float], commissioned: Commissioned
 ) -> Iterator[Estimate]:

@@ -125,15 +125,16 @@ def commission(
     output: Annotated[Path, typer.Option(help="Parent of the run folder.")] = Path("runs"),
     check: Annotated[bool, typer.Option("--check", help="Short form: what has drifted.")] = False,
     set_: Overrides = None,
+    trace: Traced = False,
     json: Json = False,
 ) -> None:
     """Measure what a bench does; name what is wrong."""
     from station.cli.commissioning import commission_bench
 
-    chosen = set_ or ()
-    raise typer.Exit(
-        commission_bench(bench, chosen, non_interactive, answers, output, check=check, as_json=json)
+    code = commission_bench(
+        bench, set_ or (), non_interactive, answers, output, check=check, as_json=json, trace=trace
     )
+    raise typer.Exit(code)
 
 
 @app.command()

@@ -22,6 +22,7 @@ def commission_bench(
     *,
     check: bool,
     as_json: bool,
+    trace: bool = False,
 ) -> int:
     """Run the shipped plan on a bench, or its short form, and return the exit code of the run.
 
@@ -38,5 +39,6 @@ def commission_bench(
         answers=answers,
         output=output,
         overrides=(*fitted, *overrides),
+        trace=trace,
     )
     return report_outcome(execute(request), PLAN, as_json=as_json)

@@ -69,6 +69,8 @@ def why_unknown(address: str) -> tuple[str, str | None] | None:
     scheme, is_url, rest = text.partition("://")
     if is_url and scheme.lower() == "can":
         return _why_no_can(text)
+    if is_url and scheme.lower() == "hwgrep":
+        return _why_no_pattern(text, rest)
     if is_url and scheme.lower() in PORTED:
         return _why_no_port(text, what)
     if is_url:
@@ -121,6 +123,18 @@ def _why_no_can(text: str) -> tuple[str, str | None] | None:
         can_address(text)
     except ValueError as error:
         return f"'{text}' is no CAN address: {error}", None
+    return None
+
+
+def _why_no_pattern(text: str, rest: str) -> tuple[str, str | None] | None:
+    """Return why an adapter cannot be looked for by its identity; options follow a `&`."""
+    try:
+        re.compile(rest.partition("&")[0])
+    except re.error as error:
+        return (
+            f"'{text}' is no address: what follows hwgrep:// is no regular expression ({error})",
+            None,
+        )
     return None
 
 

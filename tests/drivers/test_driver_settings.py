@@ -361,9 +361,10 @@ def test_settings_that_raise_are_a_fault_of_their_driver(monkeypatch: pytest.Mon
         ("socketcand://192.0.2.1:x/can0", None),
         ("modbus-tcp://", None),
         ("socket://192.0.2.1", None),
+        ("hwgrep://(0403", None),
     ],
 )
-def test_an_address_without_host_port_or_channel_is_refused(
+def test_an_address_without_host_port_channel_or_whole_pattern_is_refused(
     address: str, meant: str | None
 ) -> None:
     found = why_unknown(address)
@@ -381,6 +382,7 @@ def test_an_address_without_host_port_or_channel_is_refused(
         "modbus-tcp://h",
         "rfc2217://[::1]:5000",
         "lab://anything",
+        "hwgrep://0403:(6001|6010)&n=1",
     ],
 )
 def test_an_address_that_is_whole_is_not_refused(address: str) -> None:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from station.findings import Analysis, Estimate, Flag
 
-from .limits import COVERAGE, FOLLOWS, IN_AIR, OVERSHOOT_K
+from .limits import COVERAGE, FOLLOWS, IN_AIR, IN_AIR_S, OVERSHOOT_K
 from .parameters import AXES
 
 Array = NDArray[np.float64]
@@ -178,9 +178,9 @@ def misplaced(followed: list[Following], step_K: float) -> list[Flag]:
                 f"shows {100.0 * one.gain:.0f} % of the chamber's step of {abs(step_K):g} K: it is "
                 "on the wrong channel, or outside the chamber"
             )
-        elif one.lag_s * IN_AIR < middle_s:
+        elif one.lag_s < max(IN_AIR_S, middle_s / IN_AIR):
             shown = (
-                f"lags the air by {one.lag_s / 60.0:.1f} min, the others by "
+                f"lags the air by {one.lag_s / 60.0:.1f} min, the middle one of all by "
                 f"{middle_s / 60.0:.0f} min: it is on the channel of the air, or has come loose"
             )
         else:

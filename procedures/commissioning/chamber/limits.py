@@ -8,6 +8,8 @@ GAIN = 0.2
 """A thermometer in the device shows the whole step in the end; the fit leaves a few percent."""
 FOLLOWS = 0.5
 """Of the step: a thermometer that shows less does not stand in the chamber."""
+IN_AIR_S = 120.0
+"""A thermometer in a device of some hundred grams lags by more, whatever the others do."""
 IN_AIR = 3.0
 """A thermometer that lags so many times less than the others' middle one stands in the air."""
 COVERAGE = 2.0

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from station.findings import Analysis, Estimate, Flag, InputQuantity
+from station.findings import Analysis, Estimate, Flag, InputQuantity, undetermined
 
 from .limits import COVERAGE, LEAST_SHARE, PULSE_WEIGHT
 
@@ -94,6 +94,7 @@ def analyse(data: GyroDataset, inputs: Sequence[InputQuantity]) -> Analysis:
             f"{earth.rate_deg_per_h:.3g} deg/h of the earth's rate: it gives no pulses, or its "
             "input axis stands otherwise."
         )
+        estimates.append(undetermined("pulse_weight_ratio", None, "1", method))
         return Analysis(estimates, (), [*flags, Flag("gyro-without-pulses", message)])
     ratio = earth.rate_deg_per_h / rate
     by = {BIAS: 1.0 / rate, DIRECTION: earth.per_deg / rate, SCALE: ratio}

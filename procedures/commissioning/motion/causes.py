@@ -66,6 +66,13 @@ def causes_of(turned: Mapping[str, Turned], upright: Turned, figures: Figures) -
 
 
 def _senses(turned: Mapping[str, Turned], upright: Turned) -> Iterator[Flag]:
+    if turned["outer"].down[2] > FOLLOWS:
+        message = (
+            "At the axes' zeros the sensor feels itself upside down: it is mounted so, the zero of "
+            "the middle or inner axis is off by half a turn, or its accelerometer Z is reversed."
+        )
+        yield Flag("sensor-upside-down", message)
+        return
     still = [axis for axis, one in turned.items() if np.abs(one.by_gyro).max() < FOLLOWS]
     felt = {axis: sense * float(turned[axis].by_gravity[k]) for axis, (k, sense) in LEVEL.items()}
     if still or any(abs(one) < FOLLOWS for one in felt.values()):

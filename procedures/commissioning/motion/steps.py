@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from station.method.commands import Power
 from station.procedure import Prompt, Step
+from station.roles import Driver
 
 from .measuring import record_level, record_turn
 from .parameters import HALF_TURNS, HOME, TURNED_UNIT, MotionParameters, TableTurn, level_unit
@@ -49,6 +50,8 @@ def levels(run: Run) -> None:
         turn_device(run)
         record_level(run, TURNED_UNIT)
     if run.state(TableState).is_ready:
+        # Switched off it could not be asked for what it keeps.
+        run.role(run.parameters.motion.device, Driver).kept.put_back()
         run.apply(Power(POWER, False))
 
 

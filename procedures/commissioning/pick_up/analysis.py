@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from station.findings import Analysis, Estimate, Flag
+from station.findings import Analysis, Estimate, Flag, undetermined
 
 from .limits import COVERAGE, OF_ROOM, PICK_UP_UV
-from .parameters import COILS, OFF
+from .parameters import COILS, OFF, RESULTS
 
 Array = NDArray[np.float64]
 
@@ -73,6 +73,21 @@ def causes_of(lines: Mapping[str, Line]) -> tuple[Flag, ...]:
         return (Flag("line-at-drive-frequency", message, details=details),)
     message = f"{seen}: twist and screen its leads, and part them from those of the coil."
     return (Flag("pick-up", message, details=details),)
+
+
+def beyond_range(over: Sequence[str], range_V: float) -> Analysis:
+    """Return that nothing is determined: readings with coils `over` driven exceed the range."""
+    driven = " and ".join("all coils off" if one == OFF else f"coil {one} driven" for one in over)
+    message = (
+        f"The voltmeter reads beyond its range of {range_V:g} V with {driven}, the device off: its "
+        "leads are open, or another voltage is on them."
+    )
+    estimates = [
+        undetermined(name, axis, kind.unit, "beyond the range")
+        for name, kind in RESULTS.items()
+        for axis in kind.axes or (None,)
+    ]
+    return Analysis(estimates, (), (Flag("pick-up-beyond-range", message),))
 
 
 def limit_of(line: Line) -> float:

@@ -10,9 +10,9 @@ from procedures.commissioning.not_measured import not_measured
 from station.findings import Findings, findings_of
 from station.record.raw import ARRIVAL
 
-from .analysis import PickUpDataset, Readings, analyse
+from .analysis import PickUpDataset, Readings, analyse, beyond_range
 from .parameters import COILS, FREQUENCY, OFF, RESULTS, PickUpParameters, unit_of
-from .work import METER
+from .work import METER, RANGE_V
 
 if TYPE_CHECKING:
     from station.instruments.bench import Bench
@@ -26,14 +26,15 @@ def findings(folder: RunFolder, parameters: PickUpParameters, bench: Bench) -> F
     finished = folder.finished_units()
     if missing := [unit_of(one) for one in (OFF, *COILS) if unit_of(one) not in finished]:
         return findings_of(not_measured("pick_up", RESULTS, missing), None, [])
+    if over := [one for one in (OFF, *COILS) if folder.rows(METER, unit_of(one))["overload"].any()]:
+        return findings_of(beyond_range(over, RANGE_V), None, [])
     data = PickUpDataset({coil: readings_of(folder, unit_of(coil)) for coil in (OFF, *COILS)})
     return findings_of(analyse(data), data, [])
 
 
 def readings_of(folder: RunFolder, unit: str) -> Readings:
-    """Return the readings of a record that are within the range."""
+    """Return the readings of a record, all of them within the range."""
     rows = folder.rows(METER, unit)
-    rows = rows[rows["overload"] == 0]
     return Readings(
         np.asarray(rows[ARRIVAL]),
         rows["voltage_V"] * UV_PER_V,

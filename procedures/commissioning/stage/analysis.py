@@ -13,9 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from station.findings import Analysis, Estimate, Flag
+from station.findings import Analysis, Estimate, Flag, undetermined
 
-from .limits import CLOSURE_DEG, COVERAGE, LEAN_DEG, RESPONSE, ZERO_DEG
+from .limits import CLOSURE_DEG, COVERAGE, FAR_DEG, LEAN_DEG, RESPONSE, ZERO_DEG
 
 Array = NDArray[np.float64]
 MOUNTING, ANGLE = "mounting_deg", "stage_angle_deg"
@@ -53,6 +53,11 @@ def analyse(data: StageDataset) -> Analysis:
         data.encoder_deg[4] - data.encoder_deg[0]
     )
     lean_deg = math.degrees((float(data.along_V.mean()) - bias_V) / gain_V)
+    closure = _of("stage_closure", closure_deg, 2.0 * u_deg, {}, "outputs at 0 and 360 deg")
+    if abs(zero_deg) > FAR_DEG:
+        closure = undetermined(
+            "stage_closure", None, "deg", "the output does not change with angle"
+        )
     response_u = data.u_V / data.scale_factor_V_per_g * math.sqrt(0.5)
     both = {MOUNTING: 1.0, ANGLE: 1.0}
     estimates = [
@@ -66,7 +71,7 @@ def analyse(data: StageDataset) -> Analysis:
             "half the difference of outputs at 90 and 270 deg over the stated scale factor",
         ),
         _of("stage_zero", zero_deg, u_deg, both, "outputs at 0 and 180 deg"),
-        _of("stage_closure", closure_deg, 2.0 * u_deg, {}, "outputs at 0 and 360 deg"),
+        closure,
         _of("stage_lean", lean_deg, u_deg, {MOUNTING: 1.0}, "outputs along the axis, less K0"),
     ]
     return Analysis(estimates, (), list(_causes(estimates, data)))
@@ -90,14 +95,14 @@ def _causes(estimates: list[Estimate], data: StageDataset) -> Iterator[Flag]:
     def is_off(name: str, limit: float) -> bool:
         return abs(value[name]) - COVERAGE * u[name] > limit
 
-    response = value["stage_response"]
+    response, is_far = value["stage_response"], abs(value["stage_zero"]) > FAR_DEG
     if response < -RESPONSE:
         message = (
             "The output falls where it should rise with the angle: the rotary stage turns against "
             "its sense, or the accelerometer is mounted or connected the other way round."
         )
         yield Flag("stage-sense-reversed", message)
-    elif abs(response - 1.0) - COVERAGE * u["stage_response"] > RESPONSE:
+    elif not is_far and abs(response - 1.0) - COVERAGE * u["stage_response"] > RESPONSE:
         message = (
             f"A quarter turn of the rotary stage changes the output by {response:.3g} of what the "
             "stated scale factor makes of it: the stage's units, or scale_factor in the plan."

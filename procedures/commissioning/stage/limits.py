@@ -10,3 +10,5 @@ LEAN_DEG = 0.05
 """Half of 0.1 deg, by which a level axis of rotation shows as a bias."""
 COVERAGE = 2.0
 """Standard uncertainties by which a figure must be beyond its limit to be named as a cause."""
+FAR_DEG = 45.0
+"""A zero that is off by more is a device mounted along another axis: nothing else is decided."""

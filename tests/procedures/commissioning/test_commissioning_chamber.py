@@ -58,3 +58,11 @@ def test_the_shipped_plan_states_the_limits_of_the_naming() -> None:
     assert stated["chamber_overshoot"] == {"max": f"{limits.OVERSHOOT_K:g} K"}
     assert stated["chamber_steady_error"] == {"max_abs": f"{limits.STEADY_ERROR_K:g} K"}
     assert stated["thermometer_gain"] == {"min": 1.0 - limits.GAIN, "max": 1.0 + limits.GAIN}
+
+
+def test_thermometers_that_are_all_in_the_air_are_named(tmp_path: Path) -> None:
+    bench = shipped_bench("sim")
+    bench["simulation"]["fog"]["gyros"]["sensor_wiring"] = dict.fromkeys("xyz", "air")
+    outcome = run_of(tmp_path / "run", short_plan(), bench)
+    assert named(outcome) == {("thermometer-wrong-channel", axis) for axis in "xyz"}
+    assert outcome.exit_code == 1

@@ -144,3 +144,33 @@ def test_parts_are_chosen_by_name_alone(completed: Path, tmp_path: Path) -> None
     assert code == 0
     results = json.loads((folder / "results.json").read_text(encoding="utf-8"))["results"]
     assert {one["name"] for one in results} == {*COIL_PART.results, "named_causes"}
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda figures: figures[0].update(unit="T"), "states coil_constant_ratio x in 'T'"),
+        (lambda figures: figures.append(dict(figures[0])), "states coil_constant_ratio x 2 times"),
+    ],
+)
+def test_figures_that_are_not_those_of_a_check_are_refused(
+    completed: Path, tmp_path: Path, change: Any, said: str
+) -> None:
+    data = yaml.safe_load(completed.read_text(encoding="utf-8"))
+    change(data["commissioned"]["figures"])
+    bench = tmp_path / "bench.yaml"
+    bench.write_text(yaml.safe_dump(data), encoding="utf-8")
+    with pytest.raises(FaultList, match=said):
+        commissioned(bench, tmp_path / "runs", check=True, short=())
+
+
+def test_the_wire_of_a_commissioning_is_recorded(tmp_path: Path) -> None:
+    short = (
+        "parameters.coils.record=2 s",
+        "parameters.checks=[clocks]",
+        "parameters.clocks.record=60 s",
+    )
+    bench, runs = written(tmp_path), tmp_path / "runs"
+    commission_bench(str(bench), short, True, None, runs, check=False, as_json=False, trace=True)
+    (folder,) = runs.iterdir()
+    assert " > " in (folder / "trace" / "gaussmeter.txt").read_text(encoding="utf-8")

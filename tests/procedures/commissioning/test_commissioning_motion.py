@@ -78,3 +78,18 @@ def test_the_shipped_plan_states_the_limits_of_the_naming() -> None:
     assert stated["encoder_zero"] == {"max_abs": f"{limits.ENCODER_ZERO_DEG:g} deg"}
     assert stated["axes_off_square"] == {"max_abs": f"{limits.OFF_SQUARE_DEG:g} deg"}
     assert stated["axis_lean"] == {"max": f"{limits.AXIS_LEAN_DEG:g} deg"}
+
+
+def test_a_sensor_that_stands_upside_down_is_named_alone(tmp_path: Path) -> None:
+    bench = shipped_bench()
+    bench["instruments"]["turntable"]["simulator"]["axis_3"]["encoder_offset"] = "180 deg"
+    outcome = run_of(tmp_path / "run", short_plan(), bench)
+    assert named(outcome) == {("sensor-upside-down", None)}
+    assert outcome.exit_code == 1
+
+
+def test_the_sensor_has_its_settings_back_before_it_is_switched_off(tmp_path: Path) -> None:
+    outcome = run_of(tmp_path / "run", short_plan(), shipped_bench())
+    events = (outcome.folder / "events.jsonl").read_text(encoding="utf-8")
+    assert '"instrument-settings"' in events
+    assert '"settings-stay"' not in events

@@ -64,3 +64,11 @@ def test_a_line_that_is_there_without_a_drive_is_not_the_coils() -> None:
 def test_the_shipped_plan_states_the_limit_of_the_naming() -> None:
     stated = shipped_plan("commissioning")["limits"]
     assert stated["pick_up"] == {"max": f"{limits.PICK_UP_UV:g} uV"}
+
+
+def test_readings_beyond_the_range_are_named_and_not_fitted(tmp_path: Path) -> None:
+    bench = shipped_bench()
+    bench["instruments"]["multimeter"]["simulator"]["pick_up"] = "300 mV"
+    outcome = run_of(tmp_path / "run", short_plan(), bench)
+    assert named(outcome) == {("pick-up-beyond-range", None)}
+    assert outcome.exit_code == 1

@@ -72,3 +72,19 @@ def test_the_shipped_plan_states_the_limits_of_the_naming() -> None:
     ):
         assert stated[name] == {"max_abs": f"{limit_deg:g} deg"}
     assert PULSE_WEIGHT_LIMIT["max"] == 1.0 + PULSE_WEIGHT
+
+
+def test_a_gyro_that_feels_nothing_of_the_earth_fails(tmp_path: Path) -> None:
+    bench = shipped_bench()
+    bench["simulation"]["gyro"]["input_axis"] = {"azimuth": "90 deg", "elevation": "0 deg"}
+    outcome = run_of(tmp_path / "run", short_plan("gyro"), bench)
+    assert named(outcome) == {("gyro-without-pulses", None)}
+    assert outcome.exit_code == 1
+
+
+def test_an_accelerometer_along_another_axis_is_one_cause(tmp_path: Path) -> None:
+    bench = shipped_bench()
+    bench["instruments"]["rotary_stage"]["simulator"]["encoder_offset"] = "90 deg"
+    outcome = run_of(tmp_path / "run", short_plan("stage"), bench)
+    assert named(outcome) == {("stage-zero-off", None)}
+    assert outcome.exit_code == 1
