@@ -26,23 +26,25 @@ from fog_logs import (
     swapped,
     turned,
 )
+from fog_planting import (
+    COARSE,
+    DRIVEN,
+    FROZEN,
+    FULL,
+    LEFT_OUT,
+    NOTHING,
+    PAIRS,
+    PROVED,
+    SHAPE,
+    SINGLE,
+    STATED,
+    STATEMENT,
+    Maker,
+    faults,
+)
 from sabotage import Fault, Made
+from sabotage_fog_laboratory import LABORATORY
 
-Maker = Callable[[int], Log]
-
-STATEMENT = frozenset({"contradicts-statement"})
-FROZEN = frozenset({"frozen"})
-COARSE = frozenset({"coarse-output"})
-NOTHING = frozenset({"not-identifiable"})
-SHAPE = frozenset({"misfit", "model-too-stiff"})
-LEFT_OUT = SHAPE | {"outliers-rejected"}
-
-PAIRS: Maker = log
-SINGLE: Maker = partial(log, turns=(360,))
-FULL: Maker = partial(log, full=True)
-PROVED: Maker = partial(log, proved=True)
-DRIVEN: Maker = partial(log, driven=True)
-STATED: Maker = partial(log, stated=True)
 KINDS: tuple[Maker, ...] = (
     PAIRS,
     SINGLE,
@@ -156,26 +158,6 @@ def off_proof(shape: Shape) -> Change:
         return replace(log, verification=turned(replace(log, table=proof), error).table)
 
     return changed
-
-
-def faults(
-    flags: frozenset[str],
-    *named: tuple[str, Change],
-    kind: Maker = PAIRS,
-    detectable: bool | None = None,
-) -> list[Fault]:
-    """Return faults that one of the flags names.
-
-    `detectable` where more than the errors of the turns shows them.
-    """
-
-    def one(name: str, change: Change) -> Fault:
-        def planted(seed: int) -> Made:
-            return made(change(kind(seed), np.random.default_rng([seed, 23])))
-
-        return Fault(name, flags, lambda seed: made(kind(seed)), planted, detectable)
-
-    return [one(name, change) for name, change in named]
 
 
 FAULTS: tuple[Fault, ...] = (
@@ -365,4 +347,5 @@ FAULTS: tuple[Fault, ...] = (
         ("set numbers start again", columns("set", lambda n: n % 27)),
         detectable=True,
     ),
+    *LABORATORY,
 )

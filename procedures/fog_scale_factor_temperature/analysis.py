@@ -28,13 +28,15 @@ from .dataset import (
 )
 from .flags import axis_flags, check_flags, data_flags, drive_flags, fit_flags, stated_turn_ppm
 from .misplaced import misplaced_flags
+from .repeated import copied_turns, repeat_flags
 from .table_checks import (
     heading_resolution_deg,
     resolution_of,
     table_flags,
-    unit_of_headings,
+    units_of_headings,
     upright,
 )
+from .two_ways import two_ways
 from .verification import Driven, Verified, evaluate_drive, verification_flags, verify_axis
 
 NOT_REJECTED_RESOLUTIONS = 0.6
@@ -42,10 +44,6 @@ NOT_REJECTED_RESOLUTIONS = 0.6
 NEIGHBOURS = 9
 WILD_DEVIATIONS = 8.0
 WILD_TEMPERATURE_DEGC = 5.0
-WAY_DEGC = 0.1
-"""From set to set: the gyro warms, or cools."""
-APART = 5.0
-FEWEST_SETS = 10
 UNIFORM = 12.0**-0.5
 COARSE_DEGC = 0.5
 SAME_PLACES = 0.25
@@ -68,7 +66,7 @@ def analyse(dataset: FogDataset, settings: AnalysisSettings | None = None) -> Fo
     settings = settings or AnalysisSettings()
     step_deg = max(dataset.heading_resolution_deg, heading_resolution_deg(dataset.turns))
     floor_ppm = NOT_REJECTED_RESOLUTIONS * step_deg / FULL_TURN_DEG * PPM
-    flags = [*table_flags(dataset), *misplaced_flags(dataset)]
+    flags = [*table_flags(dataset), *repeat_flags(dataset), *misplaced_flags(dataset)]
     tables = axis_tables(dataset, dataset.turns)
     fits: dict[str, AxisFit] = {}
     published: dict[str, Curve | None] = {}
@@ -80,7 +78,8 @@ def analyse(dataset: FogDataset, settings: AnalysisSettings | None = None) -> Fo
         published[axis] = published_curve(turns, dataset.initial_order)
     verified: dict[str, Verified] = {}
     if dataset.verification is not None:
-        for axis, turns in axis_tables(dataset, dataset.verification).items():
+        proof_turns = dataset.verification.of(~copied_turns(dataset.verification, dataset.turns))
+        for axis, turns in axis_tables(dataset, proof_turns).items():
             bias = dataset.gyro_bias_deg_per_h or 0.0
             proof = verify_axis(turns, fits[axis], bias) if axis in fits else None
             if proof is not None:
@@ -138,46 +137,12 @@ def coarse(fit: AxisFit, table: TurnTable) -> tuple[AxisFit, list[Flag]]:
     return found, [Flag("coarse-output", coarse_said, fit.axis, {"size_ppm": float(added.max())})]
 
 
-def two_ways(fit: AxisFit, turns: AxisTurns) -> tuple[AxisFit, list[Flag]]:
-    """Return an axis with what its warming and cooling turns differ by in u, and the flag of it.
-
-    A curve between the two branches of a loop leaves residuals of one sign on each.
-    """
-    kept = fit.kept & np.isfinite(fit.error_ppm)
-    if fit.curve is None or int(kept.sum()) < 2 * FEWEST_SETS:
-        return fit, []
-    middle, place = np.unique(turns.set_number[kept], return_inverse=True)
-    count = np.bincount(place)
-    heat = np.bincount(place, turns.temperature_degC[kept]) / count
-    left = np.bincount(place, fit.residual_ppm[kept]) / count
-    slope = np.gradient(heat) if len(middle) > 1 else np.zeros(1)
-    branches = [slope > WAY_DEGC, slope < -WAY_DEGC]
-    if min(int(one.sum()) for one in branches) < FEWEST_SETS:
-        return fit, []
-    shared = max(heat[one].min() for one in branches), min(heat[one].max() for one in branches)
-    inside = (heat >= shared[0]) & (heat <= shared[1])
-    up, down = (left[one & inside] for one in branches)
-    if min(len(up), len(down)) < FEWEST_SETS:
-        return fit, []
-    apart = float(up.mean() - down.mean())
-    u = float(np.sqrt(up.var(ddof=1) / len(up) + down.var(ddof=1) / len(down)))
-    if abs(apart) <= APART * u:
-        return fit, []
-    ways_said = (
-        f"The turns about {fit.axis} while the gyro cools differ by {-apart:+.2g} ppm from those "
-        "while it warms: hysteresis, or a thermometer that lags. The curve lies between them; half "
-        "of it is in the uncertainty."
-    )
-    found = replace(fit, curve=fit.curve.checked(0.5 * abs(apart)))
-    return found, [Flag("hysteresis", ways_said, fit.axis, {"size_ppm": abs(apart)})]
-
-
 def axis_tables(dataset: FogDataset, table: TurnTable) -> dict[str, AxisTurns]:
     """Return the turns of each axis that occurs, in the order x, y, z."""
     error_deg = turn_errors_deg(table, dataset.turn_sense, dataset.full_attitude)
     usable = np.isfinite(error_deg) & (table.duration_s > 0.0) & believable_temperatures(table)
     usable &= upright(table, dataset.full_attitude)
-    usable &= unit_of_headings(table, dataset.full_attitude) is None
+    usable &= ~np.isin(table.axis, list(units_of_headings(table, dataset.full_attitude)))
     found = {}
     for axis in AXES:
         own = table.axis == axis

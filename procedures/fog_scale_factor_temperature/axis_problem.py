@@ -294,6 +294,13 @@ class AxisProblem:
         design = self.design(domain, order)[0][kept]
         return walk_ratio(design, self.data[kept], self.course.of(kept))
 
+    def order_of(self, kept: Mask, solved: Solved) -> int:
+        """Return the order that some rows ask for, range and walk as in a solution; -1 if none."""
+        highest = self.highest_order(kept)
+        if highest < 0:
+            return -1
+        return self._order(kept, solved.domain_degC, highest, solved.ratio)
+
     def _order(self, kept: Mask, domain: tuple[float, float], highest: int, ratio: float) -> int:
         design, biases = self.design(domain, highest)
         walk = Walk(self.course.of(kept), ratio)

@@ -59,6 +59,10 @@ class TurnTable:
         """Return the number of rows."""
         return len(self.before_s)
 
+    def of(self, rows: Mask | Index | slice) -> TurnTable:
+        """Return some of the rows."""
+        return TurnTable(**{name: column[rows] for name, column in vars(self).items()})
+
     @property
     def temperature_degC(self) -> Array:
         """The model's argument: the mean of the gyro's temperature before and after, (rows,)."""

@@ -112,9 +112,8 @@ def _late_headings(table: TurnTable, dataset: FogDataset) -> int:
     common = {}
     for rows in range(-MOST_ROWS, MOST_ROWS + 1):
         own, stated = _placed(len(table), rows)
-        moved = TurnTable(**{name: column[own] for name, column in vars(table).items()})
         moved = replace(
-            moved,
+            table.of(own),
             attitude_before_deg=table.attitude_before_deg[stated],
             attitude_after_deg=table.attitude_after_deg[stated],
         )

@@ -49,8 +49,6 @@ FINE_DEGC = 0.05
 FROM_OTHERS_DEGC = 4.0
 """Of the thermometers of two gyros in one housing: how far their difference goes up and down."""
 FROZEN_ROWS, FROZEN_SETS = 6, 3
-COPIED_ROWS, COPIED_BEYOND = 5, 3.0
-NO_CHANCE = 1e-6
 
 
 def unit_of_headings(table: TurnTable, full_attitude: bool) -> str | None:
@@ -88,6 +86,22 @@ def unit_of_headings(table: TurnTable, full_attitude: bool) -> str | None:
     return None
 
 
+def units_of_headings(table: TurnTable, full_attitude: bool) -> dict[str, str]:
+    """Return the unit of the headings of each axis in which they are no degrees.
+
+    An axis with few turns has the unit of the whole table.
+    """
+    whole = unit_of_headings(table, full_attitude)
+    own = {str(axis): table.of(table.axis == axis) for axis in np.unique(table.axis)}
+    units = {axis: unit_of_headings(turns, full_attitude) for axis, turns in own.items()}
+    known = any(units.values())
+    return {
+        axis: str(unit or whole)
+        for axis, unit in units.items()
+        if unit or (whole and (not known or len(own[axis]) < FEWEST_HEADINGS))
+    }
+
+
 def upright(table: TurnTable, full_attitude: bool) -> Mask:
     """Return in which rows the attitude has the named axis up, (rows,); all without attitude."""
     if not full_attitude:
@@ -106,22 +120,25 @@ def table_flags(dataset: FogDataset) -> list[Flag]:
     for name, table in (("turns", dataset.turns), ("verification", dataset.verification)):
         if table is None or not len(table):
             continue
-        unit = unit_of_headings(table, dataset.full_attitude)
-        if unit is not None:
+        units = units_of_headings(table, dataset.full_attitude)
+        for unit in sorted(set(units.values())):
+            axes = [axis for axis, own in units.items() if own == unit]
             unit_said = (
-                f"The headings of `{name}` look like {unit}: they fill one turn of that unit and "
-                "no more. The columns are in degrees; nothing is reported from them. Convert them."
+                f"The headings of `{name}` about {', '.join(axes)} look like {unit}: they fill one "
+                "turn of that unit and no more. The columns are in degrees; nothing is reported "
+                "from them. Convert them."
             )
-            flags.append(contradiction("heading_deg", unit_said, file=name))
-        wrong = sorted({str(one) for one in table.axis[~upright(table, dataset.full_attitude)]})
-        if wrong and unit is None:
+            flags.append(contradiction("heading_deg", unit_said, file=name, axes=axes))
+        named = table.axis[~upright(table, dataset.full_attitude)]
+        wrong = sorted({str(one) for one in named} - set(units))
+        if wrong:
             axis_said = (
                 f"In `{name}` the attitude does not have the axis up that the row names "
                 f"({', '.join(wrong)}): an axis called by another's name, mounted upside down, or "
                 "pitch and roll exchanged. Such turns are left out. Correct the column `axis`."
             )
             flags.append(contradiction("axis", axis_said, axes=wrong, file=name))
-        flags += _temperature_flags(dataset, name, table) + _repeats(name, table)
+        flags += _temperature_flags(dataset, name, table)
         flags += _times(name, table) + _resolution(dataset, name, table)
     return flags
 
@@ -262,45 +279,3 @@ def _thermometers(name: str, table: TurnTable) -> list[Flag]:
             )
             flags.append(contradiction("gyro_temperature", apart_said, axis, file=name))
     return flags
-
-
-def _too_long(marked: Mask) -> bool:
-    """Whether marked rows stand in a row, (rows,), where as many as that are no chance."""
-    edges = np.flatnonzero(np.diff(np.concatenate(([0], marked.astype(int), [0]))))
-    longest = int(np.max(edges[1::2] - edges[::2], initial=0))
-    often = (int(marked.sum()) - longest + 1) / (len(marked) - longest + 2)
-    return longest >= FROZEN_ROWS and len(marked) * often**longest < NO_CHANCE
-
-
-def _repeats(name: str, table: TurnTable) -> list[Flag]:
-    """Return the flag of readings that repeat: a navigator that stood still, or copied rows.
-
-    More turns have exactly the headings of another one than headings before turns, and changes by
-    turns, repeat by chance.
-    """
-    angles = np.column_stack((table.attitude_before_deg, table.attitude_after_deg))
-    angles = np.where(np.isfinite(angles), angles, 0.0)
-    change = np.round(angles[:, 3:] - angles[:, :3], 7)
-    rows = len(angles)
-    if rows < FROZEN_ROWS:
-        return []
-
-    def alike(values: Array) -> float:
-        count = np.unique(values, axis=0, return_counts=True)[1]
-        return float(np.sum(count * (count - 1)) / 2)
-
-    pairs = 0.5 * rows * (rows - 1)
-    repeated = rows - len(np.unique(angles, axis=0))
-    chance = alike(angles[:, :3]) * alike(change) / pairs
-    same = np.concatenate(([False], np.all(angles[1:] == angles[:-1], axis=1)))
-    unmoved = np.all(change == 0.0, axis=1) & (table.commanded_deg != 0.0)
-    if _too_long(unmoved):
-        what = f"In {int(unmoved.sum())} of {rows} turns of `{name}` no angle changes at all"
-    elif _too_long(same) or repeated > COPIED_ROWS + COPIED_BEYOND * chance:
-        what = f"In `{name}` {repeated} of {rows} turns have exactly the readings of another turn"
-    else:
-        return []
-    repeats_said = (
-        f"{what}: a navigator that stood still, or rows that were copied. Leave these rows out."
-    )
-    return [Flag("frozen", repeats_said, None, {"rows": repeated, "file": name})]
