@@ -26,6 +26,7 @@ from station.safety.bounds import listing, mapping
 from station.safety.interlocks.reading import CHAIN
 
 MISSING = "is missing"
+CAN_SCHEMES = ("can://", "socketcand://")
 
 
 def settings_of(driver: object) -> type[BaseModel]:
@@ -114,8 +115,20 @@ def _own_faults(document: Document, name: str, driver: object) -> Iterator[Fault
             where = ("instruments", name, "settings", key)
             yield document.fault(where, what, hint and f"'{hint}'", at_key=True)
     yield from _settings_faults(document, name, model, own, "this driver")
+    yield from _address_faults(document, name, getattr(driver, "on_can", None))
     for wrong in wrong_units(driver, name):
         yield document.fault(("instruments", name, "driver"), wrong)
+
+
+def _address_faults(document: Document, name: str, on_can: bool | None) -> Iterator[Fault]:
+    """Yield a fault for an address on CAN of a driver that is not, or the other way round."""
+    address = mapping(document.data["instruments"][name]).get("address")
+    if on_can is None or not isinstance(address, str):
+        return
+    if address.strip().lower().startswith(CAN_SCHEMES) != on_can:
+        wanted = "over CAN: `can://…` or `socketcand://…`" if on_can else "by VISA, not over CAN"
+        what = f"'{address}' is no address of this driver: its instrument is reached {wanted}"
+        yield document.fault(("instruments", name, "address"), what)
 
 
 def wrong_units(driver: object, instance: str) -> Iterator[str]:

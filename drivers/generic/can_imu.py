@@ -61,6 +61,7 @@ FURTHER = ("temperature_degC", *MAGNETOMETERS)
 class CanImu(NineAxisSource):
     """A sensor that outputs rates, specific forces and by turns field and temperature on a bus."""
 
+    on_can = True
     repeatable: ClassVar[Repeatable] = Repeatable("stop", "identify", "status")
     """Not the start, which sets the counter back."""
     identifies_on: ClassVar[str] = "socketcand"

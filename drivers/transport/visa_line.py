@@ -222,6 +222,7 @@ class ScpiDriver(Driver):
     """A driver of an instrument with `*IDN?` and an error queue, on a `ScpiLine`."""
 
     Settings: ClassVar[type[VisaSettings]] = VisaSettings
+    on_can = False
     repeatable: ClassVar[Repeatable] = NEVER
     error_query: ClassVar[str] = ERROR_QUERY
     no_error: ClassVar[str] = NO_ERROR

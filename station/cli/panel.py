@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import socket
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -42,20 +43,26 @@ def serve_panel(host: str, port: int, runs: Path, tokens_file: Path | None) -> N
         )
     shown = f"[{host}]" if ":" in host else host
     app = Panel(runs, Access(names_of(host), tokens), DetachedRuns(runs)).app()
+    try:
+        listener = socket.create_server(
+            (host, port), family=socket.AF_INET6 if ":" in host else socket.AF_INET
+        )
+    except OSError as error:
+        raise InputError(
+            f"nobody can listen at {shown}:{port} ({error.strerror or error}); "
+            "choose another --port"
+        ) from error
     tell(f"panel: http://{shown}:{port}/ (Ctrl-C ends it; runs go on without it)")
     if host not in LOOPBACK:
         tell("the panel is open to other computers, without encryption: keep it in the laboratory")
-    try:
-        uvicorn.run(
-            app,
-            host=host,
-            port=port,
-            log_level="warning",
-            access_log=False,
-            timeout_graceful_shutdown=VIEWERS_LEAVE_WITHIN_S,
-        )
-    except SystemExit as error:  # uvicorn has said that the port is taken
-        raise InputError(f"nobody can listen at {host}:{port}; choose another --port") from error
+    config = uvicorn.Config(
+        app,
+        log_level="warning",
+        access_log=False,
+        timeout_graceful_shutdown=VIEWERS_LEAVE_WITHIN_S,
+    )
+    with listener, suppress(KeyboardInterrupt):
+        uvicorn.Server(config).run(sockets=[listener])
 
 
 def names_of(host: str) -> tuple[str, ...]:

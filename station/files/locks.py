@@ -15,7 +15,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from station.clock import RealClock
-from station.errors import StationError
+from station.errors import InputError, StationError
 
 TRIES = 20
 BETWEEN_TRIES_S = 0.01
@@ -123,7 +123,11 @@ def is_held(path: Path) -> bool:
     try:
         # For reading: on a disk that takes no writes for a while nothing opens for more than that.
         return _is_taken(path, os.O_RDONLY)
-    except OSError:  # a network disk may want more
+    except OSError as error:  # a network disk may want more
+        if error.errno == errno.ELOOP:
+            raise InputError(
+                f"{path} is a link: no run makes one; look who put it there"
+            ) from error
         if not os.access(path, os.W_OK):
             raise
         return _is_taken(path, os.O_RDWR)

@@ -100,7 +100,10 @@ class Guard:
     def _refused(self, scope: Scope, headers: Headers) -> tuple[int, str] | None:
         """Return status and sentence of a request that is refused."""
         host = headers.get("host", "")
-        if host.rpartition(":")[0] not in self._access.hosts and host not in self._access.hosts:
+        # The address at which it came in is the panel's own, whatever it listens at.
+        came_in = str((scope.get("server") or ("",))[0])
+        names = {*self._access.hosts, f"[{came_in}]" if ":" in came_in else came_in}
+        if not {host.rpartition(":")[0], host} & names:
             return 421, f"this panel does not answer as '{host[:100]}'"
         if scope["method"] not in ("GET", "HEAD", "POST"):
             return 405, "the panel answers GET and POST"

@@ -8,6 +8,7 @@ from typing import Any
 
 from station import registry
 from station.clock import utc_now
+from station.errors import InputError
 from station.files.faults import FaultList
 from station.files.locks import is_held
 from station.files.lookup import BENCHES, PLANS, available, find
@@ -87,7 +88,7 @@ def entry_of(folder: Path) -> dict[str, Any]:
     try:
         running = is_held(folder / LOCK)
         state = "running" if running else "evaluated" if verdict else "ended without results"
-    except OSError:
+    except (OSError, InputError):
         running, state = False, "its lock cannot be read"
     return {
         "run": folder.name,

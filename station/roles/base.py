@@ -199,6 +199,8 @@ class Driver:
     Settings: ClassVar[type[DriverSettings]] = DriverSettings
     quantities: ClassVar[Mapping[str, Callable[[Any], float | str | None]]] = {}
     wired_by: ClassVar[Mapping[str, str]] = {}
+    on_can: ClassVar[bool | None] = None
+    """Whether it is reached over CAN; None where its address says that."""
     without_limits: ClassVar[str] = "nothing is switched on"
     """What is so where the bench file does not give a limit that the driver needs."""
     place: Place

@@ -285,12 +285,19 @@ def test_a_frame_too_many_in_one_piece_with_the_answer_is_in_doubt(first: bool) 
 
 
 @pytest.mark.parametrize(
-    "address", ["modbus-tcp://", "modbus-tcp://127.0.0.1:1", "socket://nowhere", "", "/dev/none"]
+    ("address", "why"),
+    [
+        ("modbus-tcp://", "nobody answers there"),
+        ("modbus-tcp://127.0.0.1:1", "nobody answers there"),
+        ("socket://nowhere", "nobody answers there"),
+        ("", "nobody answers there"),
+        ("/dev/none", "this computer has no serial port /dev/none"),
+    ],
 )
-def test_an_address_where_nobody_is_is_told(address: str) -> None:
+def test_an_address_where_nobody_is_is_told(address: str, why: str) -> None:
     place = Place(NAME, address, RealClock(), {}, {})
     text = told(lambda: ModbusLine(place, SETTINGS))
-    assert f"{NAME}: open {address}: nobody answers there" in text
+    assert f"{NAME}: open {address}: {why}" in text
 
 
 def test_no_simulator_of_modbus_uses_the_library_that_the_drivers_use() -> None:

@@ -93,7 +93,7 @@ def test_nobody_at_the_port_is_told() -> None:
         SerialLine(place(clock, f"socket://127.0.0.1:{closed_port()}"), SETTINGS)
     with pytest.raises(InstrumentError, match="write socket://host:port"):
         SerialLine(place(clock, "socket://127.0.0.1"), SETTINGS)
-    with pytest.raises(InstrumentError, match="nobody answers there"):
+    with pytest.raises(InstrumentError, match="this computer has no serial port /dev/there"):
         SerialLine(place(clock, "/dev/there-is-no-such-port"), SETTINGS)
 
 
@@ -190,5 +190,5 @@ def test_a_late_answer_is_not_taken_for_the_next() -> None:
 def test_a_second_program_cannot_open_the_same_port() -> None:
     with terminal({}) as (_, there, _heard):
         where = place(RealClock(), there.name)
-        with pytest.raises(InstrumentError, match="nobody answers there"):
+        with pytest.raises(InstrumentError, match="another program uses the serial port"):
             SerialLine(where, SETTINGS)

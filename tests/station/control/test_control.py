@@ -434,6 +434,9 @@ class Keyboard:
         self.read = Event()
         self._file = file
 
+    def isatty(self) -> bool:
+        return False
+
     def readline(self) -> str:
         self.read.set()
         return self._file.readline()

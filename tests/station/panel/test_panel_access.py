@@ -2,21 +2,27 @@
 
 from __future__ import annotations
 
+import asyncio
 import json
 import socket
 import subprocess
 import urllib.request
 from collections.abc import Iterator
 from pathlib import Path
+from threading import Thread
+from typing import Any
 
 import pytest
 from command_line import station_command
 from panel_server import Served, free_port, panel
+from starlette.types import ASGIApp
 
 from station.cli.panel import names_of, read_tokens, serve_panel
+from station.cli.starting import DetachedRuns
 from station.clock import boot_seconds
 from station.errors import InputError
-from station.panel.access import LARGEST_REQUEST
+from station.panel.access import LARGEST_REQUEST, Access
+from station.panel.app import Panel
 from station.record.layout import EVENTS
 
 WANTED = {"plan": "rlg-magnetic-sensitivity", "bench": "sim", "serial": "SN-1", "operator": ""}
@@ -205,3 +211,51 @@ def test_the_panel_ends_although_a_browser_listens(one_axis_run: Path) -> None:
         process.terminate()
         process.wait(60.0)
     process.stderr.close()
+
+
+def test_guesses_of_a_token_are_taken_one_by_one(guarded: Served) -> None:
+    began_s, guesses = boot_seconds(), 3
+    asked = [Thread(target=guarded.post, args=("/login", {"token": "x"})) for _ in range(guesses)]
+    for one in asked:
+        one.start()
+    for one in asked:
+        one.join()
+    assert boot_seconds() - began_s >= guesses * 0.99
+
+
+def test_a_panel_at_every_address_answers_at_the_one_it_is_asked(tmp_path: Path) -> None:
+    app = Panel(tmp_path, Access(("lab-3",), {}), DetachedRuns(tmp_path)).app()
+    for host, server, status in (
+        ("192.0.2.7:80", "192.0.2.7", 200),
+        ("[2001:db8::7]:80", "2001:db8::7", 200),
+        ("lab-3:80", "192.0.2.7", 200),
+        ("192.0.2.8:80", "192.0.2.7", 421),
+    ):
+        scope = {"type": "http", "method": "GET", "path": "/", "query_string": b""}
+        scope |= {"headers": [(b"host", host.encode())], "server": (server, 80)}
+        scope["asgi"] = {"version": "3.0", "spec_version": "2.4"}  # no wait for a disconnect
+        assert status_of(app, scope) == status, host
+
+
+def status_of(app: ASGIApp, scope: dict[str, Any]) -> int:
+    """Return the status that an application answers to a request."""
+    said: list[Any] = []
+
+    async def receive() -> dict[str, Any]:
+        return {"type": "http.request", "body": b"", "more_body": False}
+
+    async def send(message: Any) -> None:
+        said.append(message)
+
+    asyncio.run(app(scope, receive, send))
+    return int(said[0]["status"])
+
+
+def test_a_port_that_is_taken_is_named_before_the_panel_says_where_it_is(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = taken.getsockname()[1]
+        with pytest.raises(InputError, match="nobody can listen at"):
+            serve_panel("127.0.0.1", port, tmp_path, None)
+    assert "http://" not in capsys.readouterr().err

@@ -12,7 +12,8 @@ import pytest
 from panel_server import Served, panel
 
 from station.cli.looking import outcome_of
-from station.control.status import in_words
+from station.control.status import in_words, read_status
+from station.errors import InputError
 from station.panel import app
 from station.panel.streams import MOST_STREAMS
 from station.panel.watching import RunWatch
@@ -77,6 +78,13 @@ def test_a_foreign_folder_leaves_the_first_page_whole(
     assert status == 200
     assert [one["run"] for one in json.loads(text)["runs"]] == [NAME]
     outcome_of(folder)
+
+
+def test_a_lock_that_is_a_link_is_named(served: Served) -> None:
+    folder = made(served.runs, line(), results="{}")
+    linked_lock(folder)
+    with pytest.raises(InputError, match="is a link"):
+        read_status(folder)
 
 
 def test_a_pipe_is_waited_for_by_nobody(served: Served) -> None:
