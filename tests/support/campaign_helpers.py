@@ -12,6 +12,7 @@ import json
 import subprocess
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cache
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -117,7 +118,7 @@ def raw_content(path: Path) -> RawContent:
             if kind == "Channel":
                 units[record.id] = record.topic.partition("/")[2]
             elif kind == "Message":
-                rows = np.load(io.BytesIO(record.data))
+                rows = rows_of(record.data)
                 content.rows.setdefault(units[record.channel_id], []).append(rows)
     except (McapError, ValueError, OSError):
         content.cut = True
@@ -126,6 +127,22 @@ def raw_content(path: Path) -> RawContent:
             raise
         content.cut = True
     return content
+
+
+def rows_of(data: bytes) -> np.ndarray:
+    """Return the rows of a `.npy` byte string, as NumPy reads its header."""
+    end = 10 + int.from_bytes(data[8:10], "little")
+    dtype, count = npy_header(data[:end])
+    return np.frombuffer(data, dtype, count, offset=end)
+
+
+@cache
+def npy_header(header: bytes) -> tuple[np.dtype, int]:
+    """Return type and number of rows; NumPy parses a header as source, and most are alike."""
+    stream = io.BytesIO(header)
+    np.lib.format.read_magic(stream)
+    shape, _, dtype = np.lib.format.read_array_header_1_0(stream)
+    return dtype, shape[0]
 
 
 @dataclass(frozen=True)

@@ -28,7 +28,7 @@ PROCEDURES = (
     "fog-scale-factor-temperature",
     "nine-axis-calibration",
 )
-FLIPS = 10
+FLIPS = 6
 
 
 @pytest.fixture
