@@ -11,15 +11,7 @@ from numpy.typing import NDArray
 from station.findings import Estimate, Flag, undetermined
 
 from .causes import LIKE_HYSTERESIS, cause_flag
-from .dataset import (
-    AccelerometerAnalysis,
-    AccelerometerDataset,
-    AnalysisSettings,
-    LeftOut,
-    Nuisance,
-    Path,
-    Rows,
-)
+from .dataset import AccelerometerAnalysis, AccelerometerDataset, LeftOut, Nuisance, Path, Rows
 from .finite_memory import finite_memory_path, published_values
 from .flags import (
     SCALE_DRIFT,
@@ -43,6 +35,7 @@ from .model import (
 )
 from .nuisances import FEWEST_LEFT, KI_DRIFT, KO, KP, OFFSET, unit_of
 from .screening import coarse_step_V, frozen_temperature, screen
+from .settings import AnalysisSettings
 from .solution import solve_rows
 from .solved import Solution, groups_of
 

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
-from station.findings import Analysis, FlagThresholds
+from station.findings import Analysis
 
 from .model import Identifiability, Names, accelerations, accelerations_by_angle
 
@@ -57,28 +56,6 @@ class AccelerometerDataset:
     def overloaded(self) -> NDArray[np.bool_]:
         """Rows whose output is no reading, shape (rows,)."""
         return ~np.isfinite(self.output_V) | (np.abs(self.output_V) >= OVERLOAD_V)
-
-
-@dataclass(frozen=True)
-class AnalysisSettings(FlagThresholds):
-    """Thresholds of the flags and choices of the estimator, each with its default.
-
-    `not_significant` is in standard uncertainties of a magnetic coefficient, `outlier` in robust
-    standard deviations, `gap` in nominal intervals, `field_differs_from_commanded` relative.
-    `window` is the number of rows of the finite-memory solution, chosen where it is None.
-    `scale_factor_V_per_g` stands for Ki where no row tells that.
-    """
-
-    max_drift_order: int = 8
-    window: int | None = None
-    scale_factor_V_per_g: float = 1.0
-
-    def too_stiff_beyond(self, rows: int) -> float:
-        """Return the correlation of neighbouring residuals above which the model is too stiff.
-
-        With few rows a correlation as large as the threshold is no rarity.
-        """
-        return max(self.model_too_stiff, 3.0 / math.sqrt(rows))
 
 
 @dataclass(frozen=True)

@@ -15,11 +15,12 @@ import numpy as np
 from station.findings import Findings, Flag, InputQuantity, findings_of
 
 from .analysis import MOUNTING, analyse
-from .dataset import AccelerometerAnalysis, AccelerometerDataset, AnalysisSettings
+from .dataset import AccelerometerAnalysis, AccelerometerDataset
 from .from_import import dataset_of_import
 from .measuring import AXIS_COLUMN, T_PER_MT, finished_points
 from .nuisances import KO, KP, MOUNTING_RAD, OFFSET
 from .parameters import AccelerometerParameters, Point
+from .settings import AnalysisSettings
 from .work import FULL_TURN_DEG, GAUSSMETER, MULTIMETER, STAGE, THERMOMETER
 
 if TYPE_CHECKING:

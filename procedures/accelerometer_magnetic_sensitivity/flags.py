@@ -17,10 +17,11 @@ from procedures.estimation.flags import (
 )
 from station.findings import Estimate, Flag, combination_text
 
-from .dataset import AccelerometerDataset, AnalysisSettings, LeftOut
+from .dataset import AccelerometerDataset, LeftOut
 from .model import COEFFICIENTS, Identifiability, describe, listed
 from .nuisances import ARCSEC_PER_RAD
 from .screening import COPIED, HELD, SATURATED, STUCK
+from .settings import AnalysisSettings
 from .solved import Jump, Solution
 
 MAGNETIC = ("Km", "Kmm", "Kim", "Kom", "Kpm")

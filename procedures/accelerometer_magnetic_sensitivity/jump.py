@@ -20,9 +20,9 @@ from procedures.estimation.orthogonal import (
     thin_qr,
 )
 
-from .dataset import AnalysisSettings
 from .model import Names
 from .nuisances import FEWEST_LEFT, KO, KP
+from .settings import AnalysisSettings
 from .solved import PLACE, Jump, Solved
 
 Array = NDArray[np.float64]

@@ -11,7 +11,8 @@ from typing import Annotated, Literal
 from pydantic import Field, ValidationInfo, field_validator
 
 from station.fields import StrictModel, Unit
-from station.findings import FlagThresholds
+
+from .settings import AnalysisSettings
 
 Plane = Literal["io", "ip", "op", "level"]
 AngleStep = Annotated[float, Unit("deg"), Field(gt=0, le=180)]
@@ -64,13 +65,13 @@ class Dwell(StrictModel):
 class Thresholds(StrictModel):
     """Where a flag is raised; the defaults are those of the result format."""
 
-    not_significant: Annotated[float, Field(gt=0)] = FlagThresholds.not_significant
+    not_significant: Annotated[float, Field(gt=0)] = AnalysisSettings.not_significant
     field_differs_from_commanded: Annotated[float, Unit("1"), Field(gt=0)] = (
-        FlagThresholds.field_differs_from_commanded
+        AnalysisSettings.field_differs_from_commanded
     )
-    gap: Annotated[float, Field(gt=1)] = FlagThresholds.gap
-    model_too_stiff: Annotated[float, Field(gt=0)] = FlagThresholds.model_too_stiff
-    outlier: Annotated[float, Field(ge=3)] = FlagThresholds.outlier
+    gap: Annotated[float, Field(gt=1)] = AnalysisSettings.gap
+    model_too_stiff: Annotated[float, Field(gt=0)] = AnalysisSettings.model_too_stiff
+    outlier: Annotated[float, Field(ge=3)] = AnalysisSettings.outlier
 
 
 class AccelerometerParameters(StrictModel):
@@ -92,7 +93,9 @@ class AccelerometerParameters(StrictModel):
     readings: Annotated[int, Field(ge=1, le=10000)] = 5
     nplc: Annotated[float, Field(gt=0, le=100)] = 10.0
     reading_noise_V: Annotated[float, Unit("V"), Field(gt=0)] = 3e-6
-    scale_factor_V_per_g: Annotated[float, Unit("V/g"), Field(gt=0)] = 1.0
+    scale_factor_V_per_g: Annotated[float, Unit("V/g"), Field(gt=0)] = (
+        AnalysisSettings.scale_factor_V_per_g
+    )
     dwell: Dwell = Dwell()
     warm_up_s: Annotated[float, Unit("s"), Field(ge=0)] = 1800.0
     degauss: bool = True

@@ -18,10 +18,11 @@ from procedures.estimation.orthogonal import (
 )
 
 from .causes import causes_to_try, known_causes, with_doubt
-from .dataset import AnalysisSettings, Rows
+from .dataset import Rows
 from .jump import Suspects, find_jumps, may_be_off
 from .model import model_columns
 from .nuisances import ARCSEC_PER_RAD, OFFSET, ROUNDS, TurnedModel, chosen, separable, slow_terms
+from .settings import AnalysisSettings
 from .solved import JUMP, Cause, Jump, Solution, Solved, uneven, with_misfit
 
 Array = NDArray[np.float64]

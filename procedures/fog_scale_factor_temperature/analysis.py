@@ -13,7 +13,6 @@ import numpy as np
 from station.findings import Flag
 
 from .axis_fit import AxisFit, fit_axis
-from .axis_problem import AnalysisSettings
 from .curve import CHECKED, Curve, published_curve
 from .dataset import (
     AXES,
@@ -29,6 +28,7 @@ from .dataset import (
 from .flags import axis_flags, check_flags, data_flags, drive_flags, fit_flags, stated_turn_ppm
 from .misplaced import misplaced_flags
 from .repeated import copied_turns, repeat_flags
+from .settings import AnalysisSettings
 from .table_checks import (
     heading_resolution_deg,
     resolution_of,

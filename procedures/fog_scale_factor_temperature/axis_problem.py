@@ -24,12 +24,12 @@ from procedures.estimation.orthogonal import choose_by_information, project, sol
 
 from .curve import chebyshev_columns
 from .dataset import SAME_TEMPERATURE_DEGC, Array, AxisTurns, Mask, distinct_temperatures, is_paired
+from .settings import AnalysisSettings
 
 COARSE = np.concatenate(([0.0], 10.0 ** np.linspace(-4.0, 7.0, 45)))
 """Sizes of a walk over one set, as a variance in units of a turn's own."""
 FINE = 10.0 ** np.linspace(-0.25, 0.25, 11)
 BIAS_ORDER = 4
-PUBLISHED_ORDER = 4
 SPARE = 3
 """Temperatures beyond the order, and rows beyond the columns, that a fit must have."""
 CHANCE = 2.3
@@ -193,23 +193,6 @@ def deleted_residuals(
 def combine_all(columns: Array, matrix: Array) -> Array:
     """Return X M for columns X (n, k) and a small matrix M (k, m), by one core."""
     return np.asarray(np.einsum("ij,jk->ik", columns, matrix))
-
-
-@dataclass(frozen=True)
-class AnalysisSettings:
-    """Thresholds of the flags and choices of the estimator, each with its default.
-
-    `outlier` is in robust standard deviations of a turn, `gap` in nominal intervals between sets,
-    `model_too_stiff` a correlation, `temperature_gap_degC` a stretch without a turn,
-    `noise_beyond_statement` the noise of a turn over the stated one.
-    """
-
-    outlier: float = 5.0
-    gap: float = 1.5
-    model_too_stiff: float = 0.3
-    highest_order: int = 20
-    temperature_gap_degC: float = 10.0
-    noise_beyond_statement: float = 3.0
 
 
 @dataclass(frozen=True)

@@ -15,6 +15,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from .settings import PUBLISHED_ORDER, USUAL_REFERENCE_DEGC
+
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 Names = NDArray[np.str_]
@@ -116,8 +118,8 @@ class FogDataset:
     heading_resolution_deg: float = 0.0
     angle_random_walk_deg_per_sqrt_h: float | None = None
     turntable_accuracy_arcsec: float | None = None
-    reference_temperature_degC: float = 20.0
-    initial_order: int = 4
+    reference_temperature_degC: float = USUAL_REFERENCE_DEGC
+    initial_order: int = PUBLISHED_ORDER
     temperature_range_degC: tuple[float, float] | None = None
     verification: TurnTable | None = None
     drive: Drive | None = None

@@ -21,11 +21,11 @@ from station.findings import (
 
 from .analysis import FogAnalysis, analyse
 from .axis_fit import WIDE, AxisFit, within
-from .axis_problem import AnalysisSettings
 from .curve import Band, Curve
 from .dataset import FogDataset
 from .from_import import Conditions, dataset_of_import
 from .parameters import PUBLISHED_SOAK_H, FogParameters
+from .settings import AnalysisSettings
 from .verification import Driven, Verified
 from .work import TABLE
 

@@ -15,6 +15,7 @@ from station.files.lookup import find
 
 from .dataset import AXES, Array, Drive, FogDataset, TurnTable
 from .parameters import FogParameters
+from .settings import PUBLISHED_ORDER, USUAL_REFERENCE_DEGC
 
 if TYPE_CHECKING:
     from station.dataset_reading import RawDataset
@@ -46,8 +47,8 @@ class Conditions(StrictModel):
     temperature_range_degC: tuple[Celsius, Celsius] | None = None
     soak_s: Annotated[Second, Field(gt=0)] | None = None
     gyro_bias_deg_per_h: Annotated[float, Unit("deg/h"), Field(ge=0)] | None = None
-    initial_order: Annotated[int, Field(ge=0, le=14)] = 4
-    reference_temperature_degC: Celsius = 20.0
+    initial_order: Annotated[int, Field(ge=0, le=14)] = PUBLISHED_ORDER
+    reference_temperature_degC: Celsius = USUAL_REFERENCE_DEGC
     latitude_deg: Annotated[Degree, Field(ge=-90, le=90)] | None = None
     initial_heading_deg: Degree | None = None
 

@@ -24,9 +24,10 @@ from procedures.estimation.orthogonal import (
     thin_qr,
 )
 
-from .axis_problem import PUBLISHED_ORDER, AxisProblem, Solved, Walk, deleted_residuals
+from .axis_problem import AxisProblem, Solved, Walk, deleted_residuals
 from .curve import CHECKED, chebyshev_columns
 from .dataset import Array, Index, Mask, sets_with_bias
+from .settings import PUBLISHED_ORDER
 
 CHANCE = 1e-3
 """How often noise alone makes a misfit of any shape, at most."""

@@ -10,6 +10,8 @@ from pydantic import Field, ValidationInfo, field_validator
 
 from station.fields import Celsius, Degree, StrictModel, Unit, WarmUpWindow
 
+from .settings import PUBLISHED_ORDER, USUAL_REFERENCE_DEGC, AnalysisSettings
+
 FULL_TURN_DEG = 360.0
 SECONDS_PER_HOUR = 3600.0
 AXES = ("x", "y", "z")
@@ -118,9 +120,9 @@ class DriveTest(StrictModel):
 class Thresholds(StrictModel):
     """Where a flag is raised; the defaults are those of the result format."""
 
-    gap: Annotated[float, Field(gt=1)] = 1.5
-    model_too_stiff: Annotated[float, Field(gt=0)] = 0.3
-    outlier: Annotated[float, Field(ge=3)] = 5.0
+    gap: Annotated[float, Field(gt=1)] = AnalysisSettings.gap
+    model_too_stiff: Annotated[float, Field(gt=0)] = AnalysisSettings.model_too_stiff
+    outlier: Annotated[float, Field(ge=3)] = AnalysisSettings.outlier
 
 
 class FogParameters(StrictModel):
@@ -152,8 +154,8 @@ class FogParameters(StrictModel):
     gyro_bias_deg_per_h: Annotated[float, Unit("deg/h"), Field(gt=0)] | None = Field(
         default=None, validate_default=True
     )
-    initial_order: Annotated[int, Field(ge=0, le=8)] = 4
-    reference_temperature_degC: Celsius = 20.0
+    initial_order: Annotated[int, Field(ge=0, le=8)] = PUBLISHED_ORDER
+    reference_temperature_degC: Celsius = USUAL_REFERENCE_DEGC
     asked_uncertainty_ppm: Annotated[float, Unit("ppm"), Field(gt=0)] | None = None
     verification: Verification | None = None
     drive: DriveTest | None = None

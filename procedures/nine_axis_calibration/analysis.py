@@ -28,7 +28,6 @@ from .dataset import (
     without_saturated,
 )
 from .findings import (
-    AnalysisSettings,
     NineAxisAnalysis,
     StaticSummary,
     bias_estimates,
@@ -39,6 +38,7 @@ from .flags import data_flags, frozen_flags, result_flags
 from .means import interval_of, means_of
 from .pose import check_together, earth_rate
 from .scale import ScaleSolution, solve_axis
+from .settings import AnalysisSettings
 from .turning import axis_means
 
 __all__ = ["AnalysisSettings", "NineAxisAnalysis", "analyse"]

@@ -16,7 +16,6 @@ from station.findings import Findings, InputQuantity, findings_of
 from .analysis import analyse
 from .dataset import AXES, Array, Mask, NineAxisDataset, Prior, StaticRecord, TurnRecord
 from .encoder import SHORT_S, track
-from .findings import AnalysisSettings
 from .from_import import dataset_of_import
 from .measuring import (
     ACCELEROMETER_BITS,
@@ -28,6 +27,7 @@ from .measuring import (
 )
 from .outlook import prior_of
 from .parameters import FULL_TURN_DEG, NineAxisParameters
+from .settings import AnalysisSettings
 from .work import IMU, RATE, TURNTABLE, UP_SENSE
 
 if TYPE_CHECKING:

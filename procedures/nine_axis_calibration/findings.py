@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
 from procedures.estimation.allan import AllanDeviation, NoiseCoefficients
-from station.findings import Analysis, Estimate, FlagThresholds, Published, undetermined
+from station.findings import Analysis, Estimate, Published, undetermined
 
 from .attitude import PAIRS, BiasSolution
 from .dataset import AXES, Array, Mask, NineAxisDataset, Prior, StaticRecord, TurnRecord
-from .pose import EAST_AXIS, Pose, PoseLimits
+from .pose import EAST_AXIS, Pose
 from .scale import ScaleSolution, Value
 from .turning import AxisMeans
 
@@ -29,17 +29,6 @@ UNITS = {
 }
 PPM = 1e6
 ARCSEC_PER_RAD = 180.0 * 3600.0 / np.pi
-
-
-@dataclass(frozen=True)
-class AnalysisSettings(FlagThresholds):
-    """Thresholds of the flags and choices of the estimator, each with its default.
-
-    `not_significant` is in standard uncertainties, `outlier` in robust standard deviations, `gap`
-    in nominal intervals.
-    """
-
-    pose: PoseLimits = field(default_factory=PoseLimits)
 
 
 @dataclass(frozen=True)

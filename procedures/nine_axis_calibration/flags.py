@@ -11,10 +11,11 @@ from station.findings import Estimate, Flag, Published
 
 from .attitude import BiasSolution
 from .dataset import AXES, Array, NineAxisDataset, Saturated
-from .findings import ASYMMETRY, BIAS, MISALIGNMENT, NONLINEARITY, AnalysisSettings, StaticSummary
+from .findings import ASYMMETRY, BIAS, MISALIGNMENT, NONLINEARITY, StaticSummary
 from .means import interval_of
 from .pose import PUBLISHED
 from .scale import ScaleSolution
+from .settings import AnalysisSettings
 from .turning import AxisMeans
 
 FEWEST_RATES = 5

@@ -23,7 +23,8 @@ from .parameters import (
     position_unit,
 )
 from .placing import put
-from .pose import Pose, PoseLimits, check_pose
+from .pose import Pose, check_pose
+from .settings import PoseLimits
 from .work import IMU, TURNTABLE, UP_SENSE, spin
 
 if TYPE_CHECKING:

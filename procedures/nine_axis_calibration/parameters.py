@@ -10,7 +10,8 @@ from typing import Annotated, Literal
 from pydantic import Field, ValidationInfo, field_validator
 
 from station.fields import StrictModel, Unit
-from station.findings import FlagThresholds
+
+from .settings import AnalysisSettings, PoseLimits
 
 AXES = ("X", "Y", "Z")
 PUBLISHED_POSITIONS = (1, 2, 3)
@@ -88,18 +89,18 @@ class PlanPrior(Prior):
 class PoseCheck(StrictModel):
     """How far a position's means may lie from what it should show before it is refused."""
 
-    acceleration_g: Annotated[float, Unit("g"), Field(gt=0, le=0.5)] = 0.05
-    rate_deg_per_h: Annotated[float, Unit("deg/h"), Field(gt=0)] = 1.0
-    largest_bias_deg_per_h: Annotated[float, Unit("deg/h"), Field(gt=0)] = 5.0
+    acceleration_g: Annotated[float, Unit("g"), Field(gt=0, le=0.5)] = PoseLimits.acceleration_g
+    rate_deg_per_h: Annotated[float, Unit("deg/h"), Field(gt=0)] = PoseLimits.rate_deg_per_h
+    largest_bias_deg_per_h: Annotated[float, Unit("deg/h"), Field(gt=0)] = PoseLimits.bias_deg_per_h
     attempts: Annotated[int, Field(ge=1, le=10)] = 2
 
 
 class Thresholds(StrictModel):
     """Where a flag is raised; the defaults are those of the result format."""
 
-    not_significant: Annotated[float, Field(gt=0)] = FlagThresholds.not_significant
-    gap: Annotated[float, Field(gt=1)] = FlagThresholds.gap
-    outlier: Annotated[float, Field(ge=3)] = FlagThresholds.outlier
+    not_significant: Annotated[float, Field(gt=0)] = AnalysisSettings.not_significant
+    gap: Annotated[float, Field(gt=1)] = AnalysisSettings.gap
+    outlier: Annotated[float, Field(ge=3)] = AnalysisSettings.outlier
 
 
 class NineAxisParameters(StrictModel):

@@ -9,6 +9,7 @@ from itertools import combinations
 import numpy as np
 
 from .dataset import Array
+from .settings import PoseLimits
 
 EARTH_RATE_deg_per_h = 15.041067
 """Sidereal rotation (WGS 84)."""
@@ -41,19 +42,6 @@ def earth_rate(latitude_deg: float) -> Array:
 def gravity_pattern(position: int) -> Array:
     """Return what the accelerometers read in an ideal position, in g, shape (3,)."""
     return np.asarray(ATTITUDES[position] @ UP)
-
-
-@dataclass(frozen=True)
-class PoseLimits:
-    """How far means may lie from an ideal position before it counts as a wrong one.
-
-    `rate_deg_per_h` is what remains once the biases are free; `bias_deg_per_h` is what a bias may
-    be where one position is judged alone.
-    """
-
-    acceleration_g: float = 0.05
-    rate_deg_per_h: float = 1.0
-    bias_deg_per_h: float = 5.0
 
 
 @dataclass(frozen=True)

@@ -25,7 +25,6 @@ from .dataset import (
     QUANTITY,
     UNDRIVEN,
     UNIT,
-    AnalysisSettings,
     LineDetail,
     RlgAnalysis,
     RlgDataset,
@@ -37,6 +36,7 @@ from .field import FieldFit, fit_field
 from .flags import cross_axis_flags, drive_flags, field_flags, record_flags, result_flags
 from .gyro import GyroFit, fit_gyro, plotted_spectrum, published_value
 from .response import Observed, Response, in_doubt, solve
+from .settings import AnalysisSettings
 from .steadiness import steadiness_flags
 
 MOST_IN_DOUBT = 0.5

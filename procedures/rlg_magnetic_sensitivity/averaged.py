@@ -18,9 +18,10 @@ from procedures.estimation.linear import least_squares, reject_outliers
 from procedures.estimation.noise import grid_index
 from procedures.estimation.sine import LineSums, legendre_columns, line_columns, nearest_lines
 
-from .dataset import AnalysisSettings, Array, Averaged, Mask, Segment
+from .dataset import Array, Averaged, Mask, Segment
 from .field import stretch_of_field
 from .frequencies import Drive, group_size
+from .settings import AnalysisSettings
 
 Index = NDArray[np.int64]
 Model = Callable[[Index], Array]

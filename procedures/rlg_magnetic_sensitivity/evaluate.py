@@ -12,20 +12,12 @@ from station.results import combine
 
 from .analysis import analyse
 from .coils import MISALIGNMENT, PROBE_ANGLE, CoilResponse, coil_responses, slope_by_misalignment
-from .dataset import (
-    AXES,
-    METHOD,
-    QUANTITY,
-    UNDRIVEN,
-    UNIT,
-    AnalysisSettings,
-    RlgAnalysis,
-    RlgDataset,
-)
+from .dataset import AXES, METHOD, QUANTITY, UNDRIVEN, UNIT, RlgAnalysis, RlgDataset
 from .from_import import Conditions, dataset_of_import
 from .from_record import GAUSSMETER, GYRO, dataset_of_run, field_record, segment_of_unit
 from .parameters import RlgParameters
 from .records import PlannedRecord, check_of, sensitivity_records
+from .settings import AnalysisSettings
 from .steadiness import Tested, background, flags_of, repeated
 
 if TYPE_CHECKING:

@@ -11,9 +11,10 @@ import numpy as np
 from procedures.estimation.flags import Gaps, excitation_flags, gaps_of, not_identifiable, too_stiff
 from station.findings import Estimate, Flag
 
-from .dataset import AXES, UNDRIVEN, AnalysisSettings, Averaged, LineDetail, Segment, SegmentDetail
+from .dataset import AXES, UNDRIVEN, Averaged, LineDetail, Segment, SegmentDetail
 from .field import FieldFit
 from .frequencies import loss
+from .settings import AnalysisSettings
 
 MATTERS = 0.5
 """Of u: what an axis that was not driven may add before it is flagged."""

@@ -30,7 +30,8 @@ from procedures.estimation.sine import (
 )
 from station.findings import Published
 
-from .dataset import QUANTITY, UNIT, AnalysisSettings, Array, Complex, Mask, Segment
+from .dataset import QUANTITY, UNIT, Array, Complex, Mask, Segment
+from .settings import AnalysisSettings
 
 
 @dataclass(frozen=True)

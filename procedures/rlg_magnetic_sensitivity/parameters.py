@@ -15,7 +15,8 @@ from procedures.rlg_magnetic_sensitivity.frequencies import (
     LARGEST_UNDRIVEN,
 )
 from station.fields import Hertz, StrictModel, Unit, WarmUpWindow
-from station.findings import FlagThresholds
+
+from .settings import AnalysisSettings
 
 Axis = Literal["IA", "NA", "LA"]
 COIL_OF_AXIS: dict[str, str] = {"IA": "x", "NA": "y", "LA": "z"}
@@ -53,15 +54,15 @@ class Stop(StrictModel):
 class Thresholds(StrictModel):
     """Where a flag is raised; the defaults are those of the result format."""
 
-    not_significant: Annotated[float, Field(gt=0)] = FlagThresholds.not_significant
-    quadrature_significant: Annotated[float, Field(gt=0)] = 3.0
+    not_significant: Annotated[float, Field(gt=0)] = AnalysisSettings.not_significant
+    quadrature_significant: Annotated[float, Field(gt=0)] = AnalysisSettings.quadrature_significant
     field_differs_from_commanded: Annotated[float, Unit("1"), Field(gt=0)] = (
-        FlagThresholds.field_differs_from_commanded
+        AnalysisSettings.field_differs_from_commanded
     )
-    gap: Annotated[float, Field(gt=1)] = FlagThresholds.gap
-    non_integer_cycles: Annotated[float, Field(gt=0)] = 0.001
-    model_too_stiff: Annotated[float, Field(gt=0)] = FlagThresholds.model_too_stiff
-    checks_differ: Annotated[float, Field(gt=0)] = 3.0
+    gap: Annotated[float, Field(gt=1)] = AnalysisSettings.gap
+    non_integer_cycles: Annotated[float, Field(gt=0)] = AnalysisSettings.non_integer_cycles
+    model_too_stiff: Annotated[float, Field(gt=0)] = AnalysisSettings.model_too_stiff
+    checks_differ: Annotated[float, Field(gt=0)] = AnalysisSettings.checks_differ
 
 
 class RlgParameters(StrictModel):

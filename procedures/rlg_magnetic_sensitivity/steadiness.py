@@ -14,9 +14,10 @@ from procedures.estimation.noise import LocalNoise, Periodogram, grid_index, per
 from procedures.estimation.sine import line_columns, phasors
 from station.findings import Flag
 
-from .dataset import AXES, AnalysisSettings, Array, Complex, RlgAnalysis, Segment
+from .dataset import AXES, Array, Complex, RlgAnalysis, Segment
 from .field import FieldFit
 from .gyro import GyroFit, fit_gyro
+from .settings import AnalysisSettings
 
 MOST_BLOCKS = 12
 LEAST_CYCLES = 2.0

@@ -20,7 +20,6 @@ from .dataset import (
     RESIDUAL,
     SLOWING_DOWN,
     WEIGHTED,
-    AnalysisSettings,
     Frequencies,
     SerfAnalysis,
     SerfDataset,
@@ -31,6 +30,7 @@ from .flags import result_flags
 from .frequencies import agreed
 from .precession import Precession, look_at_all
 from .relabelled import relabelled_flags
+from .settings import AnalysisSettings
 from .shot_flags import data_flags, misfit_flags
 from .shots import AXES, PAIRS
 from .signs import sign_flags

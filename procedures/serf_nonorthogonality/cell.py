@@ -182,8 +182,9 @@ def look_at_shots(looks: Sequence[Shot], parameters: SerfParameters) -> list[Pre
 
     A shot alone may take a baseline for its tone.
     """
-    from .dataset import AnalysisSettings, SerfDataset
+    from .dataset import SerfDataset
     from .precession import look_at_all
+    from .settings import AnalysisSettings
 
     dataset = SerfDataset(
         looks,

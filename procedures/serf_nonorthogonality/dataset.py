@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from station.findings import Analysis, FlagThresholds
+from station.findings import Analysis
 
 from .angles import NAMES, Solution
 from .joint import JointFit
@@ -80,23 +80,6 @@ class SerfDataset:
     def commanded_nT(self) -> Array:
         """The commanded fields, shape (shots, 3)."""
         return np.array([shot.field_nT for shot in self.shots], dtype=np.float64).reshape(-1, 3)
-
-
-@dataclass(frozen=True)
-class AnalysisSettings(FlagThresholds):
-    """Thresholds of the flags, each with its default.
-
-    `few_cycles` within the 1/e time; `residual_field_large_nT` magnitude; `chirp` relative change
-    of the frequency over the decay, which must also be `chirp_u` of its uncertainties; `gap` in
-    nominal intervals; `model_too_stiff` lag-1 correlation of a shot's residuals. Samples before
-    `skip_s`, while the coils' currents rise, are left out.
-    """
-
-    few_cycles: float = 1.5
-    residual_field_large_nT: float = 1.5
-    chirp: float = 0.01
-    chirp_u: float = 5.0
-    skip_s: float = 0.0
 
 
 @dataclass(frozen=True)

@@ -10,16 +10,8 @@ from procedures.estimation.flags import NOT_IDENTIFIABLE, not_identifiable, too_
 from station.findings import Estimate, Flag, contradiction
 
 from .checks import PublishedAngles, outside_the_isotope, slowing_down_bounds
-from .dataset import (
-    ANGLE,
-    FACTOR,
-    RESIDUAL,
-    SLOWING_DOWN,
-    AnalysisSettings,
-    Frequencies,
-    SerfDataset,
-    scale_axis,
-)
+from .dataset import ANGLE, FACTOR, RESIDUAL, SLOWING_DOWN, Frequencies, SerfDataset, scale_axis
+from .settings import AnalysisSettings
 from .shots import PAIRS
 
 CHANCE = 4.0

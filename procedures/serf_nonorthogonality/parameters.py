@@ -8,8 +8,8 @@ from typing import Annotated, Literal
 from pydantic import AfterValidator, Field, ValidationInfo, field_validator
 
 from station.fields import StrictModel, Unit
-from station.findings import FlagThresholds
 
+from .settings import AnalysisSettings
 from .shots import (
     AXES,
     GAMMA_HZ_PER_NT,
@@ -68,11 +68,11 @@ class Depolarising(StrictModel):
 class Thresholds(StrictModel):
     """Where a flag is raised; the defaults are those of the result format."""
 
-    residual_field_large_nT: Nanotesla = 1.5
-    few_cycles: Annotated[float, Field(ge=1)] = 1.5
-    chirp: Annotated[float, Unit("1"), Field(gt=0)] = 0.01
-    gap: Annotated[float, Field(gt=1)] = FlagThresholds.gap
-    model_too_stiff: Annotated[float, Field(gt=0)] = FlagThresholds.model_too_stiff
+    residual_field_large_nT: Nanotesla = AnalysisSettings.residual_field_large_nT
+    few_cycles: Annotated[float, Field(ge=1)] = AnalysisSettings.few_cycles
+    chirp: Annotated[float, Unit("1"), Field(gt=0)] = AnalysisSettings.chirp
+    gap: Annotated[float, Field(gt=1)] = AnalysisSettings.gap
+    model_too_stiff: Annotated[float, Field(gt=0)] = AnalysisSettings.model_too_stiff
 
 
 class SerfParameters(StrictModel):

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from procedures.estimation.recorder import equal_runs
 
-from .dataset import AnalysisSettings, SerfDataset, Shot
+from .dataset import SerfDataset, Shot
+from .settings import AnalysisSettings
 from .shots import LEAST_CYCLES, LEAST_SIGNAL_TO_NOISE
 from .spin_motion import DecayLine, decay_line
 from .tone import NoTone, ToneFit, fit_tone

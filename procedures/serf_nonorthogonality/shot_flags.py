@@ -13,8 +13,9 @@ from scipy.special import gammaincc
 from procedures.estimation.flags import Gaps, excitation_flags, gaps_of
 from station.findings import Flag, contradiction
 
-from .dataset import AnalysisSettings, SerfDataset, Shot, ShotResult
+from .dataset import SerfDataset, Shot, ShotResult
 from .precession import Precession
+from .settings import AnalysisSettings
 from .shots import AXES, GAMMA_HZ_PER_NT, LEAST_SIGNAL_TO_NOISE, SPINS
 
 Array = NDArray[np.float64]

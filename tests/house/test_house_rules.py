@@ -203,3 +203,25 @@ def test_every_benchmark_fits_the_engine() -> None:
     paths = os.pathsep.join(map(str, (folder, ROOT / "tests" / "support", ROOT)))
     environment = {**os.environ, "PYTHONPATH": paths}
     subprocess.run([sys.executable, "-c", code], check=True, env=environment, cwd=ROOT)
+
+
+@pytest.mark.parametrize("settings", sorted(ROOT.glob("procedures/*/settings.py")), ids=str)
+def test_a_plan_takes_its_thresholds_from_the_analysis(settings: Path) -> None:
+    """A number that a plan may state and an analysis uses is declared once."""
+    declared = set(_defaults(settings)) | set(_defaults(ROOT / "station" / "findings.py"))
+    plan = _defaults(settings.with_name("parameters.py"))
+    shared = declared & set(plan)
+    assert shared
+    assert not [name for name in shared if isinstance(plan[name], ast.Constant)]
+
+
+def _defaults(path: Path) -> dict[str, ast.expr]:
+    """Return the attributes of a file's classes that have a number, or another default."""
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    lines = [line for one in ast.walk(tree) if isinstance(one, ast.ClassDef) for line in one.body]
+    found = [one for one in lines if isinstance(one, ast.AnnAssign) and one.value is not None]
+    return {ast.unparse(one.target): one.value for one in found if not _is_none(one.value)}
+
+
+def _is_none(value: ast.expr | None) -> bool:
+    return isinstance(value, ast.Constant) and value.value is None

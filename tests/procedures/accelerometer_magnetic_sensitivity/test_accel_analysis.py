@@ -18,8 +18,8 @@ from accelerometer_records import (
 from scipy.special import stdtrit
 
 from procedures.accelerometer_magnetic_sensitivity.analysis import analyse
-from procedures.accelerometer_magnetic_sensitivity.dataset import AnalysisSettings
 from procedures.accelerometer_magnetic_sensitivity.outlook import expected_uncertainty
+from procedures.accelerometer_magnetic_sensitivity.settings import AnalysisSettings
 
 WARM_UP_TIME_S = 1500.0
 

@@ -8,7 +8,6 @@ from accelerometer_records import SIX_FIELDS_T, TRUTH, points, record
 from numpy.typing import NDArray
 
 from procedures.accelerometer_magnetic_sensitivity.analysis import analyse
-from procedures.accelerometer_magnetic_sensitivity.dataset import AnalysisSettings
 from procedures.accelerometer_magnetic_sensitivity.finite_memory import (
     FiniteMemory,
     column_scale,
@@ -20,6 +19,7 @@ from procedures.accelerometer_magnetic_sensitivity.model import (
     judge,
     model_columns,
 )
+from procedures.accelerometer_magnetic_sensitivity.settings import AnalysisSettings
 
 Array = NDArray[np.float64]
 

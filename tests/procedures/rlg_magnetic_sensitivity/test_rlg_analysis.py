@@ -14,10 +14,11 @@ from scipy.special import stdtrit
 from scipy.stats import chi2
 
 from procedures.rlg_magnetic_sensitivity.analysis import analyse
-from procedures.rlg_magnetic_sensitivity.dataset import AXES, AnalysisSettings, RlgDataset, Segment
+from procedures.rlg_magnetic_sensitivity.dataset import AXES, RlgDataset, Segment
 from procedures.rlg_magnetic_sensitivity.evaluate import undriven_inputs
 from procedures.rlg_magnetic_sensitivity.frequencies import Drive
 from procedures.rlg_magnetic_sensitivity.gyro import published_value
+from procedures.rlg_magnetic_sensitivity.settings import AnalysisSettings
 from station.results import combine
 
 EXAMPLES = {

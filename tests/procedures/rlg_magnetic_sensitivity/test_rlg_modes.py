@@ -16,7 +16,7 @@ from shipped import shipped_bench
 
 from procedures.estimation.recorder import find_beat, folded_Hz
 from procedures.rlg_magnetic_sensitivity.coils import coil_responses
-from procedures.rlg_magnetic_sensitivity.dataset import AXES, AnalysisSettings
+from procedures.rlg_magnetic_sensitivity.dataset import AXES
 from procedures.rlg_magnetic_sensitivity.frequencies import (
     Drive,
     choose,
@@ -25,6 +25,7 @@ from procedures.rlg_magnetic_sensitivity.frequencies import (
 )
 from procedures.rlg_magnetic_sensitivity.parameters import RlgParameters, Stop
 from procedures.rlg_magnetic_sensitivity.records import all_records, sensitivity_records
+from procedures.rlg_magnetic_sensitivity.settings import AnalysisSettings
 from procedures.rlg_magnetic_sensitivity.steadiness import background, flags_of, repeated
 from procedures.rlg_magnetic_sensitivity.stopping import (
     Standing,
