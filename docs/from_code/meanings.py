@@ -11,6 +11,8 @@ PLAN = {
     "procedure": "name of the procedure; `station list procedures` gives them",
     "title": "heading of the report",
     "operator": "who runs it",
+    "check_standard": "whether the device is the bench's own standard, whose results are charted "
+    "to watch the bench",
     "released": "whether an operator may start it from the panel; a plan that extends it is not",
     "dut": "the device under test",
     "dut.model": "its model",

@@ -26,7 +26,6 @@ from station.cli.options import (
     Rehearsed,
     ReportFormat,
     RunFolder,
-    SchemaKind,
     Served,
     Traced,
     complete_plan,
@@ -48,11 +47,18 @@ app = typer.Typer(
 
 
 @app.command("list")
-def list_(kind: Annotated[Kind | None, typer.Argument()] = None, json: Json = False) -> None:
+def list_(
+    kind: Annotated[Kind | None, typer.Argument()] = None,
+    search: Annotated[
+        str, typer.Option(metavar="TEXT", help="Of the runs: name, operator, verdict, state.")
+    ] = "",
+    json: Json = False,
+) -> None:
     """List procedures, plans, benches, drivers, runs."""
     from station.cli.looking import list_what_there_is
 
-    list_what_there_is(kind.value if kind else None, as_json=json)
+    wanted = kind.value if kind else "runs" if search else None
+    list_what_there_is(wanted, search=search, as_json=json)
 
 
 @app.command()
@@ -321,19 +327,6 @@ def scan(
 
 
 add_to(app)
-
-
-@app.command()
-def schema(
-    kind: SchemaKind,
-    built_in: Annotated[
-        bool, typer.Option("--built-in", help="Leave out procedures and drivers of other packages.")
-    ] = False,
-) -> None:
-    """Print the JSON Schema of plan, bench or dataset files."""
-    from station.schema import schema_text
-
-    print(schema_text(kind.value, built_in=built_in), end="")
 
 
 @app.callback(invoke_without_command=True)

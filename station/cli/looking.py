@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -13,15 +14,19 @@ from station.errors import InputError
 from station.files.lookup import BENCHES, PLANS, available
 from station.procedure import procedure_of
 from station.record.events import whole_bench
-from station.record.run_names import RUNS, runs_below
+from station.record.run_list import newest_runs
+from station.record.run_names import RUNS
 
 
-def list_what_there_is(kind: str | None, *, as_json: bool) -> None:
-    """Print the names of one kind, or of all kinds, with a line about each."""
+def list_what_there_is(kind: str | None, *, search: str = "", as_json: bool) -> None:
+    """Print the names of one kind, or of all kinds, with a line about each.
+
+    `search` leaves the runs of which name, serial number, operator, verdict or state hold it.
+    """
     from station.roles.role import collected
 
     kinds = [kind] if kind else ["procedures", "plans", "benches", "drivers", "runs"]
-    found = {one: entries(one) for one in kinds}
+    found = {one: entries(one, search) for one in kinds}
     for said in (*registry.offers()[1], *collected()[1]):
         tell(f"WARNING: {said}")
     if as_json:
@@ -36,7 +41,7 @@ def list_what_there_is(kind: str | None, *, as_json: bool) -> None:
             print("  none")
 
 
-def entries(kind: str) -> list[dict[str, Any]]:
+def entries(kind: str, search: str = "") -> list[dict[str, Any]]:
     """Return name and a line about each thing of a kind."""
     if kind == "procedures":
         return [
@@ -55,7 +60,7 @@ def entries(kind: str) -> list[dict[str, Any]]:
             }
             for name in registry.names(registry.DRIVERS)
         ]
-    return [{"name": path.name, "about": outcome_of(path)} for path in runs_below(RUNS)]
+    return [listed_run(one) for one in reversed(newest_runs(RUNS, search))]
 
 
 def about(procedure: str) -> str:
@@ -66,16 +71,12 @@ def about(procedure: str) -> str:
         return str(error)
 
 
-def outcome_of(path: Path) -> str:
-    """Return a run's verdict, or that it did not end."""
-    results = path / "results.json"
-    if not results.is_file():
-        return "no results"
-    try:
-        verdict = json.loads(results.read_text(encoding="utf-8"))["verdict"]
-    except (OSError, ValueError, LookupError, TypeError, RecursionError):
-        return "results that cannot be read"
-    return f"verdict {verdict}"
+def listed_run(entry: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what is listed of a run: how it stands, when it began, and who ran it."""
+    verdict = entry["verdict"]
+    stands = f"verdict {verdict}" if verdict and not entry["running"] else entry["state"]
+    parts = (stands, entry["started"][:16].replace("T", " "), entry["operator"])
+    return {"name": entry["run"], "about": "  ".join(filter(None, parts)), **entry}
 
 
 MOST_UNITS = 6

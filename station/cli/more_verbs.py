@@ -1,4 +1,4 @@
-"""Further verbs: simulated instruments and the panel, served until Ctrl-C; and verify."""
+"""Further verbs: what is served until Ctrl-C, and what looks at runs that have ended."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from station.cli.options import DEFAULT_BENCH, MOUNTED, Json, Procedure
+from station.cli.options import DEFAULT_BENCH, MOUNTED, Json, Procedure, SchemaKind, named_run
 
 
 def sim(
@@ -36,6 +36,52 @@ def panel(
     serve_panel(host, port, output, tokens)
 
 
+def schema(
+    kind: SchemaKind,
+    built_in: Annotated[
+        bool, typer.Option("--built-in", help="Leave out procedures and drivers of other packages.")
+    ] = False,
+) -> None:
+    """Print the JSON Schema of plan, bench or dataset files."""
+    from station.schema import schema_text
+
+    print(schema_text(kind.value, built_in=built_in), end="")
+
+
+def history(
+    dut: Annotated[str | None, typer.Option(metavar="SERIAL", help="Of this unit.")] = None,
+    procedure: Annotated[str | None, typer.Option(help="Of this procedure.")] = None,
+    result: Annotated[str | None, typer.Option(metavar="NAME", help="This result.")] = None,
+    bench: Annotated[str | None, typer.Option(help="Of this bench, by its name.")] = None,
+    check_standards: Annotated[
+        bool, typer.Option("--check-standards", help="Of plans marked `check_standard: true`.")
+    ] = False,
+    rebuild: Annotated[
+        bool, typer.Option("--rebuild", help="Read every run folder again first.")
+    ] = False,
+    html: Annotated[Path | None, typer.Option(metavar="FILE", help="Write plots.")] = None,
+    output: Annotated[Path, typer.Option(help="Parent of the run folders.")] = Path("runs"),
+    json: Json = False,
+) -> None:
+    """Show results of past runs over time."""
+    from station.cli.history import show_history
+    from station.history.store import Wanted
+
+    wanted = Wanted(dut, procedure, bench, result, check_standards or None)
+    show_history(output, wanted, rebuild=rebuild, page=html, as_json=json)
+
+
+def compare(
+    first: Annotated[Path, typer.Argument(metavar="A", callback=named_run)],
+    second: Annotated[Path, typer.Argument(metavar="B", callback=named_run)],
+    json: Json = False,
+) -> None:
+    """Compare two runs side by side."""
+    from station.cli.comparing import compare_runs
+
+    compare_runs(first, second, as_json=json)
+
+
 def verify(
     runs: Annotated[list[Path], typer.Argument(metavar="RUN...", help="Run folders.")],
     json: Json = False,
@@ -50,4 +96,7 @@ def add_to(app: typer.Typer) -> None:
     """Add the verbs to the command line."""
     app.command()(sim)
     app.command()(panel)
+    app.command()(schema)
     app.command()(verify)
+    app.command()(history)
+    app.command()(compare)

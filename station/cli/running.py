@@ -12,6 +12,7 @@ from shlex import quote
 from typing import TYPE_CHECKING, Any
 
 from station.cli.analysing import print_document
+from station.cli.remembering import out_of_control, remember
 from station.cli.validating import read_bench_named, read_plan_for, read_served
 from station.console import OutputLost, span, tell
 from station.control.client import go_on
@@ -68,7 +69,12 @@ def run_plan(
         trace=trace,
         rehearse=rehearse,
     )
-    return report_outcome(execute(request), request.plan.procedure, as_json=as_json)
+    for sentence in out_of_control(request.bench.path.stem, output):
+        tell(f"WARNING: {sentence}")
+    outcome = execute(request)
+    exit_code = report_outcome(outcome, request.plan.procedure, as_json=as_json)
+    remember(outcome.folder)
+    return exit_code
 
 
 def request_of(
@@ -251,7 +257,10 @@ def resume_run(
         trace=trace,
         announce=announce,
     )
-    return report_outcome(resume(request), plan.procedure, as_json=as_json)
+    outcome = resume(request)
+    exit_code = report_outcome(outcome, plan.procedure, as_json=as_json)
+    remember(outcome.folder)
+    return exit_code
 
 
 def dry_run_plan(

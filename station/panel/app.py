@@ -23,13 +23,14 @@ from station import registry
 from station.clock import boot_seconds
 from station.errors import StationError
 from station.panel.access import Access, Guard, Role, cookie_of
-from station.panel.overview import benches, first_event, newest_runs, plans
+from station.panel.overview import MOST_RUNS, benches, plans
 from station.panel.starting import Starting, Wanted
 from station.panel.streams import Streams
 from station.panel.watching import RunWatch
 from station.panel.wishes import REQUESTS, Wishes
 from station.record.files import is_own_file
 from station.record.layout import EVENTS
+from station.record.run_list import first_event, newest_runs
 
 PAGES = Path(__file__).parent / "pages"
 PLOTLY = Path(str(files("plotly"))) / "package_data"
@@ -129,7 +130,7 @@ class Panel:
         with self._looks:
             seen_s, searched, seen = self._seen
             if searched != search or boot_seconds() - seen_s > SEEN_FOR_S:
-                runs = newest_runs(self._runs, search)
+                runs = newest_runs(self._runs, search, MOST_RUNS)
                 seen = {"benches": benches(self._runs), "plans": plans(), "runs": runs}
                 self._seen = boot_seconds(), search, seen
             return seen

@@ -57,6 +57,31 @@ RULES = {
 
 def render_html(document: ResultDocument, context: ReportContext, parts: Sequence[Part]) -> str:
     """Return the report as one self-contained HTML page; same inputs give the same text."""
+    return (
+        _environment()
+        .get_template("report.html.j2")
+        .render(
+            context=context,
+            document=document,
+            css=_style(),
+            badge=_badge(document, context),
+            rule=RULES[context.decision_rule] if context.decision_rule else None,
+            results=_result_rows(document.results),
+            published=_published_rows(document),
+            flags=document.flags,
+            parts=[_part(part) for part in parts],
+            budgets=_budgets(document.results),
+        )
+    )
+
+
+def render_parts(title: str, about: str, parts: Sequence[Part]) -> str:
+    """Return a page of plots and tables alone, in the style of the report."""
+    template = _environment().get_template("parts.html.j2")
+    return template.render(title=title, about=about, css=_style(), parts=[_part(p) for p in parts])
+
+
+def _environment() -> Environment:
     environment = Environment(
         loader=PackageLoader("station", "report"),
         autoescape=True,
@@ -67,20 +92,12 @@ def render_html(document: ResultDocument, context: ReportContext, parts: Sequenc
     environment.filters["minus"] = _minus
     environment.filters["duration"] = format_duration
     environment.filters["moment"] = _moment
-    template = environment.get_template("report.html.j2")
+    return environment
+
+
+def _style() -> Markup:
     css = resources.files("station.report").joinpath("report.css").read_text(encoding="utf-8")
-    return template.render(
-        context=context,
-        document=document,
-        css=Markup(css),
-        badge=_badge(document, context),
-        rule=RULES[context.decision_rule] if context.decision_rule else None,
-        results=_result_rows(document.results),
-        published=_published_rows(document),
-        flags=document.flags,
-        parts=[_part(part) for part in parts],
-        budgets=_budgets(document.results),
-    )
+    return Markup(css)
 
 
 def _badge(document: ResultDocument, context: ReportContext) -> dict[str, str]:

@@ -19,6 +19,7 @@ from station.runner.preflight import (
     warned_of_clock,
     warned_of_limits,
     warned_of_memory,
+    warned_of_records,
 )
 from station.runner.resources import Disk, Memory, disk_of, memory_of
 from station.runner.session import clock_for
@@ -117,6 +118,7 @@ def walk(plan: Plan, bench: Bench, output: Path, served: Mapping[str, Any] | Non
         warnings=(
             *(one.sentence for one in warned_of_memory(memory)),
             *(one.sentence for one in warned_of_limits(plan, procedure)),
+            *(one.sentence for one in warned_of_records(plan, procedure, bench)),
             *warnings(disk, output, starts_s, real=is_real(bench, served)),
         ),
     )

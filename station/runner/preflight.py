@@ -73,9 +73,17 @@ def warned_of_limits(plan: Plan, procedure: Procedure) -> Iterator[Warned]:
 
 
 def warned_of_records(plan: Plan, procedure: Procedure, bench: Bench) -> Iterator[Warned]:
-    """Yield what calibration records lack for a plan, and what of them it does not use."""
+    """Yield what calibration records lack for a plan, what of them it does not use, what is due."""
     for flag in record_flags(procedure, plan.parameters, bench):
         yield Warned(flag.code, flag.message)
+    today = utc_now().date()
+    for name in procedure.instruments(plan.parameters):
+        record = bench.record(name)
+        if record is not None and record.overdue(today):
+            yield Warned(
+                "calibration-overdue",
+                f"The calibration of {name} was due on {record.due}; the results will be flagged.",
+            )
 
 
 def warned_of_memory(memory: Memory) -> Iterator[Warned]:

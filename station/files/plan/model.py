@@ -164,6 +164,7 @@ class PlanHeader(StrictModel):
     title: str | None = None
     operator: str | None = None
     released: bool = False
+    check_standard: bool = False
     dut: Dut
     parameters: dict[str, Any] = Field(default_factory=dict)
     limits: dict[str, Any] = Field(default_factory=dict)

@@ -11,13 +11,14 @@ from pathlib import Path
 import pytest
 from panel_server import Served, panel
 
-from station.cli.looking import outcome_of
+from station.cli.looking import listed_run
 from station.control.status import in_words, read_status
 from station.errors import InputError
 from station.panel import app
 from station.panel.streams import MOST_STREAMS
 from station.panel.watching import RunWatch
 from station.record.events import Event
+from station.record.run_list import entry_of
 
 NAME = "20260101T000000Z-foreign"
 DEEP = "[" * 100_000
@@ -77,7 +78,7 @@ def test_a_foreign_folder_leaves_the_first_page_whole(
     status, text = served.get("/api/home")
     assert status == 200
     assert [one["run"] for one in json.loads(text)["runs"]] == [NAME]
-    outcome_of(folder)
+    assert listed_run(entry_of(folder))["name"] == NAME
 
 
 def test_a_lock_that_is_a_link_is_named(served: Served) -> None:

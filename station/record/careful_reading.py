@@ -15,12 +15,17 @@ LONGEST_LINE = 4_000_000
 
 def read_json(path: Path) -> dict[str, Any]:
     """Return the mapping of a JSON file, empty where it cannot be read."""
+    return mapping(own_text(path))
+
+
+def own_text(path: Path) -> str:
+    """Return the text of a file, empty where it cannot be read, is a link, or is too large."""
     try:
         if not is_own_file(path) or path.stat().st_size > MOST_BYTES:
-            return {}
-        return mapping(path.read_text(encoding="utf-8"))
+            return ""
+        return path.read_text(encoding="utf-8")
     except (OSError, ValueError):
-        return {}
+        return ""
 
 
 def first_line(path: Path) -> dict[str, Any]:

@@ -1,0 +1,132 @@
+"""What the history keeps of a run folder; the folder stays the truth."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from station.errors import InputError
+from station.record.folder import RESULTS
+from station.record.layout import BENCH, EVENTS, MANIFEST, PLAN, RUN
+
+IDENTIFIED = b'"event": "identified"'
+RUN_STARTED = "run-started"
+SIMULATION = re.compile(r"^simulation:(?! null)", re.MULTILINE)
+QUICK = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+"""A resolved plan was read and written by the station: nobody asks for the place of its keys."""
+Row = Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class RunSummary:
+    """A run as the tables hold it: its own row, and those of its results and its instruments."""
+
+    run: Row
+    results: tuple[Row, ...]
+    instruments: tuple[Row, ...]
+
+
+def summary_of(folder: Path) -> RunSummary:
+    """Return what the history keeps of a run; raises InputError where it cannot be read."""
+    try:
+        return _summary(folder)
+    except (OSError, ValueError, LookupError, TypeError, AttributeError, yaml.YAMLError) as error:
+        raise InputError(
+            f"{folder} cannot be taken into the history ({error}); `station verify` says what is "
+            "damaged"
+        ) from error
+
+
+def _summary(folder: Path) -> RunSummary:
+    log = (folder / EVENTS).read_bytes().splitlines()
+    whole = log if _is_json(log[-1]) else log[:-1]  # the last line of a killed run may be cut
+    begun, facts = json.loads(whole[0]), _json(folder / RUN)
+    if begun["event"] != RUN_STARTED:
+        raise ValueError(f"{EVENTS} does not begin with {RUN_STARTED}")
+    plan = yaml.load((folder / PLAN).read_text(encoding="utf-8"), QUICK)
+    document = _json(folder / RESULTS) if (folder / RESULTS).is_file() else {}
+    run = {
+        "host": facts["host"],
+        "run": folder.name,
+        "folder": str(folder.resolve()),
+        "started_utc": facts["started_utc"],
+        "ended_utc": facts.get("ended_utc"),
+        "procedure": begun["procedure"],
+        "model": begun["dut"]["model"],
+        "serial": begun["dut"]["serial"],
+        "operator": plan.get("operator"),
+        "bench": Path(facts["bench_file"]).stem,
+        "simulated": bool(SIMULATION.search((folder / BENCH).read_text(encoding="utf-8"))),
+        "check_standard": bool(plan.get("check_standard")),
+        "state": "evaluated" if document else "without results",
+        "verdict": document.get("verdict"),
+        "head": head_of(folder),
+    }
+    return RunSummary(run, tuple(_results(document)), tuple(_instruments(whole)))
+
+
+def head_of(folder: Path) -> str:
+    """Return the SHA-256 that stands for a whole run folder: that of its manifest.
+
+    The manifest holds that of every file, of the log too, whose lines hold one another's. A run
+    that was killed has no manifest: then it is the SHA-256 of its log.
+    """
+    manifest = folder / MANIFEST
+    sealed = manifest if manifest.is_file() else folder / EVENTS
+    return hashlib.sha256(sealed.read_bytes()).hexdigest()
+
+
+def _results(document: Row) -> Iterator[Row]:
+    for entry in document.get("results", ()):
+        low, high = _interval(entry.get("limit") or {})
+        yield {
+            "name": entry["name"],
+            "axis": entry["axis"],
+            "value": entry["value"],
+            "unit": entry["unit"],
+            "standard_uncertainty": entry["standard_uncertainty"],
+            "expanded_uncertainty": entry["expanded_uncertainty"],
+            "limit_min": low,
+            "limit_max": high,
+            "verdict": entry["verdict"],
+        }
+
+
+def _interval(limit: Row) -> tuple[float | None, float | None]:
+    """Return the lowest and the highest value within a limit as `results.json` has it."""
+    if "max_abs" in limit:
+        return -limit["max_abs"], limit["max_abs"]
+    return limit.get("min"), limit.get("max")
+
+
+def _instruments(log: list[bytes]) -> Iterator[Row]:
+    """Yield each instrument that the run identified, once."""
+    seen = {}
+    for line in log:
+        if IDENTIFIED in line:
+            event = json.loads(line)
+            seen[event["instrument"]] = event
+    for name, event in seen.items():
+        yield {"instrument": name, "model": event["model"], "serial": event["serial"] or ""}
+
+
+def _json(path: Path) -> dict[str, Any]:
+    data = json.loads(path.read_text(encoding="utf-8"))
+    if not isinstance(data, dict):
+        raise TypeError(f"{path.name} holds no mapping")
+    return data
+
+
+def _is_json(line: bytes) -> bool:
+    try:
+        json.loads(line)
+    except ValueError:
+        return False
+    return True

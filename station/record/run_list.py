@@ -1,0 +1,66 @@
+"""The runs below a folder, a line about each, read with care."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any
+
+from station.errors import InputError
+from station.files.locks import is_held
+from station.record.careful_reading import first_line, own_text, read_json, words
+from station.record.layout import EVENTS, LOCK, PLAN, RUN
+from station.record.run_names import runs_below
+
+RESULTS = "results.json"
+OPERATOR = re.compile(r"^operator: (?!null\b)(.*?) *(?:#.*)?$", re.MULTILINE)
+
+
+def newest_runs(runs: Path, search: str = "", most: int | None = None) -> list[dict[str, Any]]:
+    """Return the newest runs, at most so many; those alone of which a word holds the text."""
+    found: list[dict[str, Any]] = []
+    for folder in reversed(runs_below(runs)):
+        if most is not None and len(found) >= most:
+            break
+        if folder.is_symlink() or not folder.name.isprintable():  # nothing can be had of it
+            continue
+        entry = entry_of(folder)
+        named = (entry[one] for one in ("run", "serial", "operator", "verdict", "state"))
+        if search.lower() in " ".join(filter(None, named)).lower():
+            found.append(entry)
+    return found
+
+
+def entry_of(folder: Path) -> dict[str, Any]:
+    """Return how a run stands, from the first line of its log, its lock and its results."""
+    begun = first_event(folder)
+    facts = read_json(folder / RUN)
+    verdict = words(read_json(folder / RESULTS).get("verdict")) or None
+    dut = begun.get("dut")
+    try:
+        running = is_held(folder / LOCK)
+        state = "running" if running else "evaluated" if verdict else "ended without results"
+    except (OSError, InputError):
+        running, state = False, "its lock cannot be read"
+    return {
+        "run": folder.name,
+        "procedure": words(begun.get("procedure")),
+        "bench": words(facts.get("bench_file")),
+        "serial": words(dut.get("serial")) if isinstance(dut, dict) else "",
+        "operator": operator_of(folder),
+        "started": words(facts.get("started_utc")),
+        "running": running,
+        "verdict": verdict,
+        "state": state,
+    }
+
+
+def operator_of(folder: Path) -> str:
+    """Return who the plan says runs it, as its resolved copy has it."""
+    found = OPERATOR.search(own_text(folder / PLAN))
+    return words(found[1].strip("'\"")) if found else ""
+
+
+def first_event(folder: Path) -> dict[str, Any]:
+    """Return the first event of a run, nothing where it cannot be read."""
+    return first_line(folder / EVENTS)
