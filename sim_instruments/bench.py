@@ -159,7 +159,7 @@ class SimulatedBench:
     def answer(self, line: str) -> str:
         """Do what one line of text asks for: a fault to inject, as YAML or JSON, or `report`.
 
-        Returns one line; what is wrong with a fault is told in it, too.
+        Returns one line; what is wrong with a fault is stated in it, too.
         """
         if line.strip() == "report":
             return json.dumps(self.simulation_report())

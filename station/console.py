@@ -86,8 +86,8 @@ class NeverBlocking:
     def _say_what_was_dropped(self) -> None:
         dropped, self._dropped = self._dropped, 0
         if dropped:
-            said = f"({dropped} lines are left out here: nobody took them for a while)\n"
-            self._waiting.put(encoded(said, self._stream))
+            text = f"({dropped} lines are left out here: nobody took them for a while)\n"
+            self._waiting.put(encoded(text, self._stream))
 
     def _write_on(self) -> None:
         handle = self._stream.fileno()

@@ -96,12 +96,12 @@ class Flag:
     def to_data(self) -> dict[str, Any]:
         """Return the entry of `flags`; a detail that is no finite number is left out."""
         data: dict[str, Any] = {"code": self.code, "axis": self.axis, "message": self.message}
-        told = {
+        shown = {
             name: value
             for name, value in self.details.items()
             if not isinstance(value, float) or math.isfinite(value)
         }
-        return {**data, **told}
+        return {**data, **shown}
 
 
 CONTRADICTS = "contradicts-statement"

@@ -281,9 +281,9 @@ def _is_measured(key: tuple[str, str | None], measured: Mapping[str, tuple[str, 
 
 def _without_result(name: str, axis: str | None, limit: Limit) -> Flag:
     """Return the flag on a limit that nothing can be held against."""
-    said = (
+    text = (
         f"{name}{f' {axis}' if axis else ''} has a limit and no result: the procedure does not "
         "return it. Nothing is held against the limit, and the verdict is inconclusive at best."
     )
     details = {"name": name, "limit": limit.to_data()}
-    return Flag(LIMIT_WITHOUT_RESULT, said, axis, details)
+    return Flag(LIMIT_WITHOUT_RESULT, text, axis, details)

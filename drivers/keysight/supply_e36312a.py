@@ -165,8 +165,8 @@ class KeysightE36312A(ScpiDriver):
     def read_safety(self) -> SafetyReading:
         """Read back the output and its current."""
         (look,) = self._line.proof.of(self._asked)
-        said = f"output {self._channel} {'on' if look.on else 'off'}, {look.current_A:.3f} A"
-        return SafetyReading(not look.on and look.current_A <= TOLERANCE * 5, said)
+        read_back = f"output {self._channel} {'on' if look.on else 'off'}, {look.current_A:.3f} A"
+        return SafetyReading(not look.on and look.current_A <= TOLERANCE * 5, read_back)
 
     @quantity("output", states=("on", "off"))
     def _is_on(self) -> bool:

@@ -41,12 +41,12 @@ class TracedLine:
 
     def _not_opened(self, error: BaseException) -> InstrumentError:
         """Return the error of a line that cannot be opened, with what to do about its cause."""
-        said = " ".join(str(error).split())
+        why_not = " ".join(str(error).split())
         known = why_not_opened(self._place.address, error)
         if known is None:
-            return self._nobody_answers(said)
+            return self._nobody_answers(why_not)
         why, do_now = known
-        return self._fault(f"open {self._place.address}", f"{why} ({said})", do_now)
+        return self._fault(f"open {self._place.address}", f"{why} ({why_not})", do_now)
 
     def _nobody_answers(
         self, why: object, do_now: str = "switch the instrument on, check its cable"

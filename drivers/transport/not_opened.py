@@ -49,26 +49,26 @@ def _serial(address: str, error: BaseException) -> tuple[str, str] | None:
 
 
 def _visa(address: str, error: BaseException) -> tuple[str, str] | None:
-    said, kind = str(error).lower(), address.upper()
-    if any(words in said for words in NO_LIBRARY):
+    reason, kind = str(error).lower(), address.upper()
+    if any(words in reason for words in NO_LIBRARY):
         return (
             "the VISA library of settings.visa_library cannot be loaded",
             "install the maker's VISA, or correct its path in the bench file; without "
             f"visa_library the Python library {PYTHON_VISA} is used, for everything but GPIB",
         )
-    if NO_BACKEND in said and kind.startswith(GPIB):
+    if NO_BACKEND in reason and kind.startswith(GPIB):
         return (
             "the VISA library in use has no GPIB",
             "state the library of the GPIB adapter's maker as settings.visa_library in the bench "
             "file, or install linux-gpib with its Python package `gpib`",
         )
-    if NO_BACKEND in said and kind.startswith(USB):
+    if NO_BACKEND in reason and kind.startswith(USB):
         return (
             "the VISA library in use has no USB",
             "install the Python packages `pyusb` and `libusb-package`, or state the maker's "
             "library as settings.visa_library in the bench file",
         )
-    if any(words in said for words in NO_RESOURCE):
+    if any(words in reason for words in NO_RESOURCE):
         return (
             "the VISA library reports no such resource",
             "switch the instrument on, check its cable, and look with `station scan` which "

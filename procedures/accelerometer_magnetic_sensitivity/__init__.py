@@ -188,9 +188,9 @@ def identify(run: Run) -> None:
                 value=published.value,
                 unit=published.unit,
             )
-    said = {one.name: one for one in found.published}["Km"]
-    if said.value is not None:
-        run.progress.say(f"    as published Km = {said.value:.5g} {said.unit}")
+    km = {one.name: one for one in found.published}["Km"]
+    if km.value is not None:
+        run.progress.say(f"    as published Km = {km.value:.5g} {km.unit}")
 
 
 STEPS = (

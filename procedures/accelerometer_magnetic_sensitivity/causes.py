@@ -277,46 +277,46 @@ def cause_flag(solution: Solution, cause: Cause, rows: NDArray[np.int64]) -> Fla
             "scale": "the scale factor differs by where the field came from",
             "last field": "the output still holds a part of the field of the row before",
         }[cause.what]
-        said = (
+        text = (
             f"Hysteresis: {moved}, by up to {size}; it is fitted and removed. A core or a torquer "
             "keeps a part of its magnetisation, or the field had not settled: degauss before each "
             "point, wait longer, and compare field up with field down."
         )
     elif cause.code == "not-settled" and cause.what != "output":
-        said = (
+        text = (
             f"The output follows the square of the field with a delay of about {cause.what} rows, "
             f"by up to {size}: the coil warms the device, and no temperature says so; it is fitted "
             "and removed. Look at the thermometer's place, wait longer at each point, and cool the "
             "coil."
         )
     elif cause.code == "not-settled":
-        said = (
+        text = (
             f"Each output holds {100.0 * first:.2g} % of the one before: it was read before it had "
             "settled, or stands in the wrong row. The solution corrects a small part. Lengthen "
             "the dwell, and look at the filter of the voltmeter and at the rows."
         )
         details = {"part": first}
     elif cause.code == "field-differs-from-commanded":
-        said = (
+        text = (
             f"The output follows the commanded field, not the gaussmeter, by {first:.2f} "
             f"of their difference (up to {size}); the solution corrects that. Look at the "
             "gaussmeter: its range, zero, cable and place, and whether its column is shifted."
         )
     elif cause.code == "periodic":
-        said = (
+        text = (
             f"The output has a line with a period of {cause.what} and a range of {size}, which is "
             "fitted and removed: mains pick-up or another disturbance, aliased by the interval "
             "of the rows. Look at grounding, shields and the integration time of the voltmeter."
         )
     elif cause.code == "drift-removed":
-        said = (
+        text = (
             f"{cause.what} drifted in the course of the rows (up to {size} of the output), and no "
             "temperature says why; terms of zero mean were fitted and removed. Look at the "
             "thermometer's place, and warm the device up for longer."
         )
         details = {"term": cause.what}
     elif cause.code == "misfit":
-        said = (
+        text = (
             f"The output has a shape that the model does not have, by {cause.what} (up to {size}); "
             "one term for it is fitted, and what it leaves is not known. Look for a saturated "
             "core, a voltmeter that is not linear, and an encoder's scale."
@@ -328,10 +328,10 @@ def cause_flag(solution: Solution, cause: Cause, rows: NDArray[np.int64]) -> Fla
             row = int(rows[cause.row])
             where, than = f"From row {row} on, counted from 0,", "before"
             details["row"] = row
-        said = (
+        text = (
             f"{where} the output reads {1e6 * first:+.4g} µ{cause.unit} more than {than} at the "
             "same angle and field; the solution takes the step for one of the output and removes "
             "it, K0 and Ki being the mean. Look at the voltmeter, its range and input, and the "
             "device."
         )
-    return Flag(cause.code, said, details=details)
+    return Flag(cause.code, text, details=details)

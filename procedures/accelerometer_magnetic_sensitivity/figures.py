@@ -120,19 +120,19 @@ def _nuisances(analysis: AccelerometerAnalysis, dataset: AccelerometerDataset) -
     for one in analysis.nuisances:
         value, u = format_with_uncertainty(one.value, one.standard_uncertainty)
         rows.append([one.name, value, u, one.unit])
-    said = (
+    note = (
         "Fitted beside the coefficients: encoder offset (common to all planes) and misalignment Ko "
         "and Kp wherever they are independent of the coefficients, temperature and drift where "
         "the information criterion asks for them."
     )
     if dataset.temperature_degC is None:
-        said += " No temperature was recorded: there are no temperature terms."
+        note += " No temperature was recorded: there are no temperature terms."
     if analysis.not_separable:
-        said += (
+        note += (
             " Not distinguished from other terms, and so not fitted: "
             f"{', '.join(analysis.not_separable)}."
         )
-    return Table("Nuisance terms", said, ["term", "value", "u", "unit"], rows)
+    return Table("Nuisance terms", note, ["term", "value", "u", "unit"], rows)
 
 
 def _left_out(analysis: AccelerometerAnalysis, dataset: AccelerometerDataset) -> Table:

@@ -107,8 +107,8 @@ def small_jumps(
     whole = suspects.sums(slope**2)
     own = whole - np.einsum("ij,ij->i", shared, shared)
     known = np.logical_or(*suspects.kinds(np.ones(len(slope), dtype=bool)))
-    told = known & (own > TOLD_PART * whole)
-    angle_rad = np.where(told, along, 0.0) / np.where(told, own, 1.0)
+    usable = known & (own > TOLD_PART * whole)
+    angle_rad = np.where(usable, along, 0.0) / np.where(usable, own, 1.0)
     return angle_rad * along, angle_rad
 
 

@@ -93,10 +93,10 @@ class Place:
     meters: StandingStill = field(default_factory=StandingStill)
 
 
-def measure(run: Run, point: Point, said: str) -> None:
+def measure(run: Run, point: Point, doing: str) -> None:
     """Measure one (plane, angle, field) point; one that an earlier process finished stays.
 
-    `said` is how far the plan is, for the operator. Raises ConditionNotReached when the field does
+    `doing` is how far the plan is, for the operator. Raises ConditionNotReached when the field does
     not settle, InstrumentError when an instrument fails.
     """
     if run.is_finished(point.unit):
@@ -104,9 +104,9 @@ def measure(run: Run, point: Point, said: str) -> None:
     parameters: AccelerometerParameters = run.parameters
     place = run.state(Place)
     run.may_pause()
-    turn_to(run, point, said)
+    turn_to(run, point, doing)
     run.apply(field_of(point.field_mT, rms_field_mT(parameters)))
-    measured_mT = settle(run, parameters, said)
+    measured_mT = settle(run, parameters, doing)
     place.meters.driven(GAUSSMETER, point.field_mT, measured_mT, parameters.dwell.field_change_mT)
     details = {
         "plane": point.plane,
@@ -118,7 +118,7 @@ def measure(run: Run, point: Point, said: str) -> None:
     with run.unit(point.unit, **details):
         record_angle(run, point)
         for _ in range(MOST_RANGES):
-            if not read_output(run, point.unit, said):
+            if not read_output(run, point.unit, doing):
                 return
             widen(run, point.unit)
         raise InstrumentError(
@@ -129,16 +129,16 @@ def measure(run: Run, point: Point, said: str) -> None:
         )
 
 
-def turn_to(run: Run, point: Point, said: str) -> None:
+def turn_to(run: Run, point: Point, doing: str) -> None:
     """Turn the stage to a point's angle and wait until it rests; nothing moves where it does."""
     place = run.state(Place)
     if place.angle_deg != point.angle_deg:
         run.apply(angle_of(point))
-        come_to_rest(run, STAGE, f"{said}, turning to {point.angle_deg:g} deg")
+        come_to_rest(run, STAGE, f"{doing}, turning to {point.angle_deg:g} deg")
         place.angle_deg = point.angle_deg
 
 
-def settle(run: Run, parameters: AccelerometerParameters, said: str) -> float:
+def settle(run: Run, parameters: AccelerometerParameters, doing: str) -> float:
     """Wait until successive readings of the field agree; the plan's dwell rule says for how long.
 
     Returns the last reading in mT. Raises ConditionNotReached when they never do.
@@ -158,7 +158,7 @@ def settle(run: Run, parameters: AccelerometerParameters, said: str) -> float:
             if not abs(field_mT - before_mT) <= rule.field_change_mT:
                 steady_since_s = now_s
             before_mT = field_mT
-        run.say_progress(f"{said}, {before_mT:.3f} mT")
+        run.say_progress(f"{doing}, {before_mT:.3f} mT")
         if math.isfinite(before_mT) and now_s - steady_since_s >= rule.at_least_s:
             return before_mT
         if now_s > until_s:
@@ -175,7 +175,7 @@ def record_angle(run: Run, point: Point) -> None:
     keep_row(run, point.unit, STAGE, STAGE_COLUMNS, angle_deg, point.angle_deg)
 
 
-def read_output(run: Run, unit: str, said: str) -> bool:
+def read_output(run: Run, unit: str, doing: str) -> bool:
     """Record a burst of the voltmeter, temperature and field beside it; True when overloaded."""
     parameters: AccelerometerParameters = run.parameters
     gaussmeter = run.role(GAUSSMETER, Gaussmeter)
@@ -192,7 +192,7 @@ def read_output(run: Run, unit: str, said: str) -> bool:
         bursts,
         lasts_s=burst_s(parameters),
         meanwhile=lambda: keep(run, unit, gaussmeter, gaussmeter.drain()),
-        said=said,
+        doing=doing,
     ):
         keep(run, unit, bursts[name], block)
         if name == MULTIMETER:

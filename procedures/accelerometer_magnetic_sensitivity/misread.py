@@ -58,42 +58,42 @@ def misread_flags(rows: Rows, solution: Solution) -> tuple[list[Flag], bool]:
     explained = (solution.misfit, solution.cause, solution.jump) != (None, None, None)
     if poor or explained or abs(offset_deg) > LARGE_OFFSET_DEG:
         stated_V = _left(rows)
-        tried = [(_left(other), said, details) for other, said, details in _readings(rows)]
+        tried = [(_left(other), how, details) for other, how, details in _readings(rows)]
         tried += [*_late(rows), *_from_a_row_on(rows)]
-        best_V, said, details = min(tried, key=lambda one: one[0])
+        best_V, how, details = min(tried, key=lambda one: one[0])
         if best_V < BETTER * stated_V:
             if "statement" in details:
-                unit_said = (
-                    f"The column {details['statement']} {said}; nothing is reported. Correct it."
+                unit_text = (
+                    f"The column {details['statement']} {how}; nothing is reported. Correct it."
                 )
-                return [Flag("contradicts-statement", unit_said, details=details)], True
-            plane_said = (
-                f"The output fits where {said}, and not as stated; nothing is reported. Look at "
+                return [Flag("contradicts-statement", unit_text, details=details)], True
+            plane_text = (
+                f"The output fits where {how}, and not as stated; nothing is reported. Look at "
                 "the mounting and at the columns plane and theta_deg."
             )
-            return [Flag("wrong-position", plane_said, details=details)], True
+            return [Flag("wrong-position", plane_text, details=details)], True
     tilted = max(abs(values.get(name, 0.0)) for name in (KO, KP))
     if tilted > (TILTED * abs(values["Ki"]) if "Ki" in values else TILTED_V_PER_G):
-        tilt_said = (
+        tilt_text = (
             f"The output has {tilted:.3g} V/g across the input axis: no mounting is so far off. "
             "Another plane or another zero of the angle was recorded; nothing is reported. Look "
             "at the mounting and at the columns plane and theta_deg."
         )
         details = {"misalignment_V_per_g": tilted}
-        return [Flag("wrong-position", tilt_said, details=details)], True
+        return [Flag("wrong-position", tilt_text, details=details)], True
     if abs(offset_deg) > LARGE_OFFSET_DEG:
-        zero_said = (
+        zero_text = (
             f"The zero of the encoder is {offset_deg:.4g} deg off, which the solution corrects: "
             "look whether the accelerometer is mounted as stated."
         )
-        return [Flag("wrong-position", zero_said, details={"offset_deg": offset_deg})], False
+        return [Flag("wrong-position", zero_text, details={"offset_deg": offset_deg})], False
     if solution.noise_V > HOPELESS * poor_V or strays > MANY_STRAYS:
-        astray_said = (
+        astray_text = (
             f"The output does not follow angle and field: {100.0 * strays:.2g} % of the rows are "
             f"left out, and the others miss the model by {1e6 * solution.noise_V:.3g} µV. No one "
             "cause explains that. Look at the columns, their units and their order."
         )
-        return [Flag("misfit", astray_said, details={"what": "rows", "part": strays})], False
+        return [Flag("misfit", astray_text, details={"what": "rows", "part": strays})], False
     return [], False
 
 
@@ -117,23 +117,23 @@ def _readings(rows: Rows) -> Iterator[tuple[Rows, str, dict[str, object]]]:
         details = {"plane": name}
         if len(names) > 1:
             other = np.where(there, -rows.theta_rad, rows.theta_rad)
-            said = f"plane {name} turns in the other sense"
-            yield replace(rows, theta_rad=other), said, details
+            how = f"plane {name} turns in the other sense"
+            yield replace(rows, theta_rad=other), how, details
             other = np.where(there, -rows.field_T, rows.field_T)
-            said = f"has the other sign in plane {name}"
-            yield replace(rows, field_T=other), said, {"statement": "field_T", "plane": name}
+            how = f"has the other sign in plane {name}"
+            yield replace(rows, field_T=other), how, {"statement": "field_T", "plane": name}
             for deg in (90, 180, 270):
                 other = rows.theta_rad + np.radians(deg) * there
-                said = f"plane {name} is turned by {deg} deg"
-                yield replace(rows, theta_rad=other), said, details
+                how = f"plane {name} is turned by {deg} deg"
+                yield replace(rows, theta_rad=other), how, details
         for new in PLANES:
             if new != name:
                 other_plane = np.where(there, new, rows.plane)
                 yield replace(rows, plane=other_plane), f"plane {name} is {new}", details
             if new in names and new > name:
                 other_plane = np.where(rows.plane == new, name, np.where(there, new, rows.plane))
-                said = f"the planes {name} and {new} are exchanged"
-                yield replace(rows, plane=other_plane), said, details
+                how = f"the planes {name} and {new} are exchanged"
+                yield replace(rows, plane=other_plane), how, details
 
 
 def _late(rows: Rows) -> Iterator[Reading]:
@@ -142,8 +142,8 @@ def _late(rows: Rows) -> Iterator[Reading]:
     before = np.vstack((columns[:1], columns[:-1]))
     for part in np.linspace(0.1, 0.9, 9):
         left_V = _left_by((1.0 - part) * columns + part * before, rows.output_V)
-        said = f"holds about {100.0 * part:.0f} % of the row before"
-        yield left_V, said, {"statement": "output_V", "part": float(part)}
+        how = f"holds about {100.0 * part:.0f} % of the row before"
+        yield left_V, how, {"statement": "output_V", "part": float(part)}
 
 
 def _from_a_row_on(rows: Rows) -> Iterator[Reading]:
@@ -166,8 +166,8 @@ def _from_a_row_on(rows: Rows) -> Iterator[Reading]:
                 break
             first, last = step
         best = min(tried, key=lambda row: tried[row])
-        said = f"has the other sign from row {best} of the usable rows on, counted from 0"
-        yield tried[best], said, {"statement": statement, "row": best}
+        how = f"has the other sign from row {best} of the usable rows on, counted from 0"
+        yield tried[best], how, {"statement": statement, "row": best}
 
 
 def _left(rows: Rows) -> float:

@@ -191,22 +191,22 @@ def _tidy(value: float) -> float:
 def describe(found: Identifiability) -> tuple[str, ...]:
     """Return in sentences what a plan determines and what it does not, and why."""
     together = [combination_text(own) for own in found.terms.values() if len(own) > 1]
-    said = [
+    sentences = [
         f"{found.rank} of the thirteen combinations are determined.",
         f"Alone: {listed(found.alone)}." if found.alone else "No coefficient is determined alone.",
     ]
     if together:
-        said.append(f"Only together: {listed(together)}.")
+        sentences.append(f"Only together: {listed(together)}.")
     if found.unexcited:
-        said.append(
+        sentences.append(
             f"Not at all: {listed(found.unexcited)}; their terms are zero, or the same, throughout."
         )
     if {"K0", "Koo", "Kpp"} & set(found.not_alone) and found.rank:
-        said.append(
+        sentences.append(
             "At rest the three accelerations always make 1 g (Ai² + Ao² + Ap² = 1): K0 and the "
             "square terms can never all be distinguished without a centrifuge."
         )
-    return tuple(said)
+    return tuple(sentences)
 
 
 def listed(names: Sequence[str]) -> str:

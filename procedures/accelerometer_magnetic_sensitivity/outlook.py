@@ -116,15 +116,15 @@ def expectation(parameters: AccelerometerParameters) -> Expectation:
 def undetermined(parameters: AccelerometerParameters) -> dict[str, str]:
     """Return each coefficient that a plan does not determine alone, and what it does instead."""
     found = expectation(parameters).identifiability
-    said: dict[str, str] = {}
+    why: dict[str, str] = {}
     for name in found.not_alone:
         together = [combination_text(own) for own in found.terms.values() if name in own]
         if name in found.kept:
-            said[name] = f"this plan determines only {together[0]}; the limit is held against that"
+            why[name] = f"this plan determines only {together[0]}; the limit is held against that"
             continue
         what = f"not {name} alone, only {listed(together)}" if together else f"no {name} at all"
-        said[name] = f"this plan determines {what}; its verdict will be inconclusive (exit code 6)"
-    return said
+        why[name] = f"this plan determines {what}; its verdict will be inconclusive (exit code 6)"
+    return why
 
 
 def outlook(parameters: AccelerometerParameters) -> tuple[str, ...]:

@@ -31,11 +31,11 @@ def figure_name(name: str, axis: str | None) -> str:
 
 def unlike(commissioned: Commissioned, units: Mapping[str, str]) -> Iterator[str]:
     """Yield why figures of a bench file are not those of a check; `units` by result."""
-    said = [figure_name(one.name, one.axis) for one in commissioned.figures]
-    for name in dict.fromkeys(said):
-        if said.count(name) > 1:
-            yield f"`commissioned` in the bench file states {name} {said.count(name)} times"
-    for name, one in zip(said, commissioned.figures, strict=True):
+    names = [figure_name(one.name, one.axis) for one in commissioned.figures]
+    for name in dict.fromkeys(names):
+        if names.count(name) > 1:
+            yield f"`commissioned` in the bench file states {name} {names.count(name)} times"
+    for name, one in zip(names, commissioned.figures, strict=True):
         if one.name in units and one.unit != units[one.name]:
             yield (
                 f"`commissioned` in the bench file states {name} in '{one.unit}', and a check "

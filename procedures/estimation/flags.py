@@ -50,11 +50,11 @@ class Gaps:
         """Return the flag of the gaps, or none; the subject is such as `The rows have`."""
         if not self.count:
             return []
-        gap_said = (
+        gap_text = (
             f"{subject} {counted(self.count, 'gap')}, the longest {self.longest_s:g} s for a "
             f"nominal interval of {nominal_s:g} s; {consequence}."
         )
-        return [Flag("gap", gap_said, axis, self.details)]
+        return [Flag("gap", gap_text, axis, self.details)]
 
 
 def gaps_of(time_s: NDArray[np.float64], nominal_s: float, wider: float) -> Gaps:
@@ -81,8 +81,8 @@ def too_stiff(
     axis: str | None = None,
 ) -> Flag:
     """Return the flag of a model whose residuals are correlated; `of` is such as ` of a shot`."""
-    stiff_said = f"Neighbouring residuals{of} are correlated by {lag_one:.2f}: {follows}."
-    return Flag("model-too-stiff", stiff_said, axis, {"lag_one_correlation": lag_one})
+    stiff_text = f"Neighbouring residuals{of} are correlated by {lag_one:.2f}: {follows}."
+    return Flag("model-too-stiff", stiff_text, axis, {"lag_one_correlation": lag_one})
 
 
 def counted(count: int, noun: str) -> str:

@@ -21,7 +21,7 @@ from .linear import MAD_TO_SIGMA
 Array = NDArray[np.float64]
 
 CHANCE = 1e-7
-"""That a sound record is called stuck."""
+"""That a sound record counts as stuck."""
 LEAST_ROWS = 12
 JUMP_SIGMAS = 8.0
 _FACTOR = 6364136223846793005  # odd and large: windows of values get keys that all but never meet

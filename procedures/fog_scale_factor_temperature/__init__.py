@@ -133,9 +133,9 @@ def warm_up(run: Run) -> None:
     work = run.state(BenchWork, run)
     began_s = run.clock.now()
     seen: list[tuple[float, float]] = []
-    said = "the gyros warm up"
+    doing = "the gyros warm up"
     while True:
-        work.follow(run.clock.now() + rule.window_s / 60, WARM_UP, said)
+        work.follow(run.clock.now() + rule.window_s / 60, WARM_UP, doing)
         now_s = run.clock.now()
         seen.append((now_s, float(np.mean(work.gyro_degC()))))
         seen = [one for one in seen if one[0] > now_s - rule.window_s]
@@ -143,14 +143,14 @@ def warm_up(run: Run) -> None:
             times, temperatures = np.array(seen).T
             slope, u = slope_with_uncertainty(times, temperatures)
             size = SECONDS_PER_HOUR * (abs(slope) + 2 * u)
-            said = f"the gyros change by {SECONDS_PER_HOUR * slope:+.2f} degC/h"
+            doing = f"the gyros change by {SECONDS_PER_HOUR * slope:+.2f} degC/h"
             if size < rule.slope_limit_degC_per_h:
-                run.progress.say(f"    warm: {said}")
+                run.progress.say(f"    warm: {doing}")
                 return
         if now_s - began_s > rule.at_most_s:
             raise ConditionNotReached(
                 f"{NAVIGATOR}: the gyros did not become steady within {rule.at_most_s / 3600:.3g} "
-                f"h: {said}, the "
+                f"h: {doing}, the "
                 f"plan allows {rule.slope_limit_degC_per_h:g}; wait longer (warm_up.at_most)"
             )
 

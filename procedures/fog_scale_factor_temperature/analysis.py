@@ -114,27 +114,27 @@ def coarse(fit: AxisFit, table: TurnTable) -> tuple[AxisFit, list[Flag]]:
         return fit, []
     own = table.axis == fit.axis
     grid = fit.curve.temperatures_degC(CHECKED)
-    said = []
+    steps = []
     step_deg = heading_resolution_deg(table)
     places = len(np.unique(table.attitude_before_deg[own, 0]))
     added = np.zeros(CHECKED)
     if step_deg and places < SAME_PLACES * int(own.sum()):
         added += step_deg * UNIFORM / FULL_TURN_DEG * PPM
-        said.append(f"headings of {step_deg:g} deg, each turn from the same heading")
+        steps.append(f"headings of {step_deg:g} deg, each turn from the same heading")
     both = np.concatenate((table.temperature_before_degC[own], table.temperature_after_degC[own]))
     step_degC = resolution_of(both)
     if step_degC >= COARSE_DEGC:
         slope = np.abs(np.gradient(fit.curve.error_ppm(grid), grid))
         added = np.hypot(added, slope * step_degC * UNIFORM)
-        said.append(f"temperatures of {step_degC:g} degC")
+        steps.append(f"temperatures of {step_degC:g} degC")
     if float(added.max()) <= fit.noise_ppm * UNIFORM:
         return fit, []
-    coarse_said = (
-        f"The readings of {fit.axis} come in coarse steps: {'; '.join(said)}. They are in the "
+    coarse_text = (
+        f"The readings of {fit.axis} come in coarse steps: {'; '.join(steps)}. They are in the "
         f"uncertainty by up to {added.max():.2g} ppm; record more digits."
     )
     found = replace(fit, curve=fit.curve.checked(added))
-    return found, [Flag("coarse-output", coarse_said, fit.axis, {"size_ppm": float(added.max())})]
+    return found, [Flag("coarse-output", coarse_text, fit.axis, {"size_ppm": float(added.max())})]
 
 
 def axis_tables(dataset: FogDataset, table: TurnTable) -> dict[str, AxisTurns]:

@@ -103,22 +103,22 @@ class BenchWork:
                 self.take(self._unit)
             raise
 
-    def follow(self, until_s: float, unit: str, said: str = "") -> None:
+    def follow(self, until_s: float, unit: str, doing: str = "") -> None:
         """Record until a run time."""
         if unit != self._unit:
             self.take(self._unit)
             self._unit = unit
-        look_until(self.run, until_s, lambda: self.look(unit), said, LOOK_S)
+        look_until(self.run, until_s, lambda: self.look(unit), doing, LOOK_S)
 
     def follow_until(
-        self, reached: Callable[[], bool], at_most_s: float, unit: str, said: Callable[[], str]
+        self, reached: Callable[[], bool], at_most_s: float, unit: str, doing: Callable[[], str]
     ) -> bool:
         """Record until something is reached; False where it was not within `at_most_s`."""
         until_s = self.run.clock.now() + at_most_s
         while not reached():
             if self.run.clock.now() >= until_s:
                 return False
-            self.follow(self.run.clock.now() + LOOK_S, unit, said())
+            self.follow(self.run.clock.now() + LOOK_S, unit, doing())
         return True
 
     def gyro_degC(self) -> NDArray[np.float64]:
@@ -161,15 +161,15 @@ class BenchWork:
                 "load"
             )
 
-    def go_to(self, moves: Sequence[AxisCommand[Any]], unit: str, said: str) -> None:
+    def go_to(self, moves: Sequence[AxisCommand[Any]], unit: str, doing: str) -> None:
         """Bring axes of the table to angles, each at rest before the next moves."""
         for move in moves:
             self.run.apply(move)
             axis = move.axis_number(self.run.bench)
             while self.table.is_moving(axis):
-                self.follow(self.run.clock.now() + MOVING_LOOK_S, unit, said)
+                self.follow(self.run.clock.now() + MOVING_LOOK_S, unit, doing)
 
-    def rest(self, unit: str, said: str) -> None:
+    def rest(self, unit: str, doing: str) -> None:
         """Stand for the plan's time to settle, and until an output came with the attitude at rest.
 
         Raises InstrumentError where none comes any more.
@@ -178,17 +178,17 @@ class BenchWork:
 
         clock = self.run.clock
         rests_s = clock.now() + SETTLED_S
-        self.follow(clock.now() + self.parameters.settle_s, unit, said)
+        self.follow(clock.now() + self.parameters.settle_s, unit, doing)
         self.take(unit)
         while self.newest is None or self.newest[ARRIVAL][0] < rests_s:
-            self.follow(clock.now() + MOVING_LOOK_S, unit, said)
+            self.follow(clock.now() + MOVING_LOOK_S, unit, doing)
             self.take(unit)
         # An output that is read right before the next movement is not taken for one at rest.
-        self.follow(float(self.newest[ARRIVAL][0]) + ARRIVES_WITHIN_S, unit, said)
+        self.follow(float(self.newest[ARRIVAL][0]) + ARRIVES_WITHIN_S, unit, doing)
         self.take(unit)
 
     def turn_around(
-        self, turn: tuple[AxisAtRate, AxisBy], unit: str, said: str
+        self, turn: tuple[AxisAtRate, AxisBy], unit: str, doing: str
     ) -> tuple[float, float, float, float]:
         """Turn the vertical axis once at the plan's rate, at rest before and after.
 
@@ -197,16 +197,16 @@ class BenchWork:
         """
         clock, (at_rate, by_angle) = self.run.clock, turn
         outer = by_angle.axis_number(self.run.bench)
-        self.rest(unit, said)
+        self.rest(unit, doing)
         before_s = clock.now()
         before_deg = self.run.prepare(by_angle) or 0.0
         left_deg = before_deg + by_angle.angle_deg - self.table.angle_deg(outer)
         self.run.apply(at_rate)
         ends_s = clock.now() + abs(left_deg / at_rate.rate_deg_per_s) - SHORT_OF_TURN_S
         while clock.now() < ends_s:
-            self.follow(min(clock.now() + TURNING_LOOK_S, ends_s), unit, said)
+            self.follow(min(clock.now() + TURNING_LOOK_S, ends_s), unit, doing)
             self.table.is_at_rate(outer)  # raises where it does not keep it
-        self.go_to([by_angle], unit, said)
+        self.go_to([by_angle], unit, doing)
         rests_s = clock.now()
-        self.rest(unit, said)
+        self.rest(unit, doing)
         return before_s, rests_s, clock.now(), self.table.angle_deg(outer) - before_deg

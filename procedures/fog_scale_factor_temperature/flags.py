@@ -39,13 +39,13 @@ def data_flags(turns: AxisTurns, fit: AxisFit, settings: AnalysisSettings) -> li
     flags = []
     rows = fit.rejected_rows
     if rows:
-        rejected_said = (
+        rejected_text = (
             f"{len(rows)} of {len(turns.rows)} turns about {turns.axis} lie more than "
             f"{settings.outlier:g} standard deviations from what the others say, or have a "
             f"temperature that cannot be, and are left out: {rows_listed(rows)}."
         )
         details = {"count": len(rows), "rows": rows}
-        flags.append(Flag("outliers-rejected", rejected_said, turns.axis, details))
+        flags.append(Flag("outliers-rejected", rejected_text, turns.axis, details))
     return flags + _heaps(turns, fit) + _gaps(turns, settings)
 
 
@@ -65,13 +65,13 @@ def _heaps(turns: AxisTurns, fit: AxisFit) -> list[Flag]:
         if rows is not None and place is not None and not bool(fit.kept[rows].any()):
             run.append(heat[place])
         elif len(run) >= most:
-            heap_said = (
+            heap_text = (
                 f"All turns about {turns.axis} in {len(run)} neighbouring sets, {run[0]:.1f} to "
                 f"{run[-1]:.1f} degC, disagree with the curve and were left out: rather a feature "
                 "of the gyro, narrower than the polynomial can follow, than wild turns."
             )
             details = {"sets": len(run), "between_degC": [run[0], run[-1]]}
-            return [Flag("model-too-stiff", heap_said, turns.axis, details)]
+            return [Flag("model-too-stiff", heap_text, turns.axis, details)]
         else:
             run = []
     return []
@@ -98,7 +98,7 @@ def _gaps(turns: AxisTurns, settings: AnalysisSettings) -> list[Flag]:
         if gaps
         else f"The turns about {turns.axis} lie far apart in temperature: the"
     )
-    gap_said = (
+    gap_text = (
         f"{lost} widest stretch of temperature without a turn is {widest_degC:.1f} degC. In a "
         f"stretch of more than {settings.temperature_gap_degC:g} degC the curve's uncertainty "
         "holds what higher orders may make; in one of more than "
@@ -110,34 +110,34 @@ def _gaps(turns: AxisTurns, settings: AnalysisSettings) -> list[Flag]:
         "longest_s": float(steps.max()),
         "widest_degC": widest_degC,
     }
-    return [Flag("gap", gap_said, turns.axis, details)]
+    return [Flag("gap", gap_text, turns.axis, details)]
 
 
 def fit_flags(fit: AxisFit, dataset: FogDataset, settings: AnalysisSettings) -> list[Flag]:
     """Return the flags on the model of an axis."""
     if fit.curve is None:
-        few_said = (
+        few_text = (
             f"The turns about {fit.axis} do not determine a curve: too few of them, or at too few "
             "temperatures."
         )
         names = ["scale_factor_error", "largest_scale_factor_error"]
-        return [not_identifiable(few_said, names, fit.axis)]
+        return [not_identifiable(few_text, names, fit.axis)]
     flags = []
     asked = dataset.reference_temperature_degC
     low, high = fit.curve.domain_degC
     if not fit.curve.holds(asked):
-        outside_said = (
+        outside_text = (
             f"The reference temperature of {asked:g} degC lies outside {low:.1f} to {high:.1f} "
             f"degC, where there are turns about {fit.axis}; no value is given."
         )
-        flags.append(Flag("extrapolation", outside_said, fit.axis, {"temperature_degC": asked}))
+        flags.append(Flag("extrapolation", outside_text, fit.axis, {"temperature_degC": asked}))
     if within(fit.gaps_degC, asked, WIDE * settings.temperature_gap_degC):
-        gap_said = (
+        gap_text = (
             f"No turn about {fit.axis} was made within {settings.temperature_gap_degC:g} degC and "
             f"more around the reference temperature of {asked:g} degC: no value is given."
         )
         names = ["scale_factor_error"]
-        flags.append(not_identifiable(gap_said, names, fit.axis, temperature_degC=asked))
+        flags.append(not_identifiable(gap_text, names, fit.axis, temperature_degC=asked))
     lag = fit.lag_one_correlation
     if lag is not None and lag > stiffness(settings, fit.sets):
         follows = f"a polynomial of order {fit.curve.order} does not follow the curve"
@@ -153,37 +153,37 @@ def drive_flags(
         return []
     flags = []
     if driven.compensated_error_deg is None:
-        open_said = (
+        open_text = (
             "The drive does not end in the heading in which it began, and it has no reference "
             "heading: its heading error cannot be determined."
         )
         names = ["heading_error_uncompensated", "heading_error_compensated"]
-        flags.append(not_identifiable(open_said, names))
+        flags.append(not_identifiable(open_text, names))
     raw, better = driven.raw_error_deg, driven.compensated_error_deg
     if raw is not None and better is not None and gyro_bias_deg_per_h is not None:
         by_bias = (driven.duration_h - driven.by_bias_deg) * gyro_bias_deg_per_h
         u = float(np.linalg.norm((driven.noise_u_deg, driven.model_u_deg, by_bias)))
         worse = abs(better) > abs(raw) + DRIVE_BEYOND * u
         if worse or abs(better) > DRIVE_BEYOND * u + LARGE_DEG:
-            denied_said = (
+            denied_text = (
                 f"The drive contradicts the curves: its heading ends {raw:.3g} deg off without and "
                 f"{better:.3g} deg off with compensation, of which {u:.2g} deg are explained. "
                 "Check the sense of the turns (`turn_sense`), and latitude, signs and units of the "
                 "drive."
             )
-            flags.append(contradiction("drive", denied_said, explained_deg=u))
+            flags.append(contradiction("drive", denied_text, explained_deg=u))
     if driven.outside > 0.0:
-        outside_said = (
+        outside_text = (
             f"In {100.0 * driven.outside:.0f} % of the drive the gyro was outside the calibrated "
             "range; there the compensation holds the value at the end of the range."
         )
-        flags.append(Flag("extrapolation", outside_said, None, {"share": driven.outside}))
+        flags.append(Flag("extrapolation", outside_text, None, {"share": driven.outside}))
     if "z" not in curves:
-        without_said = (
+        without_text = (
             "There is no curve of the z axis, which senses a vehicle's heading: the drive was "
             "compensated without it."
         )
-        flags.append(not_identifiable(without_said, ["heading_error_compensated"]))
+        flags.append(not_identifiable(without_text, ["heading_error_compensated"]))
     return flags
 
 
@@ -209,21 +209,21 @@ def axis_flags(turns: AxisTurns, fit: AxisFit, dataset: FogDataset) -> list[Flag
     flags = []
     size = float(np.median(np.abs(turns.data_ppm[sensing])))
     if size > LARGEST_PPM:
-        large_said = (
+        large_text = (
             f"Half of the turns about {turns.axis} are more than {size / PPM * FULL_TURN_DEG:.1f} "
             "deg from the commanded angle: no error of a gyro's scale factor. The angle was "
             "another one, or the heading is not that of the turned body."
         )
-        flags.append(contradiction("commanded_deg", large_said, turns.axis))
+        flags.append(contradiction("commanded_deg", large_text, turns.axis))
     speed = np.abs(turns.commanded_deg) / turns.duration_s
     own_speeds = [float(np.median(speed[sensing & rows])) for rows in _commands(turns, sensing)]
     if max(own_speeds) > SPEEDS * min(own_speeds):
-        fast_said = (
+        fast_text = (
             f"By their times the turns about {turns.axis} of one command are "
             f"{max(own_speeds) / min(own_speeds):.2g} times as fast as those of another: a "
             "commanded angle was another one. Correct the column `commanded_deg`."
         )
-        flags.append(contradiction("commanded_deg", fast_said, turns.axis))
+        flags.append(contradiction("commanded_deg", fast_text, turns.axis))
     left = turns.data_ppm - turns.turns * fit.curve.error_ppm(turns.temperature_degC)
     apart = []
     for number in turns.sets():
@@ -234,12 +234,12 @@ def axis_flags(turns: AxisTurns, fit: AxisFit, dataset: FogDataset) -> list[Flag
     course = np.array(apart)
     power = float(course @ course)
     if len(course) >= FEWEST_SETS and float(np.sum(np.diff(course) ** 2)) < SMOOTH * power:
-        sign_said = (
+        sign_text = (
             f"Turns about {turns.axis} of the same command in the same set differ by "
             f"{np.sqrt(power / len(course)):.3g} ppm, set after set alike: one of them was another "
             "turn than its command says, in the other sense, or a wait."
         )
-        flags.append(contradiction("commanded_deg", sign_said, turns.axis))
+        flags.append(contradiction("commanded_deg", sign_text, turns.axis))
     spec, bias = dataset.gyro_bias_deg_per_h, fit.bias_deg_per_h
     if (
         fit.paired
@@ -247,12 +247,12 @@ def axis_flags(turns: AxisTurns, fit: AxisFit, dataset: FogDataset) -> list[Flag
         and bias is not None
         and abs(bias) > max(BIASES * spec, LEAST_BIAS_DEG_PER_H)
     ):
-        bias_said = (
+        bias_text = (
             f"The bias in the turns about {turns.axis} is {bias:.3g} deg/h, the stated one "
             f"{spec:g} deg/h: a rate of the earth that was not taken off, a commanded angle that "
             "was another one, or another gyro."
         )
-        flags.append(contradiction("gyro_bias", bias_said, turns.axis, bias_deg_per_h=bias))
+        flags.append(contradiction("gyro_bias", bias_text, turns.axis, bias_deg_per_h=bias))
     return flags
 
 
@@ -276,7 +276,7 @@ def check_flags(fit: AxisFit, stated_ppm: float | None, settings: AnalysisSettin
         shape = f"a feature some {2.4 * found.width_degC:.1f} degC wide"
         if found.kink:
             shape = f"a kink of {found.slope_ppm_per_degC:+.2g} ppm/degC"
-        misfit_said = (
+        misfit_text = (
             f"The turns about {fit.axis} show {shape} at {found.at_degC:.1f} degC, which the "
             f"polynomial does not follow; it is up to {found.size_ppm:.2g} ppm off there, and its "
             "uncertainty holds that."
@@ -286,17 +286,17 @@ def check_flags(fit: AxisFit, stated_ppm: float | None, settings: AnalysisSettin
             "size_ppm": found.size_ppm,
             "shape": "kink" if found.kink else "feature",
         }
-        flags.append(Flag("misfit", misfit_said, fit.axis, details))
+        flags.append(Flag("misfit", misfit_text, fit.axis, details))
     noise = fit.noise_ppm
     most_ppm = settings.noise_beyond_statement * (stated_ppm or np.inf)
     if noise is not None and noise > most_ppm and _usual_ppm(fit) > PLAINLY * most_ppm:
         few = fit.sets <= FEW_SETS
         more = f"measure more sets ({fit.sets} show no curve of high order), " if few else ""
-        noise_said = (
+        noise_text = (
             f"The noise of a turn about {fit.axis} is {noise:.3g} ppm; random walk, table and "
             f"heading as stated make {stated_ppm:.2g} ppm. The uncertainty follows the data; look "
             f"for what disturbs the turns, {more}or state what is true."
         )
         noisy = {"noise_ppm": noise, "stated_ppm": stated_ppm}
-        flags.append(contradiction("angle_random_walk", noise_said, fit.axis, **noisy))
+        flags.append(contradiction("angle_random_walk", noise_text, fit.axis, **noisy))
     return flags

@@ -89,7 +89,7 @@ def reading(folder: RunFolder, unit: str, details: dict[str, Any]) -> dict[str, 
     before = arrival_s <= float(details["before_s"]) - SHORT_OF_MOTION_S
     after = (arrival_s >= float(details["rests_s"]) + 1.0) & (arrival_s <= details["after_s"])
     if not before.any() or not after.any():
-        raise MissingRows(unit, "the navigator said nothing while the table rested")
+        raise MissingRows(unit, "the navigator sent nothing while the table rested")
     return {
         "before_s": float(arrival_s[before].mean()),
         "after_s": float(arrival_s[after].mean()),

@@ -41,22 +41,22 @@ def misplaced_flags(dataset: FogDataset) -> list[Flag]:
         late = {side: _late_temperatures(table, side) for side in SIDES}
         for rows in sorted({rows for rows in late.values() if rows}):
             sides = [f"`gyro_temperature_{side}_degC`" for side in SIDES if late[side] == rows]
-            warm_said = (
+            warm_text = (
                 f"In `{name}` {' and '.join(sides)} {'does' if len(sides) == 1 else 'do'} not "
                 f"stand in the rows of their turns: as stated the temperatures jump from turn to "
                 f"turn, {_rows(rows)} away they have a smooth course in time. The curve stands at "
                 "the temperatures of other turns; put the columns into their rows."
             )
-            flags.append(contradiction("gyro_temperature", warm_said, file=name, rows=rows))
+            flags.append(contradiction("gyro_temperature", warm_text, file=name, rows=rows))
         rows = _late_headings(table, dataset)
         if rows:
-            turned_said = (
+            turned_text = (
                 f"In `{name}` the headings do not stand in the rows of their turns: as stated "
                 "turns of both senses differ by far more than a bias makes, "
                 f"{_rows(rows)} away they agree. Each turn has the error of another one; put the "
                 "columns into their rows."
             )
-            flags.append(contradiction("heading_deg", turned_said, file=name, rows=rows))
+            flags.append(contradiction("heading_deg", turned_text, file=name, rows=rows))
         flags += [] if any(late.values()) else _steps(name, table)
     return flags
 
@@ -175,9 +175,9 @@ def _steps(name: str, table: TurnTable) -> Iterator[Flag]:
             continue
         size = 0.5 * float(before[worst] + after[worst]) * float(interval_s[worst + 1])
         number = int(numbers[order][worst + 2])
-        step_said = (
+        step_text = (
             f"The temperature of the {axis} gyro in `{name}` steps by {size:+.2g} degC before set "
             f"{number} and goes on at its rate: no gyro does, its thermometer or its reading "
             "stepped. Turns on one side of the step stand at wrong temperatures; leave them out."
         )
-        yield contradiction("gyro_temperature", step_said, axis, file=name, step_degC=size)
+        yield contradiction("gyro_temperature", step_text, axis, file=name, step_degC=size)

@@ -218,7 +218,7 @@ class FogParameters(StrictModel):
         if schedule.fits:
             return rate
         enough = schedule.rate_that_fits()
-        help_said = (
+        help_text = (
             f"{enough:g} deg/s would do"
             if enough is not None
             else f"no rate would do at {schedule.acceleration_deg_per_s2:g} deg/s^2; take fewer "
@@ -226,7 +226,7 @@ class FogParameters(StrictModel):
         )
         raise ValueError(
             f"a set of {schedule.turns * schedule.axes} turns about {schedule.axes} axes takes "
-            f"{schedule.set_s:.0f} s, the interval is {schedule.interval_s:g} s; {help_said}"
+            f"{schedule.set_s:.0f} s, the interval is {schedule.interval_s:g} s; {help_text}"
         )
 
     @field_validator("gyro_bias_deg_per_h")
@@ -271,18 +271,18 @@ class FogParameters(StrictModel):
     @property
     def outside(self) -> tuple[str, ...]:
         """What of the plan lies outside the published ranges, in words."""
-        said = []
+        texts = []
         if not PUBLISHED_SOAK_H[0] <= self.soak_s / SECONDS_PER_HOUR <= PUBLISHED_SOAK_H[1]:
-            said.append(f"a soak of {self.soak_s / SECONDS_PER_HOUR:g} h (published 4 h to 6 h)")
+            texts.append(f"a soak of {self.soak_s / SECONDS_PER_HOUR:g} h (published 4 h to 6 h)")
         low, high = PUBLISHED_RAMP_DEGC_PER_H
         if not low - 1e-9 <= self.ramp_rate_degC_per_h <= high + 1e-9:
-            said.append(
+            texts.append(
                 f"a ramp of {self.ramp_rate_degC_per_h:g} degC/h (published {low:g} degC/h to "
                 f"{high:g} degC/h)"
             )
         if abs(self.set_interval_s - PUBLISHED_INTERVAL_S) > 1e-6:
-            said.append(f"a set every {self.set_interval_s / 60.0:g} min (published 10 min)")
-        return tuple(said)
+            texts.append(f"a set every {self.set_interval_s / 60.0:g} min (published 10 min)")
+        return tuple(texts)
 
 
 def schedule_of(data: dict[str, object], rate_deg_per_s: float) -> Schedule:
@@ -299,6 +299,6 @@ def schedule_of(data: dict[str, object], rate_deg_per_s: float) -> Schedule:
     )
 
 
-def _refuse(info: ValidationInfo, said: str) -> None:
+def _refuse(info: ValidationInfo, text: str) -> None:
     if info.data.get("outside_published_range") is not True:
-        raise ValueError(f"{said}; outside_published_range: true allows it and the report says so")
+        raise ValueError(f"{text}; outside_published_range: true allows it and the report says so")

@@ -182,8 +182,8 @@ def one_set(run: Run, name: str, number: int) -> None:
         work.go_to(to_up(axis), name, f"{axis} is turned up")
         for (unit, sign), turn in zip(units, full_turns(parameters), strict=True):
             run.record.event("unit-started", durable=False, unit=unit)
-            said = f"set {number}, {axis}, {said_of(work)}"
-            before_s, rests_s, after_s, turned_deg = work.turn_around(turn, unit, said)
+            doing = f"set {number}, {axis}, {said_of(work)}"
+            before_s, rests_s, after_s, turned_deg = work.turn_around(turn, unit, doing)
             stands = {
                 "gyro_degC": float(work.gyro_degC().mean()),
                 "own_degC": float(work.gyro_degC()[AXES.index(axis)]),
@@ -201,4 +201,4 @@ def one_set(run: Run, name: str, number: int) -> None:
                 chamber_degC=work.chamber.temperature_degC(),
                 stands=stands,
             )
-            work.follow(run.clock.now() + parameters.pause_s, name, said)
+            work.follow(run.clock.now() + parameters.pause_s, name, doing)

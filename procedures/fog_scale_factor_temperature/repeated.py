@@ -22,12 +22,12 @@ def repeat_flags(dataset: FogDataset) -> list[Flag]:
             flags += _repeats(name, table)
     copied = 0 if proof is None else int(copied_turns(proof, dataset.turns).sum())
     if proof is not None and copied:
-        same_said = (
+        same_text = (
             f"{copied} of {len(proof)} turns of `verification` have exactly the readings of turns "
             "that the curve is fitted to: they prove nothing and are left out. Verify by another "
             "ramp."
         )
-        flags.append(contradiction("verification", same_said, rows=copied))
+        flags.append(contradiction("verification", same_text, rows=copied))
     return flags
 
 
@@ -87,7 +87,7 @@ def _repeats(name: str, table: TurnTable) -> list[Flag]:
         what = f"In `{name}` {repeated} of {rows} turns have exactly the readings of another turn"
     else:
         return []
-    repeats_said = (
+    repeats_text = (
         f"{what}: a navigator that stood still, or rows that were copied. Leave these rows out."
     )
-    return [Flag("frozen", repeats_said, None, {"rows": repeated, "file": name})]
+    return [Flag("frozen", repeats_text, None, {"rows": repeated, "file": name})]

@@ -123,21 +123,21 @@ def table_flags(dataset: FogDataset) -> list[Flag]:
         units = units_of_headings(table, dataset.full_attitude)
         for unit in sorted(set(units.values())):
             axes = [axis for axis, own in units.items() if own == unit]
-            unit_said = (
+            unit_text = (
                 f"The headings of `{name}` about {', '.join(axes)} look like {unit}: they fill one "
                 "turn of that unit and no more. The columns are in degrees; nothing is reported "
                 "from them. Convert them."
             )
-            flags.append(contradiction("heading_deg", unit_said, file=name, axes=axes))
+            flags.append(contradiction("heading_deg", unit_text, file=name, axes=axes))
         named = table.axis[~upright(table, dataset.full_attitude)]
         wrong = sorted({str(one) for one in named} - set(units))
         if wrong:
-            axis_said = (
+            axis_text = (
                 f"In `{name}` the attitude does not have the axis up that the row names "
                 f"({', '.join(wrong)}): an axis called by another's name, mounted upside down, or "
                 "pitch and roll exchanged. Such turns are left out. Correct the column `axis`."
             )
-            flags.append(contradiction("axis", axis_said, axes=wrong, file=name))
+            flags.append(contradiction("axis", axis_text, axes=wrong, file=name))
         flags += _temperature_flags(dataset, name, table)
         flags += _times(name, table) + _resolution(dataset, name, table)
     return flags
@@ -154,12 +154,12 @@ def _times(name: str, table: TurnTable) -> list[Flag]:
     spread = float(np.ptp(np.percentile(heat, (5.0, 95.0))))
     if SLOWEST_DEG_PER_S < speed < FASTEST_DEG_PER_S and spread <= FASTEST_DEGC_PER_H * span_h:
         return []
-    times_said = (
+    times_text = (
         f"By the times of `{name}` the table turns at {speed:.3g} deg/s and the gyro's temperature "
         f"changes by {spread:.3g} degC in {span_h:.3g} h: the times are not in seconds. The part "
         "of the gyro's bias follows them; convert the columns."
     )
-    return [contradiction("t_before_s", times_said, file=name)]
+    return [contradiction("t_before_s", times_text, file=name)]
 
 
 def resolution_of(values: Array) -> float:
@@ -186,16 +186,16 @@ def _resolution(dataset: FogDataset, name: str, table: TurnTable) -> list[Flag]:
     stated, found = dataset.heading_resolution_deg, heading_resolution_deg(table)
     if not stated or found <= COARSER * stated:
         return []
-    steps_said = (
+    steps_text = (
         f"The headings of `{name}` come in steps of {found:g} deg, the stated resolution is "
         f"{stated:g} deg: digits were lost. Export them with all digits, or state what is true."
     )
-    return [contradiction("heading_resolution", steps_said, file=name)]
+    return [contradiction("heading_resolution", steps_text, file=name)]
 
 
 def _temperature_flags(dataset: FogDataset, name: str, table: TurnTable) -> list[Flag]:
     """Return the flags of temperatures that contradict the range, the chamber or one another."""
-    said: list[tuple[str, str]] = []
+    texts: list[tuple[str, str]] = []
     heat, chamber = table.temperature_degC, table.chamber_degC
     there = np.isfinite(heat)
     if int(there.sum()) < FROZEN_ROWS:
@@ -203,7 +203,7 @@ def _temperature_flags(dataset: FogDataset, name: str, table: TurnTable) -> list
     low, high = np.percentile(heat[there], (2.0, 98.0))
     stated = dataset.temperature_range_degC
     if stated and (low < stated[0] - OUTSIDE_RANGE_DEGC or high > stated[1] + OUTSIDE_RANGE_DEGC):
-        said.append(
+        texts.append(
             (
                 "temperature_range",
                 f"go from {low:.1f} to {high:.1f} degC, the stated range from {stated[0]:g} to "
@@ -214,18 +214,18 @@ def _temperature_flags(dataset: FogDataset, name: str, table: TurnTable) -> list
         np.median(np.abs(table.temperature_after_degC - table.temperature_before_degC)[there])
     )
     if jump > AFTER_BEFORE_DEGC:
-        said.append(("gyro_temperature", f"change by {jump:.1f} degC within one turn: two units"))
+        texts.append(("gyro_temperature", f"change by {jump:.1f} degC within one turn: two units"))
     both = there & np.isfinite(chamber)
     if int(both.sum()) >= FROZEN_ROWS:
         apart = np.abs(heat - chamber)[both]
         if float(np.percentile(apart, 90.0)) > FROM_CHAMBER_DEGC:
             text = f"are up to {apart.max():.0f} degC from the chamber's: another unit or sign"
-            said.append(("gyro_temperature", text))
+            texts.append(("gyro_temperature", text))
         sides = (table.temperature_before_degC, table.temperature_after_degC)
         near = np.min([np.abs(side - chamber)[both] for side in sides], axis=0) < SAME_DEGC
         if float(near.mean()) > 0.9 and high - low > AFTER_BEFORE_DEGC:
             text = "are the chamber's: a gyro lags the chamber and warms itself"
-            said.append(("gyro_temperature", text))
+            texts.append(("gyro_temperature", text))
     flags = [
         contradiction(
             statement,
@@ -233,7 +233,7 @@ def _temperature_flags(dataset: FogDataset, name: str, table: TurnTable) -> list
             "be wrong; correct the columns `gyro_temperature_…`.",
             file=name,
         )
-        for statement, text in said
+        for statement, text in texts
     ]
     return flags + _thermometers(name, table)
 
@@ -261,21 +261,21 @@ def _thermometers(name: str, table: TurnTable) -> list[Flag]:
             if bool(np.isfinite(chamber).all()):
                 moved = float(np.ptp(chamber))
             if last + 1 - first >= FROZEN_ROWS and sets >= FROZEN_SETS and moved > FROM_OTHERS_DEGC:
-                still_said = (
+                still_text = (
                     f"The thermometer of the {axis} gyro in `{name}` reads exactly "
                     f"{pair[first, 0]:g} degC in {last + 1 - first} turns while the temperature "
                     "goes on: it stands still. Leave these rows out."
                 )
-                flags.append(Flag("frozen", still_said, axis, {"rows": int(last + 1 - first)}))
+                flags.append(Flag("frozen", still_text, axis, {"rows": int(last + 1 - first)}))
                 break
     for axis, course in courses.items():
         others = [one for key, one in courses.items() if key != axis]
         swings = [float(np.ptp(np.percentile(course - one, (10.0, 90.0)))) for one in others]
         if swings and min(swings) > FROM_OTHERS_DEGC:
-            apart_said = (
+            apart_text = (
                 f"The thermometer of the {axis} gyro in `{name}` leaves those of the others by "
                 f"{min(swings):.1f} degC and more: another unit, a drift, or a loose sensor. The "
                 "curve of this axis stands at wrong temperatures."
             )
-            flags.append(contradiction("gyro_temperature", apart_said, axis, file=name))
+            flags.append(contradiction("gyro_temperature", apart_text, axis, file=name))
     return flags

@@ -56,11 +56,11 @@ def two_ways(fit: AxisFit, turns: AxisTurns) -> tuple[AxisFit, list[Flag]]:
     grid = np.clip(fit.curve.temperatures_degC(CHECKED), *shared)
     half = chebyshev_columns(grid, shared, SHAPE_ORDER) @ solved.coefficients
     worst = int(np.argmax(np.abs(half)))
-    ways_said = (
+    ways_text = (
         f"The turns about {fit.axis} while the gyro cools differ by up to {-2.0 * half[worst]:+.2g}"
         f" ppm (at {grid[worst]:.0f} degC) from those while it warms: hysteresis, or a thermometer "
         "that lags. The curve lies between them; half of it is in the uncertainty."
     )
     found = replace(fit, curve=fit.curve.checked(np.abs(half)))
     size = {"size_ppm": float(2.0 * np.abs(half[worst]))}
-    return found, [Flag("hysteresis", ways_said, fit.axis, size)]
+    return found, [Flag("hysteresis", ways_text, fit.axis, size)]

@@ -281,18 +281,18 @@ def verification_flags(verified: Verified | None) -> list[Flag]:
     flags = []
     if verified.beyond_ppm > 0.0:
         rms = float(np.sqrt(np.mean(verified.after_ppm**2)))
-        denied_said = (
+        denied_text = (
             f"The verification ramp contradicts the curve of {verified.axis}: after compensation "
             f"its turns are {rms:.3g} ppm rms off, of which {verified.beyond_ppm:.3g} ppm are no "
             "noise. The curve's uncertainty holds that; hysteresis, a thermometer that lags, or a "
             "gyro that changed."
         )
-        flags.append(contradiction("verification", denied_said, verified.axis, rms_ppm=rms))
+        flags.append(contradiction("verification", denied_text, verified.axis, rms_ppm=rms))
     if not verified.outside:
         return flags
-    outside_said = (
+    outside_text = (
         f"{verified.outside} verification turns about {verified.axis} were made outside the "
         "calibrated range; there the compensation holds the value at the end of the range."
     )
     details = {"count": verified.outside}
-    return [*flags, Flag("extrapolation", outside_said, verified.axis, details)]
+    return [*flags, Flag("extrapolation", outside_text, verified.axis, details)]

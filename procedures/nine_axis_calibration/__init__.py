@@ -81,15 +81,15 @@ def say_published(run: Run, name: str) -> None:
     kinds = (POSITION,) if name == "bias" else (TURN,)
     dataset = dataset_of_run(run.read_back(), run.parameters, run.bench, kinds)
     turned = sorted({one.axis for one in dataset.turns})
-    said = []
+    values = []
     for one in published_values(dataset, turned):
         if one.name != name or one.value is None:
             continue
         unit = UNITS[name]
         run.record.event("published-value", name=name, axis=one.axis, value=one.value, unit=unit)
-        said.append(f"{one.axis} {one.value:.7g}{'' if unit == '1' else f' {unit}'}")
-    if said:
-        run.progress.say(f"    as published, {name}: {', '.join(said)}")
+        values.append(f"{one.axis} {one.value:.7g}{'' if unit == '1' else f' {unit}'}")
+    if values:
+        run.progress.say(f"    as published, {name}: {', '.join(values)}")
 
 
 STEPS = (

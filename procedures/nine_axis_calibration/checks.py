@@ -134,12 +134,12 @@ def statement_flags(
         likely = [
             text for text, ratio in UNITS.items() if abs(worst - ratio) <= LIKE * max(abs(ratio), 1)
         ]
-        said = (
+        text = (
             f"Gyro {AXES[axis]} answers {worst:.4g} of the table's rate, but its output is stated "
             f"in deg/s: likely it {likely[0] if likely else 'has another unit, sign or axis'} in "
             "some record or in all. Correct the column and analyse again."
         )
-        flags.append(contradiction("rate_deg_per_s", said, AXES[axis], ratio=worst))
+        flags.append(contradiction("rate_deg_per_s", text, AXES[axis], ratio=worst))
     return flags
 
 
@@ -152,12 +152,12 @@ def _askew(axis: int, means: AxisMeans, solution: ScaleSolution | None) -> list[
     if not seen or max(seen) <= MOST_LEAN_RAD or max(seen) > 1.0:
         return []
     lean = max(seen)
-    said = (
+    text = (
         f"{AXES[axis]} does not turn about the table's axis: by the gyros it leans by "
         f"{np.degrees(lean):.2g} deg, which alone makes its scale factor {5e5 * lean**2:.2g} ppm "
         "too small. Mount the sensor straight and turn it again."
     )
-    return [contradiction("axis", said, AXES[axis], lean_deg=float(np.degrees(lean)))]
+    return [contradiction("axis", text, AXES[axis], lean_deg=float(np.degrees(lean)))]
 
 
 def _of_rotation(rotation: Rotation, latitude_deg: float) -> Flag:
@@ -167,12 +167,12 @@ def _of_rotation(rotation: Rotation, latitude_deg: float) -> Flag:
         "rotation_deg_per_h": rotation.size_deg_per_h,
     }
     if abs(ratio - 1.0) * EARTH_RATE_deg_per_h <= DENIED_SIGMAS * rotation.size_u_deg_per_h:
-        said = (
+        text = (
             f"By the gyros the latitude is {rotation.latitude_deg:.2f} deg (u = "
             f"{rotation.latitude_u_deg:.2g} deg), where {latitude_deg:g} deg is stated. Check its "
             "sign and its minutes, then analyse again."
         )
-        return contradiction("latitude", said, **details)
+        return contradiction("latitude", text, **details)
     likely = [text for text, one in AT_REST.items() if abs(ratio - one) <= LIKE * max(one, 1e-5)]
     if abs(ratio) < 1e-6:
         likely = ["have the earth's rotation taken off"]
@@ -181,12 +181,12 @@ def _of_rotation(rotation: Rotation, latitude_deg: float) -> Flag:
     if not likely and abs(ratio - 1.0) < NEARLY_EARTH:
         cause = "a bias changed between the positions, or a gyro's scale is not the same at rest. "
         cause += "Measure the positions again, one shortly after the other."
-    said = (
+    text = (
         f"At rest the gyros feel {rotation.size_deg_per_h:.4g} deg/h (u = "
         f"{rotation.size_u_deg_per_h:.2g} deg/h) where the earth turns at "
         f"{EARTH_RATE_deg_per_h:.4g} deg/h: likely {cause}"
     )
-    return contradiction("earth-rate", said, **details)
+    return contradiction("earth-rate", text, **details)
 
 
 def record_flags(
@@ -201,41 +201,41 @@ def record_flags(
         solution, one = axes.get(axis), means.get(axis)
         turning = one.rounding if one is not None else 0.0
         if turning > 0.0 or rounding[axis] > 0.0:
-            said = (
+            text = (
                 f"The output of gyro {name} has steps larger than its noise: a mean may be off by "
                 f"{rounding[axis]:.2g} deg/h at rest and {turning:.2g} deg/s turning, which is in "
                 "the uncertainties. Record with more digits."
             )
-            flags.append(Flag("coarse-output", said, name))
+            flags.append(Flag("coarse-output", text, name))
         if one is None:
             continue
         if one.graduation_deg > 0.0:
-            said = (
+            text = (
                 f"With {name} up the table's angle departs from even turns by "
                 f"{one.graduation_deg:.2g} deg once or twice a turn, and the gyro does not feel "
                 "it: it is the encoder's graduation and is taken off. Have the encoder looked at."
             )
             details: dict[str, object] = {"what": "encoder", "amplitude_deg": one.graduation_deg}
-            flags.append(Flag("misfit", said, name, details))
+            flags.append(Flag("misfit", text, name, details))
         rates = [
             float(rate) for rate, size in zip(one.commanded, one.restless, strict=True) if size
         ]
         if rates:
             listed = ", ".join(f"{rate:g}" for rate in rates)
-            said = (
+            text = (
                 f"Gyro {name} changed within its records at {listed} deg/s by more than noise: a "
                 "step, a drift, or a rate not yet settled. The change is in the uncertainties; "
                 "wait longer before the record, and look for shocks and warm-up."
             )
             details = {"what": "within", "rates": rates}
-            flags.append(Flag("misfit", said, name, details))
+            flags.append(Flag("misfit", text, name, details))
         if solution is not None and solution.uneven_deg_per_s > 0.0:
-            said = (
+            text = (
                 f"What gyro {name} reads in both senses does not grow evenly with the rate, by "
                 f"{solution.uneven_deg_per_s:.2g} deg/s and most at {solution.worst_rate:g} deg/s: "
                 "a bias, time stamps or an angle were wrong in some record, or it belongs to "
                 "another axis. The uncertainties are widened; measure that rate again."
             )
             details = {"what": "senses", "rates": [solution.worst_rate]}
-            flags.append(Flag("misfit", said, name, details))
+            flags.append(Flag("misfit", text, name, details))
     return flags

@@ -99,14 +99,14 @@ def _poses(analysis: NineAxisAnalysis) -> Table:
                 tilt,
             ]
         )
-    said = "Gyro means at rest, and how each position stood by the solution."
+    note = "Gyro means at rest, and how each position stood by the solution."
     if analysis.bias is not None:
         value = analysis.bias.heading_rad * ARCMIN_PER_RAD
         u = analysis.bias.heading_u * ARCMIN_PER_RAD
         heading = f"{value:.1f}".replace("-", "−")
-        said += f" Heading common to all: {heading} arcmin, u = {u:.1f} arcmin."
+        note += f" Heading common to all: {heading} arcmin, u = {u:.1f} arcmin."
     columns = ["position", "pose", *(f"{axis}, deg/h" for axis in AXES)]
-    return Table("Positions", said, [*columns, "heading, arcmin", "tilt, arcmin"], rows)
+    return Table("Positions", note, [*columns, "heading, arcmin", "tilt, arcmin"], rows)
 
 
 def _gain(analysis: NineAxisAnalysis) -> Table:

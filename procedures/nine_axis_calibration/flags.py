@@ -37,25 +37,25 @@ def data_flags(
         count = sum(one.count for one in own)
         rates = sorted({one.commanded_deg_per_s for one in own}, key=lambda one: (abs(one), -one))
         what = "the records" if any(one.whole for one in own) else "they"
-        overload_said = (
+        overload_text = (
             f"Saturated: {counted(count, 'sample')} of gyro {AXES[axis]} at "
             f"{listed_numbers(rates)} deg/s; {what} are left out."
         )
-        flags.append(Flag("overload", overload_said, AXES[axis], {"count": count, "rates": rates}))
+        flags.append(Flag("overload", overload_text, AXES[axis], {"count": count, "rates": rates}))
     if at_rest:
-        at_rest_said = f"Saturated: {counted(at_rest, 'sample')} at rest; they are left out."
-        flags.append(Flag("overload", at_rest_said, None, {"count": at_rest}))
+        at_rest_text = f"Saturated: {counted(at_rest, 'sample')} at rest; they are left out."
+        flags.append(Flag("overload", at_rest_text, None, {"count": at_rest}))
     flags += _outliers(dataset, static, means)
     flags += _gaps(dataset, settings)
     for axis, one in means.items():
         rates = sorted({abs(float(rate)) for rate in one.commanded[one.part]})
         if rates:
-            part_said = (
+            part_text = (
                 f"{AXES[axis]} did not turn whole turns at {listed_numbers(rates)} deg/s; the part "
                 "of the earth's rotation that this leaves in the means is solved for and taken off."
             )
             details = {"count": len(rates), "rates": rates}
-            flags.append(Flag("part-turns", part_said, AXES[axis], details))
+            flags.append(Flag("part-turns", part_text, AXES[axis], details))
         flags += _rates(axis, one)
         flags += _encoder(axis, one)
     return flags
@@ -65,25 +65,25 @@ def _encoder(axis: int, one: AxisMeans) -> list[Flag]:
     """Return the flags on readings of the angle, and on a table that was not at its rate."""
     flags = []
     if one.wild_readings:
-        wild_said = (
+        wild_text = (
             f"Left out, for they do not fit the turn: {one.wild_readings} readings of the table's "
             f"angle with {AXES[axis]} up."
         )
         details: dict[str, object] = {"count": one.wild_readings, "what": "encoder"}
-        flags.append(Flag("outliers-rejected", wild_said, AXES[axis], details))
+        flags.append(Flag("outliers-rejected", wild_text, AXES[axis], details))
     rates = sorted(
         {float(rate) for rate, count in zip(one.commanded, one.unsteady, strict=True) if count},
         key=lambda rate: (abs(rate), -rate),
     )
     if rates:
         count = sum(one.unsteady)
-        unsteady_said = (
+        unsteady_text = (
             "Left out, for by its encoder the table was not at its rate: "
             f"{counted(count, 'sample')} of {AXES[axis]} at {listed_numbers(rates)} deg/s. "
             "Spin-up and braking belong into no record."
         )
         details = {"count": count, "rates": rates}
-        flags.append(Flag("unsteady-rate", unsteady_said, AXES[axis], details))
+        flags.append(Flag("unsteady-rate", unsteady_text, AXES[axis], details))
     return flags
 
 
@@ -91,13 +91,13 @@ def frozen_flags(at_rest: int, turning: int) -> list[Flag]:
     """Return the flag on samples that only repeat one before."""
     if not at_rest + turning:
         return []
-    said = (
+    text = (
         "Left out, for they repeat the one before on all axes: "
         f"{counted(at_rest, 'sample')} at rest and {turning} turning; the sensor or its "
         "recorder stood still."
     )
     details = {"count": at_rest + turning, "at_rest": at_rest, "turning": turning}
-    return [Flag("frozen", said, None, details)]
+    return [Flag("frozen", text, None, details)]
 
 
 def _outliers(
@@ -121,12 +121,12 @@ def _outliers(
                 if bool(kept.any())
             )
         if at_rest + turning:
-            outliers_said = (
+            outliers_text = (
                 f"Left out, for they lie far from the others: {counted(at_rest, 'sample')} of gyro "
                 f"{name} at rest and {turning} of it turning."
             )
             details = {"count": at_rest + turning, "at_rest": at_rest, "turning": turning}
-            flags.append(Flag("outliers-rejected", outliers_said, name, details))
+            flags.append(Flag("outliers-rejected", outliers_text, name, details))
     return flags
 
 
@@ -138,11 +138,11 @@ def _gaps(dataset: NineAxisDataset, settings: AnalysisSettings) -> list[Flag]:
         gaps = sum((gaps_of(time_s, nominal_s, settings.gap) for time_s in times), gaps)
     if not gaps.count:
         return []
-    gap_said = (
+    gap_text = (
         f"The records have {counted(gaps.count, 'gap')}, the longest {gaps.longest_s:g} s, with "
         f"{gaps.missing} samples missing; the means do not mind."
     )
-    return [Flag("gap", gap_said, None, gaps.details)]
+    return [Flag("gap", gap_text, None, gaps.details)]
 
 
 def _rates(axis: int, means: AxisMeans) -> list[Flag]:
@@ -150,23 +150,23 @@ def _rates(axis: int, means: AxisMeans) -> list[Flag]:
     flags = []
     rates = sorted({abs(float(rate)) for rate in means.commanded})
     if len(rates) < FEWEST_RATES:
-        few_rates_said = (
+        few_rates_text = (
             f"{AXES[axis]} was turned at {len(rates)} rates; the method is published for five and "
             "more."
         )
         flags.append(
-            Flag("outside-published-range", few_rates_said, AXES[axis], {"count": len(rates)})
+            Flag("outside-published-range", few_rates_text, AXES[axis], {"count": len(rates)})
         )
     off = means.rate / means.commanded - 1.0
     off = np.where(np.isfinite(off), off, 0.0)
     worst = int(np.argmax(np.abs(off)))
     if abs(off[worst]) > RATE_DIFFERS:
-        rate_said = (
+        rate_text = (
             f"At {means.commanded[worst]:g} deg/s the encoder of {AXES[axis]} says "
             f"{means.rate[worst]:.5g} deg/s; the result uses the encoder."
         )
         details = {"relative_difference": float(off[worst])}
-        flags.append(Flag("rate-differs-from-commanded", rate_said, AXES[axis], details))
+        flags.append(Flag("rate-differs-from-commanded", rate_text, AXES[axis], details))
     return flags
 
 
@@ -183,37 +183,37 @@ def result_flags(
     """Return the flags on the results: wrong positions, what is noise, what is not determined."""
     flags = _positions(static)
     if bias is not None and not bias.heading_used and len({s.position for s in static}) > 1:
-        heading_said = (
+        heading_text = (
             f"By the gyros the plate's heading is {_arcmin(bias.heading_rad):.1f} arcmin off, "
             "beyond its prior; the biases are solved without that prior."
         )
         details = {"heading_arcmin": _arcmin(bias.heading_rad)}
-        flags.append(Flag("heading-differs-from-prior", heading_said, None, details))
+        flags.append(Flag("heading-differs-from-prior", heading_text, None, details))
     if wider > 1.0:
-        disagree_said = (
+        disagree_text = (
             "The static means contradict each other beyond their uncertainties, which are "
             f"multiplied by {wider:.2g}: a bias changed between the positions, or the sensor stood "
             "less well than the priors say."
         )
-        flags.append(Flag("positions-disagree", disagree_said, None, {"factor": wider}))
+        flags.append(Flag("positions-disagree", disagree_text, None, {"factor": wider}))
     for axis, name in enumerate(AXES):
         if wander[axis] > 0.0:
-            wander_said = (
+            wander_text = (
                 f"The bias of gyro {name} wanders by {wander[axis]:.2g} deg/h at rest; that is in "
                 "its uncertainty. Longer records do not help."
             )
             details = {"wander_deg_per_h": float(wander[axis])}
-            flags.append(Flag("bias-wanders", wander_said, name, details))
+            flags.append(Flag("bias-wanders", wander_text, name, details))
     flags += _noise(estimates, axes, settings)
     for axis, one in axes.items():
         if one is not None and one.one_sense:
             rates = list(one.one_sense)
-            one_sense_said = (
+            one_sense_text = (
                 f"{AXES[axis]} has no usable record at {listed_numbers(rates)} deg/s in one sense "
                 "or in both; these rates are left out."
             )
             which = {"count": len(rates), "rates": rates}
-            flags.append(Flag("one-sense-only", one_sense_said, AXES[axis], which))
+            flags.append(Flag("one-sense-only", one_sense_text, AXES[axis], which))
     return flags + _undetermined(estimates, published)
 
 
@@ -222,24 +222,24 @@ def _positions(static: Sequence[StaticSummary]) -> list[Flag]:
     for one in static:
         if one.pose.right:
             continue
-        wrong_said = f"The sensor did not stand as in position {one.position}: {one.pose.why}"
+        wrong_text = f"The sensor did not stand as in position {one.position}: {one.pose.why}"
         if one.pose.stands_as is not None:
-            wrong_said += f", as in position {one.pose.stands_as}"
-        wrong_said += (
+            wrong_text += f", as in position {one.pose.stands_as}"
+        wrong_text += (
             "; the record is left out of the best estimate. Look at how it stood, and at the "
             "columns of gyros and accelerometers: their order, signs and units."
         )
         details = {"position": int(one.position)}
-        flags.append(Flag("wrong-position", wrong_said, None, details))
+        flags.append(Flag("wrong-position", wrong_text, None, details))
     there = {one.position for one in static}
     for position in PUBLISHED:
         if static and position not in there:
-            missing_said = (
+            missing_text = (
                 f"Position {position} was not recorded: the published mean of the axis that faces "
                 "east there is missing, the best estimate takes the other positions."
             )
             details = {"position": position}
-            flags.append(Flag("position-missing", missing_said, None, details))
+            flags.append(Flag("position-missing", missing_text, None, details))
     return flags
 
 
@@ -257,12 +257,12 @@ def _noise(
         solution = axes[AXES.index(one.axis or "")]
         agree = one.name == NONLINEARITY and solution is not None and solution.agree
         if small or agree:
-            noise_said = (
+            noise_text = (
                 f"The {one.name} of {one.axis}, {one.value:.3g} ppm with u = {u:.2g} ppm, cannot "
                 "be distinguished from noise."
             )
             details = {"name": one.name}
-            flags.append(Flag("not-significant", noise_said, one.axis, details))
+            flags.append(Flag("not-significant", noise_text, one.axis, details))
     return flags
 
 
@@ -270,24 +270,24 @@ def _undetermined(estimates: Sequence[Estimate], published: Sequence[Published])
     flags = []
     cross = [str(one.axis) for one in estimates if one.name == MISALIGNMENT and one.value is None]
     if cross:
-        cross_said = (
+        cross_text = (
             f"The misalignments {', '.join(cross)} are not determined: only the turned axis was "
             "recorded there."
         )
         names = [f"{MISALIGNMENT} {axis}" for axis in cross]
-        flags.append(not_identifiable(cross_said, names, count=len(names)))
+        flags.append(not_identifiable(cross_text, names, count=len(names)))
     other = [one for one in estimates if one.name != MISALIGNMENT and one.value is None]
     if other:
         names = [f"{one.name} {one.axis}" for one in other]
-        undetermined_said = f"The data do not determine {', '.join(names)}."
+        undetermined_text = f"The data do not determine {', '.join(names)}."
         if any(one.name == BIAS for one in other):
-            undetermined_said += " No static record was usable."
-        flags.append(not_identifiable(undetermined_said, names, count=len(names)))
+            undetermined_text += " No static record was usable."
+        flags.append(not_identifiable(undetermined_text, names, count=len(names)))
     silent = [f"{one.name} {one.axis}" for one in published if one.value is None]
     if silent:
-        silent_said = f"The published rule has no data for {', '.join(silent)}."
+        silent_text = f"The published rule has no data for {', '.join(silent)}."
         which = {"count": len(silent), "coefficients": silent}
-        flags.append(Flag("published-rule-without-data", silent_said, None, which))
+        flags.append(Flag("published-rule-without-data", silent_text, None, which))
     return flags
 
 

@@ -115,10 +115,10 @@ def _stretches(table: Table, keys: tuple[str, ...]) -> Iterator[slice]:
     starts = np.flatnonzero(changed).tolist()
     time_s = np.asarray(table["t_s"], dtype=np.float64)
     late = (np.flatnonzero(np.diff(time_s) <= 0.0) + 1).tolist()
-    said = "{:.10g} is not after {:.10g} of the row above; times must rise"
+    text = "{:.10g} is not after {:.10g} of the row above; times must rise"
     refuse(
         [
-            table.fault(n, "t_s", said.format(time_s[n], time_s[n - 1]))
+            table.fault(n, "t_s", text.format(time_s[n], time_s[n - 1]))
             for n in late
             if not changed[n]
         ]
@@ -129,10 +129,10 @@ def _stretches(table: Table, keys: tuple[str, ...]) -> Iterator[slice]:
 
 def _check_positions(table: Table) -> None:
     known = [str(one) for one in ATTITUDES]
-    said = f"there is no position {{:g}}; there are {listed(known)}"
+    text = f"there is no position {{:g}}; there are {listed(known)}"
     refuse(
         [
-            table.fault(row, "position", said.format(value))
+            table.fault(row, "position", text.format(value))
             for row, value in enumerate(table["position"].tolist())
             if value not in ATTITUDES
         ]

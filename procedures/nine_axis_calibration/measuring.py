@@ -75,9 +75,9 @@ class Sensing:
             math.ceil(FROZEN_AFTER_S * parameters.sample_rate_Hz), FEWEST_FROZEN
         )
 
-    def follow(self, until_s: float, said: str) -> None:
+    def follow(self, until_s: float, doing: str) -> None:
         """Record until a run time; raises InstrumentError for a sensor that is silent or frozen."""
-        look_until(self._run, until_s, self.look, said, LOOK_S)
+        look_until(self._run, until_s, self.look, doing, LOOK_S)
 
     def look(self) -> None:
         """Record what has come."""
@@ -154,7 +154,7 @@ def longest_repeat(values: Array) -> int:
     return int(np.diff(edges).max())
 
 
-def stand(run: Run, position: int, said: str) -> None:
+def stand(run: Run, position: int, doing: str) -> None:
     """Measure one position; a wrong pose is measured again, and stays refused by the analysis."""
     parameters: NineAxisParameters = run.parameters
     unit = position_unit(position)
@@ -165,7 +165,7 @@ def stand(run: Run, position: int, said: str) -> None:
         for attempt in range(1, parameters.pose.attempts + 1):
             put(run, position, again=attempt > 1)
             left = parameters.pose.attempts - attempt
-            from_s, until_s, pose = record_at_rest(run, position, said, whole=left == 0)
+            from_s, until_s, pose = record_at_rest(run, position, doing, whole=left == 0)
             if pose.right:
                 break
             run.record.event("pose-refused", unit=unit, attempt=attempt, why=pose.why)
@@ -188,7 +188,9 @@ def need_sensor_well(run: Run) -> None:
         )
 
 
-def record_at_rest(run: Run, position: int, said: str, *, whole: bool) -> tuple[float, float, Pose]:
+def record_at_rest(
+    run: Run, position: int, doing: str, *, whole: bool
+) -> tuple[float, float, Pose]:
     """Record a position and judge it; returns begin and end of what counts, and the judgement.
 
     A pose that is wrong from the beginning ends the record at once, unless it is to be `whole`: it
@@ -196,17 +198,17 @@ def record_at_rest(run: Run, position: int, said: str, *, whole: bool) -> tuple[
     """
     parameters: NineAxisParameters = run.parameters
     sensing = Sensing(run, position_unit(position))
-    sensing.follow(run.clock.now() + parameters.static_settle_s, f"{said}, it comes to rest")
+    sensing.follow(run.clock.now() + parameters.static_settle_s, f"{doing}, it comes to rest")
     from_s = run.clock.now()
     for lasts_s in (min(FIRST_LOOK_S, parameters.static_time_s), parameters.static_time_s):
-        sensing.follow(from_s + lasts_s, said)
+        sensing.follow(from_s + lasts_s, doing)
         until_s = run.clock.now()
         sensing.need_valid(from_s, {**GYRO_BITS, **ACCELEROMETER_BITS})
         limits = pose_limits(parameters)
         pose = check_pose(position, *sensing.means(from_s), parameters.latitude_deg, limits)
         if not pose.right and not whole:
             break
-    sensing.follow(run.clock.now() + LATE_OUTPUTS_S, said)
+    sensing.follow(run.clock.now() + LATE_OUTPUTS_S, doing)
     sensing.stop()
     return from_s, until_s, pose
 
@@ -216,7 +218,7 @@ def looks_like(pose: Pose) -> str:
     return "" if pose.stands_as is None else f", as in position {pose.stands_as}"
 
 
-def turn(run: Run, one: Turn, said: str) -> None:
+def turn(run: Run, one: Turn, doing: str) -> None:
     """Record whole turns at one rate in one sense, spin-up and settling left out."""
     from station.roles import Turntable
 
@@ -232,29 +234,29 @@ def turn(run: Run, one: Turn, said: str) -> None:
         sensing = Sensing(run, one.unit)
         run.apply(command)
         while not table.is_at_rate(axis):
-            sensing.follow(run.clock.now() + MOVING_LOOK_S, f"{said}, the table spins up")
+            sensing.follow(run.clock.now() + MOVING_LOOK_S, f"{doing}, the table spins up")
         settled_s = run.clock.now() + parameters.settle_s
         while run.clock.now() < settled_s:
             ahead_s = min(run.clock.now() + LONGEST_READING_S, settled_s)
-            sensing.follow(ahead_s, f"{said}, the rate settles")
+            sensing.follow(ahead_s, f"{doing}, the rate settles")
             table.is_at_rate(axis)  # raises where it does not keep it
         # The line is then free for the first reading as it is for all others.
-        sensing.follow(run.clock.now() + SHORTEST_READING_S, said)
+        sensing.follow(run.clock.now() + SHORTEST_READING_S, doing)
         from_s = run.clock.now()
-        turned_deg = read_turns(run, one, axis, sensing, said)
+        turned_deg = read_turns(run, one, axis, sensing, doing)
         until_s = run.clock.now()
         across = {part: bit for part, bit in GYRO_BITS.items() if not part.endswith(one.axis)}
         sensing.need_valid(from_s, across)
         need_gyro_follows(one, sensing, from_s, UP_SENSE * turned_deg / (until_s - from_s))
         table.stop(axis)
-        sensing.follow(run.clock.now() + LATE_OUTPUTS_S, f"{said}, the table stops")
+        sensing.follow(run.clock.now() + LATE_OUTPUTS_S, f"{doing}, the table stops")
         sensing.stop()
         while table.is_moving(axis):
             run.clock.sleep(MOVING_LOOK_S)
         facts.update(from_s=from_s, until_s=until_s)
 
 
-def read_turns(run: Run, one: Turn, axis: int, sensing: Sensing, said: str) -> float:
+def read_turns(run: Run, one: Turn, axis: int, sensing: Sensing, doing: str) -> float:
     """Read the table's angle until the turns are whole; returns the angle turned, as it counts.
 
     Raises ConditionNotReached where they take far longer than they should.
@@ -267,7 +269,7 @@ def read_turns(run: Run, one: Turn, axis: int, sensing: Sensing, said: str) -> f
         left_s = (wanted_deg - abs(angle_deg - first_deg)) / abs(one.rate_deg_per_s)
         turned = abs(angle_deg - first_deg) / FULL_TURN_DEG
         next_s = run.clock.now() + min(every_s, max(left_s, SHORTEST_READING_S))
-        sensing.follow(next_s, f"{said}, turn {turned:.1f} of {one.turns}")
+        sensing.follow(next_s, f"{doing}, turn {turned:.1f} of {one.turns}")
         angle_deg = read_angle(run, one.unit, axis)
         if run.clock.now() > gives_up_s:
             raise ConditionNotReached(

@@ -137,8 +137,8 @@ class NineAxisParameters(StrictModel):
         """Require each published position once, in any order."""
         missing = [one for one in PUBLISHED_POSITIONS if one not in positions]
         if missing:
-            said = " and ".join(str(one) for one in missing)
-            raise ValueError(f"position {said} is skipped; the method needs 1, 2 and 3")
+            listed = " and ".join(str(one) for one in missing)
+            raise ValueError(f"position {listed} is skipped; the method needs 1, 2 and 3")
         if len(set(positions)) != len(positions):
             raise ValueError("name each position once")
         return positions

@@ -73,8 +73,8 @@ def make_table_ready(run: Run) -> None:
     for axis in (run.parameters.table_axis,) if axes is None else astuple(axes):
         if not table.is_homed(axis):
             table.home(axis)
-            said = "the table looks for its zeros"
-            come_to_rest(run, TURNTABLE, said, axis=axis, every_s=LOOK_S)
+            doing = "the table looks for its zeros"
+            come_to_rest(run, TURNTABLE, doing, axis=axis, every_s=LOOK_S)
     if axes is not None:
         go_to(run, to_zero(), "the table goes to zero")
     placement.table_is_ready = True
@@ -98,11 +98,11 @@ def turn_up(run: Run, axis: str) -> None:
         ask_to_put(run, up_prompt(axis))
 
 
-def go_to(run: Run, moves: Sequence[AxisTo], said: str) -> None:
+def go_to(run: Run, moves: Sequence[AxisTo], doing: str) -> None:
     """Bring axes of the table to angles, each at rest before the next moves."""
     from station.runner.verbs import come_to_rest
 
     for move in moves:
         run.apply(move)
         number = move.axis_number(run.bench)
-        come_to_rest(run, TURNTABLE, said, axis=number, every_s=LOOK_S)
+        come_to_rest(run, TURNTABLE, doing, axis=number, every_s=LOOK_S)

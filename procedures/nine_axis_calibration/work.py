@@ -88,8 +88,8 @@ def check(parameters: NineAxisParameters, bench: Bench) -> Iterator[Problem]:
     if sensor is None:
         return
     driver = registry.load(registry.DRIVERS, sensor.driver)
-    if said := getattr(driver, "rates_said", lambda rate_Hz: "")(parameters.sample_rate_Hz):
-        yield Problem(("parameters", "sample_rate"), said)
+    if refusal := getattr(driver, "rates_said", lambda rate_Hz: "")(parameters.sample_rate_Hz):
+        yield Problem(("parameters", "sample_rate"), refusal)
     range_deg_per_s = sensor.limits.get(RATE)
     if range_deg_per_s is None:
         return

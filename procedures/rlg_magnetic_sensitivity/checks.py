@@ -65,21 +65,21 @@ def condition_flags(segment: Segment) -> Iterator[Flag]:
         for what, value, low, high, unit in held:
             if not low * (1.0 - ROUNDING) <= value <= high * (1.0 + ROUNDING):
                 span = f"{low:g} to {high:g}" if high < math.inf else f"at least {low:g}"
-                range_said = (
+                range_text = (
                     f"Outside the published range: {what} of {value:.4g} {unit} on {axis} "
                     f"(published {span} {unit}). The result stands, but is no result of the "
                     "published method."
                 )
-                yield Flag("outside-published-range", range_said, axis, {what: value})
+                yield Flag("outside-published-range", range_text, axis, {what: value})
     if len(segment.time_s) > 1:
         step_s = float(np.median(np.diff(segment.time_s)))
         if abs(step_s / segment.sample_interval_s - 1.0) > INTERVAL_OFF:
-            interval_said = (
+            interval_text = (
                 f"The samples are {step_s:.4g} s apart; the stated sample interval is "
                 f"{segment.sample_interval_s:g} s. Rates from counts and the correction for "
                 "averaging go by the stated one: state what is true, or find the missing rows."
             )
-            yield contradiction("sample_interval", interval_said, step_s=step_s)
+            yield contradiction("sample_interval", interval_text, step_s=step_s)
 
 
 def output_flags(segment: Segment, detail: SegmentDetail) -> Iterator[Flag]:
@@ -90,12 +90,12 @@ def output_flags(segment: Segment, detail: SegmentDetail) -> Iterator[Flag]:
     walk = detail.residual_sigma_deg_per_h * math.sqrt(segment.sample_interval_s) / 60.0
     slow = abs(mean) < TOO_SLOW_DEG_PER_H and walk < TOO_QUIET_DEG_PER_SQRT_H
     if abs(mean) > TURNS_TOO_FAST or slow:
-        unit_said = (
+        unit_text = (
             f"The output's mean is {mean:.3g} deg/h and its noise {walk:.2g} deg/sqrt(h): no laser "
             "gyro at rest on the earth, which turns at 15 deg/h. Check the unit of the output, the "
             "pulse weight and the sample interval; the result has the same factor in it."
         )
-        yield contradiction(column, unit_said, mean_deg_per_h=mean)
+        yield contradiction(column, unit_text, mean_deg_per_h=mean)
 
 
 def collisions(segment: Segment) -> Iterator[Flag]:
@@ -109,12 +109,12 @@ def collisions(segment: Segment) -> Iterator[Flag]:
             if abs(folded_Hz(g, segment.sample_interval_s) - f) * span_s < 1.0
         ]
         if hits:
-            collides_said = (
+            collides_text = (
                 f"{', '.join(hits)} falls on the line of {axis} ({f:.4g} Hz): what gyro or coils "
                 f"make of second or third order counts as sensitivity of {axis}, uncertainty "
                 "aside. Drive at frequencies whose doubles, sums and differences stand apart."
             )
-            yield Flag("lines-collide", collides_said, axis, {"products": hits})
+            yield Flag("lines-collide", collides_text, axis, {"products": hits})
 
 
 def recorder_findings(
@@ -140,29 +140,29 @@ def recorder_findings(
         doubt = math.hypot(doubt, part / max(1.0 - part, 0.1) / math.sqrt(3.0))
     for name, cut in channels:
         if cut > 0.0:
-            saturated_said = (
+            saturated_text = (
                 f"{100.0 * cut:.2g} % of the samples of the {name} stand at its highest or lowest "
                 "value: a limit of the instrument or its recorder cuts them. The uncertainty holds "
                 "what that may take from the result. Choose a wider range and measure again."
             )
-            flags.append(Flag("saturated", saturated_said, axis, {"part": cut, "channel": name}))
+            flags.append(Flag("saturated", saturated_text, axis, {"part": cut, "channel": name}))
     if filled > 0.0:
-        filled_said = (
+        filled_text = (
             f"{100.0 * filled:.2g} % of the samples of the output have one and the same value: "
             "missing ones were filled in, or the output rests there. The uncertainty holds what "
             "that may take from the result. Leave filled rows out and analyse again."
         )
-        flags.append(Flag("frozen", filled_said, axis, {"part": filled, "what": "output"}))
+        flags.append(Flag("frozen", filled_text, axis, {"part": filled, "what": "output"}))
     coarse = step > 0.0 and sigma < COARSE * step
     if coarse and not _counted(segment, gyro, step):
         noise = math.sqrt(max((sigma / step) ** 2 - 1.0 / 12.0, 0.0))
         doubt = math.hypot(doubt, math.sqrt(2.0) * math.exp(-2.0 * (math.pi * noise) ** 2))
-        coarse_said = (
+        coarse_text = (
             f"The output has steps of {step:.3g} deg/h, and its noise is smaller than half of one: "
             "its rounding follows the signal and does not average out. The uncertainty holds that. "
             "Record the output with more digits, or as counts."
         )
-        flags.append(Flag("coarse-output", coarse_said, axis, {"step_deg_per_h": step}))
+        flags.append(Flag("coarse-output", coarse_text, axis, {"step_deg_per_h": step}))
     if limited == filled == 0.0 and not coarse:
         flags += _stuck(segment, axis, step)
     return [*flags, *_jumps(segment, gyro, axis, step)], doubt
@@ -193,24 +193,24 @@ def _stuck(segment: Segment, axis: str | None, step: float) -> Iterator[Flag]:
     stuck = stuck_rows(segment.rate_deg_per_h, step)
     if stuck is not None:
         first, last = stuck
-        stuck_said = (
+        stuck_text = (
             f"From row {first} to row {last}, counted from 0, the output is a straight line to the "
             "last digit: the gyro or its recorder stood still, or missing rows were filled in. "
             "Leave these rows out and analyse again."
         )
         details = {"row": first, "count": last - first + 1, "what": "output"}
-        yield Flag("frozen", stuck_said, axis, details)
+        yield Flag("frozen", stuck_text, axis, details)
         return
     again = repeated_rows(segment.rate_deg_per_h, step)
     if again is not None:
         first, row, count = again
-        repeated_said = (
+        repeated_text = (
             f"{count} rows of the output from row {row} on, counted from 0, repeat those from row "
             f"{first} on to the last digit: a buffer was read twice or rows were copied. Leave "
             "these rows out and analyse again."
         )
         details = {"row": row, "count": count, "what": "repeated"}
-        yield Flag("frozen", repeated_said, axis, details)
+        yield Flag("frozen", repeated_text, axis, details)
 
 
 def _jumps(segment: Segment, gyro: GyroFit, axis: str | None, step: float) -> Iterator[Flag]:
@@ -220,11 +220,11 @@ def _jumps(segment: Segment, gyro: GyroFit, axis: str | None, step: float) -> It
     jump = largest_jump(gyro.residual_deg_per_h[gyro.kept], period, step)
     if jump is not None:
         row, size = int(np.flatnonzero(gyro.kept)[jump[0]]), jump[1]
-        jump_said = (
+        jump_text = (
             f"At about row {row}, counted from 0, the output steps by {size:+.3g} deg/h. The "
             "uncertainty follows the data; look at gyro, cables and recorder, and measure again."
         )
-        yield Flag("output-step", jump_said, axis, {"row": row, "step_deg_per_h": size})
+        yield Flag("output-step", jump_text, axis, {"row": row, "step_deg_per_h": size})
 
 
 def overtone_flags(segment: Segment, gyro: GyroFit, detail: SegmentDetail) -> Iterator[Flag]:
@@ -245,14 +245,14 @@ def overtone_flags(segment: Segment, gyro: GyroFit, detail: SegmentDetail) -> It
             for a, d in segment.drive.items()
             if math.isclose(d.frequency_Hz, one.driven_Hz, rel_tol=0.02)
         ]
-        overtone_said = (
+        overtone_text = (
             f"The output has a line at {one.frequency_Hz:.4g} Hz, three times the frequency of "
             f"{' and '.join(axes)}, with {one.power:.3g} times the power of the noise: the answer "
             "is not in proportion to the field, as that of a shield near saturation, a limited "
             "output or bursts. State the sensitivity with its field, and measure at half of it."
         )
         details = {"frequency_Hz": one.frequency_Hz}
-        yield Flag("not-linear", overtone_said, axes[0] if len(axes) == 1 else None, details)
+        yield Flag("not-linear", overtone_text, axes[0] if len(axes) == 1 else None, details)
 
 
 @dataclass(frozen=True)
@@ -321,7 +321,7 @@ def beat_flags(
     if segment.quantum_deg_per_h <= 0.0 or detail.noise is None or not lines:
         return
     interval_s = segment.sample_interval_s
-    told = beat_advice(
+    beat = beat_advice(
         float(np.mean(segment.rate_deg_per_h[detail.kept])),
         segment.quantum_deg_per_h * interval_s,
         interval_s,
@@ -329,11 +329,11 @@ def beat_flags(
         [line.frequency_Hz for line in lines],
         len(segment.time_s) * interval_s,
     )
-    if told is not None:
-        quantisation_said = f"In the record, {told.does}. Measure again with {told.helps}."
+    if beat is not None:
+        quantisation_text = f"In the record, {beat.does}. Measure again with {beat.helps}."
         yield Flag(
             "quantisation-beat",
-            quantisation_said,
+            quantisation_text,
             detail.axis,
-            told.details,
+            beat.details,
         )

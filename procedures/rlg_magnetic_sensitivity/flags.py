@@ -31,35 +31,35 @@ def record_flags(segment: Segment, detail: SegmentDetail, settings: AnalysisSett
         flags.append(_averaged(segment, before, axis, named))
     if rejected:
         samples = before.samples if before else len(detail.kept)
-        outliers_said = (
+        outliers_text = (
             f"{rejected} of {samples} gyro samples of the record with {named} driven "
             f"lie more than {settings.outlier:g} sigma from the fit and were left out."
         )
-        flags.append(Flag("outliers-rejected", outliers_said, axis, {"count": rejected}))
+        flags.append(Flag("outliers-rejected", outliers_text, axis, {"count": rejected}))
     flags += _gap(segment, axis, named, settings)
     if detail.lag_one_correlation > settings.model_too_stiff:
         of = f" of the record with {named} driven"
         flags.append(too_stiff(detail.lag_one_correlation, of, axis=axis))
     if detail.drift_evident:
-        drift_said = (
+        drift_text = (
             f"The output drifted while {named} was driven; a polynomial of order "
             f"{detail.drift_order} was fitted with the lines and removed."
         )
-        flags.append(Flag("drift-removed", drift_said, axis, {"order": detail.drift_order}))
+        flags.append(Flag("drift-removed", drift_text, axis, {"order": detail.drift_order}))
     return flags
 
 
 def _averaged(segment: Segment, before: Averaged, axis: str | None, named: str) -> Flag:
     highest_Hz = max((one.frequency_Hz for one in segment.drive.values()), default=0.0)
     lost = loss(before.group, before.sample_interval_s, highest_Hz)
-    samples_said = (
+    samples_text = (
         f"The record with {named} driven holds {before.samples} gyro samples, which were averaged "
         f"in groups of {before.group}: it is evaluated as if sampled every "
         f"{segment.sample_interval_s:g} s, with an uncertainty up to {100.0 * lost:.2g} % larger."
     )
     return Flag(
         "samples-averaged",
-        samples_said,
+        samples_text,
         axis,
         {"count": before.samples, "group": before.group, "relative_loss": lost},
     )
@@ -110,19 +110,19 @@ def drive_flags(
         for axis, drive in segment.drive.items():
             cycles = drive.frequency_Hz * span_s
             if abs(cycles - round(cycles)) > settings.non_integer_cycles:
-                non_said = (
+                non_text = (
                     f"The record holds {cycles:.4g} cycles of {drive.frequency_Hz:g} Hz on "
                     f"{axis}, not a whole number: the published formula reads low by up to "
                     "36 %, the fit does not."
                 )
-                flags.append(Flag("non-integer-cycles", non_said, axis, {"cycles": cycles}))
+                flags.append(Flag("non-integer-cycles", non_text, axis, {"cycles": cycles}))
     for line in lines:
         drive = segment.drive[line.axis]
         if drive.amplitude_mT <= 0.0:
             continue
         off = line.field_amplitude_mT / drive.amplitude_mT - 1.0
         if abs(off) > settings.field_differs_from_commanded:
-            field_said = (
+            field_text = (
                 f"The measured field on {line.axis} has an amplitude of "
                 f"{line.field_amplitude_mT:.5g} mT, {100.0 * off:+.3g} % from the commanded "
                 f"{drive.amplitude_mT:g} mT{_likely(1.0 + off)}; the result uses the measured "
@@ -131,7 +131,7 @@ def drive_flags(
             flags.append(
                 Flag(
                     "field-differs-from-commanded",
-                    field_said,
+                    field_text,
                     line.axis,
                     {"relative_difference": off},
                 )
@@ -150,7 +150,7 @@ LIKELY = {
 
 
 def _likely(ratio: float) -> str:
-    return next((f" ({said})" for at, said in LIKELY.items() if abs(ratio / at - 1.0) < 0.03), "")
+    return next((f" ({text})" for at, text in LIKELY.items() if abs(ratio / at - 1.0) < 0.03), "")
 
 
 def cross_axis_flags(estimates: Sequence[Estimate], settings: AnalysisSettings) -> list[Flag]:
@@ -165,15 +165,15 @@ def cross_axis_flags(estimates: Sequence[Estimate], settings: AnalysisSettings) 
         small = MATTERS * (estimate.standard_uncertainty or math.inf)
         large = {a: one for a, one in shares.items() if one * settings.undriven_u > small}
         if large:
-            said = " and ".join(f"{100.0 * one:.2g} % of {axis}" for axis, one in large.items())
-            cross_said = (
+            text = " and ".join(f"{100.0 * one:.2g} % of {axis}" for axis, one in large.items())
+            cross_text = (
                 f"The field of {estimate.axis} leans towards axes that were not driven: their "
-                f"sensitivities stand in that of {estimate.axis} with {said}. u holds up "
+                f"sensitivities stand in that of {estimate.axis} with {text}. u holds up "
                 f"to {settings.undriven_sensitivity:g} deg/h/mT of each "
                 "(`undriven_sensitivity`). Drive all three axes, align the coil, or state what "
                 "is known of the gyro."
             )
-            flags.append(Flag("cross-axis", cross_said, estimate.axis, {"undriven": list(large)}))
+            flags.append(Flag("cross-axis", cross_text, estimate.axis, {"undriven": list(large)}))
     return flags
 
 
@@ -189,20 +189,20 @@ def result_flags(
         value, u = estimate.value, estimate.standard_uncertainty
         if value is None or u is None:
             reason = reasons.get(estimate.axis or "", "the record does not determine it")
-            said = f"The magnetic sensitivity of {estimate.axis} is undetermined: {reason}."
-            flags.append(not_identifiable(said, [estimate.axis or ""], estimate.axis))
+            text = f"The magnetic sensitivity of {estimate.axis} is undetermined: {reason}."
+            flags.append(not_identifiable(text, [estimate.axis or ""], estimate.axis))
         elif abs(value) < settings.not_significant * u:
             bound = max(x.upper_bound or 0.0 for x in lines if x.axis == estimate.axis)
-            not_said = (
+            not_text = (
                 f"The magnetic sensitivity of {estimate.axis} is not distinguished from zero: "
                 f"{value:.2g} with a standard uncertainty of {u:.2g} deg/h/mT; its magnitude "
                 f"is below {bound:.2g} deg/h/mT with 95 % confidence."
             )
-            flags.append(Flag("not-significant", not_said, estimate.axis, {"upper_bound": bound}))
+            flags.append(Flag("not-significant", not_text, estimate.axis, {"upper_bound": bound}))
     for line in lines:
         q, u = line.quadrature, line.quadrature_uncertainty
         if q is not None and u is not None and abs(q) > settings.quadrature_significant * u > 0.0:
-            quadrature_said = (
+            quadrature_text = (
                 f"The output at {line.frequency_Hz:.4g} Hz has a part of {q:.3g} deg/h/mT in "
                 f"quadrature to the field on {line.axis} ({abs(q) / u:.1f} u): a delay, eddy "
                 "currents or pickup."
@@ -210,7 +210,7 @@ def result_flags(
             flags.append(
                 Flag(
                     "quadrature-significant",
-                    quadrature_said,
+                    quadrature_text,
                     line.axis,
                     {"quadrature": q, "standard_uncertainty": u},
                 )

@@ -128,7 +128,7 @@ def clash(drive: Mapping[str, float], duration_s: float, interval_s: float) -> s
     apart_Hz, one, other = nearest_pair(drive)
     if apart_Hz * duration_s >= APART - ROUNDING:
         return None
-    said = (
+    clashes = (
         f"{named(other)} is too close to {named(one)}: lines must be {APART / duration_s:.4g} Hz "
         f"apart in a record of {duration_s:g} s"
     )
@@ -142,11 +142,11 @@ def clash(drive: Mapping[str, float], duration_s: float, interval_s: float) -> s
         ]
         if offers:
             best = min(offers, key=lambda f: abs(f - drive[axis]))
-            return f"{said}; {axis} at {best:.4g} Hz would do"
+            return f"{clashes}; {axis} at {best:.4g} Hz would do"
     found = choose(tuple(drive), duration_s, interval_s)
     if found is None:
-        return f"{said}; take a longer record"
-    return f"{said}; {', '.join(f'{axis} {f:.4g} Hz' for axis, f in found.items())} would do"
+        return f"{clashes}; take a longer record"
+    return f"{clashes}; {', '.join(f'{axis} {f:.4g} Hz' for axis, f in found.items())} would do"
 
 
 def named(line: Line) -> str:

@@ -133,18 +133,18 @@ class RlgParameters(StrictModel):
         cls, given: dict[Axis, float] | None, info: ValidationInfo
     ) -> dict[Axis, float] | None:
         """Refuse frequencies whose lines fall on one another, and where none can be chosen."""
-        told = info.data
-        if told.get("excitation") != "simultaneous":
+        data = info.data
+        if data.get("excitation") != "simultaneous":
             if given is not None:
                 raise ValueError("belong to excitation: simultaneous")
             return None
         needed = ("axes", "sample_interval_s", "duration_s", "frequency_Hz")
-        if any(name not in told for name in needed):
-            return given  # what is wrong there is said there
-        axes, interval_s = told["axes"], told["sample_interval_s"]
-        record_s = math.ceil(told["duration_s"] / interval_s - 1e-9) * interval_s
+        if any(name not in data for name in needed):
+            return given  # what is wrong there is reported there
+        axes, interval_s = data["axes"], data["sample_interval_s"]
+        record_s = math.ceil(data["duration_s"] / interval_s - 1e-9) * interval_s
         if given is None:
-            decided = frequencies.with_first(axes, told["frequency_Hz"])
+            decided = frequencies.with_first(axes, data["frequency_Hz"])
             if frequencies.choose(axes, record_s, interval_s, decided) is None:
                 raise ValueError(
                     f"no {len(axes)} frequencies in a record of {record_s:g} s stand apart"
@@ -153,7 +153,7 @@ class RlgParameters(StrictModel):
             return None
         if set(given) != set(axes):
             raise ValueError(f"must name {', '.join(axes)}, each driven axis once")
-        if told["frequency_Hz"] is not None:
+        if data["frequency_Hz"] is not None:
             raise ValueError("stand in the place of frequency; take one of the two out")
         for f in given.values():
             within_published_range(f)

@@ -235,11 +235,11 @@ def summary(document: ResultDocument) -> Figure:
     ]
     spans += [value for value in published.values() if value is not None]
     reach = 1.12 * max(spans, default=1.0) or 1.0
-    told: set[str] = set()
+    labelled: set[str] = set()
 
     def once(text: str) -> str | None:
-        new = text not in told
-        told.add(text)
+        new = text not in labelled
+        labelled.add(text)
         return text if new else None
 
     for place, (one, limit) in enumerate(zip(results, limits, strict=True)):

@@ -200,7 +200,7 @@ def phase_diagram(lines: Sequence[LineDetail]) -> Figure:
     figure = new_figure(3.9)
     axes = figure.add_subplot()
     reach = 0.0
-    told: set[str] = set()
+    labelled: set[str] = set()
     for line in lines:
         if line.slope is None or line.slope_uncertainty is None:
             continue
@@ -231,9 +231,9 @@ def phase_diagram(lines: Sequence[LineDetail]) -> Figure:
             "o",
             color=colour,
             markersize=4,
-            label=None if name in told else name,
+            label=None if name in labelled else name,
         )
-        told.add(name)
+        labelled.add(name)
         reach = max(
             reach,
             abs(line.slope) + WITHIN_95 * wide,

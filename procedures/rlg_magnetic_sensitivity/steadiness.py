@@ -122,14 +122,14 @@ def _wanders(
     segment: Segment, axes: Sequence[str], edges_s: Array, block: int, relative: complex
 ) -> Flag:
     start_s, stop_s = float(edges_s[block]), float(edges_s[block + 1])
-    wanders_said = (
+    wanders_text = (
         f"The field on {' and '.join(axes)} is not one steady sine: from {start_s:.4g} s to "
         f"{stop_s:.4g} s of the record its amplitude is {abs(relative):.3g} of that of the whole "
         f"and its phase {np.degrees(np.angle(relative)):+.3g} deg off. Look at coil supply, "
         "gaussmeter and time stamps, and measure again."
     )
     details = {"start_s": start_s, "stop_s": stop_s, "relative_amplitude": abs(relative)}
-    return Flag("field-wanders", wanders_said, axes[0] if len(axes) == 1 else None, details)
+    return Flag("field-wanders", wanders_text, axes[0] if len(axes) == 1 else None, details)
 
 
 def _unfaithful(
@@ -167,14 +167,14 @@ def _unfaithful(
         if chance < CHANCE:
             at_s = float(edges_s[:-1][used][worst + 1] - edges_s[0])
             axes = field.lines[k].axes
-            unfaithful_said = (
+            unfaithful_text = (
                 f"The answer to the field on {' and '.join(axes)} is not the same throughout the "
                 f"record, though the field is (F test, {chance:.1g} by chance); it changes most "
                 f"at {at_s:.4g} s. The output changed its scale, sign or delay or lost rows, or "
                 "the field was not what was recorded. Look at the record and measure again."
             )
             details = {"at_s": at_s, "chance": chance}
-            yield Flag("misfit", unfaithful_said, axes[0] if len(axes) == 1 else None, details)
+            yield Flag("misfit", unfaithful_text, axes[0] if len(axes) == 1 else None, details)
 
 
 def noise_beside(
@@ -309,23 +309,23 @@ def flags_of(tested: Sequence[Tested]) -> Iterator[Flag]:
             "standard_uncertainty": one.difference_uncertainty,
         }
         if one.check == "linearity":
-            not_said = (
+            not_text = (
                 f"At {one.amplitude_mT:g} mT the magnetic sensitivity{whose} is another one by "
                 f"{off}: the response is not in proportion to the field, as that of a shield near "
                 "saturation; state the sensitivity with its field."
             )
-            yield Flag("not-linear", not_said, one.axis, details)
+            yield Flag("not-linear", not_text, one.axis, details)
         elif one.check == "frequency":
-            differs_said = (
+            differs_text = (
                 f"At {one.frequency_Hz:.4g} Hz the magnetic sensitivity{whose} is another one by "
                 f"{off}: a delay, eddy currents and pickup grow with the frequency; the lower one "
                 "is nearer to a steady field."
             )
-            yield Flag("differs-with-frequency", differs_said, one.axis, details)
+            yield Flag("differs-with-frequency", differs_text, one.axis, details)
         else:
-            background_said = (
+            background_text = (
                 f"With the coils off the output has a line at {one.frequency_Hz:.4g} Hz that would "
                 f"pass for {one.value:.2g} deg/h/mT{whose}: something else acts at the field's "
                 "frequency; choose another frequency."
             )
-            yield Flag("background-line", background_said, one.axis, details)
+            yield Flag("background-line", background_text, one.axis, details)

@@ -170,9 +170,9 @@ def warm_up(run: Run) -> None:
     run.apply(gyro_sampling(parameters))
     board = run.role(GYRO, GyroAcquisition)
     began_s = run.clock.now()
-    said = "filling the window"
+    doing = "filling the window"
     while True:
-        follow_gyro(run, board, run.clock.now() + WARM_UP_LOOKS_EVERY_S, said)
+        follow_gyro(run, board, run.clock.now() + WARM_UP_LOOKS_EVERY_S, doing)
         elapsed_s = run.clock.now() - began_s
         if elapsed_s < rule.window_s:
             continue
@@ -183,28 +183,28 @@ def warm_up(run: Run) -> None:
         rate_deg_per_h = record.rate_deg_per_h[recent]
         slope, u = slope_with_uncertainty(record.time_s[recent], rate_deg_per_h)
         slope_deg_per_h2, u_deg_per_h2 = 3600 * slope, 3600 * u
-        said = f"slope {slope_deg_per_h2:+.3f} ± {2 * u_deg_per_h2:.3f} deg/h^2"
+        doing = f"slope {slope_deg_per_h2:+.3f} ± {2 * u_deg_per_h2:.3f} deg/h^2"
         if abs(slope_deg_per_h2) + 2 * u_deg_per_h2 < rule.slope_limit_deg_per_h2:
             run.record.finish_unit(WARM_UP, slope_deg_per_h2=slope_deg_per_h2, u=u_deg_per_h2)
-            run.progress.say(f"    warm: {said}")
+            run.progress.say(f"    warm: {doing}")
             warn_of_beats(run, rate_deg_per_h, record.interval_s)
             return
         if elapsed_s >= rule.at_most_s:
             raise ConditionNotReached(
-                f"the gyro did not become steady within {rule.at_most_s / 60:g} min: {said}, the "
+                f"the gyro did not become steady within {rule.at_most_s / 60:g} min: {doing}, the "
                 f"plan allows {rule.slope_limit_deg_per_h2:g}; wait longer (warm_up.at_most), or "
                 "look for air currents, a warming table or a gyro that was just carried in"
             )
 
 
-def follow_gyro(run: Run, board: GyroAcquisition, until_s: float, said: str) -> None:
+def follow_gyro(run: Run, board: GyroAcquisition, until_s: float, doing: str) -> None:
     """Record the gyro of the warm-up until a run time."""
     acquire(
         run,
         WARM_UP,
         {GYRO: board},
         enough=lambda _: run.clock.now() >= until_s,
-        detail=lambda: said,
+        detail=lambda: doing,
     )
 
 
@@ -218,7 +218,7 @@ def warn_of_beats(run: Run, rate_deg_per_h: NDArray[Any], interval_s: float) -> 
     if noise is None:
         return
     planned = sensitivity_records(parameters)[0]
-    told = beat_advice(
+    beat = beat_advice(
         float(rate_deg_per_h.mean()),
         parameters.pulse_weight_arcsec,
         parameters.sample_interval_s,
@@ -226,5 +226,5 @@ def warn_of_beats(run: Run, rate_deg_per_h: NDArray[Any], interval_s: float) -> 
         [sine.frequency_Hz for sine in planned.drive.values()],
         planned.samples * parameters.sample_interval_s,
     )
-    if told is not None:
-        run.progress.say(f"    WARNING: {told.does}; better: {told.helps}")
+    if beat is not None:
+        run.progress.say(f"    WARNING: {beat.does}; better: {beat.helps}")

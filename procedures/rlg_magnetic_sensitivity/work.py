@@ -128,8 +128,10 @@ def outlook(parameters: RlgParameters) -> Sequence[str]:
     """Return in lines which coil gets which frequency, and what ends a record."""
     first, lines = all_records(parameters)[0], []
     if parameters.excitation == "simultaneous":
-        told = ", ".join(f"{axis} {sine.frequency_Hz:.4g} Hz" for axis, sine in first.drive.items())
-        lines.append(f"all coils at once: {told}")
+        drive = ", ".join(
+            f"{axis} {sine.frequency_Hz:.4g} Hz" for axis, sine in first.drive.items()
+        )
+        lines.append(f"all coils at once: {drive}")
     if parameters.stop is not None:
         least_s, most_s = (n * parameters.sample_interval_s for n in (first.samples, first.most))
         lines.append(

@@ -93,12 +93,13 @@ def expected_Hz(parameters: SerfParameters) -> tuple[float, float]:
     return gamma * field_nT / q.at_rest * (1 - slack), gamma * field_nT / q.polarised * (1 + slack)
 
 
-def first_frequency_Hz(run: Run, said: str) -> float | None:
+def first_frequency_Hz(run: Run, doing: str) -> float | None:
     """Fire the plan's first shot, as a look, and return its frequency; None where none is seen."""
     from .precession import fit_of
 
     fit = fit_of(
-        run.state(Cell, run).look(run.parameters.wanted[0], said), run.parameters.mains_frequency_Hz
+        run.state(Cell, run).look(run.parameters.wanted[0], doing),
+        run.parameters.mains_frequency_Hz,
     )
     return None if fit is None else fit.frequency_Hz
 

@@ -72,7 +72,7 @@ class Cell:
         """From the trigger to the field: until the light is surely off."""
         return dark_after_s(self.run, PUMP)
 
-    def fire(self, fields: Sequence[TriggeredCellField], said: str) -> Block:
+    def fire(self, fields: Sequence[TriggeredCellField], doing: str) -> Block:
         """Pump, switch the light off and the fields on, and return the record.
 
         The fields are added to what each coil holds. The record's time is zero at the trigger.
@@ -87,14 +87,14 @@ class Cell:
         )
         for field in fields:
             self.run.apply(field)
-        self.run.wait(parameters.pump_s, f"{said}: the vapour is pumped")
+        self.run.wait(parameters.pump_s, f"{doing}: the vapour is pumped")
         self.digitizer.fire()
         records = fetch_bursts(
             self.run,
-            said,
+            doing,
             {DIGITIZER: self.digitizer},
             every_s=LOOK_S,
-            said=said,
+            doing=doing,
             look_at="look whether its trigger output is looped back to its trigger input",
         )
         _, block = next(records)
@@ -105,16 +105,16 @@ class Cell:
         if light_passes:
             raise LightPassed(
                 PUMP,
-                said,
+                doing,
                 f"its sensor read open {1e3 * duration_s:.0f} ms after the trigger",
                 "look whether the trigger's cable is at its gate and nothing holds the blade",
             )
         return block
 
-    def look(self, wanted: Wanted, said: str) -> Shot:
+    def look(self, wanted: Wanted, doing: str) -> Shot:
         """Fire a shot that is not recorded."""
-        fields = fields_of(wanted, self.parameters, said)
-        return self.shot_of(wanted, self.fire(fields, said))
+        fields = fields_of(wanted, self.parameters, doing)
+        return self.shot_of(wanted, self.fire(fields, doing))
 
     def shot_of(self, wanted: Wanted, block: Block) -> Shot:
         """Return a record from the beginning of the field on."""
@@ -152,13 +152,13 @@ def null_residual_field(run: Run, cell: Cell) -> None:
     rule, levels_nT = parameters.nulling, parameters.field_levels_nT
     shots = shots_of("reversal", levels_nT, parameters.pump_axis, parameters.probe_axis)
     for number in range(1, rule.rounds + 1):
-        said = f"nulling, round {number}"
+        doing = f"nulling, round {number}"
         looks = []
         for place, shot in enumerate(shots, 1):
-            looks.append(cell.look(shot, f"{said}, shot {place} of {len(shots)}"))
+            looks.append(cell.look(shot, f"{doing}, shot {place} of {len(shots)}"))
         seen = look_at_shots(looks, parameters)
         cell.usual = [one.used_fit for one in seen if one.used]
-        residual_nT = solved_residual_nT(seen, said)
+        residual_nT = solved_residual_nT(seen, doing)
         run.record.event("residual-field", round=number, field_nT=residual_nT)
         if residual_nT is None:
             run.progress.say("    the residual field is not steady: it is not nulled")
@@ -198,7 +198,7 @@ def look_at_shots(looks: Sequence[Shot], parameters: SerfParameters) -> list[Pre
     return look_at_all(dataset, AnalysisSettings())
 
 
-def solved_residual_nT(seen: Sequence[Precession], said: str) -> dict[str, float] | None:
+def solved_residual_nT(seen: Sequence[Precession], doing: str) -> dict[str, float] | None:
     """Return the fields of the three coils, in nT commanded, that make up the residual field.
 
     None where no residual field explains the shots. Raises ConditionNotReached with too few.
@@ -219,7 +219,7 @@ def solved_residual_nT(seen: Sequence[Precession], said: str) -> dict[str, float
         )
     if found is None or (bad and not found.free_of_residual):
         raise ConditionNotReached(
-            f"{said}: the shot {bad[0].shot.name} cannot be used ({bad[0].rejected}); look at the "
+            f"{doing}: the shot {bad[0].shot.name} cannot be used ({bad[0].rejected}); look at the "
             "pump light, the probe light, the cell's temperature and the coils' cables"
         )
     if not (found.converged and found.positive_definite):

@@ -88,11 +88,11 @@ def _chi_square(found: Frequencies) -> Check:
     solution = found.solution
     if solution.degrees_of_freedom < 1:
         return Check("chi-square", "as many shots as unknowns", "probability above 0.01 %", None)
-    said = (
+    text = (
         f"{solution.chi_square:.1f} with {solution.degrees_of_freedom} degrees of freedom, "
         f"probability {100.0 * solution.probability:.3g} %"
     )
-    return Check("chi-square", said, "probability above 0.01 %", not solution.disagree)
+    return Check("chi-square", text, "probability above 0.01 %", not solution.disagree)
 
 
 def _closed_form(
@@ -114,8 +114,8 @@ def _closed_form(
         apart.append(
             (float(np.degrees(np.arccos(cosines[pair]))) - one.value) / one.standard_uncertainty
         )
-    said = ", ".join(f"{pair} {part:+.2f} u" for pair, part in zip(PAIRS, apart, strict=True))
-    return Check(what, said, wanted, max(abs(one) for one in apart) <= 1.0)
+    text = ", ".join(f"{pair} {part:+.2f} u" for pair, part in zip(PAIRS, apart, strict=True))
+    return Check(what, text, wanted, max(abs(one) for one in apart) <= 1.0)
 
 
 def _axes(found: Frequencies, results: Sequence[Estimate]) -> Check:
@@ -165,8 +165,8 @@ def published_angles(
     good = np.isfinite(omega)
     single = np.flatnonzero((driven.sum(axis=1) == 1) & good)
     if not len(single):
-        said = "no shot with a single coil gives the slowing-down factor"
-        return PublishedAngles(dict.fromkeys(PAIRS), dict.fromkeys(PAIRS, said), None)
+        text = "no shot with a single coil gives the slowing-down factor"
+        return PublishedAngles(dict.fromkeys(PAIRS), dict.fromkeys(PAIRS, text), None)
     first = int(single[0])
     alone_nT = float(np.linalg.norm(commanded_nT[first]))
     factor = gamma_rad_per_s_nT * alone_nT / float(omega[first])

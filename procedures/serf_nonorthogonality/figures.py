@@ -55,14 +55,14 @@ def draw_parts(findings: Findings, document: ResultDocument) -> tuple[Part, ...]
         parts.append(_checks(analysis))
     shots = drawn_shots(analysis, dataset)
     if shots:
-        said = "The fit is a decaying tone with decaying baseline and offset"
+        note = "The fit is a decaying tone with decaying baseline and offset"
         if analysis.frequencies is not None and analysis.frequencies.joint is not None:
-            said = "The fit is that of all shots, whose frequency falls as their spins fade"
+            note = "The fit is that of all shots, whose frequency falls as their spins fade"
         parts += [
             Plot(
                 "Shots and their fits",
                 f"Samples (dots) and fit (line) over the first {DECAYS_SHOWN:g} 1/e "
-                f"times. {said}; where the field lies between pump and probe the baseline is "
+                f"times. {note}; where the field lies between pump and probe the baseline is "
                 "as large as the tone.",
                 signals(shots),
             ),
@@ -250,32 +250,32 @@ def _coils(analysis: SerfAnalysis, dataset: SerfDataset, document: ResultDocumen
         factor, residual = (document.result(name, axis) for name in (FACTOR, RESIDUAL))
         rows.append([axis, *format_result(factor), *format_result(residual)])
     value, spread = format_result(document.result(SLOWING_DOWN))
-    said = f"Slowing-down factor Q = {value} ± {spread} (95 %) without polarisation. "
+    note = f"Slowing-down factor Q = {value} ± {spread} (95 %) without polarisation. "
     if analysis.residual_field_nT is not None:
-        said += f"Residual field {format_number(analysis.residual_field_nT, 3)} nT in all. "
+        note += f"Residual field {format_number(analysis.residual_field_nT, 3)} nT in all. "
     found = analysis.frequencies
     if found is not None and found.joint is not None and found.lean is not None:
         aside, towards = np.degrees(found.lean.rad[:2])
         u = np.degrees(np.sqrt(np.diag(found.lean.covariance)[:2]).max())
-        said += (
+        note += (
             f"Polarisation at the beginning {found.joint.polarisation:.3f}; the frequency falls "
             f"by {100.0 * found.chirp:.3g} % over the decay. "
             f"The spins began {aside:.2f} deg aside of the plane of pump and probe and "
             f"{towards:.2f} deg towards the probe from the pump light (u = {u:.2g} deg). "
         )
     if found is not None:
-        said += f"Decay R/Q(0) = {format_number(found.rate_per_s, 4)} /s"
+        note += f"Decay R/Q(0) = {format_number(found.rate_per_s, 4)} /s"
         if found.beta_s > 0.0:
-            said += f", spin-exchange broadening {format_number(found.beta_s, 3)} s × ω²"
-        said += ". "
-    said += (
+            note += f", spin-exchange broadening {format_number(found.beta_s, 3)} s × ω²"
+        note += ". "
+    note += (
         "Commanded fields were taken as exact."
         if dataset.constants_known
         else "Factors are true over commanded field, relative to the coil whose factor is one."
     )
     return Table(
         "Coils, residual field and slowing-down factor",
-        said,
+        note,
         ["coil", "factor", "U (95 %)", "residual field, nT", "U (95 %), nT"],
         rows,
     )

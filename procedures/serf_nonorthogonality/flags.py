@@ -30,8 +30,8 @@ def result_flags(
     """Yield the flags on the solution: what it cannot determine and what stands against it."""
     yield from _not_identifiable(dataset, found, results)
     for pair, why in paper.wanting.items():
-        said = f"As published the angle {pair} is undetermined: {why}."
-        yield Flag(NOT_IDENTIFIABLE, said, pair)
+        text = f"As published the angle {pair} is undetermined: {why}."
+        yield Flag(NOT_IDENTIFIABLE, text, pair)
     if found is None:
         return
     axis = scale_axis(dataset, found.solution)
@@ -84,8 +84,8 @@ def _not_identifiable(
             why = "the shots do not determine them"
         coefficients = [f"{ANGLE} {pair}" for pair in angles]
         coefficients += [f"{FACTOR} {axis}" for axis in null[FACTOR]]
-        said = f"Angles {', '.join(str(one) for one in angles)} are undetermined: {why}."
-        yield not_identifiable(said, coefficients)
+        text = f"Angles {', '.join(str(one) for one in angles)} are undetermined: {why}."
+        yield not_identifiable(text, coefficients)
     if null[RESIDUAL]:
         yield not_identifiable(
             "The residual field is undetermined: that takes shots of either polarity; the "

@@ -242,14 +242,14 @@ def agreed(
     flags = []
     stated = np.square(dataset.coil_u or (0.0, 0.0, 0.0)) + MODEL_U**2
     if _chance(ratios, covariance + np.diag(stated[1:]) + stated[0]) < IMPROBABLE:
-        said = " and ".join(
+        factors = " and ".join(
             f"{axis} {1.0 + ratio:.5f}" for axis, ratio in zip(AXES[1:], ratios, strict=True)
         )
         flags.append(
             contradiction(
                 "coil_constants",
                 "The coil constants are stated as known, and the shots deny it: relative to coil "
-                f"x the factors are {said}. They are solved for, as with nominal constants. "
+                f"x the factors are {factors}. They are solved for, as with nominal constants. "
                 "Calibrate the coils, or look for a wrong commanded field or a supply's range.",
             )
         )

@@ -248,12 +248,12 @@ def joint_start(
             best = (found.noise_V, square, found)
     if best is None:
         raise NoJointFit("no polarisation explains the strongest shot")
-    _, square, told = best
-    rate = 0.9 * told.decay_per_s
-    slower = told.omega_rad_per_s / fits[strongest].omega_rad_per_s
+    _, square, strongest_fit = best
+    rate = 0.9 * strongest_fit.decay_per_s
+    slower = strongest_fit.omega_rad_per_s / fits[strongest].omega_rad_per_s
     omega, decay = [], []
     for k, record in enumerate(records):
-        near = slower * fits[k].omega_rad_per_s, told.decay_per_s
+        near = slower * fits[k].omega_rad_per_s, strongest_fit.decay_per_s
         found = _in_its_time(record, spin, square, rate, float(along[k]), mains_Hz, near)
         if found is None:
             raise NoJointFit(f"shot {k + 1} is no tone in the time of its polarisation")

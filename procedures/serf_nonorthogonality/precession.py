@@ -94,8 +94,8 @@ def look_at(shot: Shot, settings: AnalysisSettings, mains_Hz: float | None = Non
     usable = ~saturated & (shot.time_s >= settings.skip_s)
     count = int(saturated.sum())
     if count > MOST_SATURATED * len(saturated):
-        said = f"{count} of {len(saturated)} samples are saturated"
-        return Precession(shot, None, count, said, usable)
+        text = f"{count} of {len(saturated)} samples are saturated"
+        return Precession(shot, None, count, text, usable)
     try:
         fit = fit_tone(shot.time_s, shot.voltage_V, usable, mains_Hz=mains_Hz)
     except NoTone as error:

@@ -62,18 +62,18 @@ def _left_out(
     if dataset.repeated:
         names = list(dict.fromkeys(name for name, _ in dataset.repeated))
         why = "; ".join(dict.fromkeys(reason for _, reason in dataset.repeated))
-        said = f"Shots were taken again, the bad ones are left out: {', '.join(names)} ({why})."
+        text = f"Shots were taken again, the bad ones are left out: {', '.join(names)} ({why})."
         details = {"shots": names, "count": len(dataset.repeated)}
-        yield Flag("shot-repeated", said, details=details)
+        yield Flag("shot-repeated", text, details=details)
     over = [one for one in seen if one.saturated]
     if over:
         count = sum(one.saturated for one in over)
-        said = f"{count} samples are saturated and left out, in {', '.join(_names(over))}."
-        yield Flag("overload", said, details={"count": count, "shots": _names(over)})
+        text = f"{count} samples are saturated and left out, in {', '.join(_names(over))}."
+        yield Flag("overload", text, details={"count": count, "shots": _names(over)})
     for one in seen:
         if not one.used:
-            said = f"The shot {one.shot.name} is not used: {one.rejected}."
-            yield Flag("shot-rejected", said, details={"shot": one.shot.name})
+            text = f"The shot {one.shot.name} is not used: {one.rejected}."
+            yield Flag("shot-rejected", text, details={"shot": one.shot.name})
     outliers = {
         shot.name: int(np.sum(one.usable & ~shot.kept))
         for one, shot in zip(seen, shots, strict=True)
@@ -104,7 +104,7 @@ def _excitation(dataset: SerfDataset, seen: Sequence[Precession]) -> Iterator[Fl
     squares = np.array([one.shot.field_nT**2 for one in clear])
     of_coils = np.linalg.lstsq(squares, omega**2, rcond=None)[0]
     if np.linalg.norm(omega**2 - squares @ of_coils) > UNEXPLAINED * np.linalg.norm(omega**2):
-        return  # the coils are not what makes these tones: that is said of the shots
+        return  # the coils are not what makes these tones: that is reported of the shots
     found = np.sqrt(np.maximum(of_coils, 0.0))
     spin = SPINS[dataset.nuclear_spin]
     for k, axis in enumerate(AXES):
@@ -208,16 +208,16 @@ def misfit_flags(dataset: SerfDataset, shots: Sequence[ShotResult]) -> list[Flag
         return []
     windows = sum(len(BINS) * len(a.power) + len(SAMPLES) * len(a.square) for a in left.values())
     limit = CHANCE / windows
-    where = {name: said for name, one in left.items() if (said := _place(one, limit))}
+    where = {name: text for name, one in left.items() if (text := _place(one, limit))}
     if not where and not _together(list(left.values()), limit):
         return []
-    told = "; ".join(f"{name} {said}" for name, said in list(where.items())[:4])
+    shown = "; ".join(f"{name} {text}" for name, text in list(where.items())[:4])
     more = f" and {len(where) - 4} more" if len(where) > 4 else ""
-    said = f"in {told}{more}" if where else "of all shots together, beside their tones"
+    text = f"in {shown}{more}" if where else "of all shots together, beside their tones"
     return [
         Flag(
             "misfit",
-            f"The fits leave more than white noise {said}: the uncertainties do not cover it. Look "
+            f"The fits leave more than white noise {text}: the uncertainties do not cover it. Look "
             "for pick-up (mains_frequency), a field that moves during the record, lost or "
             "repeated rows, a recorder that stood still, a filter, light that goes off late or not "
             "at the time zero of t_s, and repeat the shots.",

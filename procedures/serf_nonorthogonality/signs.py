@@ -30,7 +30,7 @@ LEAST_SHARE = 0.25
 CLEAR = 0.8
 """Cosine between what a shot shows and what it should, at which it agrees."""
 SAVED = 1.0
-"""A wrong sign costs two; what has to be saved before signs are said to be wrong."""
+"""A wrong sign costs two; what has to be saved before signs count as wrong."""
 DELAYS = 181
 FEWEST = 3
 

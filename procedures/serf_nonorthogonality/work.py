@@ -33,11 +33,11 @@ if TYPE_CHECKING:
     from station.roles import Digitizer
 
 SIGNAL_TO_NOISE = 100.0
-"""Of a single sample of the first shot; what the uncertainties below are told for."""
+"""Of a single sample of the first shot; what the uncertainties below hold for."""
 FULL_RECORD = 3.0
 ARCSEC = math.pi / 648000.0
 LEAST_LOSS_SHARE = 0.5
-"""Broadening over width at which angles are told best."""
+"""Broadening over width at which angles are determined best."""
 GENERATOR_XY = "signal_generator.xy"
 GENERATOR_Z = "signal_generator.z_gradient"
 DIGITIZER = "digitizer"
@@ -140,12 +140,12 @@ def outlook(parameters: SerfParameters) -> tuple[str, ...]:
     commanded_nT = np.array([shot.field_nT for shot in parameters.wanted])
     solution = solve(commanded_nT, 2.0 * np.pi * frequency, np.diag(u**2), known=known)
     size = np.sqrt(np.diag(solution.covariance))
-    told = ", ".join(
+    uncertainties = ", ".join(
         f"{pair} {format_number(float(size[NAMES.index(pair)]) / ARCSEC, 2)} arcsec"
         for pair in PAIRS
     )
     lines.append(
-        f"u from noise, at {SIGNAL_TO_NOISE:g} times the noise of a sample: {told} "
+        f"u from noise, at {SIGNAL_TO_NOISE:g} times the noise of a sample: {uncertainties} "
         f"({expected.loss:.2f} times those at the best field, {parameters.best_field_nT:g} nT)."
     )
     slow = min(expected.cycles, key=lambda coils: expected.cycles[coils])

@@ -21,7 +21,7 @@ class TableData:
     `maximum_rate`, `maximum_acceleration`; `rate_error` of the controller's clock; `rate_noise` of
     a reading; `encoder_noise` (rms) and `resolution`; `tracking_delay`, how late the axis follows
     its profile; `settling`, how long after its end a profile counts as complete; `tracking_bit`,
-    in which a tracking fault is told: 2, or 12 before build 1848.
+    in which a tracking fault is reported: 2, or 12 before build 1848.
     """
 
     largest_rate: float

@@ -32,7 +32,7 @@ def scientific(value: float) -> str:
 
 
 class Output:
-    """What the supply was told, and the level that it therefore drives into the coil.
+    """What the supply was commanded, and the level that it therefore drives into the coil.
 
     The output stage goes to the coil as a level in A: R times the level is the voltage at the
     terminals, so both the set point in voltage mode and the voltage compliance become levels.

@@ -92,7 +92,7 @@ class Wave:
     def levels(self) -> list[tuple[float, float]]:
         """Return one cycle as times from its start in s and the levels, -1 to 1, from then on.
 
-        What does not consist of levels, a sine for instance, is told by its mean.
+        What does not consist of levels, a sine for instance, is represented by its mean.
         """
         if self.function == "PULS":
             return [(0.0, 1.0), (self.width_s, -1.0)]

@@ -68,7 +68,7 @@ class Keysight34465A(ScpiDevice):
         self.begin_to_serve(setting, self._lock)
 
     def operation_condition(self) -> int:
-        """Return whether it measures or waits, was told something new, or has an error to tell."""
+        """Return whether it measures or waits, got something new, or has an error to report."""
         bits = 0 if self._trigger.idle else MEASURING
         bits |= WAITING if self._trigger.waiting else 0
         bits |= CHANGED if self._changed_since else 0

@@ -59,7 +59,7 @@ class Function:
     """A measurement function with its present settings.
 
     `aperture_s` takes the place of `cycles` unless it is None. `zero_on` repeats each measurement
-    with the input switched off; `can_zero` False: it does so always, and cannot be told not to.
+    with the input switched off; `can_zero` False: it does so always, and no command prevents it.
     """
 
     name: str

@@ -91,7 +91,7 @@ class TriggerSystem:
     def finished(self, now_s: float, room: int) -> tuple[Array, int]:
         """Return when the newly finished readings began, and how many there are in all.
 
-        Of more than `room` only the last ones are told.
+        Of more than `room` only the last ones are reported.
         """
         new = 0
         if self._taken < self._planned:

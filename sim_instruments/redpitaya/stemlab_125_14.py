@@ -235,7 +235,7 @@ class RedPitaya(ScpiDevice):
     def _is_full(self) -> str:
         return str(int(self._capture.is_full(self._clock.now())))
 
-    # What is told of it.
+    # What is reported of it.
 
     def _pointer(self) -> int:
         return self._capture.slot(self._capture.last_at(self._clock.now()))

@@ -22,7 +22,7 @@ SYNCHRONISED_S = 5 / CONVERTER_HZ
 class Capture:
     """One capture, from its arming on; values are numbered from 0, number 0 lies in `first_slot`.
 
-    `delay` counts the values that are stored after the trigger. `stopped_s`: told to stop then.
+    `delay` counts the values that are stored after the trigger. `stopped_s`: it must stop then.
     """
 
     began_s: float

@@ -121,7 +121,7 @@ class ModbusTap(LineTap):
         self._request_at = request_at
 
     def named(self, line: bytes) -> str:
-        """Return the name of a request, as faults are told of it."""
+        """Return the name of a request, as faults name it."""
         request = line[self._request_at :]
         if len(request) < 3:
             return ""

@@ -190,7 +190,7 @@ class RequestServer(TcpServer):
         self._clock.repeat(f"{self._name} chatter", self._clock.now(), say)
 
     def _send_late(self, client: socket.socket, data: bytes) -> None:
-        # Who has hung up gets nothing, and a new connection must not be told of it.
+        # Who has hung up gets nothing, and a new connection must not get it.
         if not is_closed(client):
             with suppress(OSError):
                 client.sendall(data)

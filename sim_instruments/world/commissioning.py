@@ -61,8 +61,8 @@ class CommissioningBench(World):
         for name in CONTACTS:
             for verb, is_open in (("open", True), ("close", False)):
                 moved = partial(self._contact, name, is_open)
-                said = f"The simulated contact {name} was {'opened' if is_open else 'closed'}."
-                self.acts[f"{verb}-contact-{name}"] = (moved, said)
+                text = f"The simulated contact {name} was {'opened' if is_open else 'closed'}."
+                self.acts[f"{verb}-contact-{name}"] = (moved, text)
         self.acts["open-contact-thermal_chamber-door"] = self.acts["open-door"]
         self.acts["close-contact-thermal_chamber-door"] = self.acts["close-door"]
         self.acts["reconnect"] = (nothing, "The simulated data cable was put back.")

@@ -186,7 +186,7 @@ class FogBench(World):
                 self.version += 1
 
     def align(self, time_s: float, latitude_deg: float) -> None:
-        """Let the navigator begin to align at a latitude that it is told; not while it is off."""
+        """Let the navigator begin to align at a stated latitude; not while it is off."""
         with self.lock:
             self._navigator.align(time_s, latitude_deg)
             self.version += 1

@@ -261,7 +261,7 @@ class Navigator:
             self._end(time_s)
 
     def align(self, time_s: float, latitude_deg: float) -> None:
-        """Begin to align, at a latitude that it is told; nothing happens while it is off."""
+        """Begin to align, at a stated latitude; nothing happens while it is off."""
         if self.powered:
             self._end(time_s)
             rng = generator(self._seed, f"alignment {len(self._alignments)}")
@@ -274,7 +274,7 @@ class Navigator:
         self._mounting = np.diag([-1.0, -1.0, 1.0]) @ self._mounting
 
     def aligned(self, time_s: float) -> bool:
-        """Return whether it knows its attitude at a time, by what the table was told so far."""
+        """Return whether it knows its attitude at a time, by the commands of the table so far."""
         return any(self._ready_s(one) <= time_s < one.end_s for one in self._alignments)
 
     def attitude_deg(self, time_s: Array) -> Array:

@@ -173,7 +173,7 @@ class Table:
     def still_from(self, time_s: float, for_s: float) -> float:
         """Return when the table will have stood still for a time that began at `time_s` or later.
 
-        By what the axes have been told so far; infinite when they turn for ever.
+        By what the axes have been commanded so far; infinite when they turn for ever.
         """
         edges = [time_s, *self.breakpoints(time_s, np.inf).tolist(), np.inf]
         rested_s = time_s

@@ -59,7 +59,7 @@ class Attendant(Protocol):
         """Read and answer what has come, or comes in a moment; return whether it may go on so."""
 
     def dismissed(self) -> None:
-        """Be told that nobody reads the connection any more; the server does so again itself."""
+        """Note that nobody reads the connection any more; the server does so again itself."""
 
 
 class FarEnd(Protocol):

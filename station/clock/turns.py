@@ -192,7 +192,7 @@ class Turns:
             raise ClockError(self.failure)
 
     def raise_stuck(self) -> None:
-        """Raise, once, in the main thread what it is told by a signal; the others go on."""
+        """Raise, once, in the main thread what a signal asks for; the others go on."""
         if self.stuck is not None and get_ident() == main_thread().ident:
             message, self.stuck = self.stuck, None
             raise ClockError(message)
@@ -229,10 +229,10 @@ class Turns:
     def describe(self) -> str:
         """Return who runs, who waits for what, and what is in flight."""
         running = f"{self.running.name} has the turn" if self.running else "nobody runs"
-        told = [
+        sleepers = [
             f"{one.name} is sleeping until {one.wake_at:.6g} s"
             if one.sleeping
             else f"{one.name} is {one.doing}"
             for one in self.waiting
         ]
-        return f"{running}; {'; '.join(told) or 'nobody waits'}; {self.in_flight} in flight"
+        return f"{running}; {'; '.join(sleepers) or 'nobody waits'}; {self.in_flight} in flight"

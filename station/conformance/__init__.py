@@ -16,7 +16,7 @@ limits, turns to no angle before its zero is found, reads the angle that was com
 from any movement. A meter or a thermometer gives each burst of readings once and whole, in
 exchanges that do not wait for it. A digitizer brings one whole record about each trigger that
 it gives, and its trigger output comes to rest. A shutter proves where it stands, and closes from
-any state. A thermal chamber takes its limits, ramps evenly to where it was told, holds, and
+any state. A thermal chamber takes its limits, ramps evenly to its set-point, holds, and
 switches heater and compressor off from any state. A supply of the device under test asks the
 operator for nothing that it did not declare.
 

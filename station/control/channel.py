@@ -136,18 +136,18 @@ class Incoming:
         self.asked = asked
         self.details = details
         self.meanwhile: Mapping[str, Any] | None = None
-        """What who asks is told at once where the answer takes its time."""
+        """What is answered at once where the answer takes its time."""
         self.withdrawn = False
         """Whether who asked has gone before there was an answer."""
         self.final: Mapping[str, Any] = {}
         self._answered = Event()
         self._lock = Lock()
 
-    def answer(self, **told: Any) -> None:
+    def answer(self, **outcome: Any) -> None:
         """Give the answer; the first one counts."""
         with self._lock:
             if not self._answered.is_set():
-                self.final = told
+                self.final = outcome
                 self._answered.set()
 
     def wait(self, seconds: float) -> bool:
@@ -171,7 +171,7 @@ class Channel:
         self._thread.start()
 
     def close(self) -> None:
-        """Listen no more, and remove the files; who still waits is told that the run ends."""
+        """Listen no more, and remove the files; who still waits learns that the run ends."""
         self._closed = True
         with suppress(*BROKEN):  # wakes the thread that waits for somebody to come
             Client(self.place.address, self.place.family).close()
@@ -243,9 +243,9 @@ def answer_in_time(connection: Connection, incoming: Incoming) -> None:
     send(connection, incoming.final, final=True)
 
 
-def send(connection: Connection, told: Mapping[str, Any], *, final: bool) -> None:
+def send(connection: Connection, answer: Mapping[str, Any], *, final: bool) -> None:
     """Send a message as JSON text."""
-    text = json.dumps({"final": final, **told}, ensure_ascii=False)
+    text = json.dumps({"final": final, **answer}, ensure_ascii=False)
     connection.send_bytes(text.encode())
 
 

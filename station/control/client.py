@@ -109,8 +109,8 @@ def not_running(folder: Path) -> str:
     state = read_status(folder).state
     if state == "finished":
         return f"{folder}: the run is not running: it is finished"
-    said = SENTENCES[state].partition(":")[0]
-    return f"{folder}: the run is not running ({said}); `station resume {folder}` resumes it"
+    state_text = SENTENCES[state].partition(":")[0]
+    return f"{folder}: the run is not running ({state_text}); `station resume {folder}` resumes it"
 
 
 def prove(folder: Path, connection: Connection, key: bytes) -> None:

@@ -237,8 +237,8 @@ def last_message(
     failed = of_kind(since_it_went_on(events), "failed")
     if failed:
         return str(failed[-1].details["message"])
-    told = [event for event in events if event.kind != RUN_STARTED]
-    return in_words(told[-1]) if told else "nothing yet"
+    later = [event for event in events if event.kind != RUN_STARTED]
+    return in_words(later[-1]) if later else "nothing yet"
 
 
 def guardian_in_words(of_guardian: Sequence[Event], at_work: bool) -> str:
@@ -254,14 +254,14 @@ def guardian_in_words(of_guardian: Sequence[Event], at_work: bool) -> str:
             return "the guardian is making the bench safe"
         return "the guardian has ended without a result; switch off by hand what is on"
     unverified = [one for one in outcomes if not one["verified"]]
-    said = "; ".join(
+    states = "; ".join(
         f"{one['instrument']} {one['read_back'].removeprefix(one['instrument'] + ': ')}"
         for one in unverified or outcomes
     )
     if unverified:
         by = ", and was ended by a person" if ended else ""
-        return f"the guardian could not verify as safe{by}: {said}"
-    return f"the guardian made the bench safe and read it back: {said}"
+        return f"the guardian could not verify as safe{by}: {states}"
+    return f"the guardian made the bench safe and read it back: {states}"
 
 
 def in_words(event: Event) -> str:
@@ -291,8 +291,10 @@ def in_words(event: Event) -> str:
             left = [one["instrument"] for one in details.get("outcomes", ()) if not one["verified"]]
             return f"NOT VERIFIED as safe: {', '.join(left)}" if left else "the bench is made safe"
         case "paused" | "pause-refused":
-            said = details.get("devices") or details.get("reasons") or {}
-            return ": ".join([event.kind, "; ".join(f"{who} {what}" for who, what in said.items())])
+            states = details.get("devices") or details.get("reasons") or {}
+            return ": ".join(
+                [event.kind, "; ".join(f"{who} {what}" for who, what in states.items())]
+            )
     plain = (f"{key} {value}" for key, value in details.items() if not isinstance(value, list))
     return f"{event.kind}: {', '.join(plain)}" if details else event.kind
 

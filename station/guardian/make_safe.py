@@ -157,8 +157,8 @@ class MakeSafe:
             attempt += 1
             outcomes |= self._attempt_or_say_why(left)
             if (now := shape_of(outcomes)) != known or attempt <= FIRST_ATTEMPTS:
-                told = [outcomes[name].to_data() for name in wanted]
-                notes.note(SAFE_STATE, attempt=attempt, outcomes=told)
+                data = [outcomes[name].to_data() for name in wanted]
+                notes.note(SAFE_STATE, attempt=attempt, outcomes=data)
             if attempt == FIRST_ATTEMPTS or (attempt > FIRST_ATTEMPTS and now != known):
                 self._say_what_is_left(outcomes)
             known = now
@@ -219,8 +219,8 @@ class MakeSafe:
         try:
             return self._attempt(names)
         except Exception as error:
-            said = f"a fault of the program: {error!r}"
-            return {name: SafeOutcome(name, False, said, 0.0) for name in names}
+            fault = f"a fault of the program: {error!r}"
+            return {name: SafeOutcome(name, False, fault, 0.0) for name in names}
 
     def _attempt(self, names: Sequence[str]) -> dict[str, SafeOutcome]:
         """Open what answers, make it safe, and close it again."""
@@ -251,8 +251,8 @@ def is_verified(outcome: SafeOutcome | None) -> bool:
 
 def shape_of(outcomes: Mapping[str, SafeOutcome]) -> str:
     """Return how a bench stands, numbers aside: what changes in it is worth a word."""
-    told = (f"{name} {one.verified} {one.read_back}" for name, one in sorted(outcomes.items()))
-    return NUMBER.sub("#", "; ".join(told))
+    states = (f"{name} {one.verified} {one.read_back}" for name, one in sorted(outcomes.items()))
+    return NUMBER.sub("#", "; ".join(states))
 
 
 def summary(outcomes: Sequence[SafeOutcome], others: BenchReading | None = None) -> str:
@@ -263,8 +263,8 @@ def summary(outcomes: Sequence[SafeOutcome], others: BenchReading | None = None)
     others = others or BenchReading()
     unverified = [one for one in (*outcomes, *others.energised) if not one.verified]
     if not unverified:
-        said = "; ".join(f"{one.instrument} {one.read_back}" for one in outcomes)
+        read_back = "; ".join(f"{one.instrument} {one.read_back}" for one in outcomes)
         whole = whole_bench(one.to_data() for one in others.left_out)
-        return f"{whole}: {said or 'nothing can harm'}"
-    said = "".join(f"\n  - {one.instrument}: {one.read_back}" for one in unverified)
-    return f"NOT VERIFIED as safe; go to the bench and switch off by hand:{said}"
+        return f"{whole}: {read_back or 'nothing can harm'}"
+    read_back = "".join(f"\n  - {one.instrument}: {one.read_back}" for one in unverified)
+    return f"NOT VERIFIED as safe; go to the bench and switch off by hand:{read_back}"

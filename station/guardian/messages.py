@@ -123,7 +123,7 @@ HAND_OVER = "hand-over"
 DISMISS = "dismiss"
 """From the run: it has made the bench safe itself."""
 WAITS = "waits"
-"""From one guardian to the other: it goes on trying, and has told the operator so."""
+"""From one guardian to the other: it goes on trying, and has written that for the operator."""
 DONE = "done"
 """From one guardian to the other: nothing is left to be done."""
 BEATS_EVERY_S = 1.0

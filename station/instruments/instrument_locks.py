@@ -79,7 +79,7 @@ class InstrumentLocks:
         """Take the instrument that reports this identity, whatever way it is reached.
 
         Raises InstrumentError where another process has it. One without a serial number cannot be
-        told from others like it.
+        distinguished from others like it.
         """
         if identity.serial.strip(NO_SERIAL):
             who = " ".join(f"{identity.maker} {identity.model} {identity.serial}".split())

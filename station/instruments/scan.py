@@ -128,17 +128,17 @@ def modbus_identity(answer: bytes) -> str:
 
 def ask_served(entry: tuple[str, Mapping[str, Any]]) -> Seen:
     """Ask a simulated instrument that `station sim` serves."""
-    _, told = entry
-    address = str(told["address"])
+    _, entry_data = entry
+    address = str(entry_data["address"])
     scheme = address.partition("://")[0]
     if "://" in address:
         for name, driver in registry.loaded(registry.DRIVERS):
             if getattr(driver, "identifies_on", None) == scheme:
                 with suppress(Exception):  # a driver that cannot is not the one
                     return identified(driver(Place("scan", address, RealClock())), name, address)
-        return Seen(address, f"{told['protocol']}, no driver recognises it")
+        return Seen(address, f"{entry_data['protocol']}, no driver recognises it")
     try:
-        with socket.create_connection((told["host"], told["port"]), CONNECT_S) as line:
+        with socket.create_connection((entry_data["host"], entry_data["port"]), CONNECT_S) as line:
             return recognised(address, first_line(line))
     except OSError as error:
         return Seen(address, f"no answer to *IDN? ({error})", answered=False)

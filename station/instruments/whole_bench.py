@@ -132,7 +132,7 @@ def _may_harm(driver: str) -> bool:
 class Bystanders:
     """The instruments of a bench outside a run, and how they are read.
 
-    `holder` is what other processes are told of whoever reads; `own` are the locks that this
+    `holder` is the name under which other processes see who reads; `own` are the locks that this
     process has already, None on a bench that is simulated in it, where nothing is locked.
     """
 

@@ -200,18 +200,18 @@ def _bounded(
 ) -> Part:
     """Return a damaged part with its times and units: its own, or those around it."""
     time_s = math.nan if one.time_ns is None else one.time_ns / NANOSECONDS
-    said = units.get(one.channel) if one.channel is not None else None
+    stated = units.get(one.channel) if one.channel is not None else None
     if one.what == NAMELESS:  # all but its name is proven, its time too
         guessed = () if one.named is None else (one.named,)
         return Part(one.began, one.length, one.what, time_s, time_s, guessed)
     if one.what in (MISPLACED, MISSING):  # what it says of itself is true of another place
         known = tuple(dict.fromkeys(unit for unit in around if unit is not None))
         return Part(one.began, one.length, one.what, found.last_s, after_s, known)
-    beside = tuple(dict.fromkeys(unit for unit in (said, one.named, *around) if unit is not None))
+    beside = tuple(dict.fromkeys(unit for unit in (stated, one.named, *around) if unit is not None))
     if not found.sealed and one.began + one.length == found.size and one.time_ns is None:
         return Part(one.began, one.length, CUT, found.last_s, math.inf, beside)
     if found.last_s <= time_s <= after_s:
-        sure = beside if said is None else (said,)
+        sure = beside if stated is None else (stated,)
         return Part(one.began, one.length, one.what, time_s, time_s, sure)
     return Part(one.began, one.length, one.what, found.last_s, after_s, beside)
 

@@ -122,8 +122,8 @@ def spans(events: Sequence[Event], now_s: float) -> Iterator[tuple[float, float]
 
 def is_paused(events: Sequence[Event]) -> bool:
     """Whether the log of a run that goes on ends in a pause."""
-    told = [event.kind for event in events if event.kind in (PAUSED, WENT_ON, *ENDS)]
-    return bool(told) and told[-1] == PAUSED
+    kinds_seen = [event.kind for event in events if event.kind in (PAUSED, WENT_ON, *ENDS)]
+    return bool(kinds_seen) and kinds_seen[-1] == PAUSED
 
 
 def paused_s(events: Sequence[Event], since_s: float, now_s: float) -> float:
@@ -171,8 +171,8 @@ def latest_left_out(
 ) -> list[dict[str, str]]:
     """Return what can harm and was not read back when a run left its bench: instrument and why."""
     latest = _latest(run_events, of_guardian, SAFE_STATE, BENCH_READ)
-    told = [one["left_out"] for one in latest if "left_out" in one]
-    return list(told[-1]) if told else []
+    kinds_seen = [one["left_out"] for one in latest if "left_out" in one]
+    return list(kinds_seen[-1]) if kinds_seen else []
 
 
 def whole_bench(left_out: Iterable[Mapping[str, str]]) -> str:

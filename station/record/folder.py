@@ -83,7 +83,7 @@ class RunRecord:
         """What could not be written while the bench was being made safe, and after."""
         self._later: deque[tuple[float, str, dict[str, Any]]] = deque(maxlen=MOST_LATER)
         self.after_unit: list[Callable[[str], None]] = []
-        """What is told the name of each unit of work when it is finished."""
+        """What is called with the name of each unit of work when it is finished."""
         self._clock = clock
         self._lock = run_lock(self.path)
         self.presence = Presence(path)
@@ -146,8 +146,8 @@ class RunRecord:
             file.sync()
         sizes = {source: file.size for source, file in self._raw.items()}
         self.event("unit-finished", unit=unit, segment=self.segment, raw_bytes=sizes, **details)
-        for told in self.after_unit:
-            told(unit)
+        for notify in self.after_unit:
+            notify(unit)
 
     def close(self) -> None:
         """Close the raw files and the log."""

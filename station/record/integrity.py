@@ -146,15 +146,15 @@ def damage_of(folder: OpenedRecord) -> Damage:
     for name, digest in listed.items():
         if name == EVENTS or (grown and name in GROWS_LATER):
             continue
-        said = differs(path, name, digest)
-        if said is None:
+        difference = differs(path, name, digest)
+        if difference is None:
             continue
         if name.startswith(f"{RAW}/"):
             unlike.add(name)
         elif name in USED or name in _recorded(folder):
-            altered.append(said)
+            altered.append(difference)
         elif not (grown or going_on):
-            remade.append(said)
+            remade.append(difference)
     remade += _altered_revisions(path)
     finished = spans_of(folder.events)
     parts: list[DamagedPart] = []
@@ -193,8 +193,8 @@ def _altered_inputs(folder: OpenedRecord) -> Iterator[str]:
         now = _file_hash(folder.path / file) if file == name else data_hash(folder.path / file)
         if now != digest:
             gone = not (folder.path / file).is_file()
-            said = "is missing" if gone else "was changed since the run began"
-            yield f"{folder.path / file} {said}: {EVENTS} has another SHA-256 of it"
+            difference = "is missing" if gone else "was changed since the run began"
+            yield f"{folder.path / file} {difference}: {EVENTS} has another SHA-256 of it"
 
 
 def _recorded(folder: OpenedRecord) -> dict[str, str]:
@@ -268,9 +268,9 @@ def _altered_revisions(path: Path) -> Iterator[str]:
             yield str(error)
             continue
         for name, digest in listed.items():
-            said = differs(manifest.parent, name, digest)
-            if said is not None:
-                yield said
+            difference = differs(manifest.parent, name, digest)
+            if difference is not None:
+                yield difference
 
 
 def differs(path: Path, name: str, digest: str) -> str | None:

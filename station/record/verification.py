@@ -88,9 +88,9 @@ def _against_manifest(folder: Path) -> Iterator[str]:
     if manifest.read_bytes() != manifest_text(listed).encode():
         yield f"{manifest} was altered: it is not written as the run writes it"
     for name, digest in listed.items():
-        said = differs(folder, name, digest)
-        if said is not None:
-            yield said
+        difference = differs(folder, name, digest)
+        if difference is not None:
+            yield difference
     for path in sorted(folder.rglob("*")):
         name = path.relative_to(folder).as_posix()
         if name.partition("/")[0] in NOT_COVERED or path == manifest:

@@ -61,7 +61,7 @@ class Place(Protocol):
 
     @property
     def trace(self) -> Tracer | None:
-        """Who is told what goes over the wire; None where nobody listens, as in most runs."""
+        """Who receives what goes over the wire; None where nobody does, as in most runs."""
         ...
 
     @property
@@ -142,11 +142,11 @@ class DriverSettings(StrictModel):
         except ValidationError as error:
             wrong = error.errors(include_url=False)[0]
             key = ".".join(("settings", *map(str, wrong["loc"])))
-            said = wrong["msg"].removeprefix("Value error, ")
+            reason = wrong["msg"].removeprefix("Value error, ")
             raise InstrumentError(
                 place.name,
                 "read the bench file",
-                f"its settings are wrong ({key}: {said})",
+                f"its settings are wrong ({key}: {reason})",
                 f"correct {key}; `station validate` says where it stands",
             ) from error
 

@@ -59,7 +59,7 @@ class Walked:
 
 @dataclass(frozen=True)
 class DryRun:
-    """A walk through a plan; `speed` is None where waiting is skipped, the end then not told."""
+    """A walk through a plan; `speed` is None where waiting is skipped: end time unknown."""
 
     steps: tuple[Walked, ...]
     extremes: tuple[Extreme, ...]
@@ -206,9 +206,9 @@ def heating(points: Sequence[SetPoint], bench: Bench) -> Iterator[Extreme]:
 
 def given(point: SetPoint) -> dict[str, Any]:
     """Return a set-point as plain data, without its step, its key and what does not concern it."""
-    told = asdict(point)
+    data = asdict(point)
     return {
         name: value
-        for name, value in told.items()
+        for name, value in data.items()
         if value is not None and name not in ("step", "decided_by")
     }

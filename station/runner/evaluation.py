@@ -128,10 +128,10 @@ def flags_of_run(folder: RunFolder, bench: Bench) -> list[Flag]:
     flags.extend(
         Flag(
             "safe-state-unverified",
-            f"The safe state of {name} was not verified at the end of the run: {said}.",
+            f"The safe state of {name} was not verified at the end of the run: {read_back}.",
             details={"instrument": name},
         )
-        for name, said in left_unverified(folder, bench).items()
+        for name, read_back in left_unverified(folder, bench).items()
     )
     if unread := left_out(folder):
         listed = " and ".join(f"{name} ({why})" for name, why in unread.items())
@@ -159,11 +159,11 @@ def record_flags(procedure: Procedure, parameters: Any, bench: Bench) -> Iterato
         and bench.stated(use.instrument, use.quantity, use.at, use.unit) is None
     ]
     if lacking:
-        said = listed(f"{use.instrument} ({use.quantity})" for use in lacking)
+        names = listed(f"{use.instrument} ({use.quantity})" for use in lacking)
         yield Flag(
             UNCALIBRATED,
-            f"No calibration record states the uncertainty of {said}: u is too small by that part, "
-            "and the verdict is at best inconclusive. Have it calibrated, and write what the "
+            f"No calibration record states the uncertainty of {names}: u is too small by that "
+            "part, and the verdict is at best inconclusive. Have it calibrated, and write what the "
             "certificate states under `calibration` in the bench file.",
             details={"instruments": list(dict.fromkeys(use.instrument for use in lacking))},
         )
@@ -281,8 +281,8 @@ def evaluate_dataset(raw: RawDataset) -> tuple[ResultDocument, Findings]:
     """
     known = Procedures()
     if raw.procedure not in known:
-        said = not_there("procedure", raw.procedure, known)
-        raise FaultList([raw.document.fault(("procedure",), *said)])
+        fault = not_there("procedure", raw.procedure, known)
+        raise FaultList([raw.document.fault(("procedure",), *fault)])
     procedure = procedure_of(raw.procedure)
     try:
         with quiet_numbers():

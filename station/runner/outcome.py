@@ -94,5 +94,5 @@ def is_lack_of_memory(error: BaseException | None) -> bool:
         return True
     if isinstance(error, StationError | ClockError):
         return False
-    said = isinstance(error, FROM_C) and any(one in str(error) for one in WITHOUT_MEMORY)
-    return said or is_lack_of_memory(error.__cause__ or error.__context__)
+    by_c = isinstance(error, FROM_C) and any(one in str(error) for one in WITHOUT_MEMORY)
+    return by_c or is_lack_of_memory(error.__cause__ or error.__context__)

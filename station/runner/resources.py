@@ -74,8 +74,8 @@ def needed_bytes(forecast: Forecast, bench: Bench, clock: Clock) -> int:
 def columns_of(bench: Bench, instrument: str) -> tuple[str, ...]:
     """Return the columns that the driver of an instrument says it records."""
     driver = registry.load(registry.DRIVERS, bench.instruments[instrument].driver)
-    told: Any = getattr(driver, "columns", None)
-    return tuple(told) if told else tuple(f"column-{n}" for n in range(COLUMNS_IF_NOT_TOLD))
+    names: Any = getattr(driver, "columns", None)
+    return tuple(names) if names else tuple(f"column-{n}" for n in range(COLUMNS_IF_NOT_TOLD))
 
 
 def widths(columns: tuple[str, ...]) -> tuple[int, int]:

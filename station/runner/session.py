@@ -72,14 +72,14 @@ def served_acts(place: Mapping[str, Any] | None) -> Callable[[str], str]:
             try:
                 with socket.create_connection((host, port), ACT_WITHIN_S) as line:
                     line.sendall(prompt_id.encode() + b"\n")
-                    told = json.loads(line.makefile("rb").readline())
+                    reply = json.loads(line.makefile("rb").readline())
             except (OSError, ValueError) as error:
                 raise StationError(
                     f"{prompt_id}: the served bench does not answer ({error}); is `station sim` "
                     "still running?"
                 ) from error
-            if "done" in told:
-                return str(told["done"])
+            if "done" in reply:
+                return str(reply["done"])
         return f"{prompt_id}: done when the simulated bench was served"
 
     return act

@@ -311,7 +311,7 @@ class StepRunner:
         if self._monitor.trip is not None:
             return [self._monitor.trip]
         if getattr(failure, "exit_code", EXIT_FAULT) == EXIT_FAULT:
-            with suppress(Exception):  # that the bench is safe must be told, whatever this says
+            with suppress(Exception):  # that the bench is safe must be reported, whatever this does
                 self._monitor.look_at_chains()
         return [failure] if self._monitor.trip is None else [failure, self._monitor.trip]
 

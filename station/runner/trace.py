@@ -74,7 +74,7 @@ class Trace:
         return tell
 
     def close(self) -> None:
-        """Close the files, within 5 s of real time; what is told afterwards is not kept."""
+        """Close the files, within 5 s of real time; what comes afterwards is not kept."""
         with suppress(Full):
             self._lines.put(None, timeout=ENDS_WITHIN_S)
             self._thread.join(ENDS_WITHIN_S)

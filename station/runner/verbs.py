@@ -136,19 +136,19 @@ class Follower:
                 )
         return came
 
-    def follow(self, until_s: float, unit: str, said: str = "", every_s: float = POLL_S) -> None:
+    def follow(self, until_s: float, unit: str, doing: str = "", every_s: float = POLL_S) -> None:
         """Record until a run time; `said` is what the operator reads meanwhile."""
-        look_until(self._run, until_s, lambda: self.take(unit), said, every_s)
+        look_until(self._run, until_s, lambda: self.take(unit), doing, every_s)
 
 
 def look_until(
-    run: Run, until_s: float, look: Callable[[], object], said: str = "", every_s: float = POLL_S
+    run: Run, until_s: float, look: Callable[[], object], doing: str = "", every_s: float = POLL_S
 ) -> None:
     """Look at what came, again and again until a run time: what waits in memory can be lost."""
     while run.clock.now() < until_s:
         run.clock.sleep_until(min(run.clock.now() + run.clock.holding_s(every_s), until_s))
         look()
-        run.say_progress(said)
+        run.say_progress(doing)
 
 
 def acquire(
@@ -182,7 +182,7 @@ def fetch_bursts(
     lasts_s: float = 0.0,
     every_s: float = LOOK_S,
     meanwhile: Callable[[], object] = lambda: None,
-    said: str = "",
+    doing: str = "",
     look_at: str = "look at its display: it may wait for a trigger that nobody gives",
 ) -> Iterator[tuple[str, Block]]:
     """Yield each burst that was started, by instrument, once it is there; none is asked before.
@@ -205,13 +205,13 @@ def fetch_bursts(
                     del left[name]
                     yield name, block
         meanwhile()
-        run.say_progress(said)
+        run.say_progress(doing)
         if left and clock.now() > until_s:
             raise InstrumentError(min(left), f"record {unit}", "its readings never came", look_at)
 
 
 def come_to_rest(
-    run: Run, instrument: str, said: str, *, axis: int | None = None, every_s: float = LOOK_S
+    run: Run, instrument: str, doing: str, *, axis: int | None = None, every_s: float = LOOK_S
 ) -> None:
     """Wait until a stage, or an axis of a table, rests; its driver raises where it never does."""
 
@@ -222,7 +222,7 @@ def come_to_rest(
 
     while moves():
         run.clock.sleep(every_s)
-        run.say_progress(said)
+        run.say_progress(doing)
 
 
 def require_off(run: Run, *instruments: str) -> None:

@@ -132,12 +132,12 @@ class Stillness:
 
     def _stop(self, quiet: Sequence[Quiet]) -> None:
         """End the run, or bring its bench to rest where it cannot."""
-        said = f"the run stands still: {' and '.join(map(str, quiet))}"
-        tell(said)
+        text = f"the run stands still: {' and '.join(map(str, quiet))}"
+        tell(text)
         if self._run_ends:  # nothing is done twice at a time; the guardian is next
             return
         if self._clock.interruption is None:  # what a person wished stays what ended the run
-            self._clock.interrupt(StoodStill(f"{said}; look at its disk and its instruments"))
+            self._clock.interrupt(StoodStill(f"{text}; look at its disk and its instruments"))
         if not any(one.name.startswith(STEPS) for one in quiet):
             self._ended.wait(REACTS_WITHIN_S)
         if not self._run_ends:
@@ -181,10 +181,10 @@ class Stillness:
         for one in unverified:
             tell(f"NOT VERIFIED: {one.instrument} could not be proven safe ({one.read_back})")
         if not unverified:
-            said = "; ".join(f"{one.instrument} {one.read_back}" for one in outcomes)
+            text = "; ".join(f"{one.instrument} {one.read_back}" for one in outcomes)
             tell(
                 "what the run uses was read back as safe, beside its steps: "
-                f"{said or 'nothing can harm'}"
+                f"{text or 'nothing can harm'}"
             )
 
 

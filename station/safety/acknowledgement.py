@@ -202,8 +202,8 @@ def refuse_identified(bench: Path, instruments: Mapping[str, tuple[str, str]]) -
     `instruments`: address to model and serial number. The trip is noted for the address too, so
     that the bench can be acknowledged by this file.
     """
-    for address, said in instruments.items():
-        key = identity_key(*said)
+    for address, identity in instruments.items():
+        key = identity_key(*identity)
         for note in trip_notes.find(places(), [key] if key else []):
             trip = trip_in(note.text, note.place)
             with suppress(OSError):

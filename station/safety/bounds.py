@@ -176,12 +176,12 @@ def levels(when: Any, where: Where, only: tuple[str, ...]) -> Iterator[tuple[Whe
         if key in only:
             for number, one in enumerate(listing(part)):
                 yield from levels(one, (*where, key, number), only)
-    told = mapping(when)
-    instrument, watched = str(told.get("instrument")), str(told.get("quantity"))
-    if "above" in told:
-        yield (*where, "above"), Look(instrument, watched, "above", told["above"])
-    elif len(listing(told.get("outside"))) == 2:
-        high = told["outside"][1]
+    condition = mapping(when)
+    instrument, watched = str(condition.get("instrument")), str(condition.get("quantity"))
+    if "above" in condition:
+        yield (*where, "above"), Look(instrument, watched, "above", condition["above"])
+    elif len(listing(condition.get("outside"))) == 2:
+        high = condition["outside"][1]
         yield (*where, "outside", 1), Look(instrument, watched, "outside", high)
 
 

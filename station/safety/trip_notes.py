@@ -53,10 +53,10 @@ def address_key(address: str) -> str:
 
 def identity_key(model: str, serial: str) -> str | None:
     """Return the key of what an instrument says of itself; None where it says no serial number."""
-    told = serial.strip().lower()
-    if not any(one in "123456789" for one in told):
+    number = serial.strip().lower()
+    if not any(one in "123456789" for one in number):
         return None
-    return f"identity {model.strip().lower()} {told}"
+    return f"identity {model.strip().lower()} {number}"
 
 
 @dataclass(frozen=True)

@@ -64,11 +64,11 @@ def _bound(entry: Schema, field: FieldInfo, unit: str) -> None:
         for name in _WORDS
         if (value := getattr(part, name, None)) is not None
     }
-    said = [f"{_WORDS[name]} {value:g}{unit}" for name, value in bounds.items()]
+    limits = [f"{_WORDS[name]} {value:g}{unit}" for name, value in bounds.items()]
     for part in (entry, entry.get("items", {}), *entry.get("anyOf", ())):
-        if "pattern" not in part or not said:
+        if "pattern" not in part or not limits:
             continue
-        part["description"] += "; " + ", ".join(said)
+        part["description"] += "; " + ", ".join(limits)
         if max(bounds.get("gt", -1), bounds.get("ge", -1)) >= 0:
             part["pattern"] = part["pattern"].replace("[+-]?(", r"\+?(", 1)
 

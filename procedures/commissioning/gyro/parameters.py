@@ -36,7 +36,7 @@ class EarthRate(StrictModel):
 
 
 class GyroParameters(StrictModel):
-    """What the engineer chooses. Without `earth` nothing is said of the pulse weight."""
+    """What the engineer chooses. Without `earth` the pulse weight is not reported."""
 
     channel: Annotated[int, Field(ge=1, le=3)] = 1
     pulse_weight_arcsec: Annotated[float, Unit("arcsec"), Field(gt=0)] = 0.0625

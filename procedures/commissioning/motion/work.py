@@ -132,5 +132,5 @@ def check(parameters: MotionParameters, bench: Bench) -> Iterator[Problem]:
     if parameters.device == NAVIGATOR and parameters.sample_rate_Hz > NAVIGATOR_HZ:
         yield Problem((*MOTION, "sample_rate"), f"a navigator outputs {NAVIGATOR_HZ:g} Hz at most")
     driver = registry.load(registry.DRIVERS, sensor.driver)
-    if said := getattr(driver, "rates_said", lambda rate_Hz: "")(parameters.sample_rate_Hz):
-        yield Problem((*MOTION, "sample_rate"), said)
+    if refusal := getattr(driver, "rates_said", lambda rate_Hz: "")(parameters.sample_rate_Hz):
+        yield Problem((*MOTION, "sample_rate"), refusal)

@@ -61,7 +61,7 @@ def read(run: Run, unit: str, parameters: PickUpParameters) -> None:
     while due_s < until_s:
         run.clock.sleep_until(max(due_s, run.clock.now()))
         meter.start(1)
-        for _, block in fetch_bursts(run, unit, {METER: meter}, every_s=0.02, said=unit):
+        for _, block in fetch_bursts(run, unit, {METER: meter}, every_s=0.02, doing=unit):
             keep(run, unit, meter, block)
         due_s += parameters.every_s
 

@@ -289,8 +289,8 @@ def plan_of(given: Document, procedures: KnownProcedures, overrides: Sequence[st
     elif isinstance(name, str) and name:
         faults.append(document.fault(("procedure",), *not_there("procedure", name, procedures)))
     # What could not be filled in is no fault of its own kind as well.
-    told = {(fault.file, fault.line, fault.column) for fault in composition.faults}
-    faults = [one for one in faults if (one.file, one.line, one.column) not in told]
+    known = {(fault.file, fault.line, fault.column) for fault in composition.faults}
+    faults = [one for one in faults if (one.file, one.line, one.column) not in known]
     faults += composition.faults
     if header is None or parameters is None or faults:
         raise FaultList(faults)

@@ -45,13 +45,13 @@ def resolved_text(plan: Plan) -> str:
     """Return the resolved plan as YAML that can be read again, each origin as a comment."""
     text = yaml_text(plan.to_yaml_data())
     placed = read_yaml_text(text, plan.path).positions
-    comments = {placed[where].line: said for where, said in origins(plan, short=True).items()}
+    comments = {placed[where].line: origin for where, origin in origins(plan, short=True).items()}
     lines = text.splitlines()
     widths = [_width(lines[number - 1]) for number in comments]
     column = max((width for width in widths if width <= WIDEST_ALIGNED), default=0) + 2
-    for number, said in comments.items():
+    for number, origin in comments.items():
         line = lines[number - 1]
-        lines[number - 1] = line + " " * max(column - _width(line), 2) + f"# {said}"
+        lines[number - 1] = line + " " * max(column - _width(line), 2) + f"# {origin}"
     head = [f"# {plan.path}, resolved", *(f"# extends {base}" for base in plan.bases)]
     head += [f"# {OPTION} {' '.join(given.split())}" for given in plan.overrides]
     return "\n".join([*head, *lines, ""])
@@ -64,7 +64,7 @@ def resolved_data(plan: Plan) -> dict[str, Any]:
         "extends": [str(base) for base in plan.bases],
         "set": list(plan.overrides),
         "values": plan.to_yaml_data(),
-        "origins": {dotted(where): said for where, said in origins(plan).items()},
+        "origins": {dotted(where): origin for where, origin in origins(plan).items()},
     }
 
 

@@ -57,8 +57,8 @@ class Document:
             if mark is None and not present:
                 mark = Mark(1, 1)
             present = present[:-1]
-        said = dotted(where) or TOP
-        return Fault(mark.file or str(self.path), mark.line, mark.column, said, what, hint)
+        place = dotted(where) or TOP
+        return Fault(mark.file or str(self.path), mark.line, mark.column, place, what, hint)
 
     def at(self, where: Where) -> Any:
         """Return the value at a path; KeyError or IndexError when there is none."""

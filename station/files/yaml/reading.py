@@ -90,8 +90,8 @@ def lookalikes(text: str) -> Iterator[tuple[int, int, str]]:
                 where = "the indentation holds a tab" if not before else "the line holds a tab"
                 yield line_number, column, f"{where}; write blanks"
             elif char in _LOOKALIKES:
-                said = f"{_LOOKALIKES[char]}, or put the text in quotes"
-                yield line_number, column, f"'{char}' is {said}"
+                advice = f"{_LOOKALIKES[char]}, or put the text in quotes"
+                yield line_number, column, f"'{char}' is {advice}"
             if char not in " \t\u3000\u00a0":
                 before = char
         if not quote and _BLOCK_START.search(line):
@@ -323,7 +323,7 @@ def _syntax_fault(error: yaml.MarkedYAMLError, file: str, text: str) -> Fault:
         if before.endswith("$"):
             what = "'${…}' within brackets or braces needs quotes, such as \"${name}\""
             return Fault(file, mark.line + 1, mark.column, "YAML", what)
-    what = next((plain for said, plain in _PLAINER if said in problem), problem)
+    what = next((plain for advice, plain in _PLAINER if advice in problem), problem)
     # An unclosed quote or bracket is noticed far behind the place where it was opened.
     if error.context_mark is not None and ("not closed" in what or "no ': '" in what):
         mark = error.context_mark

@@ -43,7 +43,7 @@ class Seen(NamedTuple):
 
 
 class Judgement(NamedTuple):
-    """Whether a condition is true, None where that cannot be told; and in words what was seen."""
+    """Whether a condition is true, None where that is unknown; and in words what was seen."""
 
     true: bool | None
     said: str
@@ -243,13 +243,13 @@ class QuantityReader:
             return Seen(None, f"cannot be read: {error}")
         if value is None:
             return Seen(None, "is not measured now", excused=True)
-        told = self.readings.newest(instrument, quantity)
-        if told is None or told.value != value or told.time_s != self.clock.now():
+        newest = self.readings.newest(instrument, quantity)
+        if newest is None or newest.value != value or newest.time_s != self.clock.now():
             # The driver has not published it by itself.
             unit = kind_of(instrument, quantity).unit
             self.readings.publish(instrument, quantity, value, unit)
-            told = Reading(value, unit, self.clock.now())
-        return in_unit_of_role(told, instrument, quantity)
+            newest = Reading(value, unit, self.clock.now())
+        return in_unit_of_role(newest, instrument, quantity)
 
     def explained(self, watched: Collection[Watched]) -> str:
         """Return in brackets what instruments say to explain a state: which contact is open."""
@@ -259,8 +259,8 @@ class QuantityReader:
             if explain is not None:
                 with suppress(InstrumentError):  # the trip itself is reported all the same
                     said.append(str(explain(quantity)))
-        told = ", ".join(one for one in said if one)
-        return f" ({told})" if told else ""
+        explained = ", ".join(one for one in said if one)
+        return f" ({explained})" if explained else ""
 
 
 def in_unit_of_role(reading: Reading, instrument: str, quantity: str) -> Seen:
