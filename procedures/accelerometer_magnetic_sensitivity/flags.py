@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from procedures.estimation.flags import (
     MOST_LISTED,
     excitation_flags,
+    frozen,
     gaps_of,
     not_identifiable,
     too_stiff,
@@ -82,20 +83,22 @@ def _pattern_flags(dataset: AccelerometerDataset, left_out: Sequence[LeftOut]) -
         for reason in (STUCK, HELD, COPIED, SATURATED)
     )
     if still:
-        yield Flag(
-            "frozen",
-            f"Voltmeter or gaussmeter repeat their reading to the last digit in {len(still)} rows, "
-            f"from row {still[0]} on, counted from 0, though the field changed; these rows are "
-            "left out. Look at the instrument, its trigger and its cable.",
-            details={"count": len(still), "row": still[0], "what": "voltmeter or gaussmeter"},
+        yield frozen(
+            "The reading of voltmeter or gaussmeter",
+            _from_row(still),
+            "the instrument",
+            "These rows are left out. Look at the instrument, its trigger and its cable.",
+            {"count": len(still), "row": still[0], "what": "voltmeter or gaussmeter"},
+            though=", though the field changed",
         )
     if held:
-        yield Flag(
-            "frozen",
-            f"The angle repeats itself to the last digit in {len(held)} rows, from row {held[0]} "
-            "on, counted from 0, while the output moves as with the angle; these rows are left "
-            "out. Look at the encoder, its cable and what writes theta_deg.",
-            details={"count": len(held), "row": held[0], "what": "encoder"},
+        yield frozen(
+            "The angle",
+            _from_row(held),
+            "the encoder",
+            "These rows are left out. Look at the encoder, its cable and what writes theta_deg.",
+            {"count": len(held), "row": held[0], "what": "encoder"},
+            though=", while the output moves as with the angle",
         )
     if copies:
         yield Flag(
@@ -159,18 +162,22 @@ def jump_flag(dataset: AccelerometerDataset, rows: Sequence[int], jump: Jump) ->
     )
 
 
-def frozen_flags(frozen: Mask) -> Iterator[Flag]:
+def frozen_flags(repeated: Mask) -> Iterator[Flag]:
     """Yield the flag of a thermometer that stands still, by the rows in which it does."""
-    rows = np.flatnonzero(frozen)
-    if len(rows):
-        yield Flag(
-            "frozen",
-            f"The temperature repeats itself to the last digit in {len(rows)} rows, from row "
-            f"{rows[0]} on, counted from 0: the thermometer or its recorder stood still, or is too "
-            "coarse to show a change. No reading of it is used, and what warmed the device counts "
-            "as drift. Look at it, and write all its digits into the file.",
-            details={"count": len(rows), "row": int(rows[0]), "what": "thermometer"},
+    rows = [int(row) for row in np.flatnonzero(repeated)]
+    if rows:
+        yield frozen(
+            "The temperature",
+            _from_row(rows),
+            "the thermometer",
+            "No reading of it is used, and what warmed the device counts as drift. One that is too "
+            "coarse to show a change looks alike: write all its digits into the file.",
+            {"count": len(rows), "row": rows[0], "what": "thermometer"},
         )
+
+
+def _from_row(rows: Sequence[int]) -> str:
+    return f"{len(rows)} rows, from row {rows[0]} on, counted from 0"
 
 
 def residual_flags(solution: Solution, coarse_V: float) -> Iterator[Flag]:

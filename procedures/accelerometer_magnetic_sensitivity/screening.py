@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from procedures.estimation.recorder import equal_runs
+from procedures.estimation.frozen import AFTER_A_COMMAND, COPIED_ROWS, equal_runs, frozen
 
 from .dataset import AccelerometerDataset, LeftOut
 
@@ -17,20 +17,14 @@ WILD_TEMPERATURE_K = 5.0
 """From the median of the rows around it: no accelerometer warms up so fast."""
 WILD_SPREADS = 20.0
 NEIGHBOURS = 5
-FEWEST_FROZEN = 10
-FEWEST_STUCK = 3
-"""Voltmeter and gaussmeter read something new wherever angle or field changed."""
 FEWEST_CLIPPED = 4
-FEWEST_COPIED = 5
 NEARLY_ALIKE = 0.2
 STUCK = "reading stands still"
 HELD = "angle stands still while the output moves"
 SATURATED = "at the limit of voltmeter or device"
 COPIED = "copy of an earlier row"
-USUALLY_NEW = 0.5
-"""Of the other readings: a thermometer that repeats itself anyway is coarse, and not frozen."""
 MOSTLY_NEW = 0.97
-"""The same of a voltmeter or gaussmeter, where angle or field changed."""
+"""Of the other readings of a voltmeter or gaussmeter, where angle or field changed."""
 ONE_STEP = 1.5
 """Readings that change by one same step are coarse."""
 LONG_STAY = 1.5
@@ -111,7 +105,7 @@ def stuck(reading: Array, dataset: AccelerometerDataset) -> Mask:
     changed = np.diff(dataset.field_commanded_T, prepend=np.nan) != 0.0
     if reading is dataset.output_V:
         changed |= np.diff(dataset.theta_commanded_deg, prepend=np.nan) != 0.0
-    held = frozen(np.where(dataset.overloaded, np.nan, reading), FEWEST_STUCK) & changed
+    held = frozen(np.where(dataset.overloaded, np.nan, reading), AFTER_A_COMMAND) & changed
     again = np.append(False, reading[1:] == reading[:-1])
     others = again[changed & ~held]
     if len(others) and float(others.mean()) > 1.0 - MOSTLY_NEW:
@@ -127,17 +121,17 @@ def held_angle(dataset: AccelerometerDataset) -> Mask:
     """
     found = np.zeros(len(dataset), dtype=bool)
     read = np.isfinite(dataset.output_V) & ~dataset.overloaded
-    if int(read.sum()) < FEWEST_STUCK:
+    if int(read.sum()) < AFTER_A_COMMAND:
         return found
     starts, lengths = equal_runs(dataset.theta_deg)
     moved_V = max(MOVED_PART * float(np.std(dataset.output_V[read])), MOVED_V)
-    long = max(LONG_STAY * float(np.median(lengths)), FEWEST_STUCK)
+    long = max(LONG_STAY * float(np.median(lengths)), AFTER_A_COMMAND)
     for first, count in zip(starts[lengths >= long], lengths[lengths >= long], strict=True):
         stay = first + np.flatnonzero(read[first : first + count])
         levels, field = np.unique(dataset.field_commanded_T[stay], return_inverse=True)
         output_V = dataset.output_V[stay]
         usual_V = np.array([np.median(output_V[field == one]) for one in range(len(levels))])
-        if int(np.sum(np.abs(output_V - usual_V[field]) > moved_V)) >= FEWEST_STUCK:
+        if int(np.sum(np.abs(output_V - usual_V[field]) > moved_V)) >= AFTER_A_COMMAND:
             # The first of them was measured.
             found[first + 1 : first + count] = True
     return found
@@ -167,7 +161,7 @@ def copied(dataset: AccelerometerDataset) -> Mask:
     often differ by one step.
     """
     found = np.zeros(len(dataset), dtype=bool)
-    if len(np.unique(dataset.output_V)) < 0.5 * len(dataset) or len(dataset) < FEWEST_COPIED:
+    if len(np.unique(dataset.output_V)) < 0.5 * len(dataset) or len(dataset) < COPIED_ROWS:
         return found
     pairs = np.column_stack((dataset.output_V, dataset.field_T))
     later, behind = _alike(pairs)
@@ -176,8 +170,7 @@ def copied(dataset: AccelerometerDataset) -> Mask:
     far = [
         one
         for one, alike in zip(rows_behind.tolist(), count.tolist(), strict=True)
-        if alike >= FEWEST_COPIED
-        and _one_apart(dataset.output_V, one, step_V) < NEARLY_ALIKE * alike
+        if alike >= COPIED_ROWS and _one_apart(dataset.output_V, one, step_V) < NEARLY_ALIKE * alike
     ]
     found[later[np.isin(behind, far)]] = True
     elsewhere = ~np.isin(_alike(pairs[:, :1])[1], far)
@@ -219,20 +212,9 @@ def frozen_temperature(temperature_degC: Array) -> Mask:
     A thermometer that stands still measures nothing, and what warms the device goes unseen. One
     that stands at several readings and only changes by one same step is coarse.
     """
-    found = frozen(temperature_degC, FEWEST_FROZEN)
+    found = frozen(temperature_degC)
     if len(np.unique(temperature_degC[found])) < 2:
         return found
     changes = np.abs(np.diff(temperature_degC))
     changes = changes[changes > 0.0]
     return found & (float(changes.max()) >= ONE_STEP * float(changes.min()))
-
-
-def frozen(reading: Array, fewest: int) -> Mask:
-    """Return which readings (n,) are `fewest` and more of the same in a row.
-
-    None where half of the others repeat themselves, too: such readings are coarse.
-    """
-    starts, lengths = equal_runs(reading)
-    frozen = np.repeat(lengths >= fewest, lengths)
-    others = np.isin(np.flatnonzero(~frozen), starts)
-    return frozen if not len(others) or float(others.mean()) > USUALLY_NEW else frozen & False

@@ -1,4 +1,4 @@
-"""What a recorder does to a channel: steps, limits, stretches that stand still, counted pulses.
+"""What a recorder does to a channel: steps, limits, jumps, counted pulses.
 
 A gyro that turns at a mean rate W gives W/q pulses a second, read every tau0. The rounding error
 of the angle is a sawtooth of the phase W t / q; its harmonic h of amplitude q/(pi h) appears at
@@ -14,17 +14,13 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import erf, ndtr
+from scipy.special import ndtr
 
 from .linear import MAD_TO_SIGMA
 
 Array = NDArray[np.float64]
 
-CHANCE = 1e-7
-"""That a sound record counts as stuck."""
-LEAST_ROWS = 12
 JUMP_SIGMAS = 8.0
-_FACTOR = 6364136223846793005  # odd and large: windows of values get keys that all but never meet
 HARMONICS = range(1, 5)
 LEAST_STRENGTH = 0.2
 """Of the first harmonic without noise. Monte Carlo at 23 to 23.5 pulses an interval: with 0.64 and
@@ -34,12 +30,6 @@ STANDING_CYCLES, STANDING_WIDTH = 5.0, 0.1
 """A rounding error averages out that makes more turns in a record, or in this part of its width."""
 NEAR_CYCLES, NEAR_WIDTH = 8.0, 0.25
 """The same for a rounding error next to a line: as far as the noise at the line is judged."""
-
-
-def equal_runs(values: Array) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Return where each run of equal values (n,) begins, and how long it is; NaN equals nothing."""
-    starts = np.flatnonzero(np.append(True, values[1:] != values[:-1]))
-    return starts, np.diff(np.append(starts, len(values)))
 
 
 def resolution(values: Array) -> float:
@@ -94,68 +84,6 @@ def piled_up(
 
 def _visits(here: NDArray[np.bool_]) -> int:
     return int(here[0]) + int(np.sum(here[1:] & ~here[:-1]))
-
-
-def _chance_of_equal(values: Array, step: float) -> float:
-    """Return how often a sample meets a value to one and a half steps, given those before it.
-
-    It then scatters like the innovation of the noise.
-    """
-    sigma = min(
-        float(np.quantile(np.abs(np.diff(values, order)), 0.9)) / 1.645 / math.sqrt(power)
-        for order, power in ((2, 6.0), (3, 20.0), (4, 70.0))
-    )
-    chance = float(erf(1.5 * step / (math.sqrt(2.0) * sigma))) if sigma > 0.0 else 0.0
-    return max(chance, 1e-3)
-
-
-def stuck_rows(values: Array, step: float) -> tuple[int, int] | None:
-    """Return first and last row of the longest stretch that is a straight line to the last digit.
-
-    None where noise and the channel's steps make such a stretch by themselves.
-    """
-    if len(values) < 4 * LEAST_ROWS:
-        return None
-    chance = _chance_of_equal(values, step)
-    if chance > 0.9:
-        return None
-    needed = math.log(CHANCE / len(values)) / math.log(chance)
-    straight = np.abs(np.diff(values, 2)) <= 1.01 * step
-    edges = np.flatnonzero(np.diff(np.concatenate(([0], straight.astype(np.int8), [0]))))
-    if not len(edges):
-        return None
-    lengths = edges[1::2] - edges[::2]
-    longest = int(np.argmax(lengths))
-    if lengths[longest] < max(needed, LEAST_ROWS):
-        return None
-    first = int(edges[2 * longest])
-    return first, first + int(lengths[longest]) + 1
-
-
-def repeated_rows(values: Array, step: float) -> tuple[int, int, int] | None:
-    """Return two first rows and the length of the longest stretch that is there twice.
-
-    None where noise and the channel's steps make such a stretch by themselves.
-    """
-    if len(values) < 4 * LEAST_ROWS or step == 0.0:
-        return None
-    chance = _chance_of_equal(values, step)
-    if chance > 0.9:
-        return None
-    width = math.ceil(math.log(CHANCE / len(values) ** 2) / math.log(chance))
-    width = max(width, LEAST_ROWS)
-    if len(values) < 4 * width:
-        return None
-    level = np.rint((values - np.min(values)) / step).astype(np.uint64)
-    key = np.zeros(len(values) - width + 1, dtype=np.uint64)
-    for k in range(width):
-        key = key * np.uint64(_FACTOR) + level[k : k + len(key)]
-    _, first, back = np.unique(key, return_index=True, return_inverse=True)
-    twice = np.flatnonzero(first[back] != np.arange(len(key)))
-    if not len(twice):
-        return None
-    row = int(twice[0])
-    return int(first[back[row]]), row, width - 1 + len(twice)
 
 
 def largest_jump(residuals: Array, period: float, step: float) -> tuple[int, float] | None:

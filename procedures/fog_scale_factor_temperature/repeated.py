@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
+from procedures.estimation.flags import frozen
+from procedures.estimation.frozen import COPIED_ROWS, TURNS_IN_A_ROW, no_chance
 from station.findings import Flag, contradiction
 
 from .dataset import Array, FogDataset, Mask, TurnTable
 
-FROZEN_ROWS = 6
-COPIED_ROWS, COPIED_BEYOND = 5, 3.0
-NO_CHANCE = 1e-6
+COPIED_BEYOND = 3.0
 
 
 def repeat_flags(dataset: FogDataset) -> list[Flag]:
@@ -59,14 +59,6 @@ def _most_by_chance(angles: Array) -> float:
     return COPIED_ROWS + COPIED_BEYOND * chance
 
 
-def _too_long(marked: Mask) -> bool:
-    """Whether marked rows stand in a row, (rows,), where as many as that are no chance."""
-    edges = np.flatnonzero(np.diff(np.concatenate(([0], marked.astype(int), [0]))))
-    longest = int(np.max(edges[1::2] - edges[::2], initial=0))
-    often = (int(marked.sum()) - longest + 1) / (len(marked) - longest + 2)
-    return longest >= FROZEN_ROWS and len(marked) * often**longest < NO_CHANCE
-
-
 def _repeats(name: str, table: TurnTable) -> list[Flag]:
     """Return the flag of readings that repeat: a navigator that stood still, or copied rows.
 
@@ -76,18 +68,26 @@ def _repeats(name: str, table: TurnTable) -> list[Flag]:
     angles = _angles(table)
     change = np.round(angles[:, 3:] - angles[:, :3], 7)
     rows = len(angles)
-    if rows < FROZEN_ROWS:
+    if rows < TURNS_IN_A_ROW:
         return []
     repeated = rows - len(np.unique(angles, axis=0))
     same = np.concatenate(([False], np.all(angles[1:] == angles[:-1], axis=1)))
     unmoved = np.all(change == 0.0, axis=1) & (table.commanded_deg != 0.0)
-    if _too_long(unmoved):
-        what = f"In {int(unmoved.sum())} of {rows} turns of `{name}` no angle changes at all"
-    elif _too_long(same) or repeated > _most_by_chance(angles):
-        what = f"In `{name}` {repeated} of {rows} turns have exactly the readings of another turn"
+    if no_chance(unmoved):
+        reading, count, though = "before the turn", int(unmoved.sum()), ", though the table turned"
+    elif no_chance(same) or repeated > _most_by_chance(angles):
+        reading, count, though = "of another turn", repeated, ""
     else:
         return []
-    repeats_text = (
-        f"{what}: a navigator that stood still, or rows that were copied. Leave these rows out."
-    )
-    return [Flag("frozen", repeats_text, None, {"rows": repeated, "file": name})]
+    extent = f"{count} of {rows} turns of `{name}`"
+    details: dict[str, object] = {"rows": repeated, "file": name}
+    return [
+        frozen(
+            f"The attitude {reading}",
+            extent,
+            "the navigator",
+            "Leave these rows out.",
+            details,
+            though=though,
+        )
+    ]

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from procedures.estimation.flags import frozen
+from procedures.estimation.frozen import TURNS_IN_A_ROW, equal_runs
 from station.findings import Flag, contradiction
 
 from .dataset import (
@@ -48,7 +50,7 @@ FINE_DEGC = 0.05
 """Of a thermometer: one that is coarser stands still at a soak, too."""
 FROM_OTHERS_DEGC = 4.0
 """Of the thermometers of two gyros in one housing: how far their difference goes up and down."""
-FROZEN_ROWS, FROZEN_SETS = 6, 3
+FROZEN_SETS = 3
 
 
 def unit_of_headings(table: TurnTable, full_attitude: bool) -> str | None:
@@ -198,7 +200,7 @@ def _temperature_flags(dataset: FogDataset, name: str, table: TurnTable) -> list
     texts: list[tuple[str, str]] = []
     heat, chamber = table.temperature_degC, table.chamber_degC
     there = np.isfinite(heat)
-    if int(there.sum()) < FROZEN_ROWS:
+    if int(there.sum()) < TURNS_IN_A_ROW:
         return []
     low, high = np.percentile(heat[there], (2.0, 98.0))
     stated = dataset.temperature_range_degC
@@ -216,7 +218,7 @@ def _temperature_flags(dataset: FogDataset, name: str, table: TurnTable) -> list
     if jump > AFTER_BEFORE_DEGC:
         texts.append(("gyro_temperature", f"change by {jump:.1f} degC within one turn: two units"))
     both = there & np.isfinite(chamber)
-    if int(both.sum()) >= FROZEN_ROWS:
+    if int(both.sum()) >= TURNS_IN_A_ROW:
         apart = np.abs(heat - chamber)[both]
         if float(np.percentile(apart, 90.0)) > FROM_CHAMBER_DEGC:
             text = f"are up to {apart.max():.0f} degC from the chamber's: another unit or sign"
@@ -246,13 +248,12 @@ def _thermometers(name: str, table: TurnTable) -> list[Flag]:
     usual = float(np.ptp(heat)) / max(float(np.ptp(middle)), 1.0) if len(heat) else 0.0
     for axis in AXES:
         own = (table.axis == axis) & np.isfinite(table.temperature_degC)
-        if int(own.sum()) < FROZEN_ROWS:
+        if int(own.sum()) < TURNS_IN_A_ROW:
             continue
         courses[axis] = np.interp(middle, table.middle_s[own], table.temperature_degC[own])
         pair = np.column_stack((table.temperature_before_degC, table.temperature_after_degC))[own]
-        still = np.concatenate(([False], np.all(pair[1:] == pair[:-1], axis=1), [False]))
-        ends = np.flatnonzero(np.diff(still.astype(int)))
-        for first, last in zip(ends[::2], ends[1::2], strict=True):
+        for first, count in zip(*equal_runs(pair), strict=True):
+            last = first + count - 1
             sets = len(np.unique(table.set_number[own][first : last + 1]))
             span = np.ptp(table.middle_s[own][first : last + 1])
             chamber = table.chamber_degC[own][first : last + 1]
@@ -260,13 +261,17 @@ def _thermometers(name: str, table: TurnTable) -> list[Flag]:
             moved = usual * span * fine
             if bool(np.isfinite(chamber).all()):
                 moved = float(np.ptp(chamber))
-            if last + 1 - first >= FROZEN_ROWS and sets >= FROZEN_SETS and moved > FROM_OTHERS_DEGC:
-                still_text = (
-                    f"The thermometer of the {axis} gyro in `{name}` reads exactly "
-                    f"{pair[first, 0]:g} degC in {last + 1 - first} turns while the temperature "
-                    "goes on: it stands still. Leave these rows out."
+            if count >= TURNS_IN_A_ROW and sets >= FROZEN_SETS and moved > FROM_OTHERS_DEGC:
+                flag = frozen(
+                    f"The temperature of the {axis} gyro",
+                    f"{count} turns of `{name}`, at {pair[first, 0]:g} degC",
+                    "the thermometer",
+                    "Leave these rows out.",
+                    {"rows": int(count)},
+                    axis,
+                    though=", though the temperature changed",
                 )
-                flags.append(Flag("frozen", still_text, axis, {"rows": int(last + 1 - first)}))
+                flags.append(flag)
                 break
     for axis, course in courses.items():
         others = [one for key, one in courses.items() if key != axis]

@@ -6,8 +6,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
+
+from procedures.estimation.frozen import (
+    IN_A_ROW,
+    IN_A_SHORT_RECORD,
+    equal_runs,
+    repeated_windows,
+)
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -17,14 +23,9 @@ AT_THE_END = 1.0 - 1e-6
 MOST_OF_A_RECORD = 0.01
 STUCK = 0.3
 NEXT_LEVEL = 0.2
-FEWEST_STUCK = 5
-FEWEST_FROZEN = 10
-"""So many samples in a row never come again by chance."""
 MOSTLY = 0.9
-USUALLY_NEW = 0.9
+ALWAYS_NEW = 0.9
 """Of coarse data, of which fewer differ from the one before, none counts as frozen."""
-HASH = np.cumprod(np.full(FEWEST_FROZEN, 6364136223846793005, dtype=np.uint64))
-"""Odd numbers: two windows of samples with the same sum of products are the same."""
 
 
 @dataclass(frozen=True)
@@ -160,7 +161,7 @@ def _stands_still(own: Array, record: TurnRecord, turns: Sequence[TurnRecord]) -
     below = _at_the_top(own[np.abs(own) < np.nanmax(np.abs(own))]) * (1.0 - share)
     if below > NEXT_LEVEL * share:
         return False  # What is cut off has one level; coarse output has others as full beside it.
-    enough = share * float(np.isfinite(own).sum()) >= FEWEST_STUCK
+    enough = share * float(np.isfinite(own).sum()) >= IN_A_SHORT_RECORD
     return share > STUCK and enough and usual < 0.5 * STUCK
 
 
@@ -204,12 +205,13 @@ def _without_repeats(
         for sort in set(sorts)
         for channel in range(3)
         if _usually_new([r[:, channel] for r, s in zip(records, sorts, strict=True) if s == sort])
-        > USUALLY_NEW
+        > ALWAYS_NEW
     }
     found = [one.copy() for one in records]
     places = [(n, c) for n, sort in enumerate(sorts) for c in range(3) if (sort, c) in fine]
     repeated = [np.zeros(one.shape, dtype=bool) for one in records]
-    for (n, c), own in zip(places, repeats([records[n][:, c] for n, c in places]), strict=True):
+    again = repeated_windows([records[n][:, c] for n, c in places])
+    for (n, c), own in zip(places, again, strict=True):
         repeated[n][:, c] = np.isfinite(records[n][:, c]) if own.mean() > most else own
         found[n][repeated[n][:, c], c] = np.nan
     return found, sum(int(one.any(axis=1).sum()) for one in repeated)
@@ -223,36 +225,9 @@ def _usually_new(columns: Sequence[Array]) -> float:
     found = []
     for one in columns:
         if np.isfinite(one).sum() > 1:
-            new = np.append(True, one[1:] != one[:-1])
-            lengths = np.diff(np.append(np.flatnonzero(new), len(one)))
-            short = lengths[lengths < FEWEST_FROZEN]
+            _, lengths = equal_runs(one)
+            short = lengths[lengths < IN_A_ROW]
             moving = 2 * int(short.sum()) > len(one)
-            found.append(len(short) / int(short.sum()) if moving else float(new[1:].mean()))
+            changes = (len(lengths) - 1) / (len(one) - 1)
+            found.append(len(short) / int(short.sum()) if moving else changes)
     return float(np.median(found)) if found else 0.0
-
-
-def repeats(columns: Sequence[Array]) -> list[Mask]:
-    """Return for each column (n,) which samples belong to ten in a row that were there before.
-
-    Of a column of five to nine samples, to all of it.
-    """
-    masks = [np.zeros(len(one), dtype=bool) for one in columns]
-    long = [n for n, one in enumerate(columns) if len(one) >= FEWEST_STUCK]
-    if not long:
-        return masks
-    hashes, finite = [], []
-    for n in long:
-        wide = min(FEWEST_FROZEN, len(columns[n]))
-        bits = np.ascontiguousarray(columns[n]).view(np.uint64)
-        hashes.append((sliding_window_view(bits, wide) * HASH[:wide]).sum(axis=1))
-        finite.append(sliding_window_view(np.isfinite(columns[n]), wide).all(axis=1))
-    together = np.concatenate(hashes)
-    _, first = np.unique(together, return_index=True)
-    again = np.concatenate(finite)
-    again[first] = False
-    ends = np.cumsum([len(one) for one in hashes])
-    for window in np.flatnonzero(again).tolist():
-        place = int(np.searchsorted(ends, window, side="right"))
-        start = window - (int(ends[place - 1]) if place else 0)
-        masks[long[place]][start : start + FEWEST_FROZEN] = True
-    return masks

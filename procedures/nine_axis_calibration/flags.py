@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from procedures.estimation.flags import Gaps, counted, gaps_of, not_identifiable
+from procedures.estimation.flags import Gaps, counted, frozen, gaps_of, not_identifiable
 from station.findings import Estimate, Flag, Published
 
 from .attitude import BiasSolution
@@ -91,13 +91,9 @@ def frozen_flags(at_rest: int, turning: int) -> list[Flag]:
     """Return the flag on samples that only repeat one before."""
     if not at_rest + turning:
         return []
-    text = (
-        "Left out, for they repeat the one before on all axes: "
-        f"{counted(at_rest, 'sample')} at rest and {turning} turning; the sensor or its "
-        "recorder stood still."
-    )
+    extent = f"{counted(at_rest, 'sample')} at rest and {turning} turning"
     details = {"count": at_rest + turning, "at_rest": at_rest, "turning": turning}
-    return [Flag("frozen", text, None, details)]
+    return [frozen("The output", extent, "the sensor", "They are left out.", details)]
 
 
 def _outliers(

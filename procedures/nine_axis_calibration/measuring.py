@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from procedures.estimation.frozen import IN_A_ROW, longest_run
 from station.errors import ConditionNotReached, InstrumentError
 from station.runner.verbs import Follower, look_until
 
@@ -33,7 +34,7 @@ if TYPE_CHECKING:
 
 LOOK_S = 2.0
 """Run time between two looks; less where time runs by itself, so that a kill loses little."""
-FROZEN_AFTER_S, FEWEST_FROZEN = 2.0, 10
+FROZEN_AFTER_S = 2.0
 """Noise never gives three gyros and three accelerometers the same values for so long, all six."""
 SECONDS_PER_HOUR = 3600.0
 MOSTLY = 0.5
@@ -71,9 +72,7 @@ class Sensing:
         self._follower = Follower(run, {IMU: self._sensor})
         self._rows: list[NDArray[Any]] = []
         self._newest = np.empty((0, len(GYROS) + len(ACCELEROMETERS)))
-        self._frozen_after = max(
-            math.ceil(FROZEN_AFTER_S * parameters.sample_rate_Hz), FEWEST_FROZEN
-        )
+        self._frozen_after = max(math.ceil(FROZEN_AFTER_S * parameters.sample_rate_Hz), IN_A_ROW)
 
     def follow(self, until_s: float, doing: str) -> None:
         """Record until a run time; raises InstrumentError for a sensor that is silent or frozen."""
@@ -90,7 +89,7 @@ class Sensing:
         """Raise InstrumentError where new outputs, after those before, repeat one set of values."""
         values = np.column_stack([rows[name] for name in (*GYROS, *ACCELEROMETERS)])
         values = np.concatenate((self._newest, values))
-        same = longest_repeat(values)
+        same = longest_run(values)
         if same >= self._frozen_after:
             raise InstrumentError(
                 IMU,
@@ -145,13 +144,6 @@ class Sensing:
         """End the output and record the rest of it."""
         self._sensor.stop()
         self.look()
-
-
-def longest_repeat(values: Array) -> int:
-    """Return how many successive rows (n, columns) hold the same values at most; 0 for none."""
-    changes = np.flatnonzero(np.any(values[1:] != values[:-1], axis=1)) + 1
-    edges = np.concatenate(([0], changes, [len(values)]))
-    return int(np.diff(edges).max())
 
 
 def stand(run: Run, position: int, doing: str) -> None:

@@ -8,6 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from procedures.estimation.flags import frozen
+from procedures.estimation.frozen import repeated_rows, stuck_rows
 from procedures.estimation.noise import grid_index
 from procedures.estimation.recorder import (
     Beat,
@@ -15,9 +17,7 @@ from procedures.estimation.recorder import (
     folded_Hz,
     largest_jump,
     piled_up,
-    repeated_rows,
     resolution,
-    stuck_rows,
 )
 from station.findings import Flag, contradiction
 
@@ -147,12 +147,16 @@ def recorder_findings(
             )
             flags.append(Flag("saturated", saturated_text, axis, {"part": cut, "channel": name}))
     if filled > 0.0:
-        filled_text = (
-            f"{100.0 * filled:.2g} % of the samples of the output have one and the same value: "
-            "missing ones were filled in, or the output rests there. The uncertainty holds what "
-            "that may take from the result. Leave filled rows out and analyse again."
+        filled_flag = frozen(
+            "One value of the output",
+            f"{100.0 * filled:.2g} % of the samples",
+            "the gyro",
+            "The uncertainty holds what that may take from the result. Leave filled rows out and "
+            "analyse again.",
+            {"part": filled, "what": "output"},
+            axis,
         )
-        flags.append(Flag("frozen", filled_text, axis, {"part": filled, "what": "output"}))
+        flags.append(filled_flag)
     coarse = step > 0.0 and sigma < COARSE * step
     if coarse and not _counted(segment, gyro, step):
         noise = math.sqrt(max((sigma / step) ** 2 - 1.0 / 12.0, 0.0))
@@ -193,24 +197,17 @@ def _stuck(segment: Segment, axis: str | None, step: float) -> Iterator[Flag]:
     stuck = stuck_rows(segment.rate_deg_per_h, step)
     if stuck is not None:
         first, last = stuck
-        stuck_text = (
-            f"From row {first} to row {last}, counted from 0, the output is a straight line to the "
-            "last digit: the gyro or its recorder stood still, or missing rows were filled in. "
-            "Leave these rows out and analyse again."
-        )
+        what, rows = "The output, or its slope,", f"rows {first} to {last}"
         details = {"row": first, "count": last - first + 1, "what": "output"}
-        yield Flag("frozen", stuck_text, axis, details)
-        return
-    again = repeated_rows(segment.rate_deg_per_h, step)
-    if again is not None:
+    else:
+        again = repeated_rows(segment.rate_deg_per_h, step)
+        if again is None:
+            return
         first, row, count = again
-        repeated_text = (
-            f"{count} rows of the output from row {row} on, counted from 0, repeat those from row "
-            f"{first} on to the last digit: a buffer was read twice or rows were copied. Leave "
-            "these rows out and analyse again."
-        )
+        what, rows = f"The output from row {first} on", f"rows {row} to {row + count - 1}"
         details = {"row": row, "count": count, "what": "repeated"}
-        yield Flag("frozen", repeated_text, axis, details)
+    then = "Leave these rows out and analyse again."
+    yield frozen(what, f"{rows}, counted from 0", "the gyro", then, details, axis)
 
 
 def _jumps(segment: Segment, gyro: GyroFit, axis: str | None, step: float) -> Iterator[Flag]:

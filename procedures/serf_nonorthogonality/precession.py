@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from procedures.estimation.recorder import equal_runs
+from procedures.estimation.frozen import equal_runs
 
 from .dataset import SerfDataset, Shot
 from .settings import AnalysisSettings

@@ -215,6 +215,11 @@ def test_a_plan_takes_its_thresholds_from_the_analysis(settings: Path) -> None:
     assert not [name for name in shared if isinstance(plan[name], ast.Constant)]
 
 
+def test_a_frozen_instrument_is_worded_once() -> None:
+    raised = [path for path in SOURCES if 'Flag("frozen"' in path.read_text(encoding="utf-8")]
+    assert raised == [ROOT / "procedures" / "estimation" / "flags.py"]
+
+
 def _defaults(path: Path) -> dict[str, ast.expr]:
     """Return the attributes of a file's classes that have a number, or another default."""
     tree = ast.parse(path.read_text(encoding="utf-8"))

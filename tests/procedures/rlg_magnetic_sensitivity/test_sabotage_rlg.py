@@ -11,13 +11,8 @@ from rlg_worlds import FINE_COUNTS, ONE, THREE, Spoil, World, made
 from sabotage import Made, analysed, error_u, judged
 from sabotage_rlg import CLEAN, FAULTS, USUAL_FLAGS, clipped, stepped
 
-from procedures.estimation.recorder import (
-    largest_jump,
-    piled_up,
-    repeated_rows,
-    resolution,
-    stuck_rows,
-)
+from procedures.estimation.frozen import repeated_rows, stuck_rows
+from procedures.estimation.recorder import largest_jump, piled_up, resolution
 from station.cli.analysing import analyse_dataset
 
 

@@ -1,0 +1,161 @@
+"""Readings that repeat: an instrument that stands still, a buffer read twice, copied rows.
+
+Equal readings measure nothing where noise, or what was commanded between them, makes each differ
+from the one before. A coarse channel repeats by itself: each rule compares with how often that
+happens. What a procedure does with such rows, and its flag, is its own; `flags.frozen` words it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+from numpy.typing import NDArray
+from scipy.special import erf
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+IN_A_ROW = 10
+"""Samples with noise never repeat so many in a row by chance, nor does a thermometer."""
+IN_A_SHORT_RECORD = 5
+AFTER_A_COMMAND = 3
+"""The same of readings before each of which a field or an angle was commanded."""
+TURNS_IN_A_ROW = 6
+"""The same of attitudes and temperatures around turns."""
+COPIED_ROWS = 5
+"""The same of whole rows that stood before elsewhere."""
+USUALLY_NEW = 0.5
+"""Of the other readings: a channel of which fewer differ from the one before is coarse."""
+CHANCE_OF_ROWS = 1e-6
+CHANCE_OF_RECORD = 1e-7
+"""That sound rows, or a sound record, count as frozen."""
+LEAST_ROWS = 12
+_FACTOR = 6364136223846793005  # odd and large: windows of values get keys that all but never meet
+
+
+def equal_runs(values: Array | Mask) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return where each run of equal values (n,) or rows (n, k) begins, and how long it is.
+
+    NaN equals nothing.
+    """
+    new = np.any(values[1:] != values[:-1], axis=tuple(range(1, values.ndim)))
+    starts = np.flatnonzero(np.append(True, new))
+    return starts, np.diff(np.append(starts, len(values)))
+
+
+def longest_run(values: Array) -> int:
+    """Return how many successive values (n,) or rows (n, k) are equal at the most; 0 for none."""
+    return int(equal_runs(values)[1].max())
+
+
+def no_chance(marked: Mask) -> bool:
+    """Return whether so many marked rows, (n,), stand in a row as seldom do by chance."""
+    starts, lengths = equal_runs(marked)
+    longest = int(np.max(lengths[marked[starts]], initial=0))
+    often = (int(marked.sum()) - longest + 1) / (len(marked) - longest + 2)
+    return longest >= TURNS_IN_A_ROW and len(marked) * often**longest < CHANCE_OF_ROWS
+
+
+def frozen(reading: Array, fewest: int = IN_A_ROW) -> Mask:
+    """Return which readings (n,) are `fewest` and more of the same in a row.
+
+    None where half of the others repeat themselves, too: such readings are coarse.
+    """
+    starts, lengths = equal_runs(reading)
+    frozen = np.repeat(lengths >= fewest, lengths)
+    others = np.isin(np.flatnonzero(~frozen), starts)
+    return frozen if not len(others) or float(others.mean()) > USUALLY_NEW else frozen & False
+
+
+def _chance_of_equal(values: Array, step: float) -> float:
+    """Return how often a sample meets a value to one and a half steps, given those before it.
+
+    It then scatters like the innovation of the noise.
+    """
+    sigma = min(
+        float(np.quantile(np.abs(np.diff(values, order)), 0.9)) / 1.645 / math.sqrt(power)
+        for order, power in ((2, 6.0), (3, 20.0), (4, 70.0))
+    )
+    chance = float(erf(1.5 * step / (math.sqrt(2.0) * sigma))) if sigma > 0.0 else 0.0
+    return max(chance, 1e-3)
+
+
+def stuck_rows(values: Array, step: float) -> tuple[int, int] | None:
+    """Return first and last row of the longest stretch that is a straight line to the last digit.
+
+    None where noise and the channel's steps make such a stretch by themselves.
+    """
+    if len(values) < 4 * LEAST_ROWS:
+        return None
+    chance = _chance_of_equal(values, step)
+    if chance > 0.9:
+        return None
+    needed = math.log(CHANCE_OF_RECORD / len(values)) / math.log(chance)
+    straight = np.abs(np.diff(values, 2)) <= 1.01 * step
+    edges = np.flatnonzero(np.diff(np.concatenate(([0], straight.astype(np.int8), [0]))))
+    if not len(edges):
+        return None
+    lengths = edges[1::2] - edges[::2]
+    longest = int(np.argmax(lengths))
+    if lengths[longest] < max(needed, LEAST_ROWS):
+        return None
+    first = int(edges[2 * longest])
+    return first, first + int(lengths[longest]) + 1
+
+
+def repeated_rows(values: Array, step: float) -> tuple[int, int, int] | None:
+    """Return two first rows and the length of the longest stretch that is there twice.
+
+    None where noise and the channel's steps make such a stretch by themselves.
+    """
+    if len(values) < 4 * LEAST_ROWS or step == 0.0:
+        return None
+    chance = _chance_of_equal(values, step)
+    if chance > 0.9:
+        return None
+    width = math.ceil(math.log(CHANCE_OF_RECORD / len(values) ** 2) / math.log(chance))
+    width = max(width, LEAST_ROWS)
+    if len(values) < 4 * width:
+        return None
+    level = np.rint((values - np.min(values)) / step).astype(np.uint64)
+    key = np.zeros(len(values) - width + 1, dtype=np.uint64)
+    for k in range(width):
+        key = key * np.uint64(_FACTOR) + level[k : k + len(key)]
+    _, first, back = np.unique(key, return_index=True, return_inverse=True)
+    twice = np.flatnonzero(first[back] != np.arange(len(key)))
+    if not len(twice):
+        return None
+    row = int(twice[0])
+    return int(first[back[row]]), row, width - 1 + len(twice)
+
+
+def repeated_windows(columns: Sequence[Array]) -> list[Mask]:
+    """Return for each column (n,) which samples belong to ten in a row that were there before.
+
+    Of a column of five to nine samples, to all of it.
+    """
+    masks = [np.zeros(len(one), dtype=bool) for one in columns]
+    long = [n for n, one in enumerate(columns) if len(one) >= IN_A_SHORT_RECORD]
+    if not long:
+        return masks
+    # Odd numbers: two windows of samples with the same sum of products are the same.
+    hash_of = np.cumprod(np.full(IN_A_ROW, _FACTOR, dtype=np.uint64))
+    hashes, finite = [], []
+    for n in long:
+        wide = min(IN_A_ROW, len(columns[n]))
+        bits = np.ascontiguousarray(columns[n]).view(np.uint64)
+        hashes.append((sliding_window_view(bits, wide) * hash_of[:wide]).sum(axis=1))
+        finite.append(sliding_window_view(np.isfinite(columns[n]), wide).all(axis=1))
+    together = np.concatenate(hashes)
+    _, first = np.unique(together, return_index=True)
+    again = np.concatenate(finite)
+    again[first] = False
+    ends = np.cumsum([len(one) for one in hashes])
+    for window in np.flatnonzero(again).tolist():
+        place = int(np.searchsorted(ends, window, side="right"))
+        start = window - (int(ends[place - 1]) if place else 0)
+        masks[long[place]][start : start + IN_A_ROW] = True
+    return masks
