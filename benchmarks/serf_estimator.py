@@ -38,7 +38,7 @@ from procedures.serf_nonorthogonality.checks import published_angles
 from procedures.serf_nonorthogonality.dataset import SerfDataset
 from procedures.serf_nonorthogonality.evaluate import common_inputs
 from procedures.serf_nonorthogonality.tone import fit_tone
-from station.results import combine
+from station.uncertainty import combine
 
 Array = NDArray[np.float64]
 

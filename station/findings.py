@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Literal
 
 
 @dataclass(frozen=True)
@@ -122,17 +122,41 @@ class InputQuantity:
     unit: str
     source: str
     degrees_of_freedom: float = math.inf
+    distribution: Literal["normal", "uniform"] = "normal"
+
+
+Key = tuple[str, str | None]
+"""Name and axis of a result."""
+
+
+@dataclass(frozen=True)
+class Covariance:
+    """Covariance of results: `matrix` (k, k) in the products of their units, `keys` in its order.
+
+    Results that are not among the keys are left out, not uncorrelated.
+    """
+
+    keys: tuple[Key, ...]
+    matrix: tuple[tuple[float, ...], ...]
+
+    def to_data(self) -> dict[str, Any]:
+        """Return the `covariance` of the result document."""
+        return {"names": [list(key) for key in self.keys], "matrix": [*map(list, self.matrix)]}
 
 
 @dataclass(frozen=True)
 class Findings:
-    """All that an analysis says, and the type B inputs; `detail` is for the procedure's report."""
+    """All that an analysis says, and the type B inputs; `detail` is for the procedure's report.
+
+    `covariance` is that of the estimates' type A uncertainties; None where it is not known.
+    """
 
     estimates: Sequence[Estimate]
     published: Sequence[Published]
     flags: Sequence[Flag]
     inputs: Sequence[InputQuantity]
     detail: Any
+    covariance: Covariance | None = None
 
 
 @dataclass(frozen=True)

@@ -1,155 +1,14 @@
-"""The result document that other programs rely on: uncertainty, decision, verdict.
-
-The uncertainty budget of type A and type B contributions follows the GUM (computed with GTC).
-The decision rule is the plan's: `simple` compares the value alone (JCGM 106, simple acceptance);
-`guarded` keeps the expanded uncertainty as guard band, so that a pass and a fail are each right
-with the stated coverage.
-"""
+"""The result document that other programs rely on: estimates, uncertainty, decision, verdict."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any
 
-from station.findings import Estimate, Findings, Flag, InputQuantity, Published, finite
-
-COVERAGE_PERCENT = 95
-TYPE_A = "repeatability (from the data)"
-
-
-@dataclass(frozen=True)
-class BudgetLine:
-    """One contribution to a standard uncertainty, in the result's unit."""
-
-    description: str
-    kind: Literal["A", "B"]
-    contribution: float
-    source: str
-
-    def to_data(self) -> dict[str, Any]:
-        """Return the line as in `results.json`."""
-        return {
-            "description": self.description,
-            "type": self.kind,
-            "contribution": self.contribution,
-            "source": self.source,
-        }
-
-
-@dataclass(frozen=True)
-class Combined:
-    """A combined standard uncertainty with its coverage at 95 % and the budget behind it."""
-
-    standard_uncertainty: float
-    degrees_of_freedom: float
-    coverage_factor: float
-    expanded_uncertainty: float
-    budget: tuple[BudgetLine, ...]
-
-
-def combine(
-    estimates: Sequence[Estimate], inputs: Sequence[InputQuantity]
-) -> list[Combined | None]:
-    """Return each estimate's combined uncertainty, None where it has no value.
-
-    Effective degrees of freedom by Welch-Satterthwaite, coverage by Student's t (GUM annex G).
-    """
-    import GTC
-
-    known = {
-        quantity.name: (
-            quantity,
-            GTC.ureal(0.0, quantity.standard_uncertainty, quantity.degrees_of_freedom),
-        )
-        for quantity in inputs
-        if quantity.standard_uncertainty > 0
-    }
-    combined: list[Combined | None] = []
-    for estimate in estimates:
-        if estimate.value is None or estimate.standard_uncertainty is None:
-            combined.append(None)
-            continue
-        dof = estimate.degrees_of_freedom if estimate.degrees_of_freedom is not None else math.inf
-        total = GTC.ureal(estimate.value, estimate.standard_uncertainty, dof)
-        lines = [BudgetLine(TYPE_A, "A", estimate.standard_uncertainty, "this measurement")]
-        for name, sensitivity in estimate.sensitivities.items():
-            if name not in known:
-                continue
-            quantity, uncertain = known[name]
-            total = total + sensitivity * uncertain
-            contribution = abs(sensitivity) * quantity.standard_uncertainty
-            lines.append(BudgetLine(quantity.description, "B", contribution, quantity.source))
-        lines.sort(key=lambda line: -line.contribution)
-        effective_dof = float(total.df)
-        factor = float(GTC.rp.k_factor(effective_dof, COVERAGE_PERCENT))
-        standard = float(total.u)
-        combined.append(Combined(standard, effective_dof, factor, factor * standard, tuple(lines)))
-    return combined
-
-
-Verdict = Literal["pass", "fail", "inconclusive", "none"]
-Rule = Literal["simple", "guarded"]
-
-
-@dataclass(frozen=True)
-class Limit:
-    """What a result is held against, in the result's own unit; None does not limit."""
-
-    min: float | None = None
-    max: float | None = None
-    max_abs: float | None = None
-
-    def to_data(self) -> dict[str, float]:
-        """Return the limit as in `results.json`."""
-        named = {"min": self.min, "max": self.max, "max_abs": self.max_abs}
-        return {name: value for name, value in named.items() if value is not None}
-
-    def interval(self) -> tuple[float, float]:
-        """Return the lowest and the highest value that are within the limit."""
-        lows = [value for value in (self.min, self.max_abs and -self.max_abs) if value is not None]
-        highs = [value for value in (self.max, self.max_abs) if value is not None]
-        return max(lows, default=float("-inf")), min(highs, default=float("inf"))
-
-
-@dataclass(frozen=True)
-class Decision:
-    """A verdict and, where it is inconclusive, why."""
-
-    verdict: Verdict
-    detail: str | None = None
-
-
-def decide(
-    value: float | None, expanded_uncertainty: float | None, limit: Limit | None, rule: Rule
-) -> Decision:
-    """Return the decision on a value with its expanded uncertainty, both in the limit's unit."""
-    if limit is None:
-        return Decision("none")
-    if value is None or expanded_uncertainty is None:
-        return Decision("inconclusive", "undetermined")
-    low, high = limit.interval()
-    inside = low <= value <= high
-    if rule == "simple":
-        return Decision("pass" if inside else "fail")
-    clearly_inside = low + expanded_uncertainty <= value <= high - expanded_uncertainty
-    clearly_outside = value < low - expanded_uncertainty or value > high + expanded_uncertainty
-    if clearly_inside:
-        return Decision("pass")
-    if clearly_outside:
-        return Decision("fail")
-    return Decision("inconclusive", "conditional-pass" if inside else "conditional-fail")
-
-
-def overall(verdicts: Iterable[Verdict]) -> Verdict:
-    """Return the verdict of a whole: the worst of those that were asked for."""
-    asked = set(verdicts)
-    for verdict in ("fail", "inconclusive", "pass"):
-        if verdict in asked:
-            return verdict
-    return "none"
-
+from station.decision import Decision, Limit, Rule, Verdict, conformity, decide, overall
+from station.findings import Covariance, Estimate, Findings, Flag, Published, finite
+from station.uncertainty import BudgetLine, Combined, combine, covariance_of
 
 SCHEMA = 1
 LIMIT_WITHOUT_RESULT = "limit-without-result"
@@ -166,6 +25,16 @@ class Result:
     combined: Combined | None
     limit: Limit | None
     decision: Decision
+    guard_band: float = 0.0
+    """By how much the value must be within its limit, in its unit."""
+
+    @property
+    def conformity(self) -> float | None:
+        """The probability that the quantity is within its limit; None without one."""
+        if self.combined is None:
+            return None
+        u, dof = self.combined.standard_uncertainty, self.combined.degrees_of_freedom
+        return conformity(self.estimate.value, u, dof, self.limit)
 
     @property
     def budget(self) -> tuple[BudgetLine, ...]:
@@ -195,6 +64,9 @@ class Result:
         }
         if self.decision.detail is not None:
             data["decision"] = self.decision.detail
+        if self.limit is not None:
+            data["guard_band"] = finite(self.guard_band)
+            data["conformity_probability"] = finite(self.conformity)
         if combined:
             data["budget"] = [line.to_data() for line in combined.budget]
         return {**data, **estimate.extra}
@@ -209,9 +81,11 @@ class ResultDocument:
     published: Sequence[Published]
     flags: Sequence[Flag]
     verdict: Verdict
+    covariance: Covariance | None = None
 
     def to_data(self) -> dict[str, Any]:
         """Return the document as plain data."""
+        related = {"covariance": self.covariance.to_data()} if self.covariance else {}
         return {
             "schema": SCHEMA,
             "procedure": self.procedure,
@@ -219,6 +93,7 @@ class ResultDocument:
             "results": [result.to_data() for result in self.results],
             "as_published": [published.to_data() for published in self.published],
             "flags": [flag.to_data() for flag in self.flags],
+            **related,
         }
 
     def result(self, name: str, axis: str | None = None) -> Result:
@@ -262,7 +137,8 @@ def conclude(
         decision = decide(estimate.value, expanded, limit, rule)
         if wrong and limit is not None:
             decision = Decision("inconclusive", WRONG_EXCITATION)
-        results.append(Result(estimate, uncertainty, limit, decision))
+        band = (expanded or 0.0) if rule == "guarded" else 0.0
+        results.append(Result(estimate, uncertainty, limit, decision, band))
     there = {(one.name, one.axis) for one in findings.estimates}
     lacking = [key for key in limits if key not in there and _is_measured(key, measured or {})]
     verdicts = [*(result.decision.verdict for result in results), *(WITHOUT_RESULT,) * len(lacking)]
@@ -271,7 +147,8 @@ def conclude(
     if wrong or (not (bench_safe and data_whole and calibrated) and decided):
         verdict = "inconclusive"
     flags = [*findings.flags, *(_without_result(*key, limits[key]) for key in lacking)]
-    return ResultDocument(procedure, results, findings.published, flags, verdict)
+    related = covariance_of(findings.estimates, findings.inputs, findings.covariance)
+    return ResultDocument(procedure, results, findings.published, flags, verdict, related)
 
 
 def _is_measured(key: tuple[str, str | None], measured: Mapping[str, tuple[str, ...]]) -> bool:

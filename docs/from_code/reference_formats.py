@@ -10,8 +10,9 @@ from pathlib import Path
 
 from tables import code, table
 
+from station.decision import Limit
 from station.findings import Estimate, Findings, Flag, InputQuantity, Published
-from station.results import Limit, conclude
+from station.results import conclude
 
 RESULT_KEYS = {
     "schema": "version of the format",
@@ -37,6 +38,17 @@ RESULT_KEYS = {
     "results[].budget[].type": "`A` from the data, `B` from elsewhere",
     "results[].budget[].contribution": "its standard uncertainty in the value's unit",
     "results[].budget[].source": "this measurement, or a certificate of the bench file",
+    "results[].budget[].quantity": "name of the input quantity",
+    "results[].budget[].standard_uncertainty": "that of the input, in its own unit",
+    "results[].budget[].unit": "unit of the input",
+    "results[].budget[].distribution": "what the input is distributed as: `normal`, `uniform`, "
+    "`Student's t`",
+    "results[].budget[].degrees_of_freedom": "those of the input, null for infinitely many",
+    "results[].budget[].sensitivity": "change of the value for one unit of the input",
+    "results[].budget[].share": "its part of the combined variance; all of them add to 1",
+    "results[].guard_band": "where there is a limit: by how much the value must be inside it",
+    "results[].conformity_probability": "where there is a limit: the probability that the quantity "
+    "is within it (JCGM 106, 7.3)",
     "results[].terms": "the combination that the value really is: coefficients and their shares",
     "results[].conditions": "what the value holds at, such as the temperature",
     "results[].frame": "the axes that an angle is taken from",
@@ -61,6 +73,10 @@ RESULT_KEYS = {
     "as_published[].value": "the value, null where the formula cannot run",
     "as_published[].unit": "its unit",
     "as_published[].method": "how it was computed",
+    "covariance": "covariance of results where the data give it: shared inputs are in it; results "
+    "that it does not name are left out, not uncorrelated",
+    "covariance.names[]": "name and axis of each row",
+    "covariance.matrix[]": "the rows of the matrix, in the products of the results' units",
     "flags[]": "what the reader must know; some flags have further keys, such as `count`",
     "flags[].code": "one of the [codes](flags.md)",
     "flags[].axis": "the axis it concerns, or null",
@@ -116,6 +132,9 @@ RUN_EVENTS = {
     "run-started": "the plan's procedure, device and units of work; what `status` reads",
     "memory-taken": "other programs hold the memory that the evaluation will need: a warning",
     "uncalibrated": "a calibration record that the results need is not there: a warning",
+    "outside-certified-range": "a calibration record states the uncertainty over another range: a "
+    "warning",
+    "calibration-overdue": "a calibration was due before today: a warning",
     "calibration-unused": "a calibration record states what the analysis does not use: a warning",
     "system-clock-unsynchronised": "nothing keeps the computer's clock right: a warning",
     "system-clock-jumped": "the computer's clock was set while the run went on; no data change",

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from station.findings import Findings, Flag, InputQuantity, findings_of
+from station.findings import Covariance, Findings, Flag, InputQuantity, findings_of
 
 from .analysis import MOUNTING, analyse
 from .dataset import AccelerometerAnalysis, AccelerometerDataset
@@ -43,7 +43,7 @@ def findings_of_run(
     dataset = dataset_of_run(folder, parameters, bench)
     analysis = analyse(dataset, settings(parameters))
     inputs = [*type_b_inputs(parameters, bench), *_mounting(analysis, dataset)]
-    findings = findings_of(analysis, dataset, inputs)
+    findings = replace(findings_of(analysis, dataset, inputs), covariance=related(analysis))
     finished = folder.finished_units()
     known = [point.unit for point in parameters.points if point.unit in finished]
     count = overloaded_readings(folder, known)
@@ -64,7 +64,14 @@ def findings_of_dataset(raw: RawDataset) -> Findings:
     """
     dataset = dataset_of_import(raw)
     analysis = analyse(dataset)
-    return findings_of(analysis, dataset, list(_mounting(analysis, dataset)))
+    findings = findings_of(analysis, dataset, list(_mounting(analysis, dataset)))
+    return replace(findings, covariance=related(analysis))
+
+
+def related(analysis: AccelerometerAnalysis) -> Covariance:
+    """Return the covariance of the coefficients: all are solved together."""
+    keys = tuple((name, None) for name in analysis.identifiability.kept)
+    return Covariance(keys, tuple(map(tuple, analysis.covariance.tolist())))
 
 
 def settings(parameters: AccelerometerParameters) -> AnalysisSettings:

@@ -7,8 +7,17 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
-from station.findings import Detail, Estimate, Findings, Flag, InputQuantity, finite, undetermined
-from station.results import combine
+from station.findings import (
+    Covariance,
+    Detail,
+    Estimate,
+    Findings,
+    Flag,
+    InputQuantity,
+    finite,
+    undetermined,
+)
+from station.uncertainty import combine
 
 from .analysis import analyse
 from .coils import MISALIGNMENT, PROBE_ANGLE, CoilResponse, coil_responses, slope_by_misalignment
@@ -166,7 +175,9 @@ def undriven_inputs(
         if any(one.sensitivities.get(name) for one in estimates):
             about = f"sensitivity of {axis}, which was not driven"
             source = f"undriven_sensitivity, {limits.undriven_sensitivity:g} {UNIT} at most"
-            yield InputQuantity(name, about, limits.undriven_u, UNIT, source)
+            yield InputQuantity(
+                name, about, limits.undriven_u, UNIT, source, distribution="uniform"
+            )
 
 
 def type_b_inputs(
@@ -239,7 +250,13 @@ def to_findings(
     ]
     flags = [*analysis.flags, *flags_of(tested)]
     detail = RlgDetail(analysis, dataset, coils, tested)
-    return Findings(estimates, analysis.published, flags, inputs, detail)
+    return Findings(estimates, analysis.published, flags, inputs, detail, related(analysis))
+
+
+def related(analysis: RlgAnalysis) -> Covariance:
+    """Return the covariance of the sensitivities: all driven axes are solved together."""
+    keys = tuple((QUANTITY, axis) for axis in analysis.determined)
+    return Covariance(keys, tuple(map(tuple, analysis.covariance.tolist())))
 
 
 def extra_of(

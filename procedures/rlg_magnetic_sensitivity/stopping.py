@@ -131,7 +131,7 @@ class Patience:
 def standings_of(run: Run, planned: PlannedRecord, facts: Mapping[str, Any]) -> list[Standing]:
     """Return what the records so far, the unfinished one with them, say of its axes."""
     from procedures.rlg_magnetic_sensitivity.evaluate import estimates_so_far
-    from station.results import combine
+    from station.uncertainty import combine
 
     parameters: RlgParameters = run.parameters
     units = [record.unit for record in sensitivity_records(parameters)]

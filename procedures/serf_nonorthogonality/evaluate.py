@@ -57,6 +57,7 @@ def common_inputs(dataset: SerfDataset) -> Iterator[InputQuantity]:
         GAMMA_ROUNDING / dataset.gamma_Hz_per_nT,
         "1",
         "CODATA, rounded",
+        distribution="uniform",
     )
 
 
@@ -81,6 +82,7 @@ def bench_inputs(
             parameters.nulling.tolerance_nT / math.sqrt(3.0),
             "nT",
             "nulling.tolerance of the plan",
+            distribution="uniform",
         )
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
-from station.results import Rule
+from station.decision import Rule
 
 Row = tuple[str, str]
 

@@ -11,6 +11,7 @@ from typing import Any
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
+from station.decision import Decision
 from station.findings import Published
 from station.report.context import ReportContext
 from station.report.numbers import (
@@ -26,7 +27,7 @@ from station.report.numbers import (
     is_numeric_column,
 )
 from station.report.parts import Part, Plot, Table
-from station.results import LIMIT_WITHOUT_RESULT, Decision, Result, ResultDocument
+from station.results import LIMIT_WITHOUT_RESULT, Result, ResultDocument
 
 RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 BADGES = {

@@ -8,7 +8,8 @@ from decimal import ROUND_HALF_EVEN, Decimal
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from station.results import Limit, Result
+    from station.decision import Limit
+    from station.results import Result
 
 UNDETERMINED = "undetermined"
 NOTHING = "–"

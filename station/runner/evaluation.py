@@ -23,7 +23,7 @@ from station.errors import (
     MissingRows,
     place_of,
 )
-from station.files.faults import FaultList, listed, not_there
+from station.files.faults import FaultList, not_there
 from station.findings import Findings, Flag
 from station.instruments.bench import Bench
 from station.procedure import Procedures, as_declared, procedure_of
@@ -33,16 +33,15 @@ from station.record.folder import REPORT, RESULTS, RunFolder
 from station.record.layout import MANIFEST, write_manifest
 from station.record.recorded import left_out, left_unverified, read_plan_and_bench, used_instruments
 from station.results import ResultDocument, conclude
+from station.runner.calibration_flags import NOT_STATED, record_flags
 
 if TYPE_CHECKING:
     from station.dataset_reading import RawDataset
     from station.files.plan import Plan
-    from station.procedure import Procedure
 
 MOST_UNITS = 6
 LIBRARIES_BYTES = 280_000_000
 """Address space that SciPy and a report take, once a record is read; little of it is touched."""
-UNCALIBRATED = "uncalibrated"
 
 
 def evaluate_run(folder: RunFolder) -> tuple[ResultDocument, Findings]:
@@ -76,7 +75,7 @@ def evaluate_run(folder: RunFolder) -> tuple[ResultDocument, Findings]:
             plan.decision_rule,
             bench_safe=not left_unverified(folder, bench),
             data_whole=not damage.parts and not missing,
-            calibrated=all(flag.code != UNCALIBRATED for flag in of_records),
+            calibrated=all(one.code not in NOT_STATED for one in of_records),
             measured=procedure.measured_axes(plan.parameters),
         )
     except (ArithmeticError, ValueError) as error:  # LinAlgError is a ValueError
@@ -143,50 +142,6 @@ def flags_of_run(folder: RunFolder, bench: Bench) -> list[Flag]:
             )
         )
     return flags
-
-
-def record_flags(procedure: Procedure, parameters: Any, bench: Bench) -> Iterator[Flag]:
-    """Yield what the budget of a plan lacks of calibration records, and what of them is not used.
-
-    Only the instruments that the plan uses count.
-    """
-    uses = procedure.records(parameters, bench)
-    lacking = [
-        use
-        for use in uses
-        if use.in_budget
-        and use.needed
-        and bench.stated(use.instrument, use.quantity, use.at, use.unit) is None
-    ]
-    if lacking:
-        names = listed(f"{use.instrument} ({use.quantity})" for use in lacking)
-        yield Flag(
-            UNCALIBRATED,
-            f"No calibration record states the uncertainty of {names}: u is too small by that "
-            "part, and the verdict is at best inconclusive. Have it calibrated, and write what the "
-            "certificate states under `calibration` in the bench file.",
-            details={"instruments": list(dict.fromkeys(use.instrument for use in lacking))},
-        )
-    for name in procedure.instruments(parameters):
-        unused = [
-            f"{kind} of {quantity}"
-            for kind, quantity in bench.statements(name)
-            if not any(
-                use.instrument == name
-                and use.quantity == quantity
-                and (use.in_budget if kind == "uncertainty" else use.corrected)
-                for use in uses
-            )
-        ]
-        if unused:
-            yield Flag(
-                "calibration-unused",
-                f"The calibration record of {name} states the {listed(unused)}, which the "
-                "evaluation of this plan does not use: it is neither in the results nor in u. "
-                "Where they depend on it, add its part by hand; where another quantity was meant, "
-                "correct the bench file.",
-                details={"instrument": name, "unused": unused},
-            )
 
 
 def flags_of_gaps(folder: RunFolder) -> Iterator[Flag]:

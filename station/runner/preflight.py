@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from station.clock import RealClock, boot_seconds, system_clock_synchronised, utc_now
 from station.errors import RecordError
-from station.runner.evaluation import record_flags
+from station.runner.calibration_flags import record_flags
 from station.runner.resources import disk_of, memory_of, nearest_there
 from station.safety.static_limits import problems_of_plan
 

@@ -10,6 +10,7 @@ from typing import Annotated, Any, Literal, Protocol
 
 from pydantic import BaseModel, Field, field_validator
 
+from station.decision import Limit, Rule
 from station.errors import InputError
 from station.fields import StrictModel, to_yaml_data
 from station.files.faults import Fault, FaultList, listed, nearest, not_there
@@ -17,7 +18,6 @@ from station.files.plan.composition import compose
 from station.files.validation import check_model
 from station.files.yaml.document import Document, FromDocument, leaves
 from station.files.yaml.reading import read_yaml
-from station.results import Limit, Rule
 from station.units import UnitError, parse_as
 
 BOUNDS = ("min", "max", "max_abs")

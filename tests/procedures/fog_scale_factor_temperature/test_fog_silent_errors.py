@@ -13,7 +13,7 @@ from procedures.fog_scale_factor_temperature.analysis import FogAnalysis, analys
 from procedures.fog_scale_factor_temperature.dataset import FogDataset, TurnTable
 from procedures.fog_scale_factor_temperature.evaluate import to_findings
 from station.findings import Estimate, Flag
-from station.results import Combined, combine
+from station.uncertainty import Combined, combine
 
 PAIRS, SINGLE = (360, -360), (360,)
 STATED = {"angle_random_walk_deg_per_sqrt_h": 0.002, "turntable_accuracy_arcsec": 1.0}

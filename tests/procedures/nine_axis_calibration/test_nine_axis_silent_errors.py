@@ -23,7 +23,7 @@ from procedures.nine_axis_calibration.dataset import NineAxisDataset, TurnRecord
 from procedures.nine_axis_calibration.evaluate import prior_inputs
 from procedures.nine_axis_calibration.outlook import prior_of
 from procedures.nine_axis_calibration.parameters import Prior
-from station.results import combine
+from station.uncertainty import combine
 
 ARCSEC = 648000.0 / np.pi
 KNOWN = replace(PRIOR, mounting_rad=0.5 * ARCMIN, table_axes_rad=10.0 / ARCSEC)

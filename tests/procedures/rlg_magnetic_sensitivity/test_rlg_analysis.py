@@ -19,7 +19,7 @@ from procedures.rlg_magnetic_sensitivity.evaluate import undriven_inputs
 from procedures.rlg_magnetic_sensitivity.frequencies import Drive
 from procedures.rlg_magnetic_sensitivity.gyro import published_value
 from procedures.rlg_magnetic_sensitivity.settings import AnalysisSettings
-from station.results import combine
+from station.uncertainty import combine
 
 EXAMPLES = {
     "rlg-one-axis": ({"IA": Drive(0.08, 1.2)}, 0.1, 0.0),

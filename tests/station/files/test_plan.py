@@ -8,12 +8,12 @@ from pathlib import Path
 import pytest
 from pydantic import BaseModel, ValidationInfo, field_validator
 
+from station.decision import Limit
 from station.fields import Hertz, Millitesla, StrictModel
 from station.files.lookup import BENCHES, PLANS, available, find
 from station.files.plan import Plan, plan_of, read_plan
 from station.files.yaml.document import yaml_text
 from station.files.yaml.reading import FaultList, read_yaml_text
-from station.results import Limit
 
 
 class ShakeParameters(StrictModel):

@@ -25,7 +25,8 @@ from station.procedure import procedure_of
 from station.record.folder import RunFolder
 from station.record.recorded import read_plan_and_bench
 from station.results import conclude
-from station.runner.evaluation import quiet_numbers, record_flags
+from station.runner.calibration_flags import NOT_STATED, record_flags
+from station.runner.evaluation import quiet_numbers
 
 RLG, ACCELEROMETER, SERF, FOG, NINE = (
     "rlg-magnetic-sensitivity",
@@ -116,7 +117,7 @@ def test_shipped_benches_have_the_records_that_shipped_plans_need(path: Path) ->
         procedure = procedure_of(plan.procedure)
         if set(procedure.instruments(plan.parameters)) <= set(bench.instruments):
             found = record_flags(procedure, plan.parameters, bench)
-            assert "uncalibrated" not in {flag.code for flag in found}, name
+            assert not {flag.code for flag in found} & set(NOT_STATED), name
 
 
 @pytest.mark.parametrize(
@@ -248,6 +249,17 @@ def test_a_gaussmeter_that_states_another_quantity_alone_is_uncalibrated(tmp_pat
     flags = {flag.code: flag for flag in outcome.document.flags}
     assert flags["uncalibrated"].details["instruments"] == ["gaussmeter"]
     assert outcome.exit_code == 6
+
+
+def test_a_field_outside_the_certified_range_does_not_pass_and_is_named(tmp_path: Path) -> None:
+    entry = {"quantity": "field", "up_to": "0.5 mT", "relative": "1 %", "coverage_factor": 2}
+    change = {"instruments/gaussmeter/calibration/uncertainty": [entry]}
+    outcome, _ = short_run(tmp_path, plan=ONE_AXIS, bench=change)
+    assert outcome.document is not None
+    flags = {flag.code: flag for flag in outcome.document.flags}
+    assert "uncalibrated" not in flags
+    assert flags["outside-certified-range"].details["value"] == "1 mT"
+    assert (outcome.document.verdict, outcome.exit_code) == ("inconclusive", 6)
 
 
 @pytest.mark.parametrize(

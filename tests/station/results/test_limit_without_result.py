@@ -8,12 +8,13 @@ from pathlib import Path
 import pytest
 from campaign_helpers import finished_run
 
+from station.decision import Limit
 from station.errors import EXIT_DONE, EXIT_OUTSIDE_LIMIT, EXIT_UNDETERMINED, InputError
 from station.findings import Estimate, Findings
 from station.procedure import as_declared, procedure_of
 from station.record.folder import RunFolder
 from station.report.tables import junit_of
-from station.results import Limit, ResultDocument, conclude
+from station.results import ResultDocument, conclude
 from station.runner.evaluation import evaluate_run, exit_code_of
 
 CODE = "limit-without-result"

@@ -14,6 +14,7 @@ from procedures.rlg_magnetic_sensitivity.dataset import RlgDataset, Segment
 from procedures.rlg_magnetic_sensitivity.evaluate import to_findings
 from procedures.rlg_magnetic_sensitivity.figures import draw_parts
 from procedures.rlg_magnetic_sensitivity.frequencies import Drive
+from station.decision import Limit
 from station.findings import Estimate, Findings, Flag, InputQuantity, Published
 from station.report.context import (
     InstrumentRow,
@@ -30,7 +31,7 @@ from station.report.numbers import (
     format_with_uncertainty,
 )
 from station.report.parts import Part, Plot, Table
-from station.results import Limit, ResultDocument, conclude
+from station.results import ResultDocument, conclude
 
 NAME = "magnetic_sensitivity"
 UNIT = "deg/h/mT"

@@ -13,10 +13,11 @@ from typing import Any
 import pytest
 from campaign_helpers import finished_run, station
 
+from station.decision import Limit, Rule
 from station.findings import Estimate, Findings, Flag, Published
 from station.record.folder import RunFolder
 from station.report.tables import csv_of, junit_of
-from station.results import Limit, ResultDocument, Rule, conclude
+from station.results import ResultDocument, conclude
 
 
 @pytest.fixture(scope="module")

@@ -1,0 +1,75 @@
+"""What the calibration records of a bench lack for a plan, and what of them it does not use."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any
+
+from station.files.faults import listed
+from station.findings import Flag
+from station.units import format_quantity
+
+if TYPE_CHECKING:
+    from station.instruments.bench import Bench
+    from station.procedure import Procedure
+
+UNCALIBRATED = "uncalibrated"
+OUTSIDE_RANGE = "outside-certified-range"
+NOT_STATED = (UNCALIBRATED, OUTSIDE_RANGE)
+"""Flags of results whose u lacks a part: the verdict is at best inconclusive."""
+
+
+def record_flags(procedure: Procedure, parameters: Any, bench: Bench) -> Iterator[Flag]:
+    """Yield what the budget of a plan lacks of calibration records, and what of them is not used.
+
+    Only the instruments that the plan uses count.
+    """
+    uses = procedure.records(parameters, bench)
+    lacking = [
+        use
+        for use in uses
+        if use.in_budget
+        and use.needed
+        and bench.stated(use.instrument, use.quantity, use.at, use.unit) is None
+    ]
+    outside = [
+        use for use in lacking if ("uncertainty", use.quantity) in bench.statements(use.instrument)
+    ]
+    if absent := [use for use in lacking if use not in outside]:
+        named = listed(f"{use.instrument} ({use.quantity})" for use in absent)
+        yield Flag(
+            UNCALIBRATED,
+            f"No calibration record states the uncertainty of {named}: u is too small by that "
+            "part, and the verdict is at best inconclusive. Have it calibrated, and write what the "
+            "certificate states under `calibration` in the bench file.",
+            details={"instruments": list(dict.fromkeys(use.instrument for use in absent))},
+        )
+    for use in outside:
+        at = format_quantity(use.at, use.unit)
+        yield Flag(
+            OUTSIDE_RANGE,
+            f"The calibration record of {use.instrument} states the uncertainty of {use.quantity} "
+            f"over a range that does not hold {at}: u is too small by that part, and the verdict "
+            "is at best inconclusive. Measure within the range, or have it calibrated there.",
+            details={"instrument": use.instrument, "quantity": use.quantity, "value": at},
+        )
+    for name in procedure.instruments(parameters):
+        unused = [
+            f"{kind} of {quantity}"
+            for kind, quantity in bench.statements(name)
+            if not any(
+                use.instrument == name
+                and use.quantity == quantity
+                and (use.in_budget if kind == "uncertainty" else use.corrected)
+                for use in uses
+            )
+        ]
+        if unused:
+            yield Flag(
+                "calibration-unused",
+                f"The calibration record of {name} states the {listed(unused)}, which the "
+                "evaluation of this plan does not use: it is neither in the results nor in u. "
+                "Where they depend on it, add its part by hand; where another quantity was meant, "
+                "correct the bench file.",
+                details={"instrument": name, "unused": unused},
+            )
