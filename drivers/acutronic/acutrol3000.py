@@ -216,6 +216,10 @@ class Acutrol3000(Driver):
         self._table.look()
         return state.rate
 
+    def take_errors(self) -> list[str]:
+        """Return the errors that it keeps, the oldest first, and leave its queue empty."""
+        return self._table.take_errors()
+
     def make_safe(self, deadline_s: float) -> None:
         """Brake every axis with its programmed acceleration, wait for rest, and set all modes off.
 

@@ -150,6 +150,11 @@ class AclLine:
             if not self._next_error().code:
                 return
 
+    def next_error(self) -> str:
+        """Take the oldest error from the queue; empty where there is none."""
+        kept = self._next_error()
+        return f"{kept.code}: {kept.text}" if kept.code else ""
+
     def close(self) -> None:
         """Close the line."""
         self._line.close()

@@ -19,6 +19,7 @@ from drivers.acutronic.line import (
     queries,
     wrong_rate,
 )
+from drivers.transport.line import errors_until_none
 from station.errors import InputError, InstrumentError
 from station.roles import Place
 
@@ -289,6 +290,10 @@ class Table:
         """Empty the error queue of what was refused and did not matter."""
         with suppress(InstrumentError):
             self._line.forget_errors()
+
+    def take_errors(self) -> list[str]:
+        """Return the errors that it keeps, the oldest first, and leave its queue empty."""
+        return errors_until_none(self._place.name, self._line.next_error)
 
     def _knows_zero(self, state: AxisState) -> bool:
         """Count the turns of an axis anew, from an encoder whose zero is known."""

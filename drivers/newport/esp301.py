@@ -33,7 +33,7 @@ from typing import ClassVar
 from pydantic import Field
 
 from drivers.newport.esp301_line import MODEL, EspLine
-from drivers.transport.line import check_written
+from drivers.transport.line import check_written, errors_until_none
 from drivers.transport.retry import Repeatable
 from drivers.transport.serial_port import BaudRate, Handshake, SerialSettings
 from station.errors import InstrumentError
@@ -275,6 +275,10 @@ class NewportEsp301(Driver):
             f"{'at rest' if done else 'moving'} at {angle_deg:.3f} deg, {abs(rate):.3f} deg/s, "
             f"motor {'on' if motor_on else 'off'}",
         )
+
+    def take_errors(self) -> list[str]:
+        """Return the errors that it keeps, the oldest first, and leave its queue empty."""
+        return errors_until_none(self.place.name, self._line.next_error)
 
     def _prepare(self) -> None:
         """Have the bench's limits in the controller before anything turns."""

@@ -86,6 +86,11 @@ class EspLine(SerialLine):
             if not self._error(ERROR_QUERY)[0]:
                 return
 
+    def next_error(self) -> str:
+        """Take the oldest error that is kept; empty where there is none."""
+        code, text = self._error(ERROR_QUERY)
+        return f"{code}, {text}" if code else ""
+
     def motor_off(self, attempted: str) -> InstrumentError:
         """Return the error of a motor that is off for no reported reason."""
         return self.named(attempted, 100 * self._axis + 13, "MOTOR NOT ENABLED")

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from itertools import islice
 
 from drivers.transport.not_opened import why_not_opened
 from station.errors import InstrumentError
@@ -59,6 +61,26 @@ class TracedLine:
 
 
 OTHER_ADDRESS = "check that the address in the bench file is its own"
+
+
+MOST_KEPT_ERRORS = 100
+"""More than any of these instruments keeps."""
+
+
+def errors_until_none(name: str, next_error: Callable[[], str]) -> list[str]:
+    """Return the errors of a queue, the oldest first; `next_error` takes one, empty for none.
+
+    Raises InstrumentError where there is no end of them.
+    """
+    kept = list(islice(iter(next_error, ""), MOST_KEPT_ERRORS))
+    if len(kept) == MOST_KEPT_ERRORS:
+        raise InstrumentError(
+            name,
+            "emptied its error queue",
+            f"it still reports {shortened(kept[-1])} after {MOST_KEPT_ERRORS} errors",
+            "look what the instrument shows, and switch it off and on",
+        )
+    return kept
 
 
 def number_of(instrument: str, message: str, answer: str) -> float:

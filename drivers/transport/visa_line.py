@@ -17,7 +17,13 @@ import pyvisa
 from pydantic import Field
 from pyvisa import constants
 
-from drivers.transport.line import identification, number_of, numbers_of, shortened
+from drivers.transport.line import (
+    errors_until_none,
+    identification,
+    number_of,
+    numbers_of,
+    shortened,
+)
 from drivers.transport.retry import NEVER, Repeatable
 from drivers.transport.serial_port import CONNECT_DEADLINE_S, Port, SocketPort
 from drivers.transport.text_line import TextLine
@@ -208,6 +214,11 @@ class ScpiLine(VisaLine):
             "compare the plan's and the bench file's values with the instrument's ranges",
         )
 
+    def next_error(self) -> str:
+        """Take the oldest error, or all, from the queue; empty where there is none."""
+        answer = self.query(self._error_query)
+        return "" if self._no_error.match(answer) else answer
+
     def number(self, message: str) -> float:
         """Return the answer to `message` as a finite number; anything else is InstrumentError."""
         return number_of(self._place.name, message, self.query(message))
@@ -241,6 +252,10 @@ class ScpiDriver(Driver):
     def identify(self) -> Identity:
         """Ask `*IDN?`; the answer is maker, model, serial number, firmware."""
         return Identity(*identification(self.place.name, self._line.query("*IDN?"))[:4])
+
+    def take_errors(self) -> list[str]:
+        """Return the errors that it keeps, the oldest first, and leave its queue empty."""
+        return errors_until_none(self.place.name, self._line.next_error)
 
 
 class PatientLine:

@@ -278,6 +278,18 @@ class Instrument(Protocol):
 
 
 @runtime_checkable
+class KeepsErrors(Protocol):
+    """An instrument with an error queue that can be read."""
+
+    def take_errors(self) -> list[str]:
+        """Return the errors that it keeps, the oldest first, and leave its queue empty.
+
+        Raises InstrumentError where the queue does not come to its end.
+        """
+        ...
+
+
+@runtime_checkable
 class MadeSafe(Protocol):
     """An instrument that can harm, and how it is brought to rest."""
 

@@ -63,7 +63,7 @@ def bench_plan_of(bench: str) -> dict[str, Any]:
     """Return what `station commission` runs on a shipped bench, with all that is known of it."""
     plan = shipped_plan("commissioning")
     read = read_bench(find(BENCHES, bench), registry.names(registry.DRIVERS))
-    for line in PROCEDURE.fits(read, False):
+    for line in PROCEDURE.fits(read, False, {}):
         _state(plan, line)
     return _with_known(plan)
 

@@ -42,8 +42,9 @@ def clock_flags(one: Estimate, instrument: str) -> Iterator[Flag]:
     assert one.value is not None and one.standard_uncertainty is not None
     u = COVERAGE * one.standard_uncertainty
     if abs(one.value) - u > CLOCK_PPM:
+        way = "slow" if one.value > 0.0 else "fast"
         message = (
-            f"The clock of {instrument} is off by {one.value:+.0f} ppm against the computer's "
+            f"The clock of {instrument} is {abs(one.value):.0f} ppm {way} against the computer's "
             f"(U = {u:.0f} ppm). One of both is wrong: compare each with a time standard."
         )
         yield Flag("clock-off", message, instrument)

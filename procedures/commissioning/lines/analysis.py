@@ -13,7 +13,7 @@ from station.findings import Analysis, Estimate, Flag, undetermined
 
 from .limits import LOST as MAY_BE_LOST
 from .limits import SLOWEST_MS
-from .parameters import JITTER, LATENCY, LOST, SLOWEST
+from .parameters import JITTER, KEPT, LATENCY, LOST, SLOWEST
 
 Array = NDArray[np.float64]
 MEDIAN, P99 = 0.5, 0.99
@@ -28,10 +28,21 @@ class Answers:
     same: NDArray[np.bool_]
 
 
-def analyse(asked: Mapping[str, Answers], returned: Mapping[str, Answers]) -> Analysis:
-    """Return latency and lost answers by instrument, and causes.
+@dataclass(frozen=True)
+class Kept:
+    """Errors in an instrument's queue: from before it is asked anything, and since."""
 
-    `asked`: answers by instrument; `returned`: those after its cable was pulled and plugged in.
+    before: tuple[str, ...]
+    since: tuple[str, ...]
+
+
+def analyse(
+    asked: Mapping[str, Answers], returned: Mapping[str, Answers], kept: Mapping[str, Kept]
+) -> Analysis:
+    """Return latency, lost answers and kept errors by instrument, and causes.
+
+    `asked`: answers by instrument; `returned`: those after its cable was pulled and plugged in;
+    `kept`: errors of those that have a queue of them.
     """
     estimates: list[Estimate] = []
     flags: list[Flag] = []
@@ -44,6 +55,10 @@ def analyse(asked: Mapping[str, Answers], returned: Mapping[str, Answers]) -> An
             Estimate(LOST, name, float((~one.same).sum()), "1", 0.0, None, "answers counted"),
         ]
         flags += _causes(name, one, estimates[-3].value)
+    for name, errors in kept.items():
+        count = float(len(errors.before) + len(errors.since))
+        estimates.append(Estimate(KEPT, name, count, "1", 0.0, None, "errors counted"))
+        flags += _kept_causes(name, errors)
     for name, one in returned.items():
         if not one.same[-1]:
             message = (
@@ -97,3 +112,19 @@ def _causes(name: str, one: Answers, slowest_ms: float | None) -> Iterator[Flag]
             "at the adapter's latency and at what else loads the line."
         )
         yield Flag("line-slow", message, name)
+
+
+def _kept_causes(name: str, errors: Kept) -> Iterator[Flag]:
+    if errors.before:
+        message = (
+            f"{name} keeps {len(errors.before)} errors from before the run, the oldest "
+            f"{errors.before[0]}; its queue is empty now. Find out who used it last, and run again."
+        )
+        yield Flag("error-queue-not-empty", message, name)
+    if errors.since:
+        message = (
+            f"{name} reports {len(errors.since)} errors though it is only asked who it is, the "
+            f"oldest {errors.since[0]}: nobody else may talk to it, and its line may not disturb "
+            "what is sent."
+        )
+        yield Flag("error-while-asked", message, name)

@@ -8,9 +8,9 @@ from procedures.commissioning.not_measured import not_measured
 from station.findings import Findings, findings_of
 from station.procedure import ResultKind
 
-from .analysis import Answers, analyse
+from .analysis import Answers, Kept, analyse
 from .parameters import RESULTS, LineParameters, line_unit, return_unit
-from .steps import SOURCE
+from .steps import BEFORE, SINCE, SOURCE
 
 if TYPE_CHECKING:
     from station.instruments.bench import Bench
@@ -31,7 +31,13 @@ def findings(folder: RunFolder, parameters: LineParameters, bench: Bench) -> Fin
     returned: dict[str, Answers] = {
         name: answers(folder, return_unit(name)) for name in parameters.disconnected
     }
-    return findings_of(analyse(by_name, returned), by_name, [])
+    units = folder.finished_units()
+    kept: dict[str, Kept] = {
+        name: Kept(tuple(details[BEFORE]), tuple(details[SINCE]))
+        for name in parameters.instruments
+        if BEFORE in (details := units[line_unit(name)])
+    }
+    return findings_of(analyse(by_name, returned, kept), by_name, [])
 
 
 def answers(folder: RunFolder, unit: str) -> Answers:

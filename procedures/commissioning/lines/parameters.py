@@ -24,12 +24,13 @@ LineName = Literal[
 """Instruments that answer one question at a time; those that stream have their own line checks."""
 LINES: tuple[LineName, ...] = LineName.__args__  # type: ignore[attr-defined]
 LATENCY, SLOWEST, LOST = "line_latency", "line_latency_p99", "line_errors"
-JITTER = "line_jitter"
+JITTER, KEPT = "line_jitter", "kept_errors"
 RESULTS = {
     LATENCY: ResultKind(LINES, "ms"),
     SLOWEST: ResultKind(LINES, "ms"),
     JITTER: ResultKind(LINES, "ms"),
     LOST: ResultKind(LINES, "1"),
+    KEPT: ResultKind(LINES, "1"),
 }
 """What is reported of each instrument, with its unit."""
 

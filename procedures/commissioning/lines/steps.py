@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from procedures.commissioning.at_rest import ask_at_rest
 from station.errors import InstrumentError
 from station.procedure import Step
-from station.roles import Instrument
+from station.roles import Instrument, KeepsErrors
 
 from .parameters import line_unit, return_unit
 from .work import pull
@@ -16,6 +16,8 @@ if TYPE_CHECKING:
     from station.runner.run import Run
 
 SOURCE = "lines"
+BEFORE, SINCE = "errors_before", "errors_since"
+"""Details of a unit: errors that the instrument kept before and since it is asked, if it can."""
 COLUMNS = {
     "latency_s": "s from the question for the identity to its answer, NaN where none came",
     "answered": "1 the identity came, 0 it did not",
@@ -26,16 +28,20 @@ TRIES, BETWEEN_S = 10, 1.0
 
 
 def ask(run: Run) -> None:
-    """L1: each instrument is asked many times who it is."""
+    """L1: each instrument is asked many times who it is, between two looks into its error queue."""
     for name in run.parameters.lines.instruments:
         if run.is_finished(line_unit(name)):
             continue
         run.may_pause()
-        with run.unit(line_unit(name)):
+        with run.unit(line_unit(name)) as details:
             instrument = run.role(name, Instrument)
+            if isinstance(instrument, KeepsErrors):
+                details[BEFORE] = instrument.take_errors()
             known = instrument.identify()
             rows = [_one(run, instrument, known) for _ in range(run.parameters.lines.queries)]
             _record(run, line_unit(name), rows)
+            if isinstance(instrument, KeepsErrors):
+                details[SINCE] = instrument.take_errors()
 
 
 def come_back(run: Run) -> None:

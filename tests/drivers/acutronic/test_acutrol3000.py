@@ -96,6 +96,20 @@ def test_every_message_is_answered_with_its_error_and_its_length() -> None:
         assert line.says(":Status:MSG? QERROR;:Status:STB?") == ";0"
 
 
+@pytest.mark.parametrize("truth", [{}, LINE], ids=["framed", "line"])
+def test_the_driver_takes_all_that_is_kept_and_leaves_nothing(truth: dict[str, str]) -> None:
+    with table_bench(truth) as bench:
+        table = bench.driver(**truth)
+        assert table.take_errors() == []
+        table._line.tell(":Demand:Rate 7,1")
+        if truth:  # what a message is told of its error is taken with it
+            table._line._line.write(":Demand:Rate 7,1")
+        (kept,) = table.take_errors()
+        assert re.fullmatch(r"\d+: PARAMETER OUT OF RANGE", kept)
+        assert table.take_errors() == []
+        table.close()
+
+
 def test_in_the_other_form_only_queries_are_answered() -> None:
     with table_bench(LINE) as bench, RawTable(bench) as line:
         line.write(":Mode 1,Rate")

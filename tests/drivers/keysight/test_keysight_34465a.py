@@ -50,6 +50,15 @@ def test_it_takes_the_next_range_up_with_its_over_range(fixture: Fixture) -> Non
     meter.close()
 
 
+def test_it_takes_all_errors_that_are_kept_and_leaves_none(fixture: Fixture) -> None:
+    meter = Keysight34465A(fixture.place())
+    for message in ("NONSENSE", "VOLT:RANG"):
+        fixture.at_its_front_panel(message)
+    assert [int(one.partition(",")[0]) for one in meter.take_errors()] == [-113, -109]
+    assert meter.take_errors() == []
+    meter.close()
+
+
 @pytest.mark.parametrize(
     ("largest_V", "nplc", "said"),
     [

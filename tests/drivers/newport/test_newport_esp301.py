@@ -97,6 +97,19 @@ def test_errors_come_only_when_asked_for_oldest_first_and_ten_at_most() -> None:
         assert line.code() == 7
 
 
+def test_the_driver_takes_all_that_is_kept_and_leaves_nothing() -> None:
+    with stage_bench() as bench:
+        with RawStage(bench) as line:
+            for text in ("XX", "PA5", "4PA5"):
+                line.tell(text)
+        stage = bench.driver()
+        kept = stage.take_errors()
+        assert kept[0] == "6, COMMAND DOES NOT EXIST"
+        assert [one.partition(",")[0] for one in kept] == ["6", "37", "9"]
+        assert stage.take_errors() == []
+        stage.close()
+
+
 def test_the_angle_is_unknown_until_the_index_is_found() -> None:
     with stage_bench() as bench, RawStage(bench) as line:
         assert abs(line.value("1TP?")) < 2 * ARCSEC_DEG

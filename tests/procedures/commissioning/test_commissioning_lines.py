@@ -13,7 +13,8 @@ from plants import Plant, named
 from plants_lines import PLANTS, TRIES, faulty
 
 from procedures.commissioning.lines import limits
-from procedures.commissioning.lines.analysis import Answers, analyse
+from procedures.commissioning.lines.analysis import Answers, Kept, analyse
+from sim_instruments.wire.scpi_device import ScpiDevice
 from station.record.folder import RunFolder
 
 
@@ -72,18 +73,18 @@ def test_one_that_stays_away_fails_the_bench_though_no_limit_of_a_figure_does(
 
 
 def test_one_that_stays_away_or_answers_as_another_is_named() -> None:
-    gone = analyse({}, {"multimeter": answers(lost=50)})
+    gone = analyse({}, {"multimeter": answers(lost=50)}, {})
     assert [(one.code, one.axis) for one in gone.flags] == [("line-does-not-return", "multimeter")]
-    back = analyse({}, {"multimeter": answers(lost=3)})
+    back = analyse({}, {"multimeter": answers(lost=3)}, {})
     assert back.flags == ()
-    swapped = analyse({"gaussmeter": answers(others=4)}, {})
+    swapped = analyse({"gaussmeter": answers(others=4)}, {}, {})
     assert [(one.code, one.axis) for one in swapped.flags] == [
         ("line-identity-changes", "gaussmeter")
     ]
 
 
 def test_latency_is_that_of_the_answers_that_came() -> None:
-    found = analyse({"gaussmeter": answers(lost=2, latency_s=0.02)}, {})
+    found = analyse({"gaussmeter": answers(lost=2, latency_s=0.02)}, {}, {})
     values = {one.name: one.value for one in found.estimates}
     assert values["line_latency"] == pytest.approx(20.0)
     assert values["line_latency_p99"] == pytest.approx(20.0)
@@ -94,11 +95,11 @@ def test_latency_is_that_of_the_answers_that_came() -> None:
 def test_jitter_is_the_standard_deviation_of_the_latencies() -> None:
     spread_s = np.where(np.arange(50) % 2 == 0, 0.01, 0.03)
     every = np.ones(50, bool)
-    found = analyse({"gaussmeter": Answers(spread_s, every, every)}, {})
+    found = analyse({"gaussmeter": Answers(spread_s, every, every)}, {}, {})
     (one,) = (one for one in found.estimates if one.name == "line_jitter")
     assert one.value == pytest.approx(10.0, rel=0.02)
     assert one.standard_uncertainty == pytest.approx(one.value / np.sqrt(98.0))
-    silent = analyse({"gaussmeter": answers(lost=49)}, {})
+    silent = analyse({"gaussmeter": answers(lost=49)}, {}, {})
     assert [one.value for one in silent.estimates if one.name == "line_jitter"] == [None]
 
 
@@ -106,3 +107,35 @@ def test_the_shipped_plan_states_the_limits_of_the_naming() -> None:
     stated = shipped_plan("commissioning")["limits"]
     assert stated["line_latency_p99"] == {"max": f"{limits.SLOWEST_MS:g} ms"}
     assert stated["line_errors"] == {"max": limits.LOST}
+
+
+def test_errors_that_are_kept_are_named_by_when_they_came() -> None:
+    old, new = Kept(('-113,"Undefined header"',), ()), Kept((), ("3, OVERRUN", "3, OVERRUN"))
+    found = analyse({}, {}, {"multimeter": old, "rotary_stage": new, "gaussmeter": Kept((), ())})
+    assert [(one.code, one.axis) for one in found.flags] == [
+        ("error-queue-not-empty", "multimeter"),
+        ("error-while-asked", "rotary_stage"),
+    ]
+    assert '-113,"Undefined header"' in found.flags[0].message
+    assert [one.value for one in found.estimates] == [1.0, 2.0, 0.0]
+
+
+def test_an_error_from_before_the_run_is_named_and_taken_away(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    make = ScpiDevice.__init__
+
+    def used_before(device: ScpiDevice, identity: str) -> None:
+        make(device, identity)
+        device.errors.push(-113)
+
+    monkeypatch.setattr(ScpiDevice, "__init__", used_before)
+    plan = whole_plan_of("lines")
+    plan["parameters"]["lines"] = {"instruments": ["multimeter"], "queries": 20}
+    for name in ("line_latency_p99", "line_errors"):
+        plan["limits"].pop(name)
+    outcome = run_of(tmp_path / "run", plan, shipped_bench())
+    assert named(outcome) == {("error-queue-not-empty", "multimeter")}
+    assert outcome.exit_code == 1
+    kept = RunFolder(outcome.folder).finished_units()["line of multimeter"]
+    assert "-113" in kept["errors_before"][0] and kept["errors_since"] == []
