@@ -14,7 +14,6 @@ from station.files.lookup import BENCHES, find
 from station.instruments.bench import Bench, read_bench
 from station.roles.role import Role, role_of, roles
 
-PACKAGE = "station.conformance"
 CLAIMS = {"made_safe": "make_safe", "sampled_source": "drain"}
 """Fixtures for whatever has a verb; the other fixtures bear the name of a role."""
 

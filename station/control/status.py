@@ -297,8 +297,3 @@ def in_words(event: Event) -> str:
             )
     plain = (f"{key} {value}" for key, value in details.items() if not isinstance(value, list))
     return f"{event.kind}: {', '.join(plain)}" if details else event.kind
-
-
-def in_short(instrument: str, read_back: str) -> str:
-    """Return what an instrument read back, its name once."""
-    return f"{instrument} {read_back.removeprefix(f'{instrument}: ')}"
