@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 from station.files.yaml.document import Document, Where
 from station.findings import Estimate
-from station.instruments.commissioned import Commissioned, CommissionedFigure
+from station.instruments.commissioned import Commissioned, CommissionedFigure, ConfirmedForm
+from station.record.events import Event
 
 BENCH_FILE, FIGURES_FILE = "bench-commissioned.yaml", "commissioned.json"
 KEY = "commissioned"
@@ -44,6 +45,16 @@ def figures_to_watch(
         for one in estimates
         if one.name in watched and one.value is not None
     )
+
+
+def confirmed_forms(events: Iterable[Event]) -> tuple[ConfirmedForm, ...]:
+    """Return which forms the drivers met in a run, each once, by instrument."""
+    met = {
+        (event.details["instrument"], event.details["met"])
+        for event in events
+        if event.kind == "instrument-variant"
+    }
+    return tuple(ConfirmedForm(instrument=name, met=form) for name, form in sorted(met))
 
 
 def files_of(
@@ -106,6 +117,11 @@ def block_of(commissioned: Commissioned) -> list[str]:
         f"  run: {json.dumps(commissioned.run, ensure_ascii=False)}",
         "  figures:",
         *(f"    - {entry(one)}" for one in commissioned.figures),
+        *(["  confirmed:"] if commissioned.confirmed else []),
+        *(
+            f"    - {json.dumps(one.model_dump(), ensure_ascii=False)}"
+            for one in commissioned.confirmed
+        ),
     ]
 
 

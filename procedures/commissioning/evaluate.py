@@ -14,7 +14,7 @@ from station.record.layout import BENCH_AS_WRITTEN
 
 from . import chosen
 from .causes import named_causes
-from .completing import Completion, figures_to_watch, files_of
+from .completing import Completion, confirmed_forms, figures_to_watch, files_of
 from .drift import drifts, flags_of
 from .parameters import CommissioningParameters
 
@@ -58,7 +58,12 @@ def findings_of_run(
         flags += flags_of(watched)
     began = date.fromisoformat(folder.run_facts()["started_utc"][:10])
     figures = figures_to_watch(estimates, list(allowed), changes)
-    commissioned = Commissioned(date=began, run=folder.path.name, figures=figures)
+    commissioned = Commissioned(
+        date=began,
+        run=folder.path.name,
+        figures=figures,
+        confirmed=confirmed_forms(folder.events),
+    )
     return Findings(
         estimates=estimates,
         published=[one for _, findings in found for one in findings.published],

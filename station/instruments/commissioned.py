@@ -22,12 +22,20 @@ class CommissionedFigure(StrictModel):
     standard_uncertainty: Annotated[float, Field(ge=0)]
 
 
+class ConfirmedForm(StrictModel):
+    """Which of several forms an instrument has, where its documents do not decide it."""
+
+    instrument: Words
+    met: Words
+
+
 class Commissioned(StrictModel):
-    """When a bench was commissioned, in which run, and with what figures."""
+    """When a bench was commissioned, in which run, and with what figures and forms."""
 
     date: date
     run: Words
     figures: tuple[CommissionedFigure, ...]
+    confirmed: tuple[ConfirmedForm, ...] = ()
 
     def figure(self, name: str, axis: str | None) -> CommissionedFigure | None:
         """Return a figure, None where the commissioning did not measure it."""

@@ -17,6 +17,8 @@ from station.errors import InputError, NotAcknowledged
 from station.files.faults import FaultList
 from station.files.lookup import BENCHES, find
 from station.files.yaml.reading import read_yaml
+from station.record.events import read_events
+from station.record.layout import EVENTS
 from station.runner.resuming import ResumeRequest, resume
 from station.safety.acknowledgement import acknowledge
 
@@ -69,6 +71,19 @@ def test_a_wrong_constant_is_replaced_and_all_else_stays_as_written(completed: P
     assert [one["key"] for one in told["changes"]] == [
         "instruments.coil_supply.y.settings.coil_constant"
     ]
+
+
+def test_the_bench_file_states_which_form_of_an_instrument_was_met(completed: Path) -> None:
+    noted = [
+        {"instrument": event.details["instrument"], "met": event.details["met"]}
+        for event in read_events(completed.parent / EVENTS)
+        if event.kind == "instrument-variant"
+    ]
+    assert "coil_supply.x" in [one["instrument"] for one in noted]
+    confirmed = read_yaml(completed).data["commissioned"]["confirmed"]
+    in_order = sorted(noted, key=lambda one: (one["instrument"], one["met"]))
+    assert [one for one in in_order if one not in confirmed] == []
+    assert confirmed == [one for k, one in enumerate(in_order) if one not in in_order[:k]]
 
 
 def test_a_bench_is_commissioned_again_and_has_one_set_of_figures(
