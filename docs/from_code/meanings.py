@@ -270,6 +270,28 @@ PARAMETERS = {
         "thresholds.model_too_stiff": "correlation of residuals at neighbouring temperatures",
         "thresholds.outlier": "in standard deviations of a turn",
     },
+    "gyro-static-noise": {
+        "latitude": "of the bench, north positive",
+        "input_axis": "where the positive input axis points",
+        "input_axis.NAME.azimuth": "clockwise from north",
+        "input_axis.NAME.elevation": "above level",
+        "attitude_uncertainty": "standard uncertainty of azimuth and of elevation",
+        "sample_interval": "time between two counts of the board",
+        "pulse_weight": "angle of one pulse",
+        "channel": "of the acquisition board",
+        "warm_up": "after each switch-on, before the record begins",
+        "record": "length of the main record; the rate random walk needs 12 h to 24 h",
+        "repeats": "further switch-ons, each with a short record",
+        "repeat_record": "length of each of them",
+        "cool": "time switched off before each of them",
+        "clock": "standard uncertainty of the rate of the station's clock",
+        "thresholds": "where flags are raised",
+        "thresholds.not_significant": "standard uncertainties of its square below which a "
+        "coefficient is noise",
+        "thresholds.gap": "longest interval that is no gap, in sample intervals",
+        "thresholds.outlier": "robust standard deviations beyond which a sample is left out",
+        "thresholds.drift_removed": "standard uncertainties beyond which a ramp is named",
+    },
     "nine-axis-calibration": {
         "latitude": "of the bench, north positive",
         "positions": "the published positions, each once, in the order in which they are taken",
@@ -452,5 +474,19 @@ CONDITIONS = {
         "prior.mounting": "of the sensor on the table, about each of two axes; as `prior.tilt` "
         "unless given",
         "prior.table_axes": "of the table's axes, leaning and stopping beside their angle",
+    },
+    "gyro-static-noise": {
+        "sample_interval": "of the gyro",
+        "timestamp": "which instant of its interval `t_s` means; `t_s` counts from power-on",
+        "gyro_output": "whether there are rates, or `counts` of pulses",
+        "pulse_weight": "angle of one pulse; required where the output is counts",
+        "output_bandwidth": "of the gyro's own filter; frequencies up to a quarter of it count, "
+        "and quantisation noise is not seen",
+        "latitude": "of the place, north positive",
+        "input_axis": "`IA` of one gyro, or `X`, `Y`, `Z` of a triad: where each points",
+        "input_axis.NAME.azimuth": "clockwise from north",
+        "input_axis.NAME.elevation": "above level",
+        "attitude_uncertainty": "standard uncertainty of azimuth and of elevation",
+        "warm_up": "after power-on; earlier samples do not count",
     },
 }

@@ -129,6 +129,17 @@ def commissioning_truth(bench: Mapping[str, Any], result: Mapping[str, Any]) -> 
     return number(bench["simulation"]["ambient_field"][result["axis"]])
 
 
+def static_truth(bench: Mapping[str, Any], result: Mapping[str, Any]) -> float | None:
+    """Return what the simulated laser gyro's angles scatter by: its walk, rounding and dither."""
+    gyro = bench["simulation"]["gyro"]
+    if result["name"] == "angle_random_walk":
+        return number(gyro["angle_random_walk"])
+    if result["name"] != "quantisation_noise":
+        return None
+    rounding = number(gyro["pulse_weight"]) / math.sqrt(12.0)
+    return math.hypot(rounding, number(gyro["dither_residual"]))
+
+
 TRUTHS: Mapping[str, Callable[[Mapping[str, Any], Mapping[str, Any]], float | None]] = {
     "rlg-magnetic-sensitivity": rlg_truth,
     "accelerometer-magnetic-sensitivity": accelerometer_truth,
@@ -136,6 +147,7 @@ TRUTHS: Mapping[str, Callable[[Mapping[str, Any], Mapping[str, Any]], float | No
     "serf-nonorthogonality": serf_truth,
     "nine-axis-calibration": nine_axis_truth,
     "commissioning": commissioning_truth,
+    "gyro-static-noise": static_truth,
 }
 """What a result of a procedure should be; None where the world has no one number for it."""
 

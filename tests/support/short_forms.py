@@ -70,6 +70,14 @@ SHORT_FORMS: Mapping[str, tuple[str, ...]] = {
         "parameters.sample_rate=10 Hz",
         "parameters.rates=[20 deg/s, 40 deg/s, 60 deg/s, 80 deg/s, 100 deg/s]",
     ),
+    "gyro-static-noise": (
+        "parameters.warm_up=1 min",
+        "parameters.record=4 min",
+        "parameters.repeats=1",
+        "parameters.repeat_record=1 min",
+        "parameters.cool=1 min",
+        "limits.bias_repeatability=null",
+    ),
     "commissioning": only("coils"),
 }
 """What makes a plan short, by its name; without an entry it runs as it is shipped. A variant of a

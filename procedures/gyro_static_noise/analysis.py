@@ -1,0 +1,141 @@
+"""The results of gyros at rest: noise by restricted maximum likelihood, bias by means."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from procedures.estimation.flags import gaps_of
+from station.findings import Analysis, Estimate, Flag, Published, undetermined
+
+from .axis import AxisAnalysis
+from .dataset import (
+    COEFFICIENTS,
+    PER_SQRT_H,
+    AnalysisSettings,
+    StaticDataset,
+)
+from .flags import data_flags, noise_flags
+from .means import Measured, allan_minimum, bias_of, repeatability_of, root, stability_of
+from .noise_fit import Pieces, fit_noise, noise_records
+from .parameters import UNITS
+from .published import curve_of, published_values
+from .screening import screen
+
+FACTORS = np.array([1.0, 1.0 / PER_SQRT_H, 1.0, PER_SQRT_H])
+"""From arcsec, deg/h sqrt(s), deg/h, deg/h/sqrt(s) to the units of the results."""
+SETTINGS = AnalysisSettings()
+METHODS = {"bias": "mean", "bias_stability": "standard-deviation"}
+METHODS["bias_repeatability"] = "standard-deviation"
+
+
+@dataclass(frozen=True)
+class StaticAnalysis(Analysis):
+    """All axes' results, and what they rest on."""
+
+    axes: tuple[AxisAnalysis, ...] = ()
+
+
+def analyse(dataset: StaticDataset, settings: AnalysisSettings = SETTINGS) -> StaticAnalysis:
+    """Return the results of a dataset, axis by axis."""
+    estimates: list[Estimate] = []
+    published: list[Published] = []
+    flags: list[Flag] = []
+    axes = []
+    for number, axis in enumerate(dataset.directions):
+        one = _axis(dataset, number, axis, settings)
+        estimates += _estimates(dataset, one)
+        if one.curve is not None:
+            published += published_values(axis, one.curve, one.means)
+        flags += data_flags(dataset, one, settings)
+        flags += noise_flags(one, settings)
+        axes.append(one)
+    gaps = sum(
+        (
+            gaps_of(one.time_s, dataset.sample_interval_s, settings.gap)
+            for one in dataset.records[1:]
+        ),
+        gaps_of(dataset.records[0].time_s, dataset.sample_interval_s, settings.gap)
+        if dataset.records
+        else gaps_of(np.empty(0), 1.0, 1.0),
+    )
+    consequence = "short ones are bridged by what the noise lets stand there, long ones divide"
+    flags += gaps.flags("The records have", dataset.sample_interval_s, f"{consequence} the record")
+    return StaticAnalysis(estimates, published, flags, tuple(axes))
+
+
+def _axis(
+    dataset: StaticDataset, number: int, axis: str, settings: AnalysisSettings
+) -> AxisAnalysis:
+    interval_s = dataset.sample_interval_s
+    screened = tuple(
+        screen(
+            one.time_s,
+            one.rate_deg_per_h[:, number],
+            interval_s,
+            dataset.quantum_deg_per_h,
+            settings.outlier,
+        )
+        for one in dataset.records
+    )
+    screened = tuple(one for one in screened if len(one.there))
+    means = np.array([float(one.there.mean()) for one in screened])
+    rates = noise_records([piece for one in screened for piece in one.pieces()])
+    pieces = Pieces(rates, interval_s, dataset.pulse_arcsec, dataset.output_bandwidth_Hz)
+    fit = fit_noise(pieces, settings.periodic_chance)
+    if fit is None:
+        return AxisAnalysis(axis, screened, means, None, None, None)
+    longest_s = max(len(one) for one in fit.pieces) * interval_s
+    minimum = allan_minimum(fit.theta, fit.covariance, interval_s, longest_s)
+    return AxisAnalysis(axis, screened, means, fit, minimum, curve_of(fit.pieces, interval_s))
+
+
+def _estimates(dataset: StaticDataset, one: AxisAnalysis) -> list[Estimate]:
+    """Return one estimate for each result of an axis, in the order of the contract."""
+    found: dict[str, tuple[Measured, dict[str, Any]]] = {}
+    theta = None if one.fit is None else one.fit.theta
+    if one.fit is not None:
+        first = 0 if one.fit.quantisation_seen else 1
+        for n in range(first, len(COEFFICIENTS)):
+            square, u = float(one.fit.theta[n]), float(one.fit.u[n])
+            measured = root(square, u)
+            interval = [float(x) for x in np.sqrt(one.fit.intervals[n]) * FACTORS[n]]
+            upper = float(np.sqrt(square + 1.645 * u) * FACTORS[n])
+            scaled = Measured(measured.value * FACTORS[n], measured.u * FACTORS[n])
+            found[COEFFICIENTS[n]] = scaled, {"upper_limit": upper, "interval": interval}
+        found["rate_ramp"] = Measured(one.fit.ramp, one.fit.ramp_u), {}
+        if (minimum := one.minimum) is not None:
+            found["allan_minimum"] = minimum.measured, {"tau_s": minimum.tau_s}
+        stability = stability_of(one.fit.pieces, dataset.sample_interval_s, one.fit.theta)
+        if stability is not None:
+            found["bias_stability"] = stability, {}
+    lengths_s = np.array([len(s.there) for s in one.screened]) * dataset.sample_interval_s
+    if len(one.means):
+        bias = bias_of(one.means, float(lengths_s[0]), theta)
+        if bias is not None:
+            found["bias"] = bias, {}
+        repeats = repeatability_of(one.means, lengths_s, theta)
+        if repeats is not None:
+            found["bias_repeatability"] = repeats, {"switch_ons": len(one.means)}
+    estimates = []
+    for name, unit in UNITS.items():
+        method = METHODS.get(name, "maximum-likelihood")
+        if name not in found:
+            estimates.append(undetermined(name, one.axis, unit, method))
+            continue
+        measured, extra = found[name]
+        value = measured.value
+        # As read: the earth's rate is in it. Rates go with the pulse and against the time.
+        depends = {"pulse_weight": value, "clock": -value}
+        if name == "bias":
+            direction = dataset.directions[one.axis]
+            value -= direction.earth_deg_per_h(dataset.latitude_rad)
+            azimuth, elevation = direction.sensitivities(dataset.latitude_rad)
+            depends |= {f"azimuth_{one.axis}": -azimuth, f"elevation_{one.axis}": -elevation}
+        freedom = measured.degrees_of_freedom
+        estimates.append(
+            Estimate(name, one.axis, value, unit, measured.u, freedom, method, depends, extra)
+        )
+    return estimates

@@ -1,0 +1,24 @@
+"""What is known of one axis at rest when it has been analysed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from procedures.estimation.allan import AllanDeviation
+
+from .dataset import Array
+from .means import Minimum
+from .noise_fit import NoiseFit
+from .screening import Screened
+
+
+@dataclass(frozen=True)
+class AxisAnalysis:
+    """One axis: its screened records, means by switch-on, noise, and Allan deviation."""
+
+    axis: str
+    screened: tuple[Screened, ...]
+    means: Array
+    fit: NoiseFit | None
+    minimum: Minimum | None
+    curve: AllanDeviation | None

@@ -1,0 +1,54 @@
+"""Gaps of a record bridged by what its noise lets stand there.
+
+A missing sample is drawn from its distribution given its neighbours: the best prediction and noise
+of the right size. A mere interpolation would be too smooth, and cut the anticorrelation of rounded
+angles, which then passes for white noise.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.linalg import toeplitz
+
+from procedures.estimation.rate_spectrum import covariances
+
+from .dataset import Array
+from .screening import gaps
+
+AROUND = 40
+"""Samples on either side that a gap is predicted from."""
+
+
+def bridged(rate: Array, interval_s: float, theta: Array, pulse_arcsec: float) -> Array:
+    """Return a record (n,) with its gaps, NaN, filled; `theta` holds the squares of Q, N, B, K.
+
+    The draw is the same each time, so that results repeat.
+    """
+    filled = rate.copy()
+    random = np.random.default_rng(0)
+    squares = theta + np.array([pulse_arcsec**2 / 12.0, 0.0, 0.0, 0.0])
+    for first, last in gaps(rate):
+        low, high = max(first - AROUND, 0), min(last + AROUND + 1, len(rate))
+        places = np.arange(low, high)
+        known = np.isfinite(filled[places])
+        covariance = toeplitz(squares @ covariances(len(places), interval_s))
+        filled[places[~known]] = _drawn(covariance, filled[places], known, random)
+    return filled
+
+
+def _drawn(
+    covariance: Array, values: Array, known: np.ndarray, random: np.random.Generator
+) -> Array:
+    """Return the unknown values given the known ones about a mean that nobody knows."""
+    count = int(known.sum())
+    system = np.ones((count + 1, count + 1))
+    system[:count, :count] = covariance[np.ix_(known, known)]
+    system[count, count] = 0.0
+    towards = np.ones((count + 1, len(values) - count))
+    towards[:count] = covariance[np.ix_(known, ~known)]
+    weights = np.linalg.solve(system, towards)
+    expected = weights[:count].T @ values[known]
+    left = covariance[np.ix_(~known, ~known)] - weights.T @ towards
+    size, shape = np.linalg.eigh(0.5 * (left + left.T))
+    noise = random.standard_normal(len(size))
+    return np.asarray(expected + shape @ (np.sqrt(np.maximum(size, 0.0)) * noise))

@@ -1,0 +1,120 @@
+"""From an imported dataset folder to the dataset of the analysis."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import numpy as np
+from pydantic import Field, ValidationInfo, field_validator
+
+from station.dataset_reading import Table, refuse
+from station.fields import StrictModel, Unit
+
+from .dataset import Direction, Record, StaticDataset
+from .parameters import InputAxis
+
+if TYPE_CHECKING:
+    from station.dataset_reading import RawDataset
+
+TO_MIDDLE = {"interval-start": 0.5, "interval-middle": 0.0, "interval-end": -0.5}
+OUTPUTS = {"counts": "counts", "rate": "rate_deg_per_h"}
+CLOSE = 0.1
+"""By how much of it the spacing of the rows may differ from the sample interval."""
+
+
+class Conditions(StrictModel):
+    """The conditions of a record of gyros at rest; what decides a sign has no default."""
+
+    sample_interval_s: Annotated[float, Unit("s"), Field(gt=0)]
+    timestamp: Literal["interval-start", "interval-middle", "interval-end"]
+    gyro_output: Literal["rate", "counts"]
+    pulse_weight_arcsec: Annotated[float, Unit("arcsec"), Field(gt=0)] | None = Field(
+        default=None, validate_default=True
+    )
+    output_bandwidth_Hz: Annotated[float, Unit("Hz"), Field(gt=0)] | None = None
+    latitude_deg: Annotated[float, Unit("deg"), Field(ge=-90, le=90)]
+    input_axis: Annotated[dict[Literal["IA", "X", "Y", "Z"], InputAxis], Field(min_length=1)]
+    attitude_uncertainty_arcmin: Annotated[float, Unit("arcmin"), Field(ge=0)] = 0.0
+    warm_up_s: Annotated[float, Unit("s"), Field(ge=0)] = 0.0
+
+    @field_validator("pulse_weight_arcsec")
+    @classmethod
+    def weight_of_counts(cls, value: float | None, info: ValidationInfo) -> float | None:
+        """Require the pulse weight where the output is counts."""
+        if value is None and info.data.get("gyro_output") == "counts":
+            raise ValueError("an output in counts needs pulse_weight, such as 0.4 arcsec")
+        return value
+
+    @field_validator("input_axis")
+    @classmethod
+    def one_or_triad(cls, value: dict[str, InputAxis], info: ValidationInfo) -> object:
+        """Require IA alone, or axes of a triad."""
+        if "IA" in value and len(value) > 1:
+            raise ValueError("give IA alone for one gyro, or X, Y, Z for a triad")
+        if "IA" not in value and info.data.get("gyro_output") == "counts":
+            raise ValueError("an output in counts has the input axis IA")
+        return value
+
+
+def dataset_of_import(raw: RawDataset) -> tuple[StaticDataset, Conditions]:
+    """Return the records of an imported folder; FaultList names file, row and reason."""
+    conditions = raw.conditions(Conditions)
+    raw.require_files(("samples",))
+    columns = [f"g{one.lower()}_deg_per_h" for one in conditions.input_axis]
+    if "IA" in conditions.input_axis:
+        columns = [OUTPUTS[conditions.gyro_output]]
+    table = raw.read_table("samples", ("switch_on", "t_s", *columns))
+    counts = conditions.gyro_output == "counts"
+    pulse = (conditions.pulse_weight_arcsec or 0.0) if counts else 0.0
+    scale = pulse / conditions.sample_interval_s if counts else 1.0
+    dataset = StaticDataset(
+        directions={
+            name: Direction(np.deg2rad(one.azimuth_deg), np.deg2rad(one.elevation_deg))
+            for name, one in conditions.input_axis.items()
+        },
+        latitude_rad=float(np.deg2rad(conditions.latitude_deg)),
+        sample_interval_s=conditions.sample_interval_s,
+        pulse_arcsec=pulse,
+        output_bandwidth_Hz=conditions.output_bandwidth_Hz,
+        records=tuple(_records(table, columns, scale, conditions)),
+    )
+    return dataset, conditions
+
+
+def _records(
+    table: Table, columns: list[str], scale: float, conditions: Conditions
+) -> Iterator[Record]:
+    number, time_s = table["switch_on"], table["t_s"]
+    begins = np.flatnonzero(np.diff(number, prepend=np.nan) != 0.0)
+    _check(table, begins, conditions.sample_interval_s)
+    rate = np.column_stack([table[one] for one in columns]) * scale
+    middle_s = time_s + TO_MIDDLE[conditions.timestamp] * conditions.sample_interval_s
+    for start, stop in zip(begins, [*begins[1:], len(number)], strict=True):
+        warm = start + np.flatnonzero(middle_s[start:stop] >= conditions.warm_up_s)
+        if len(warm):
+            yield Record(int(number[start]), middle_s[warm], rate[warm])
+
+
+def _check(table: Table, begins: np.ndarray, interval_s: float) -> None:
+    """Refuse switch-ons that return, times that do not rise, and another sample interval."""
+    number, time_s = table["switch_on"], table["t_s"]
+    faults, seen = [], set()
+    for row in begins.tolist():
+        if number[row] != int(number[row]):
+            faults.append(table.fault(row, "switch_on", f"{number[row]:g} is no whole number"))
+        elif number[row] in seen:
+            what = f"switch-on {number[row]:g} returns; keep its rows together"
+            faults.append(table.fault(row, "switch_on", what))
+        seen.add(number[row])
+    steps = np.diff(time_s)
+    within = np.diff(number) == 0.0
+    for row in (np.flatnonzero(within & (steps <= 0.0)) + 1).tolist():
+        what = f"{time_s[row]:.10g} is not after {time_s[row - 1]:.10g} of the row above"
+        faults.append(table.fault(row, "t_s", f"{what}; times must rise"))
+    if not faults and within.any():
+        usual = float(np.median(steps[within]))
+        if abs(usual - interval_s) > CLOSE * interval_s:
+            what = f"rows are {usual:.4g} s apart, the sample interval is {interval_s:g} s"
+            faults.append(table.fault(1, "t_s", what))
+    refuse(faults)

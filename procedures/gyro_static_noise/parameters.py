@@ -1,0 +1,77 @@
+"""The parameters of a plan for a gyro at rest."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field, ValidationInfo, field_validator
+
+from station.fields import StrictModel, Unit
+from station.findings import FlagThresholds
+
+UNITS = {
+    "quantisation_noise": "arcsec",
+    "angle_random_walk": "deg/sqrt(h)",
+    "bias_instability": "deg/h",
+    "rate_random_walk": "deg/h/sqrt(h)",
+    "rate_ramp": "deg/h^2",
+    "allan_minimum": "deg/h",
+    "bias_stability": "deg/h",
+    "bias": "deg/h",
+    "bias_repeatability": "deg/h",
+}
+
+SHORTEST = 40
+
+
+class InputAxis(StrictModel):
+    """Where a positive input axis points."""
+
+    azimuth_deg: Annotated[float, Unit("deg"), Field(ge=-360, le=360)]
+    elevation_deg: Annotated[float, Unit("deg"), Field(ge=-90, le=90)]
+
+
+class Thresholds(StrictModel):
+    """Where a flag is raised; the defaults are those of the result format."""
+
+    not_significant: Annotated[float, Field(gt=0)] = FlagThresholds.not_significant
+    gap: Annotated[float, Field(gt=1)] = FlagThresholds.gap
+    outlier: Annotated[float, Field(gt=1)] = FlagThresholds.outlier
+    drift_removed: Annotated[float, Field(gt=0)] = 3.0
+
+
+class StaticParameters(StrictModel):
+    """What the engineer chooses."""
+
+    latitude_deg: Annotated[float, Unit("deg"), Field(ge=-90, le=90)]
+    input_axis: dict[Literal["IA"], InputAxis]
+    attitude_uncertainty_arcmin: Annotated[float, Unit("arcmin"), Field(ge=0)]
+    sample_interval_s: Annotated[float, Unit("s"), Field(gt=0)]
+    pulse_weight_arcsec: Annotated[float, Unit("arcsec"), Field(gt=0)]
+    channel: Annotated[int, Field(ge=1, le=3)] = 1
+    warm_up_s: Annotated[float, Unit("s"), Field(ge=0)] = 1800.0
+    record_s: Annotated[float, Unit("s"), Field(gt=0)] = 14400.0
+    repeats: Annotated[int, Field(ge=0, le=50)] = 6
+    repeat_record_s: Annotated[float, Unit("s"), Field(gt=0)] = 900.0
+    cool_s: Annotated[float, Unit("s"), Field(ge=0)] = 3600.0
+    clock_ppm: Annotated[float, Unit("ppm"), Field(ge=0)] = 1.0
+    thresholds: Thresholds = Thresholds()
+
+    @field_validator("record_s")
+    @classmethod
+    def long_enough(cls, record_s: float, info: ValidationInfo) -> float:
+        """Refuse a record that cannot show noise."""
+        interval_s = info.data.get("sample_interval_s")
+        if interval_s is not None and record_s < SHORTEST * interval_s:
+            raise ValueError(f"a record of noise has at least {SHORTEST} samples")
+        return record_s
+
+    @property
+    def lengths_s(self) -> tuple[float, ...]:
+        """How long the record of each switch-on is."""
+        return (self.record_s, *([self.repeat_record_s] * self.repeats))
+
+
+def unit_of(number: int) -> str:
+    """Return the name of a switch-on's unit of work, counted from 1."""
+    return f"switch-on {number}"
