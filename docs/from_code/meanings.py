@@ -18,11 +18,18 @@ PLAN = {
     "dut.model": "its model",
     "dut.serial": "its serial number, which also names the run folder",
     "dut.manufacturer": "its maker",
+    "dut.received": "the day it arrived, for a certificate",
+    "dut.condition": "the condition it arrived in, for a certificate",
     "dut.notes": "anything else, for the report",
     "parameters": "the procedure's own parameters, see below",
     "limits": "result name to `min`, `max` or `max_abs`, for all axes or by axis",
     "decision_rule": "how a result is held against its limit",
-    "references": "documents the report names",
+    "references": "documents that report and certificate name; `order` and `work_instruction` are "
+    "those that a certificate must name",
+    "customer": "who ordered the measurement, for a certificate",
+    "customer.name": "their name",
+    "customer.address": "their address",
+    "deviations": "what was done otherwise than the method says, a sentence each",
 }
 
 PARAMETERS = {
@@ -337,6 +344,7 @@ PARAMETERS = {
 CALIBRATION = {
     "calibration": "what the instrument's certificate says",
     "calibration.certificate": "its number, named in every uncertainty budget",
+    "calibration.calibrated_by": "the laboratory that made it",
     "calibration.date": "when it was made",
     "calibration.due": "the last day on which it holds",
     "calibration.uncertainty": "uncertainties over ranges; the first that holds a value counts",
@@ -376,6 +384,14 @@ BENCH = {
     "bench": "version of the format",
     "name": "name of the bench",
     "title": "heading in reports",
+    "laboratory": "who measures, for certificates",
+    "laboratory.name": "name of the laboratory",
+    "laboratory.address": "its address",
+    "laboratory.location": "where the bench stands, where that is not the address",
+    "laboratory.accreditation": "body and number of the accreditation",
+    "laboratory.signatories": "who may authorise a certificate",
+    "laboratory.signatories[].name": "name of the person",
+    "laboratory.signatories[].function": "function of the person",
     "simulation": "truth of the simulated world; its presence makes the bench a simulated one",
     "instruments": "the instruments by instance",
     **{f"instruments.NAME.{key}": text for key, text in INSTRUMENT.items()},

@@ -1,4 +1,4 @@
-"""`station analyse`, `report`, `export`: what comes out of recorded data, once more."""
+"""`station analyse`, `export`: what comes out of recorded data, once more."""
 
 from __future__ import annotations
 
@@ -124,37 +124,6 @@ def analyse_dataset(path: Path, output: Path | None) -> ResultDocument:
         write_whole_file(output / REPORT, report_of_dataset(raw, document, findings).encode())
         tell(f"written: {output / RESULTS}, {output / REPORT}")
     return document
-
-
-FILE_OF_FORMAT = {"html": REPORT, "csv": "results.csv", "junit": "results.junit.xml"}
-
-
-def remake_report(path: Path, format: str) -> None:
-    """Make the report of a run again, into the run's `exports` folder, which no manifest covers.
-
-    Prints the path of what was written.
-    """
-    file = path / EXPORTS / FILE_OF_FORMAT[format]
-    text = report_text(read_run(path), format)
-    file.parent.mkdir(exist_ok=True)
-    write_whole_file(file, text.encode())
-    print(file)
-
-
-def report_text(folder: RunFolder, format: str) -> str:
-    """Return the report of a run in a format: html, csv or junit."""
-    document, findings = evaluate_run(folder)
-    if format == "csv":
-        from station.report.tables import csv_of
-
-        return csv_of(document)
-    if format == "junit":
-        from station.report.tables import junit_of
-
-        return junit_of(folder, document)
-    from station.report.run_report import report_of_run
-
-    return report_of_run(folder, document, findings)
 
 
 def export_run(path: Path, format: str) -> None:

@@ -18,13 +18,16 @@ from station.cli.options import (
     ExportFormat,
     Json,
     Kind,
+    Letterhead,
     NewestRun,
     NonInteractive,
     Overrides,
+    Paper,
     PlanName,
     Procedure,
     Rehearsed,
     ReportFormat,
+    ReportKind,
     RunFolder,
     Served,
     Traced,
@@ -211,11 +214,16 @@ app.command("analyze", hidden=True)(analyse)
 def report(
     folder: RunFolder,
     format: Annotated[ReportFormat, typer.Option("--format")] = ReportFormat.HTML,
+    kind: Annotated[
+        ReportKind, typer.Option("--kind", help="The whole report, or a certificate.")
+    ] = ReportKind.REPORT,
+    paper: Annotated[Paper, typer.Option("--paper", help="Paper of a PDF.")] = Paper.A4,
+    letterhead: Letterhead = None,
 ) -> None:
-    """Make the report of a run again, into its exports folder."""
-    from station.cli.analysing import remake_report
+    """Make the report or certificate of a run, into its exports folder."""
+    from station.cli.reporting import remake_report
 
-    remake_report(folder, format.value)
+    remake_report(folder, format.value, kind.value, paper.value, letterhead)
 
 
 @app.command()

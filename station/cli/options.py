@@ -130,8 +130,28 @@ class ReportFormat(StrEnum):
     """What `report` can write."""
 
     HTML = "html"
+    PDF = "pdf"
     CSV = "csv"
     JUNIT = "junit"
+
+
+class ReportKind(StrEnum):
+    """What `report` can make: the whole measurement report, or a certificate."""
+
+    REPORT = "report"
+    CERTIFICATE = "certificate"
+
+
+class Paper(StrEnum):
+    """What a PDF is laid out for."""
+
+    A4 = "a4"
+    LETTER = "letter"
+
+
+Letterhead = Annotated[
+    Path | None, typer.Option("--letterhead", metavar="DIR", help="Folder of your own letterhead.")
+]
 
 
 class ExportFormat(StrEnum):

@@ -20,6 +20,7 @@ from station.findings import InputQuantity
 from station.instruments.addresses import why_unknown
 from station.instruments.calibration import Calibration, Number
 from station.instruments.commissioned import Commissioned
+from station.instruments.laboratory import Laboratory
 from station.roles.role import instances, limits, role, role_of
 from station.safety.bounds import bound_faults
 from station.safety.interlocks.reading import (
@@ -96,6 +97,7 @@ class BenchFile(StrictModel):
     bench: Literal[1]
     name: Words
     title: str | None = None
+    laboratory: Laboratory | None = None
     simulation: dict[str, Any] | None = None
     instruments: Annotated[dict[str, Instrument], Field(min_length=1)]
     safe_state: tuple[SafeStep, ...]

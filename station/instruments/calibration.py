@@ -156,6 +156,7 @@ class Calibration(StrictModel):
     """What is known of an instrument's errors, from its certificate or its specification."""
 
     certificate: str | None = None
+    calibrated_by: str | None = None
     date: dt.date | None = None
     due: dt.date
     uncertainty: tuple[UncertaintyEntry, ...] = ()

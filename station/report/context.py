@@ -87,3 +87,4 @@ class ReportContext:
     versions: Sequence[Row] = ()
     reproduce: str | None = None
     notes: Sequence[str] = ()
+    references: Sequence[Row] = ()

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import base64
-import re
 from collections.abc import Mapping, Sequence
 from importlib import resources
 from typing import Any
@@ -25,11 +24,11 @@ from station.report.numbers import (
     format_number,
     format_with_uncertainty,
     is_numeric_column,
+    typeset,
 )
 from station.report.parts import Part, Plot, Table
 from station.results import LIMIT_WITHOUT_RESULT, Result, ResultDocument
 
-RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 BADGES = {
     "pass": ("✓", "Within limits"),
     "fail": ("✗", "Outside a limit"),
@@ -59,30 +58,31 @@ RULES = {
 def render_html(document: ResultDocument, context: ReportContext, parts: Sequence[Part]) -> str:
     """Return the report as one self-contained HTML page; same inputs give the same text."""
     return (
-        _environment()
+        environment()
         .get_template("report.html.j2")
         .render(
             context=context,
             document=document,
-            css=_style(),
-            badge=_badge(document, context),
+            css=style(),
+            badge=badge_of(document, context),
             rule=RULES[context.decision_rule] if context.decision_rule else None,
-            results=_result_rows(document.results),
-            published=_published_rows(document),
+            results=result_rows(document.results),
+            published=published_rows(document),
             flags=document.flags,
             parts=[_part(part) for part in parts],
-            budgets=_budgets(document.results),
+            budgets=budgets_of(document.results),
         )
     )
 
 
 def render_parts(title: str, about: str, parts: Sequence[Part]) -> str:
     """Return a page of plots and tables alone, in the style of the report."""
-    template = _environment().get_template("parts.html.j2")
-    return template.render(title=title, about=about, css=_style(), parts=[_part(p) for p in parts])
+    template = environment().get_template("parts.html.j2")
+    return template.render(title=title, about=about, css=style(), parts=[_part(p) for p in parts])
 
 
-def _environment() -> Environment:
+def environment() -> Environment:
+    """Return the templates of all pages, with their filters for numbers and times."""
     environment = Environment(
         loader=PackageLoader("station", "report"),
         autoescape=True,
@@ -90,18 +90,19 @@ def _environment() -> Environment:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.filters["minus"] = _minus
+    environment.filters["minus"] = typeset
     environment.filters["duration"] = format_duration
     environment.filters["moment"] = _moment
     return environment
 
 
-def _style() -> Markup:
+def style() -> Markup:
+    """Return the style sheet of all pages."""
     css = resources.files("station.report").joinpath("report.css").read_text(encoding="utf-8")
     return Markup(css)
 
 
-def _badge(document: ResultDocument, context: ReportContext) -> dict[str, str]:
+def badge_of(document: ResultDocument, context: ReportContext) -> dict[str, str]:
     """Return the verdict as a person would say it: mark, words and one sentence why."""
     mark, words = BADGES[document.verdict]
     asked = [result for result in document.results if result.limit is not None]
@@ -124,7 +125,7 @@ def _badge(document: ResultDocument, context: ReportContext) -> dict[str, str]:
     return {"verdict": document.verdict, "mark": mark, "words": words, "why": why}
 
 
-def _result_rows(results: Sequence[Result]) -> list[dict[str, str]]:
+def result_rows(results: Sequence[Result]) -> list[dict[str, str]]:
     """Return the texts of the results table, decimal points in line within each column."""
     rows = []
     for result in results:
@@ -147,14 +148,14 @@ def _result_rows(results: Sequence[Result]) -> list[dict[str, str]]:
                 "unit": estimate.unit,
                 "limit": format_limit(result.limit),
                 "verdict": result.decision.verdict,
-                "words": _verdict_words(result.decision),
+                "words": verdict_words(result.decision),
                 "method": estimate.method,
             }
         )
     return _aligned(rows, ("value", "u", "k", "U", "dof"))
 
 
-def _published_rows(document: ResultDocument) -> list[dict[str, str]]:
+def published_rows(document: ResultDocument) -> list[dict[str, str]]:
     """Return the source document's values beside the best ones, with their difference."""
     best = {(result.estimate.name, result.estimate.axis): result for result in document.results}
     rows = []
@@ -193,7 +194,7 @@ def _published_text(published: Published, result: Result | None) -> str:
     return format_with_uncertainty(published.value, result.combined.standard_uncertainty)[0]
 
 
-def _budgets(results: Sequence[Result]) -> list[dict[str, Any]]:
+def budgets_of(results: Sequence[Result]) -> list[dict[str, Any]]:
     """Return for each result its contributions with their share of the variance."""
     budgets = []
     for result in results:
@@ -268,7 +269,8 @@ def _aligned(rows: list[dict[str, Any]], names: Sequence[str]) -> list[dict[str,
     ]
 
 
-def _verdict_words(decision: Decision) -> str:
+def verdict_words(decision: Decision) -> str:
+    """Return a decision in a few words."""
     if decision.detail is not None:
         return DETAILS.get(decision.detail, decision.detail)
     return VERDICTS[decision.verdict]
@@ -287,12 +289,3 @@ def _moment(text: str) -> str:
     for ending in ("+00:00", "Z"):
         text = text.removesuffix(ending)
     return text.replace("T", " ", 1)
-
-
-def _minus(text: str) -> str:
-    """Return a number's text with a minus sign for the hyphen, and its power of ten raised."""
-    exponent = re.fullmatch(r"(-?[\d.]+)e(-?\d+)([\s\u2007\u2008]*)", text)
-    if exponent:
-        mantissa, power, padding = exponent.groups()
-        text = f"{mantissa}·10{power.translate(RAISED)}{padding}"
-    return text.replace("-", "−") if text[:1] == "-" else text

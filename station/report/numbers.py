@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Sequence
 from decimal import ROUND_HALF_EVEN, Decimal
 from typing import TYPE_CHECKING
@@ -12,6 +13,7 @@ if TYPE_CHECKING:
     from station.results import Result
 
 UNDETERMINED = "undetermined"
+RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 NOTHING = "–"
 FIGURE_SPACE = "\u2007"
 POINT_SPACE = "\u2008"
@@ -103,6 +105,15 @@ def format_duration(seconds: float | None) -> str:
     hours, rest = divmod(whole, 3600)
     minutes, left = divmod(rest, 60)
     return f"{hours} h {minutes:02d} min" if hours else f"{minutes} min {left:02d} s"
+
+
+def typeset(text: str) -> str:
+    """Return a number's text with a minus sign for the hyphen, and its power of ten raised."""
+    exponent = re.fullmatch(r"(-?[\d.]+)e(-?\d+)([\s\u2007\u2008]*)", text)
+    if exponent:
+        mantissa, power, padding = exponent.groups()
+        text = f"{mantissa}·10{power.translate(RAISED)}{padding}"
+    return text.replace("-", "−") if text[:1] == "-" else text
 
 
 def align_decimals(texts: Sequence[str]) -> list[str]:

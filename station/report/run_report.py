@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from station.fields import to_yaml_data
 from station.findings import Findings
 from station.instruments.bench import Bench
-from station.procedure import procedure_of
+from station.procedure import Procedure, procedure_of
 from station.record.events import LEFT_FOR_THE_END, Event
 from station.record.folder import RunFolder
 from station.record.layout import versions
@@ -35,6 +35,12 @@ ASKED_LAST = "asked once bench and results were done"
 
 def report_of_run(folder: RunFolder, document: ResultDocument, findings: Findings) -> str:
     """Return the report of a run as one HTML page."""
+    context, procedure = context_of_run(folder)
+    return render_html(document, context, parts_of(procedure, findings, document))
+
+
+def context_of_run(folder: RunFolder) -> tuple[ReportContext, Procedure]:
+    """Return what the report of a run shows beside the results, and the run's procedure."""
     plan, bench = read_plan_and_bench(folder)
     procedure = procedure_of(plan.procedure)
     facts = folder.run_facts()
@@ -70,8 +76,9 @@ def report_of_run(folder: RunFolder, document: ResultDocument, findings: Finding
         versions=tuple(version_rows(facts)),
         reproduce=f"station analyse {folder.path.name} --compare",
         notes=tuple(notes_of(bench)),
+        references=tuple(plan.header.references.items()),
     )
-    return render_html(document, context, parts_of(procedure, findings, document))
+    return context, procedure
 
 
 def prompt_rows(folder: RunFolder) -> Iterator[PromptRow]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import datetime as dt
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
@@ -144,6 +145,8 @@ class Dut(StrictModel):
     model: Words
     serial: Words
     manufacturer: Words | None = None
+    received: dt.date | None = None
+    condition: Words | None = None
     notes: str | None = None
 
     @field_validator("serial")
@@ -156,6 +159,13 @@ class Dut(StrictModel):
         return serial
 
 
+class Customer(StrictModel):
+    """Who ordered the measurement, as a certificate names them."""
+
+    name: Words
+    address: Words
+
+
 class PlanHeader(StrictModel):
     """The keys of a plan; the procedure's own model reads `parameters`."""
 
@@ -166,10 +176,12 @@ class PlanHeader(StrictModel):
     released: bool = False
     check_standard: bool = False
     dut: Dut
+    customer: Customer | None = None
     parameters: dict[str, Any] = Field(default_factory=dict)
     limits: dict[str, Any] = Field(default_factory=dict)
     decision_rule: Rule = "simple"
     references: dict[str, str] = Field(default_factory=dict)
+    deviations: tuple[Words, ...] = ()
     # Both are gone from a plan that is put together; they stand here to be known.
     extends: Words | None = None
     vars: dict[str, Any] = Field(default_factory=dict)

@@ -1,0 +1,95 @@
+"""`station report`: what a run measured, for people and for other programs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from station.console import tell
+from station.errors import InputError
+from station.record.files import write_whole_file
+from station.record.folder import EXPORTS, REPORT, RunFolder
+from station.record.recorded import read_run
+from station.runner.evaluation import evaluate_run
+
+if TYPE_CHECKING:
+    from station.report.sheet import Sheet
+    from station.results import ResultDocument
+
+FILES = {
+    ("report", "html"): REPORT,
+    ("report", "pdf"): "report.pdf",
+    ("report", "csv"): "results.csv",
+    ("report", "junit"): "results.junit.xml",
+    ("certificate", "html"): "certificate.html",
+    ("certificate", "pdf"): "certificate.pdf",
+}
+
+
+def remake_report(
+    path: Path, format: str, kind: str, paper: str = "a4", letterhead: Path | None = None
+) -> None:
+    """Make the report or certificate of a run into its `exports`, which no manifest covers.
+
+    Prints the path of what was written. Raises InputError where a certificate is asked for as a
+    table of results, or a letterhead for what has none.
+    """
+    name = FILES.get((kind, format))
+    if name is None:
+        raise InputError(f"a {kind} is no {format} file; choose --format html or --format pdf")
+    if letterhead is not None and kind != "certificate" and format != "pdf":
+        raise InputError(f"a {kind} as {format} has no letterhead; leave --letterhead out")
+    folder = read_run(path)
+    file = path / EXPORTS / name
+    content = certificate(folder, format, paper, letterhead) if kind == "certificate" else None
+    content = content or report(folder, format, paper, letterhead)
+    file.parent.mkdir(exist_ok=True)
+    write_whole_file(file, content)
+    print(file)
+
+
+def certificate(folder: RunFolder, format: str, paper: str, letterhead: Path | None) -> bytes:
+    """Return the certificate of a run as html or pdf; say why where it is a draft."""
+    from station.report.certificate import certificate_of_run, sheet_of
+
+    document, _ = evaluate_run(folder)
+    sheet = sheet_of(certificate_of_run(folder, document))
+    for reason in sheet.drafts:
+        tell(f"draft: {reason}")
+    if format == "pdf":
+        return pdf_of(sheet, paper, letterhead)
+    from station.report.sheet_html import render_sheet
+
+    return render_sheet(sheet, letterhead).encode()
+
+
+def report(folder: RunFolder, format: str, paper: str, letterhead: Path | None) -> bytes:
+    """Return the report of a run in a format: html, pdf, csv or junit."""
+    document, findings = evaluate_run(folder)
+    if format in ("csv", "junit"):
+        return table_of(folder, document, format).encode()
+    from station.report.run_report import context_of_run, report_of_run
+
+    if format == "html":
+        return report_of_run(folder, document, findings).encode()
+    from station.report.drawing import parts_of
+    from station.report.report_sheet import report_sheet
+
+    context, procedure = context_of_run(folder)
+    parts = parts_of(procedure, findings, document)
+    number = folder.path.resolve().name
+    return pdf_of(report_sheet(number, context, document, parts), paper, letterhead)
+
+
+def pdf_of(sheet: Sheet, paper: str, letterhead: Path | None) -> bytes:
+    """Return a sheet as PDF."""
+    from station.report.pdf import render_pdf
+
+    return render_pdf(sheet, paper=paper, letterhead=letterhead)
+
+
+def table_of(folder: RunFolder, document: ResultDocument, format: str) -> str:
+    """Return the results for other programs: csv or junit."""
+    from station.report.tables import csv_of, junit_of
+
+    return csv_of(document) if format == "csv" else junit_of(folder, document)

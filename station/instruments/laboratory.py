@@ -1,0 +1,31 @@
+"""The laboratory that a bench belongs to, as its certificates name it."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import Field
+
+from station.fields import StrictModel
+
+Words = Annotated[str, Field(min_length=1)]
+
+
+class Signatory(StrictModel):
+    """A person who may authorise a certificate."""
+
+    name: Words
+    function: Words
+
+
+class Laboratory(StrictModel):
+    """Who measures, and where (ISO/IEC 17025:2017, 7.8.2.1 b, c and o).
+
+    `location` is where the bench stands, where that is not the address.
+    """
+
+    name: Words
+    address: Words
+    location: Words | None = None
+    accreditation: Words | None = None
+    signatories: tuple[Signatory, ...] = ()

@@ -1,0 +1,262 @@
+"""The certificate of a run, made from its folder alone."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Any
+
+from station.clock import utc_now
+from station.files.plan import Plan
+from station.instruments.bench import Bench
+from station.procedure import Procedure, procedure_of
+from station.record.folder import RunFolder
+from station.record.layout import EVENTS, MANIFEST, RAW, covered_files, file_hash
+from station.record.recorded import read_plan_and_bench
+from station.record.series import RunSeries
+from station.report.certificate_fields import Certificate, messages
+from station.report.html import BADGES, RULES, verdict_words
+from station.report.numbers import (
+    NOTHING,
+    format_limit,
+    format_number,
+    format_with_uncertainty,
+)
+from station.report.run_report import instrument_rows, time_of_day, version_rows
+from station.report.sheet import Block, Section, Sheet, grid, pairs, sentences
+from station.results import Result, ResultDocument
+
+AMBIENT_UNITS = {"degC": "°C", "RH": "% RH", "hPa": "hPa"}
+NO_DEVIATION = "The plan states no deviation from the method."
+REPRODUCTION = (
+    "This certificate may be reproduced in full only, unless the laboratory agrees in writing."
+)
+ONLY_ITEMS = "The results relate only to the item that is identified above, as it was received."
+
+
+def certificate_of_run(folder: RunFolder, document: ResultDocument) -> Certificate:
+    """Return the certificate of a run; its number follows from what it says.
+
+    The same content has the same number on whatever day it is issued, an amended one another.
+    """
+    plan, bench = read_plan_and_bench(folder)
+    procedure = procedure_of(plan.procedure)
+    header, laboratory, facts = plan.header, bench.file.laboratory, folder.run_facts()
+    references = dict(header.references)
+    ended = time_of_day(facts.get("ended_utc")) or ""
+    rows, others = traceability(folder, plan, bench, procedure)
+    certificate = Certificate(
+        title=f"Calibration certificate: {procedure.title}",
+        laboratory=laboratory.name if laboratory else "",
+        address=laboratory.address if laboratory else "",
+        accreditation=(laboratory.accreditation or "") if laboratory else "",
+        location=(laboratory.location or laboratory.address) if laboratory else "",
+        number=folder.path.resolve().name,
+        customer=header.customer.name if header.customer else "",
+        customer_address=header.customer.address if header.customer else "",
+        order=references.pop("order", ""),
+        work_instruction=references.pop("work_instruction", ""),
+        references=tuple(references.items()),
+        method=f"{procedure.title}, after {procedure.source}" if procedure.source else "",
+        deviations=header.deviations,
+        device=tuple(device_rows(plan)),
+        condition=header.dut.condition or "",
+        received=str(header.dut.received or ""),
+        tested=f"{time_of_day(facts['started_utc'])} to {ended} UTC" if ended else "",
+        issued=str(utc_now().date()),
+        ambient=tuple(ambient_rows(folder)),
+        traceability=tuple(rows),
+        other_instruments=tuple(others),
+        results=tuple(result_row(result) for result in document.results),
+        decision_rule=RULES[plan.decision_rule],
+        verdict=BADGES[document.verdict][1],
+        flags=tuple(document.flags),
+        signatories=tuple((one.name, one.function) for one in laboratory.signatories)
+        if laboratory
+        else (),
+        operator=plan.operator or "",
+        hashes=tuple(hash_rows(folder)),
+        versions=tuple(version_rows(facts)),
+        complete=any(event.details["complete"] for event in folder.events_of("run-ended")),
+    )
+    return replace(certificate, number=f"{certificate.number}-{digest_of(certificate)}")
+
+
+def digest_of(certificate: Certificate) -> str:
+    """Return eight hexadecimal digits that change with what a certificate says, its date aside."""
+    said = {**vars(replace(certificate, issued="")), "flags": messages(certificate.flags)}
+    return hashlib.sha256(json.dumps(said, sort_keys=True).encode()).hexdigest()[:8]
+
+
+def device_rows(plan: Plan) -> Iterator[tuple[str, str]]:
+    """Yield what identifies the device under test."""
+    dut = plan.header.dut
+    yield "Manufacturer", dut.manufacturer or ""
+    yield "Model", dut.model
+    yield "Serial number", dut.serial
+    yield "Notes", dut.notes or ""
+
+
+def ambient_rows(folder: RunFolder) -> Iterator[tuple[str, ...]]:
+    """Yield source, smallest, mean and largest value, and unit of each condition recorded."""
+    series = RunSeries(folder.path)
+    series.look()
+    for name, columns in series.data().items():
+        source, _, unit = name.rpartition(", ")
+        if unit not in AMBIENT_UNITS:
+            continue
+        for column, line in columns.items():
+            if values := line["v"]:
+                mean = sum(values) / len(values)
+                texts = [f"{one:.2f}" for one in (min(values), mean, max(values))]
+                what = column.rpartition("_")[0].replace("_", " ")
+                yield source, what, *texts, AMBIENT_UNITS[unit]
+
+
+def traceability(
+    folder: RunFolder, plan: Plan, bench: Bench, procedure: Procedure
+) -> tuple[list[tuple[str, ...]], list[str]]:
+    """Return the records of the instruments that the results rest on, and the names of others.
+
+    What only commands and is in no budget needs no record.
+    """
+    needed = {use.instrument for use in procedure.records(plan.parameters, bench) if use.in_budget}
+    rows: list[tuple[str, ...]] = []
+    others: list[str] = []
+    for row in instrument_rows(folder, bench):
+        record = bench.record(row.name)
+        named = f"{row.model} {row.serial}".strip()
+        if row.name not in needed:
+            others.append(f"{row.name} ({named})" if named else row.name)
+        elif record is not None:
+            rows.append(
+                (
+                    row.name,
+                    named,
+                    record.certificate or "",
+                    str(record.date or ""),
+                    str(record.due),
+                    record.calibrated_by or "",
+                )
+            )
+    return rows, others
+
+
+def result_row(result: Result) -> tuple[str, ...]:
+    """Return a result as printed: U with two significant digits, the value rounded to it."""
+    estimate, combined, data = result.estimate, result.combined, result.to_data()
+    value, expanded = format_with_uncertainty(estimate.value, result.expanded_uncertainty)
+    name = estimate.measures.replace("_", " ")
+    at = f" at {estimate.holds_at}" if estimate.holds_at else ""
+    return (
+        f"{name}{at}",
+        estimate.axis or "",
+        value,
+        expanded,
+        f"{combined.coverage_factor:.2f}" if combined else NOTHING,
+        estimate.unit,
+        format_limit(result.limit),
+        verdict_words(result.decision),
+        probability_text(data.get("conformity_probability")),
+    )
+
+
+def probability_text(probability: Any) -> str:
+    """Return a probability of conformity in %, nothing where there is none."""
+    return "" if probability is None else f"{format_number(100.0 * float(probability), 3)} %"
+
+
+def hash_rows(folder: RunFolder) -> Iterator[tuple[str, str]]:
+    """Yield the SHA-256 of the manifest, the log and each raw file, as the manifest has them."""
+    path = folder.path
+    if (path / MANIFEST).is_file():
+        yield MANIFEST, file_hash(path / MANIFEST)
+    for name, digest in sorted(covered_files(path).items()):
+        if name == EVENTS or name.startswith(f"{RAW}/"):
+            yield name, digest
+
+
+def sheet_of(certificate: Certificate) -> Sheet:
+    """Return a certificate as the sections of a page."""
+    one, drafts = certificate, certificate.draft_reasons()
+    return Sheet(
+        kind="Certificate",
+        title=one.title,
+        number=one.number,
+        laboratory=one.laboratory,
+        address=one.address,
+        accreditation=one.accreditation,
+        drafts=drafts,
+        sections=tuple(section for section in sections_of(one) if section.blocks),
+    )
+
+
+def sections_of(one: Certificate) -> Iterator[Section]:
+    """Yield the sections in their order; fields without text are left out."""
+    head = (
+        ("Customer", ", ".join(text for text in (one.customer, one.customer_address) if text)),
+        ("Order", one.order),
+        *one.references,
+        *one.device,
+        ("Condition", one.condition),
+        ("Received", one.received),
+        ("Tested", one.tested),
+        ("Issued", one.issued),
+        ("Location", one.location),
+        ("Operator", one.operator),
+    )
+    yield Section("Customer and device", (pairs(head),))
+    method = (("Method", one.method), ("Work instruction", one.work_instruction))
+    deviations = sentences(one.deviations or (NO_DEVIATION,))
+    yield Section("Method", (pairs(method), replace(deviations, title="Deviations")))
+    decided = any(row[6] != NOTHING for row in one.results)
+    yield Section("Results", tuple(result_blocks(one, decided=decided)))
+    if one.flags:
+        yield Section("What the reader must know", (sentences(messages(one.flags)),))
+    columns = ("Source", "Quantity", "Smallest", "Mean", "Largest", "Unit")
+    if one.ambient:
+        yield Section("Conditions measured during the run", (grid(columns, one.ambient),))
+    yield Section("Traceability", tuple(traceability_blocks(one)))
+    hashes = grid(("File of the run", "SHA-256"), one.hashes)
+    yield Section("Raw data and software", (hashes, pairs(one.versions)))
+    yield Section("Statements", (sentences((ONLY_ITEMS, REPRODUCTION)),))
+    signed = tuple((f"{name}, {function}", "") for name, function in one.signatories)
+    yield Section("Authorised by", (Block("signatures", rows=signed or (("", ""),)),))
+
+
+def result_blocks(one: Certificate, *, decided: bool) -> Iterator[Block]:
+    """Yield the table of results, with the decision where a limit was asked for."""
+    columns = ["Quantity", "Axis", "Value", "U", "k", "Unit"]
+    if decided:
+        columns += ["Limit", "Decision"]
+    likely = any(row[8] for row in one.results)
+    if likely:
+        columns.append("Probability of conformity")
+    width = len(columns) if not likely else 9
+    caption = (
+        "U = k · u is the expanded uncertainty for a coverage of 95 %, with k from Student's "
+        "distribution and the effective degrees of freedom (GUM, annex G). It has two significant "
+        "digits, and the value is rounded to it."
+    )
+    rows = [row[:width] for row in one.results]
+    if likely and not decided:
+        rows = [(*row[:6], row[8]) for row in one.results]
+    yield grid(columns, rows, caption)
+    if decided:
+        yield pairs((("Decision", one.verdict), ("Decision rule", one.decision_rule)))
+    else:
+        yield sentences(("No limit was asked for: this is no statement of conformity.",))
+
+
+def traceability_blocks(one: Certificate) -> Iterator[Block]:
+    """Yield the records that the results rest on, and what was used without being in a result."""
+    columns = ("Instrument", "Model, serial number", "Certificate", "Date", "Due", "Calibrated by")
+    if one.traceability:
+        rows = [tuple(text or NOTHING for text in row) for row in one.traceability]
+        caption = "The results are traceable through these certificates, and through no other."
+        yield grid(columns, rows, caption)
+    if one.other_instruments:
+        used = ", ".join(one.other_instruments)
+        yield sentences((f"Used, but in no budget of a result: {used}.",))

@@ -1,0 +1,84 @@
+"""A page of text and tables before it is drawn: what HTML and PDF are both made of."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from station.report.numbers import is_numeric_column, typeset
+
+
+@dataclass(frozen=True)
+class Block:
+    """One of: pairs of name and text, a table, sentences, a picture; with a sentence below it.
+
+    `image` is a PNG. `numeric` tells for each column whether it is set flush right.
+    """
+
+    kind: str
+    title: str = ""
+    caption: str = ""
+    columns: tuple[str, ...] = ()
+    rows: tuple[tuple[str, ...], ...] = ()
+    numeric: tuple[bool, ...] = ()
+    image: bytes = b""
+
+
+@dataclass(frozen=True)
+class Section:
+    """A heading and what stands below it."""
+
+    title: str
+    blocks: tuple[Block, ...]
+
+
+@dataclass(frozen=True)
+class Sheet:
+    """A whole document. `number` stands on every page; `drafts` says why it is a draft only."""
+
+    kind: str
+    title: str
+    number: str
+    laboratory: str
+    address: str
+    accreditation: str
+    sections: tuple[Section, ...]
+    drafts: tuple[str, ...] = ()
+    contents: bool = False
+
+    def to_data(self) -> dict[str, Any]:
+        """Return the sheet as plain data; a picture is the name of its file."""
+        data = asdict(self)
+        names = iter(self.pictures())
+        for section in data["sections"]:
+            for block in section["blocks"]:
+                block["image"] = next(names) if block["image"] else ""
+        return data
+
+    def pictures(self) -> dict[str, bytes]:
+        """Return the pictures by the name of their file, in their order."""
+        blocks = [one for part in self.sections for one in part.blocks if one.image]
+        return {f"picture-{number}.png": one.image for number, one in enumerate(blocks)}
+
+
+def pairs(rows: Sequence[tuple[str, str]]) -> Block:
+    """Return names with their texts; what has no text is left out."""
+    return Block("pairs", rows=tuple((name, text) for name, text in rows if text))
+
+
+def sentences(texts: Sequence[str]) -> Block:
+    """Return sentences, one below the other."""
+    return Block("list", rows=tuple((text,) for text in texts))
+
+
+def grid(
+    columns: Sequence[str], rows: Sequence[Sequence[str]], caption: str = "", title: str = ""
+) -> Block:
+    """Return a table; a column of numbers is set flush right, its numbers as they are printed."""
+    numeric = tuple(is_numeric_column([row[n] for row in rows]) for n in range(len(columns)))
+    set_rows = tuple(
+        tuple(typeset(text) if number else text for text, number in zip(row, numeric, strict=True))
+        for row in rows
+    )
+    return Block("table", title, caption, tuple(columns), set_rows, numeric)

@@ -1,0 +1,260 @@
+"""The certificate of a run: its fields, why it is a draft, and its pages read back from the PDF."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Mapping
+from dataclasses import fields, replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+from command_line import PLAN
+from places import SIM
+from pypdf import PdfReader
+from quick_yaml import dump_yaml, load_yaml
+
+from station import registry
+from station.cli.reporting import remake_report
+from station.errors import InputError
+from station.files.plan import read_plan
+from station.instruments.bench import read_bench
+from station.procedure import Procedures
+from station.record.folder import RunFolder
+from station.report.certificate import certificate_of_run, sheet_of
+from station.report.certificate_fields import MANDATORY, Certificate
+from station.report.drawing import new_figure
+from station.report.parts import Plot
+from station.report.pdf import render_pdf
+from station.report.report_sheet import report_sheet
+from station.report.run_report import context_of_run
+from station.report.sheet import Section, Sheet, grid, pairs
+from station.report.sheet_html import render_sheet
+from station.results import ResultDocument
+from station.runner.evaluation import evaluate_run
+from station.runner.execute import Request, execute
+
+LABORATORY = {
+    "name": "Inertial Laboratory",
+    "address": "1 Field Road, Newtown",
+    "location": "Room 7",
+    "signatories": [{"name": "B. Head", "function": "head of the laboratory"}],
+}
+FILLED_IN = {
+    "operator": "A. Reader",
+    "customer": {"name": "Ring Gyros Ltd", "address": "2 Ring Road, Oldtown"},
+    "references": {"order": "PO-4711", "work_instruction": "WI-12 rev. 3", "drawing": "D-9"},
+    "deviations": ["The warm-up ended early."],
+}
+
+
+def measured(folder: Path, calibration: Mapping[str, Any] | None) -> RunFolder:
+    """Run the short plan on a simulated bench whose gaussmeter has this record, or none."""
+    plan = load_yaml(PLAN) | FILLED_IN
+    plan["dut"] |= {"received": "2026-01-05", "condition": "no damage"}
+    plan["parameters"] |= {"duration": "50 s", "frequency": "0.2 Hz"}
+    bench = load_yaml(SIM.read_text(encoding="utf-8")) | {"laboratory": LABORATORY}
+    for name, entry in bench["instruments"].items():
+        if "calibration" in entry:
+            entry["calibration"]["calibrated_by"] = f"National Institute, {name}"
+    gaussmeter = bench["instruments"]["gaussmeter"]
+    if calibration is None:
+        del gaussmeter["calibration"]
+    else:
+        gaussmeter["calibration"] |= calibration
+    folder.mkdir()
+    for name, data in (("plan", plan), ("bench", bench)):
+        (folder / f"{name}.yaml").write_text(dump_yaml(data), encoding="utf-8")
+    drivers = registry.names(registry.DRIVERS)
+    read = read_plan(folder / "plan.yaml", Procedures()), read_bench(folder / "bench.yaml", drivers)
+    return RunFolder(execute(Request(*read, folder, quiet=True, report=False)).folder)
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> tuple[RunFolder, ResultDocument]:
+    folder = measured(tmp_path_factory.mktemp("certificate") / "whole", {})
+    return folder, evaluate_run(folder)[0]
+
+
+@pytest.fixture(scope="module")
+def certificate(run: tuple[RunFolder, ResultDocument]) -> Certificate:
+    return certificate_of_run(*run)
+
+
+@pytest.fixture(scope="module")
+def issuable(certificate: Certificate) -> Certificate:
+    """The same of a bench that is not simulated."""
+    flags = tuple(flag for flag in certificate.flags if flag.code != "simulated")
+    return replace(certificate, flags=flags)
+
+
+def texts_of(pdf: bytes) -> list[str]:
+    return [page.extract_text() for page in PdfReader(io.BytesIO(pdf)).pages]
+
+
+def test_a_simulated_bench_alone_makes_a_draft_of_a_certificate_that_is_filled_in(
+    certificate: Certificate, issuable: Certificate
+) -> None:
+    (reason,) = certificate.draft_reasons()
+    assert "simulated" in reason
+    assert issuable.draft_reasons() == ()
+
+
+@pytest.mark.parametrize(
+    ("calibration", "said"),
+    [
+        (None, "No calibration record states the uncertainty of gaussmeter"),
+        ({"date": "2019-01-15", "due": "2020-01-15"}, "gaussmeter was due on 2020-01-15"),
+    ],
+)
+def test_an_instrument_without_a_record_or_with_an_old_one_makes_a_draft(
+    tmp_path: Path, calibration: Mapping[str, Any] | None, said: str
+) -> None:
+    folder = measured(tmp_path / "run", calibration)
+    reasons = certificate_of_run(folder, evaluate_run(folder)[0]).draft_reasons()
+    assert len(reasons) == 2
+    assert any(said in reason for reason in reasons), reasons
+
+
+@pytest.mark.parametrize("name", MANDATORY)
+def test_each_mandatory_field_that_is_empty_is_named(issuable: Certificate, name: str) -> None:
+    assert getattr(issuable, name), "the run fills it in"
+    emptied = replace(issuable, **{name: type(getattr(issuable, name))()})
+    (reason,) = emptied.draft_reasons()
+    clause, words, _ = MANDATORY[name]
+    assert words in reason and clause in reason
+
+
+def test_a_record_that_does_not_name_its_certificate_makes_a_draft(issuable: Certificate) -> None:
+    first, *others = issuable.traceability
+    rows = ((*first[:2], "", *first[3:]), *others)
+    (reason,) = replace(issuable, traceability=rows).draft_reasons()
+    assert first[0] in reason
+
+
+def test_a_run_that_did_not_end_makes_a_draft(issuable: Certificate) -> None:
+    assert len(replace(issuable, complete=False).draft_reasons()) == 1
+
+
+def test_the_number_is_the_same_on_another_day_and_another_for_other_content(
+    run: tuple[RunFolder, ResultDocument], certificate: Certificate
+) -> None:
+    folder, document = run
+    assert certificate_of_run(folder, document).number == certificate.number
+    less = replace(document, flags=())
+    assert certificate_of_run(folder, less).number != certificate.number
+
+
+@pytest.mark.parametrize(("paper", "width_mm"), [("a4", 210.0), ("letter", 215.9)])
+def test_every_page_has_number_page_and_draft_and_all_texts_stand_within_it(
+    certificate: Certificate, paper: str, width_mm: float
+) -> None:
+    pdf = PdfReader(io.BytesIO(render_pdf(sheet_of(certificate), paper=paper)))
+    count = len(pdf.pages)
+    assert count >= 2
+    for number, page in enumerate(pdf.pages, start=1):
+        width, height = float(page.mediabox.width), float(page.mediabox.height)
+        assert width == pytest.approx(width_mm / 25.4 * 72, abs=0.1)
+        text = page.extract_text()
+        assert certificate.number in text
+        assert f"Page {number} of {count}" in text
+        assert "DRAFT" in text
+
+        def inside(
+            text: str, cm: list[float], tm: list[float], font: Any, size: float,
+            width: float = width, height: float = height,
+        ) -> None:  # fmt: skip
+            if text.strip() and text.strip() != "DRAFT":
+                x = tm[4] * cm[0] + tm[5] * cm[2] + cm[4]
+                y = tm[4] * cm[1] + tm[5] * cm[3] + cm[5]
+                assert 0 < x < width and 0 < y < height, text
+
+        page.extract_text(visitor_text=inside)
+
+
+def test_every_text_of_the_certificate_can_be_read_from_its_pages(issuable: Certificate) -> None:
+    text = plain(" ".join(texts_of(render_pdf(sheet_of(issuable)))))
+    assert "DRAFT" not in text
+    rows = [
+        row for name in ("results", "traceability", "ambient") for row in getattr(issuable, name)
+    ]
+    wanted = [cell for row in [*rows, *issuable.hashes] for cell in row]
+    wanted += [issuable.customer, issuable.order, issuable.work_instruction, issuable.condition]
+    wanted += [issuable.received, *issuable.deviations, "B. Head", "D-9", issuable.decision_rule]
+    for one in wanted:
+        assert plain(one.replace("-0", "−0")) in text or plain(one) in text, one
+    assert "�" not in text
+
+
+def plain(text: str) -> str:
+    """Return a text without what only lays it out."""
+    return "".join(text.split())
+
+
+def test_a_long_table_repeats_its_head_and_no_column_is_cut() -> None:
+    columns = [f"column {letter}" for letter in "ABCDEFGHIJKL"]
+    rows = [[f"{n}{letter}-abcdefghijkl" for letter in "ABCDEFGHIJKL"] for n in range(60)]
+    section = Section("Table", (grid(columns, rows), pairs((("long", 90 * "x"),))))
+    pages = texts_of(render_pdf(Sheet("Report", "T", "N", "", "", "", (section,), contents=True)))
+    assert len(pages) > 1
+    assert "Contents" in pages[0]
+    whole = plain("".join(pages))
+    assert all(plain(cell) in whole for cell in (rows[0][-1], rows[-1][-1]))
+    with_rows = [page for page in pages if "-abc" in page]
+    assert all("column" in page for page in with_rows)
+
+
+def test_the_page_in_html_stamps_a_draft_and_shows_the_same_fields(
+    certificate: Certificate, issuable: Certificate
+) -> None:
+    draft, page = render_sheet(sheet_of(certificate)), render_sheet(sheet_of(issuable))
+    assert '<p class="stamp"' in draft and '<p class="stamp"' not in page
+    for one in (issuable.number, issuable.customer, issuable.results[0][3], issuable.hashes[0][1]):
+        assert one in page
+    assert "<script" not in page and "http" not in page
+
+
+def test_a_letterhead_is_a_folder_of_the_laboratory(issuable: Certificate, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"letterhead\.typ"):
+        render_pdf(sheet_of(issuable), letterhead=tmp_path)
+    (tmp_path / "letterhead.typ").write_text(
+        "#let letterhead(sheet) = [OUR OWN HEAD of #sheet.laboratory]", encoding="utf-8"
+    )
+    (tmp_path / "letterhead.html").write_text("<p>OUR <b>OWN</b></p>", encoding="utf-8")
+    (first, *_) = texts_of(render_pdf(sheet_of(issuable), letterhead=tmp_path))
+    assert "OUR OWN HEAD of Inertial Laboratory" in first
+    assert "<p>OUR <b>OWN</b></p>" in render_sheet(sheet_of(issuable), tmp_path)
+    (tmp_path / "letterhead.typ").write_text("#let letterhead(sheet) = nothing", encoding="utf-8")
+    with pytest.raises(InputError, match="cannot be set"):
+        render_pdf(sheet_of(issuable), letterhead=tmp_path)
+
+
+def test_a_certificate_is_written_into_exports_and_is_no_table(
+    run: tuple[RunFolder, ResultDocument], capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = run[0].path
+    remake_report(path, "html", "certificate")
+    written = capsys.readouterr().out.split()
+    assert written == [str(path / "exports" / "certificate.html")]
+    with pytest.raises(InputError, match="no csv file"):
+        remake_report(path, "csv", "certificate")
+
+
+def test_the_report_as_pdf_has_contents_plots_tables_and_references(
+    run: tuple[RunFolder, ResultDocument],
+) -> None:
+    folder, document = run
+    context, _ = context_of_run(folder)
+    figure = new_figure()
+    figure.subplots().plot([0, 1], [0, 1])
+    sheet = report_sheet("N-1", context, document, [Plot("The line", "It rises.", figure)])
+    pages = PdfReader(io.BytesIO(render_pdf(sheet))).pages
+    text = plain("".join(page.extract_text() for page in pages))
+    assert sum(len(page.images) for page in pages) == 1
+    budget = document.results[0].budget[0].description
+    for words in ("Contents", budget, "PO-4711", f"Page 1 of {len(pages)}", "It rises."):
+        assert plain(words) in text, words
+
+
+def test_the_mandatory_list_names_fields_of_the_certificate() -> None:
+    assert set(MANDATORY) <= {field.name for field in fields(Certificate)}
