@@ -67,7 +67,9 @@ def report(folder: RunFolder, format: str, paper: str, letterhead: Path | None) 
     """Return the report of a run in a format: html, pdf, csv or junit."""
     document, findings = evaluate_run(folder)
     if format in ("csv", "junit"):
-        return table_of(folder, document, format).encode()
+        # A spreadsheet reads UTF-8 as such by its byte order mark only.
+        coding = "utf-8-sig" if format == "csv" else "utf-8"
+        return table_of(folder, document, format).encode(coding)
     from station.report.run_report import context_of_run, report_of_run
 
     if format == "html":

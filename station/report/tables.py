@@ -62,17 +62,21 @@ def csv_of(document: ResultDocument) -> str:
     for result in document.results:
         data = result.to_data()
         other = published.get((data["name"], data["axis"]), {})
-        writer.writerow(
-            {
-                **data,
-                "procedure": document.procedure,
-                **{f"limit_{name}": value for name, value in (data["limit"] or {}).items()},
-                "as_published": other.get("value"),
-                "as_published_unit": other.get("unit"),
-                "as_published_method": other.get("method"),
-            }
-        )
+        row = {
+            **data,
+            "procedure": document.procedure,
+            **{f"limit_{name}": value for name, value in (data["limit"] or {}).items()},
+            "as_published": other.get("value"),
+            "as_published_unit": other.get("unit"),
+            "as_published_method": other.get("method"),
+        }
+        writer.writerow({name: no_formula(value) for name, value in row.items()})
     return text.getvalue()
+
+
+def no_formula(value: object) -> object:
+    """Return a cell that a spreadsheet does not take for a formula; numbers stay as they are."""
+    return f"'{value}" if isinstance(value, str) and value[:1] in tuple("=+-@\t\r") else value
 
 
 UNSAFE = "safe-state-unverified"

@@ -7,6 +7,7 @@ import io
 import json
 import shutil
 import xml.etree.ElementTree as ET
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -67,7 +68,8 @@ def test_csv_has_a_row_for_each_result_with_the_published_value_beside_it(run: P
     done = station("report", run, "--format", "csv")
     assert done.returncode == 0, done.stderr
     assert Path(done.stdout.strip()) == run / "exports" / "results.csv"
-    with (run / "exports" / "results.csv").open(encoding="utf-8", newline="") as file:
+    assert (run / "exports" / "results.csv").read_bytes().startswith(b"\xef\xbb\xbf")
+    with (run / "exports" / "results.csv").open(encoding="utf-8-sig", newline="") as file:
         rows = list(csv.DictReader(file))
     stored: dict[str, Any] = json.loads((run / "results.json").read_text(encoding="utf-8"))
     assert [row["axis"] for row in rows] == ["IA", "LA"]
@@ -93,6 +95,13 @@ def test_csv_leaves_empty_what_is_not_determined() -> None:
     assert row["value"] == row["expanded_uncertainty"] == row["limit_max_abs"] == ""
     assert row["verdict"] == "none"
     assert "None" not in text
+
+
+def test_no_text_in_csv_is_a_formula_and_numbers_stay_numbers() -> None:
+    one = replace(estimate("IA", -0.05), method="=HYPERLINK(0)")
+    (row,) = csv.DictReader(io.StringIO(csv_of(document(one, limit=None))))
+    assert row["method"] == "'=HYPERLINK(0)"
+    assert float(row["value"]) == -0.05
 
 
 def test_junit_has_a_test_case_for_each_result_with_a_limit(run: Path) -> None:
