@@ -31,9 +31,11 @@ from station.panel.wishes import REQUESTS, Wishes
 from station.record.files import is_own_file
 from station.record.layout import EVENTS
 from station.record.run_list import first_event, newest_runs
+from station.texts import catalogue, languages, preferred
 
 PAGES = Path(__file__).parent / "pages"
 PLOTLY = Path(str(files("plotly"))) / "package_data"
+LANGUAGE_COOKIE = "station-language"
 REPORT, RESULTS = "report.html", "results.json"
 SEEN_FOR_S = 1.5
 """Real time for which a look at benches and runs is shown; the page asks every 2 s."""
@@ -71,6 +73,7 @@ class Panel:
             Route("/api/run/{run}/picture/{name}", self.picture),
             Route("/api/run/{run}/{wish}", self.wish, methods=["POST"]),
             Route("/static/plotly.min.js", plotly),
+            Route("/static/texts.js", texts),
             Mount("/static", StaticFiles(directory=PAGES)),
         ]
         guard = Middleware(Guard, access=self._access)
@@ -201,6 +204,16 @@ async def body(request: Request) -> dict[str, Any]:
 def page(name: str) -> Callable[[Request], Response]:
     """Return the endpoint of a page."""
     return lambda _: FileResponse(PAGES / name)
+
+
+def texts(request: Request) -> Response:
+    """Return the texts of the language chosen on the page, else of the browser's preference."""
+    language = request.cookies.get(LANGUAGE_COOKIE, "")
+    if language not in languages():
+        language = preferred(request.headers.get("accept-language", ""))
+    values = {"TEXTS": catalogue(language), "LANGUAGE": language, "LANGUAGES": languages()}
+    lines = [f"const {name} = {json.dumps(value)};" for name, value in values.items()]
+    return Response("\n".join(lines), media_type="text/javascript")
 
 
 def plotly(_: Request) -> Response:

@@ -1,6 +1,36 @@
 "use strict";
 // What both pages use. Everything that comes from a run is set as text, never as HTML.
 
+// Return an English sentence in the language of the browser; `{name}` stands for a value.
+function t(text, values = {}) {
+  return (TEXTS[text] ?? text).replace(/\{(\w+)\}/g, (whole, name) => values[name] ?? whole);
+}
+
+// What stands in the page's own file, before anything of a run is shown.
+function translatePage() {
+  document.documentElement.lang = LANGUAGE;
+  const walker = document.createTreeWalker(document.documentElement, NodeFilter.SHOW_TEXT);
+  while (walker.nextNode()) {
+    const own = walker.currentNode.data.trim();
+    if (own) walker.currentNode.data = walker.currentNode.data.replace(own, () => t(own));
+  }
+}
+
+function languageSwitch() {
+  const chosen = document.createElement("select");
+  chosen.id = "language";
+  chosen.setAttribute("aria-label", "Language / 语言");
+  for (const one of LANGUAGES) chosen.append(new Option(new Intl.DisplayNames([one], {type: "language"}).of(one), one));
+  chosen.value = LANGUAGE;
+  chosen.addEventListener("change", () => {
+    document.cookie = `station-language=${chosen.value}; path=/; max-age=31536000; samesite=strict`;
+    location.reload();
+  });
+  document.querySelector("header").append(chosen);
+}
+translatePage();
+languageSwitch();
+
 function byId(id) { return document.getElementById(id); }
 
 function say(id, text) { byId(id).textContent = text; }
@@ -31,10 +61,10 @@ function link(text, href) {
 }
 
 function span(seconds) {
-  if (seconds === null || seconds === undefined) return "unknown";
+  if (seconds === null || seconds === undefined) return t("unknown");
   const whole = Math.round(seconds), h = Math.floor(whole / 3600), m = Math.floor(whole / 60) % 60;
-  if (h) return `${h} h ${m} min`;
-  return m ? `${m} min ${whole % 60} s` : `${whole} s`;
+  if (h) return t("{h} h {m} min", {h, m});
+  return m ? t("{m} min {s} s", {m, s: whole % 60}) : `${whole} s`;
 }
 
 // Returns the answer's data; an error of the station, or of the network, is thrown as a sentence.
@@ -45,7 +75,7 @@ async function post(path, data) {
       method: "POST", headers: {"Content-Type": "application/json"}, body: JSON.stringify(data),
     });
   } catch (error) {
-    throw new Error("the panel does not answer: is it still running?");
+    throw new Error(t("the panel does not answer: is it still running?"));
   }
   const text = await response.text();
   let found;

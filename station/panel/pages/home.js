@@ -1,5 +1,10 @@
 "use strict";
 const REFRESH_MS = 2000;
+const STATES = {free: t("free"), "in use": t("in use"), tripped: t("tripped"), broken: t("broken"),
+                running: t("running"), evaluated: t("evaluated"), "ended without results": t("ended without results"),
+                "its lock cannot be read": t("its lock cannot be read")};
+const VERDICTS = {pass: t("pass"), fail: t("fail"), inconclusive: t("inconclusive"), none: t("none")};
+const ROLES = {operator: t("operator"), engineer: t("engineer")};
 
 function wanted() {
   return {plan: byId("plan").value, bench: byId("bench").value,
@@ -15,14 +20,14 @@ function fill(select, entries) {
 }
 
 function benchRow(one) {
-  const state = one.what ? `${one.state}: ${one.what}` : one.state;
-  const due = one.due ? one.due + (one.overdue ? " (overdue)" : "") : "no record";
+  const word = STATES[one.state] || one.state, state = one.what ? `${word}: ${one.what}` : word;
+  const due = one.due ? one.due + (one.overdue ? ` (${t("overdue")})` : "") : t("no record");
   return row(one.title ? `${one.name}: ${one.title}` : one.name, element("span", state, "state " + one.state.replace(" ", "-")), due);
 }
 
 function runRow(one) {
-  return row(link(one.run, `/run/${encodeURIComponent(one.run)}`), one.serial, one.state,
-             one.verdict ? element("span", one.verdict, "verdict " + one.verdict) : "");
+  return row(link(one.run, `/run/${encodeURIComponent(one.run)}`), one.serial, STATES[one.state] || one.state,
+             one.verdict ? element("span", VERDICTS[one.verdict] || one.verdict, "verdict " + one.verdict) : "");
 }
 
 async function refresh() {
@@ -36,9 +41,9 @@ async function refresh() {
     fill(byId("bench"), data.benches);
     byId("benches").replaceChildren(...data.benches.map(benchRow));
     byId("runs").replaceChildren(...data.runs.map(runRow));
-    say("connection", `Role: ${data.role}`);
+    say("connection", t("Role: {role}", {role: ROLES[data.role]}));
   } catch (error) {
-    say("connection", "The panel does not answer. Runs go on without it.");
+    say("connection", t("The panel does not answer. Runs go on without it."));
   }
 }
 
@@ -48,22 +53,22 @@ function stepRow(one) {
 }
 
 function extremeText(one) {
-  const value = one.value === null ? one.note || "unknown" : `${Number(one.value.toPrecision(4))} ${one.unit}`;
+  const value = one.value === null ? one.note || t("unknown") : `${Number(one.value.toPrecision(4))} ${one.unit}`;
   return `${one.which} ${one.quantity}: ${value} (${one.instrument})`;
 }
 
 byId("look-form").addEventListener("submit", async (event) => {
   event.preventDefault();
   show("look", false);
-  say("look-said", "looking …");
+  say("look-said", t("looking …"));
   try {
     const looked = JSON.stringify(wanted());
     const data = await post("/api/look", wanted());
-    if (looked !== JSON.stringify(wanted())) { say("look-said", "changed meanwhile: look again"); return; }
+    if (looked !== JSON.stringify(wanted())) { say("look-said", t("changed meanwhile: look again")); return; }
     say("look-said", data.faults.join("\n"));
     if (!data.steps) return;
     say("look-title", data.title);
-    say("look-time", `Takes about ${span(data.expected_s)} of bench time.`);
+    say("look-time", t("Takes about {span} of bench time.", {span: span(data.expected_s)}));
     byId("look-steps").replaceChildren(...data.steps.map(stepRow));
     byId("look-extremes").replaceChildren(...data.extremes.map((one) => element("li", extremeText(one))));
     byId("look-warnings").replaceChildren(...data.warnings.map((one) => element("li", one)));
@@ -79,7 +84,7 @@ for (const id of ["serial", "operator", "plan", "bench"]) {
 
 byId("start").addEventListener("click", async () => {
   byId("start").disabled = true;
-  say("look-said", "the run begins …");
+  say("look-said", t("the run begins …"));
   try {
     const data = await post("/api/start", wanted());
     location.href = `/run/${encodeURIComponent(data.run)}`;

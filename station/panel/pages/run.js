@@ -3,9 +3,10 @@ const SILENT_MS = 2500;
 const RUN = decodeURIComponent(location.pathname.split("/").pop());
 const API = `/api/run/${encodeURIComponent(RUN)}/`;
 const ICONS = {pass: "✔", fail: "✘", inconclusive: "?", none: "–"};
-const WORDS = {pass: "PASS: within every limit", fail: "FAIL: the device is outside a limit",
-               inconclusive: "INCONCLUSIVE: no decision about the device", none: "No limit was asked for"};
+const WORDS = {pass: t("PASS: within every limit"), fail: t("FAIL: the device is outside a limit"),
+               inconclusive: t("INCONCLUSIVE: no decision about the device"), none: t("No limit was asked for")};
 const STEP_ICONS = {done: "✔", now: "▶", waits: "·"};
+const VERDICTS = {pass: t("pass"), fail: t("fail"), inconclusive: t("inconclusive"), none: t("none")};
 const READS_MS = 1000;
 const AGAIN_MS = 2000;
 const ANSWERS_MS = 3000;
@@ -14,15 +15,15 @@ let heardMs = Date.now(), prompted = null, resultsShown = false, titleBefore = "
 function stateOf(data) {
   shown = data;
   const alive = ["running", "paused", "evaluating"].includes(data.state);
-  titleBefore = `${data.dut ? data.dut.serial : RUN}: ${data.sentence}`;
+  titleBefore = `${data.dut ? data.dut.serial : RUN}: ${t(data.sentence)}`;
   document.title = (data.prompt ? "● " : "") + titleBefore;
   say("run-title", [data.procedure, data.dut && `${data.dut.model} ${data.dut.serial}`].filter(Boolean).join(" · "));
-  say("sentence", data.sentence);
+  say("sentence", t(data.sentence));
   say("message", data.message);
-  say("units", data.units_planned ? `${data.units_done} of ${data.units_planned}` : `${data.units_done}`);
+  say("units", data.units_planned ? t("{done} of {planned}", {done: data.units_done, planned: data.units_planned}) : `${data.units_done}`);
   say("time", span(data.time_s));
-  say("left", alive ? span(data.left_s) : "nothing");
-  say("ends", data.ends ? new Date(data.ends * 60000).toLocaleTimeString([], {hour: "2-digit", minute: "2-digit"}) : alive ? "unknown" : "it has ended");
+  say("left", alive ? span(data.left_s) : t("nothing"));
+  say("ends", data.ends ? new Date(data.ends * 60000).toLocaleTimeString([], {hour: "2-digit", minute: "2-digit"}) : alive ? t("unknown") : t("it has ended"));
   state = data.state;
   buttons();
   byId("steps").replaceChildren(...data.steps.map((one) => {
@@ -36,8 +37,8 @@ function stateOf(data) {
   const died = data.state === "interrupted";
   show("notice", died || data.state === "failed" || damage !== "");
   if (damage) say("notice", damage);
-  if (died) say("notice", `STATION ERROR: the run's process is gone. ${data.message}`);
-  if (data.state === "failed") say("notice", `The run did not finish: ${data.message}`);
+  if (died) say("notice", t("STATION ERROR: the run's process is gone. {message}", {message: data.message}));
+  if (data.state === "failed") say("notice", t("The run did not finish: {message}", {message: data.message}));
   if (!alive && data.state === "finished" && !resultsShown) after();
 }
 
@@ -56,18 +57,18 @@ function promptOf(prompt) {
   readable(prompt);
   say("prompt-text", prompt.text);
   say("prompt-said", "");
-  say("prompt-then", prompt.then ? `Next: ${prompt.then}.` : "");
+  say("prompt-then", prompt.then ? t("Next: {then}.", {then: prompt.then}) : "");
   show("prompt-picture", Boolean(prompt.picture));
   if (prompt.picture) {
     byId("prompt-picture").src = `${API}picture/${encodeURIComponent(prompt.picture)}`;
-    byId("prompt-picture").alt = `Drawing: ${prompt.text}`;
+    byId("prompt-picture").alt = t("Drawing: {text}", {text: prompt.text});
   }
   byId("prompt-checklist").replaceChildren(...(prompt.checklist || []).map(checkbox));
   show("prompt-value-line", Boolean(prompt.value));
   byId("prompt-value").value = "";
   if (prompt.value) {
     const {name, unit, low, high} = prompt.value;
-    say("prompt-value-label", `${name}, ${low} ${unit} to ${high} ${unit}:`);
+    say("prompt-value-label", t("{name}, {low} {unit} to {high} {unit}:", {name, low, high, unit}));
   }
   mayGoOn();
   byId("answer-abort").focus();  // nobody goes on by a key that was pressed before the question
@@ -99,15 +100,15 @@ function mayGoOn() {
 function safeOf(outcomes) {
   show("safe-section", Boolean(outcomes && outcomes.length));
   byId("safe").replaceChildren(...(outcomes || []).map((one) => element(
-    "li", `${one.verified ? "✔ verified" : "✘ NOT VERIFIED"}: ${one.instrument}: ${one.read_back}`,
+    "li", `${one.verified ? t("✔ verified") : t("✘ NOT VERIFIED")}: ${one.instrument}: ${one.read_back}`,
     one.verified ? "good" : "bad")));
 }
 
-const LOCK_WORDS = {clear: "✔ clear", waits: "! true for a moment", tripped: "✘ TRIPPED"};
+const LOCK_WORDS = {clear: t("✔ clear"), waits: t("! true for a moment"), tripped: t("✘ TRIPPED")};
 const OLD_S = 30;
 
 function readText(one) {
-  const old = one.age_s > OLD_S ? ` (${span(one.age_s)} ago)` : "";
+  const old = one.age_s > OLD_S ? t(" ({span} ago)", {span: span(one.age_s)}) : "";
   return `${one.quantity} ${one.text}${old}`;
 }
 
@@ -142,14 +143,14 @@ async function after() {
   byId("results").replaceChildren(...data.results.map((one) => row(
     [one.name, one.axis].filter(Boolean).join(" "), number(one.value, one.expanded_uncertainty), number(one.expanded_uncertainty, one.expanded_uncertainty), one.unit,
     one.limit ? Object.entries(one.limit).map(([key, value]) => `${key} ${value}`).join(", ") : "",
-    element("span", `${ICONS[one.verdict] || ""} ${one.verdict}`, "verdict " + one.verdict))));
+    element("span", `${ICONS[one.verdict] || ""} ${VERDICTS[one.verdict] || one.verdict}`, "verdict " + one.verdict))));
   byId("flags").replaceChildren(...data.flags.map((one) => element("li", [one.code, one.axis, one.message].filter(Boolean).join(": "))));
   byId("report").href = API + "report";
 }
 
 // A value is rounded to the second digit of its expanded uncertainty.
 function number(value, u) {
-  if (value === null || value === undefined) return "undetermined";
+  if (value === null || value === undefined) return t("undetermined");
   if (!u) return String(Number(value.toPrecision(6)));
   const digits = 1 - Math.floor(Math.log10(u));
   return Math.abs(value) < 1e-4 || digits > 8 ? value.toExponential(Math.max(0, digits + Math.floor(Math.log10(Math.abs(value) || u)))) : value.toFixed(Math.max(0, digits));
@@ -163,12 +164,12 @@ function plotsOf(data) {
       place = element("div", "", "plot");
       place.id = id;
       place.setAttribute("role", "group");
-      place.setAttribute("aria-label", `${source}: ${Object.keys(columns).join(", ")} over run time`);
+      place.setAttribute("aria-label", t("{columns} over run time", {columns: `${source}: ${Object.keys(columns).join(", ")}`}));
       byId("plots").append(place);
     }
     const lines = Object.entries(columns).map(([name, one]) => ({x: one.t, y: one.v, name, mode: "lines"}));
     const layout = {title: {text: source}, height: 260, margin: {t: 40, r: 10, b: 40, l: 70},
-                    xaxis: {title: {text: "run time, s"}}, showlegend: lines.length > 1, uirevision: source};
+                    xaxis: {title: {text: t("run time, s")}}, showlegend: lines.length > 1, uirevision: source};
     Plotly.react(place, lines, layout, {displaylogo: false, responsive: true});
     place.dataset.points = String(Math.max(...lines.map((line) => line.x.length)));
     place.dataset.last = String(Math.max(...lines.map((line) => line.x[line.x.length - 1] || 0)));
@@ -176,9 +177,9 @@ function plotsOf(data) {
 }
 
 async function wish(name, data) {
-  say("action-said", name === "abort" ? "asking the run to end …" : "asking …");
+  say("action-said", name === "abort" ? t("asking the run to end …") : t("asking …"));
   const silent = setTimeout(() => say("action-said",
-    `No answer yet. From a terminal: station ${name === "abort" ? "abort" : "attach"} ${RUN}`), ANSWERS_MS);
+    t("No answer yet. From a terminal: {command}", {command: `station ${name === "abort" ? "abort" : "attach"} ${RUN}`})), ANSWERS_MS);
   try {
     const word = await post(API + name, data || {});
     clearTimeout(silent);
@@ -205,7 +206,7 @@ byId("prompt-value").addEventListener("input", mayGoOn);
 byId("answer-abort").addEventListener("click", () => answer("abort"));
 
 function unreadable(data) {
-  damage = data.message && `${data.message}. What stands below is old or has gaps: look at the bench.`;
+  damage = data.message && t("{message}. What stands below is old or has gaps: look at the bench.", {message: data.message});
   show("notice", damage !== "");
   say("notice", damage);
   if (!damage && shown) stateOf(shown);
@@ -228,6 +229,6 @@ setInterval(() => {
   const lost = Date.now() - heardMs > SILENT_MS;
   byId("connection").className = lost ? "bad" : "good";
   if (!lost) refused = false;
-  say("connection", !lost ? "connected" : "CONNECTION LOST: what stands here is old. The run goes on without this page."
-    + (refused ? " Log in again on the first page." : ""));
+  say("connection", !lost ? t("connected") : t("CONNECTION LOST: what stands here is old. The run goes on without this page.")
+    + (refused ? " " + t("Log in again on the first page.") : ""));
 }, 500);
