@@ -85,6 +85,8 @@ _DIMENSIONS: dict[str, tuple[str, str, dict[str, int | Fraction]]] = {
         "1 g",
         {"m/s^2": 1, "g": _GRAVITY, "mg": _GRAVITY / 10**3, "ug": _GRAVITY / 10**6},
     ),
+    "g-sensitivity": ("a sensitivity of rate to specific force", "1 deg/h/g", {"deg/h/g": 1}),
+    "ug/g^2": ("a second-order error in g", "50 ug/g^2", {"ug/g^2": 1}),
     "temperature": ("a temperature", "25 degC", {"degC": 1, "K": 1}),
     "temperature-slew": (
         "a rate of temperature",

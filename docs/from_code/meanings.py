@@ -490,6 +490,16 @@ CONDITIONS = {
         "prior.mounting": "of the sensor on the table, about each of two axes; as `prior.tilt` "
         "unless given",
         "prior.table_axes": "of the table's axes, leaning and stopping beside their angle",
+        "prior.edge": "of a direction between two or three axes",
+        "prior.local_gravity": "of `local_gravity`",
+        "prior.earth_field_magnitude": "of the field's magnitude",
+        "prior.earth_field_inclination": "of the field's inclination",
+        "prior.accelerometer_second_order": "of an accelerometer's second order where the "
+        "directions do not determine it",
+        "local_gravity": "gravity at the bench, in what the accelerometers call g",
+        "earth_field": "the earth's field where the sensor is",
+        "earth_field.magnitude": "its magnitude",
+        "earth_field.inclination": "its inclination, positive down",
     },
     "gyro-static-noise": {
         "sample_interval": "of the gyro",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 from scipy.special import chdtri
@@ -16,6 +17,7 @@ from procedures.estimation.allan import (
 )
 from procedures.estimation.noise import grid_index
 
+from .all_axes.inertial import Inertial
 from .attitude import PAIRS, BiasSolution, GyroGain, StaticMeans, solve_biases
 from .checks import denied_rotation, plausible, record_flags, statement_flags
 from .dataset import (
@@ -49,7 +51,11 @@ UNFILTERED_S = 0.5
 
 
 def analyse(
-    dataset: NineAxisDataset, settings: AnalysisSettings | None = None, *, allan: bool = True
+    dataset: NineAxisDataset,
+    settings: AnalysisSettings | None = None,
+    *,
+    allan: bool = True,
+    inertial: Inertial | None = None,
 ) -> NineAxisAnalysis:
     """Estimate bias, scale factor, asymmetry, nonlinearity and misalignment of the three gyros.
 
@@ -57,8 +63,13 @@ def analyse(
     once, with latitude known, tilts and headings known by their priors. Beside them stand the
     published rules. Deterministic; raises nothing for poor data: what they do not determine is
     None and flagged. `allan` false leaves out the Allan deviations, which only the report needs.
+    Where the accelerometers are calibrated, `inertial`, they are read so: how each position leans
+    is then known better than by its prior.
     """
     settings = settings or AnalysisSettings()
+    if inertial is not None:
+        known = replace(dataset.prior, accelerometer_bias_g=inertial.bias_u_g)
+        dataset = replace(dataset, prior=known)
     clean, saturated, at_rest = without_saturated(dataset)
     clean, *frozen = without_frozen(clean)
     horizontal = float(np.linalg.norm(earth_rate(dataset.latitude_deg)[:2]))
@@ -71,7 +82,9 @@ def analyse(
     }
     axes = {axis: solve_axis(means[axis], axis) for axis in turned}
     gain, gain_u = gain_matrix(axes)
-    static, freedom, wander, rounding = _static(clean, dataset.static, settings, allan=allan)
+    static, freedom, wander, rounding = _static(
+        clean, dataset.static, settings, allan=allan, inertial=inertial
+    )
     rotation = denied_rotation(
         static, dataset.latitude_deg, dataset.prior, np.diag(gain), settings.pose.acceleration_g
     )
@@ -123,6 +136,7 @@ def _static(
     settings: AnalysisSettings,
     *,
     allan: bool,
+    inertial: Inertial | None,
 ) -> tuple[tuple[StaticSummary, ...], Array, Array, Array]:
     """Return each static record's means and pose; each gyro's freedom, wander, rounding, (3,).
 
@@ -142,6 +156,8 @@ def _static(
     gyro = np.array([one.value for one in gyros]).T
     gyro_u = np.array([one.standard_uncertainty for one in gyros]).T
     acceleration = np.array([one.value for one in accelerometers]).T
+    if inertial is not None:
+        acceleration = inertial.force_in_base(acceleration)
     repeated = np.array([np.nanmedian(one.rate_deg_per_h, axis=0) for one in as_recorded])
     poses = check_together(
         [one.position for one in records],

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -13,6 +14,7 @@ from procedures.estimation.alignment import align, unwrapped
 from station.errors import MissingRows
 from station.findings import Findings, InputQuantity, findings_of
 
+from .all_axes.results import OtherResults, results_of
 from .analysis import analyse
 from .dataset import AXES, Array, Mask, NineAxisDataset, Prior, StaticRecord, TurnRecord
 from .encoder import SHORT_S, track
@@ -35,6 +37,7 @@ if TYPE_CHECKING:
     from station.instruments.bench import Bench
     from station.record.folder import RunFolder
 
+
 ARCMIN_PER_RAD = 60.0 * 180.0 / math.pi
 PPM = 1e-6
 ARRIVAL = "arrival_time_s"
@@ -55,9 +58,30 @@ def findings_of_run(folder: RunFolder, parameters: NineAxisParameters, bench: Be
 
 def findings_of_dataset(raw: RawDataset) -> Findings:
     """Return what an imported dataset says; its type B inputs are the priors it names."""
-    dataset = dataset_of_import(raw)
+    dataset, others = dataset_of_import(raw)
     inputs = list(prior_inputs(dataset.prior, "the dataset's conditions"))
-    return findings_of(analyse(dataset), dataset, inputs)
+    if others is None:
+        return findings_of(analyse(dataset), dataset, inputs)
+    found = results_of(others)
+    analysis = analyse(dataset, inertial=found.inertial)
+    return with_other_axes(findings_of(analysis, dataset, inputs), found)
+
+
+def with_other_axes(findings: Findings, found: OtherResults) -> Findings:
+    """Return findings with those of accelerometers and magnetometer.
+
+    Where the accelerometers are determined and turned with the gyros, the misalignments are those
+    to them, and no mounting is in their uncertainty.
+    """
+    own = {(one.name, one.axis): one for one in found.misalignment}
+    estimates = [own.get((one.name, one.axis), one) for one in findings.estimates]
+    return replace(
+        findings,
+        estimates=[*estimates, *found.estimates],
+        published=[*findings.published, *found.published],
+        flags=[*findings.flags, *found.flags],
+        inputs=[*findings.inputs, *found.inputs],
+    )
 
 
 def settings(parameters: NineAxisParameters) -> AnalysisSettings:

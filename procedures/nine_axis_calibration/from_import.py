@@ -9,21 +9,31 @@ import numpy as np
 from pydantic import Field
 
 from station.dataset_reading import Table, refuse
-from station.fields import StrictModel, Unit
+from station.fields import Unit
 from station.files.faults import Fault, listed
 
+from .all_axes.reading import (
+    ACCELEROMETERS,
+    MAGNETOMETER,
+    DatasetPrior,
+    OtherConditions,
+    columns_of,
+    other_axes,
+    pose,
+    poses_of,
+    unknown_directions,
+)
+from .all_axes.stands import OtherAxes, Rest, Turned, direction
 from .dataset import AXES, Array, NineAxisDataset, StaticRecord, TurnRecord
 from .encoder import unwrap
 from .means import interval_of
 from .outlook import prior_of
-from .parameters import Prior
 from .pose import ATTITUDES
 
 if TYPE_CHECKING:
     from station.dataset_reading import RawDataset
 
 GYROS = ("gx_deg_per_h", "gy_deg_per_h", "gz_deg_per_h")
-ACCELEROMETERS = ("ax_g", "ay_g", "az_g")
 STATIC_COLUMNS = ("position", "t_s", *GYROS, *ACCELEROMETERS)
 RATE = "rate_deg_per_s"
 ENCODER = "encoder_deg"
@@ -32,29 +42,55 @@ ALL_THREE = ("gx_deg_per_s", "gy_deg_per_s", "gz_deg_per_s")
 HARDLY_TURNED = 0.1
 
 
-class Conditions(StrictModel):
+class Conditions(OtherConditions):
     """The conditions of a nine-axis dataset."""
 
     latitude_deg: Annotated[float, Unit("deg"), Field(ge=-90, le=90)]
-    prior: Prior
     range_deg_per_s: Annotated[float, Unit("deg/s"), Field(gt=0)] | None = None
 
 
-def dataset_of_import(raw: RawDataset) -> NineAxisDataset:
-    """Return the records of an imported folder; FaultList names file, row and reason."""
+def dataset_of_import(raw: RawDataset) -> tuple[NineAxisDataset, OtherAxes | None]:
+    """Return the records of an imported folder; FaultList names file, row and reason.
+
+    The second is what accelerometers and magnetometer are calibrated by, None where nothing is.
+    """
     conditions = raw.conditions(Conditions)
-    raw.require_files(("static", "rate"))
-    static = raw.read_table("static", STATIC_COLUMNS)
-    rate = raw.read_table("rate", RATE_COLUMNS, (RATE, *ALL_THREE), text=("axis",))
+    raw.require_files(("static", "rate"), ("poses",))
+    static = raw.read_table("static", STATIC_COLUMNS, MAGNETOMETER)
+    more = (RATE, *ALL_THREE, *ACCELEROMETERS, *MAGNETOMETER)
+    rate = raw.read_table("rate", RATE_COLUMNS, more, text=("axis",))
+    poses = poses_of(raw)
     _check_positions(static)
     _check_turns(rate)
-    return NineAxisDataset(
+    at_rest = tuple(_static_records(static))
+    turned = list(_turned(rate))
+    dataset = NineAxisDataset(
         latitude_deg=conditions.latitude_deg,
         prior=prior_of(conditions.prior),
-        static=tuple(_static_records(static)),
-        turns=tuple(_turn_records(rate)),
+        static=at_rest,
+        turns=tuple(one.turn for word, one in turned if word in AXES),
         largest_rate_deg_per_s=conditions.range_deg_per_s,
     )
+    stands = () if poses is None else tuple(_poses(poses, conditions.prior))
+    fields = list(_fields(static))
+    return dataset, other_axes(conditions, conditions.latitude_deg, at_rest, fields, turned, stands)
+
+
+def _fields(table: Table) -> Iterator[Array | None]:
+    """Yield the magnetometer's samples of each position, None where it was not recorded."""
+    field = columns_of(table, MAGNETOMETER)
+    for rows in _stretches(table, ("position",)):
+        yield None if field is None else field[rows]
+
+
+def _poses(table: Table, prior: DatasetPrior) -> Iterator[Rest]:
+    """Yield each pose; a channel that was not recorded is NaN, or None."""
+    force, field = columns_of(table, ACCELEROMETERS), columns_of(table, MAGNETOMETER)
+    for rows in _stretches(table, ("pose",)):
+        time_s = _numbers(table, "t_s", rows)
+        felt = np.full((len(time_s), 3), np.nan) if force is None else force[rows]
+        word = str(table["pose"][rows.start])
+        yield pose(prior, word, time_s, felt, None if field is None else field[rows])
 
 
 def _static_records(table: Table) -> Iterator[StaticRecord]:
@@ -67,21 +103,26 @@ def _static_records(table: Table) -> Iterator[StaticRecord]:
         )
 
 
-def _turn_records(table: Table) -> Iterator[TurnRecord]:
+def _turned(table: Table) -> Iterator[tuple[str, Turned]]:
+    """Yield each record of turns, and what pointed up in it."""
     faults: list[Fault] = []
     records = []
+    force, field = columns_of(table, ACCELEROMETERS), columns_of(table, MAGNETOMETER)
     for rows in _stretches(table, ("axis", "commanded_deg_per_s")):
-        axis = AXES.index(str(table["axis"][rows.start]))
+        word = str(table["axis"][rows.start])
+        up = direction(word)
+        axis = int(np.argmax(np.abs(up))) if up is not None else 0
         time_s = _numbers(table, "t_s", rows)
         rate = np.full((len(time_s), 3), np.nan)
         if ALL_THREE[0] in table:
             rate[:] = np.column_stack([_numbers(table, one, rows) for one in ALL_THREE])
-        if RATE in table:
+        if RATE in table and word in AXES:
             rate[:, axis] = _numbers(table, RATE, rows)
         commanded = float(table["commanded_deg_per_s"][rows.start])
         record = TurnRecord(axis, commanded, time_s, rate, _numbers(table, ENCODER, rows))
         faults += _against(table, rows.start, record)
-        records.append(record)
+        felt = None if force is None else force[rows]
+        records.append((word, Turned(record, felt, None if field is None else field[rows])))
     refuse(faults)
     yield from records
 
@@ -151,4 +192,4 @@ def _check_turns(table: Table) -> None:
     what = "a record at rest determines no scale factor"
     at_rest = np.flatnonzero(table["commanded_deg_per_s"] == 0.0).tolist()
     faults += [table.fault(row, "commanded_deg_per_s", what) for row in at_rest]
-    refuse([*faults, *table.unknown_words("axis", AXES)])
+    refuse([*faults, *unknown_directions(table, "axis")])

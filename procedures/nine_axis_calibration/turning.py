@@ -174,7 +174,7 @@ def _gyro(
         _follow(r.rate_deg_per_s[:, gyro], e, own=own)
         for r, e in zip(records, encoders, strict=True)
     ]
-    rounds = [_round_the_turn(one, interval_s) for one in encoders]
+    rounds = [round_the_turn(one, interval_s) for one in encoders]
     # Coarse output less a turn's small wave is no longer coarse, but honest all the same.
     least = QUANTUM_PART * smallest_step([one.rate_deg_per_s[:, gyro] for one in records])
     amplitude, normal = np.zeros(2), np.eye(2)
@@ -284,7 +284,7 @@ def _mean_rate(encoder: Encoder, good: Mask, *, wanders: bool) -> float:
     return float(encoder.rate_deg_per_s[good].mean())
 
 
-def _round_the_turn(encoder: Encoder, interval_s: float) -> Array:
+def round_the_turn(encoder: Encoder, interval_s: float) -> Array:
     """Return the mean cosine and sine of the table's angle over each sample, (n, 2)."""
     if not np.isfinite(encoder.mean_rate_deg_per_s):
         return np.zeros((len(encoder.angle_deg), 2))

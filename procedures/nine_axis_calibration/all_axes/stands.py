@@ -1,0 +1,104 @@
+"""What the other six axes are calibrated by: stands at rest and turns, each with what points up."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from procedures.nine_axis_calibration.dataset import AXES, TurnRecord
+
+Array = NDArray[np.float64]
+DIRECTION = re.compile(r"[+-]?[XYZ](?:[+-][XYZ]){0,2}")
+
+
+def direction(word: str) -> Array | None:
+    """Return the unit vector (3,) in sensor axes of `X`, `-X`, `X+Y`, `-X-Y-Z`; None for others."""
+    if not DIRECTION.fullmatch(word):
+        return None
+    found = np.zeros(3)
+    for sign, axis in re.findall(r"([+-]?)([XYZ])", word):
+        found[AXES.index(axis)] += -1.0 if sign == "-" else 1.0
+    size = float(np.linalg.norm(found))
+    return found / size if np.count_nonzero(found) == len(re.findall("[XYZ]", word)) else None
+
+
+def plane_across(up: Array, near: Array | None = None) -> Array:
+    """Return two unit vectors (2, 3) across `up`; of all directions near one in the same sense."""
+    apart = int(np.argmin(np.abs(up if near is None else near)))
+    first = np.cross(up, np.eye(3)[apart])
+    first /= np.linalg.norm(first)
+    return np.array([first, np.cross(up, first)])
+
+
+@dataclass(frozen=True)
+class Rest:
+    """A stand at rest: `up` (3,) nominal, samples (n, 3); `u_rad` is how well `up` is known.
+
+    `field_nT` is None where no magnetometer was recorded. `name` is that of people.
+    """
+
+    name: str
+    up: Array
+    u_rad: float
+    time_s: Array
+    acceleration_g: Array
+    field_nT: Array | None
+
+
+@dataclass(frozen=True)
+class Turned:
+    """A record of turns: `turn` has the gyros and the encoder, samples (n, 3) of the others."""
+
+    turn: TurnRecord
+    acceleration_g: Array | None
+    field_nT: Array | None
+
+
+@dataclass(frozen=True)
+class Mounted:
+    """One mounting on the table, `up` (3,) nominal along its axis, known to `u_rad`."""
+
+    name: str
+    up: Array
+    u_rad: float
+    records: tuple[Turned, ...]
+
+
+@dataclass(frozen=True)
+class OtherAxes:
+    """All stands and mountings, and what is known of gravity and of the earth's field there.
+
+    Gravity in the accelerometers' g. Field in nT and its inclination, positive down, in rad; None
+    where they are not known. `second_order_u` is the prior of the accelerometers' second order, in
+    g/g^2. The table's axis is upright within `tilt_rad`.
+    """
+
+    rests: tuple[Rest, ...]
+    mountings: tuple[Mounted, ...]
+    latitude_deg: float
+    tilt_rad: float
+    gravity_g: float = 1.0
+    gravity_u_g: float = 0.0
+    field_nT: float | None = None
+    field_u_nT: float = 0.0
+    inclination_rad: float | None = None
+    inclination_u_rad: float = 0.0
+    second_order_u: float = 0.0
+
+    @property
+    def with_acceleration(self) -> tuple[Mounted, ...]:
+        """The mountings in which accelerometers were recorded."""
+        return _with("acceleration_g", self.mountings)
+
+    @property
+    def with_field(self) -> tuple[Mounted, ...]:
+        """The mountings in which the magnetometer was recorded."""
+        return _with("field_nT", self.mountings)
+
+
+def _with(what: str, mountings: Sequence[Mounted]) -> tuple[Mounted, ...]:
+    return tuple(one for one in mountings if all(getattr(r, what) is not None for r in one.records))

@@ -1,0 +1,128 @@
+"""Means, and waves round the turn, of every channel of a mounting; with the rate and without."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from procedures.nine_axis_calibration.encoder import unwrap
+from procedures.nine_axis_calibration.means import good_samples, interval_of
+from procedures.nine_axis_calibration.turning import round_the_turn
+
+from .stands import Array, Mounted, Rest
+
+THRESHOLD = 5.0
+ROUNDS = 3
+LEVER_G = 0.02
+"""g per (rad/s)^2: an accelerometer 0.2 m from the axis, as the largest that is expected."""
+ALONG_G = 2e-5
+"""The same along the axis: of 0.2 m by an input axis that leans 1 mrad."""
+
+
+@dataclass(frozen=True)
+class Wave:
+    """One record of turns: `value` (3, c) is mean, cosine and sine of each channel by the table's
+    angle, `inverse` (3, 3) its covariance for noise of one, `sigma` (c,) that of a sample."""
+
+    rate_rad_per_s: float
+    value: Array
+    inverse: Array
+    sigma: Array
+
+
+def waves_of(mounting: Mounted, channels: Sequence[Array]) -> list[Wave]:
+    """Return the wave of each record; `channels` hold its samples (n, c), NaN where none came."""
+    interval_s = interval_of([one.turn.time_s for one in mounting.records])
+    found = []
+    for record, samples in zip(mounting.records, channels, strict=True):
+        encoder = unwrap(record.turn, interval_s)
+        columns = np.column_stack((np.ones(len(samples)), round_the_turn(encoder, interval_s)))
+        count = samples.shape[1]
+        value, sigma = np.full((3, count), np.nan), np.full(count, np.nan)
+        inverse = np.full((3, 3), np.nan)
+        for channel in range(count):
+            good = np.isfinite(samples[:, channel]) & ~encoder.unsteady
+            for _ in range(ROUNDS):
+                if int(good.sum()) < 6:
+                    break
+                used = columns[good]
+                inverse = np.linalg.pinv(used.T @ used)
+                fitted = inverse @ (used.T @ samples[good, channel])
+                left = samples[:, channel] - columns @ fitted
+                value[:, channel] = fitted
+                sigma[channel] = np.sqrt(np.sum(left[good] ** 2) / max(int(good.sum()) - 3, 1))
+                good = good_samples(np.where(encoder.unsteady, np.nan, left), THRESHOLD)
+        rate = float(np.radians(encoder.mean_rate_deg_per_s))
+        found.append(Wave(rate, value, inverse, sigma))
+    return [one for one in found if np.isfinite(one.rate_rad_per_s)]
+
+
+def at_rest(rest: Rest, samples: Array) -> tuple[Array, Array]:
+    """Return mean and standard uncertainty of each channel (3,) of a stand at rest."""
+    mean, u = np.full(3, np.nan), np.full(3, np.nan)
+    for channel in range(3):
+        good = good_samples(samples[:, channel], THRESHOLD)
+        values = samples[good, channel]
+        if len(values) > 1:
+            mean[channel] = values.mean()
+            u[channel] = values.std(ddof=1) / np.sqrt(len(values))
+    return mean, u
+
+
+def without_rate(mounting: Mounted, waves: Sequence[Wave], first: int) -> tuple[Array, Array]:
+    """Return what three channels from `first` on read at no rate, and its covariance (3, 3).
+
+    A lever arm feels the square of the rate: its slope is free, along the axis within a little.
+    """
+    square = np.array([one.rate_rad_per_s**2 for one in waves])
+    value, u = np.full(3, np.nan), np.full(3, np.nan)
+    for channel in range(3):
+        own = np.array([one.value[0, first + channel] for one in waves])
+        size = np.array([one.sigma[first + channel] * np.sqrt(one.inverse[0, 0]) for one in waves])
+        good = np.isfinite(own) & (size > 0.0)
+        if not bool(good.any()):
+            continue
+        slope_u = ALONG_G if abs(mounting.up[channel]) > 0.99 else LEVER_G
+        design = np.column_stack((np.ones(int(good.sum())), square[good])) / size[good, None]
+        normal = design.T @ design + np.diag([0.0, 1.0 / slope_u**2])
+        inverse = np.linalg.inv(normal)
+        value[channel] = (inverse @ (design.T @ (own[good] / size[good])))[0]
+        u[channel] = np.sqrt(inverse[0, 0])
+    return value, np.diag(u**2)
+
+
+@dataclass(frozen=True)
+class Response:
+    """What the gyros of a mounting read per rate, (3,), and at no rate in deg/h, (3,), with u."""
+
+    gain: Array
+    gain_u: Array
+    still_deg_per_h: Array
+    still_u: Array
+
+
+def response_of(waves: Sequence[Wave]) -> Response | None:
+    """Return the gyros' response; None where the mounting was not turned in both senses.
+
+    What grows with the magnitude of the rate, an asymmetry, is free.
+    """
+    rate = np.degrees(np.array([one.rate_rad_per_s for one in waves]))
+    if not (bool((rate > 0.0).any()) and bool((rate < 0.0).any())):
+        return None
+    found = np.full((4, 3), np.nan)
+    free = len(np.unique(np.round(np.abs(rate), 1))) > 1
+    columns = [rate, np.ones(len(rate)), *([np.abs(rate)] if free else [])]
+    for gyro in range(3):
+        own = np.array([one.value[0, gyro] for one in waves])
+        size = np.array([one.sigma[gyro] * np.sqrt(one.inverse[0, 0]) for one in waves])
+        good = np.isfinite(own) & (size > 0.0)
+        if int(good.sum()) < len(columns):
+            continue
+        design = np.column_stack(columns)[good] / size[good, None]
+        inverse = np.linalg.pinv(design.T @ design)
+        solved = inverse @ (design.T @ (own[good] / size[good]))
+        spread = np.sqrt(np.diag(inverse))
+        found[:, gyro] = solved[0], spread[0], 3600.0 * solved[1], 3600.0 * spread[1]
+    return Response(*found)

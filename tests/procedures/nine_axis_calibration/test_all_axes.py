@@ -1,0 +1,208 @@
+"""Accelerometers and magnetometer: the truth comes back, and what is not determined is null."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from nine_axis_stands import FACES, Bench, truth_of
+
+from procedures.nine_axis_calibration.all_axes.results import OtherResults, results_of
+from procedures.nine_axis_calibration.all_axes.stands import OtherAxes, direction
+from procedures.nine_axis_calibration.evaluate import findings_of_dataset
+from station.dataset_reading import read_dataset
+from station.files.faults import FaultList
+from station.results import conclude
+
+SEEDS = 3
+
+
+def errors_in_u(bench: Bench, found: OtherResults) -> dict[str, list[float]]:
+    truth, errors = truth_of(bench.sensor), defaultdict[str, list[float]](list)
+    for one in (*found.estimates, *found.misalignment):
+        if one.value is not None and one.standard_uncertainty is not None:
+            assert one.axis is not None
+            error = one.value - truth[one.name, one.axis]
+            errors[one.name].append(error / one.standard_uncertainty)
+    return errors
+
+
+def nulls(found: OtherResults) -> set[str]:
+    return {one.name for one in found.estimates if one.value is None}
+
+
+def codes(found: OtherResults) -> set[str]:
+    return {one.code for one in found.flags}
+
+
+def test_every_quantity_comes_back_within_its_uncertainty() -> None:
+    together = defaultdict[str, list[float]](list)
+    for seed in range(SEEDS):
+        bench = Bench(seed)
+        found = results_of(bench.data())
+        assert nulls(found) == {"g_sensitivity"}
+        assert codes(found) == {"not-identifiable"}
+        for name, errors in errors_in_u(bench, found).items():
+            together[name] += errors
+    assert len(together) == 9
+    every = np.concatenate(list(together.values()))
+    assert 0.8 < float(np.sqrt(np.mean(every**2))) < 1.2
+    assert float(np.max(np.abs(every))) < 4.5
+
+
+def test_upright_turns_determine_the_magnetometer_and_no_accelerometer() -> None:
+    bench = Bench(3, poses=())
+    found = results_of(bench.data())
+    assert found.inertial is None
+    assert found.misalignment == ()
+    assert not {name for name in nulls(found) if name.startswith("magnetometer")}
+    (flag,) = [one for one in found.flags if one.code == "not-identifiable"]
+    assert "accelerometer_bias" in flag.details["coefficients"]
+    frames = {one.extra.get("frame") for one in found.estimates if "misalignment" in one.name}
+    assert frames == {"mounting"}
+    assert max(map(abs, errors_in_u(bench, found)["magnetometer_offset"])) < 4.0
+
+
+def test_faces_alone_leave_the_second_order_out() -> None:
+    bench = Bench(4, poses=FACES, field_at_poses=False)
+    bench.sensor = replace(bench.sensor, second=np.zeros(3))
+    found = results_of(bench.data())
+    assert "accelerometer_second_order" in nulls(found)
+    assert max(map(abs, errors_in_u(bench, found)["accelerometer_bias"])) < 4.0
+
+
+def test_a_mounting_that_faces_down_gives_the_gyros_sensitivity_to_force() -> None:
+    bench = Bench(5, turned=("X", "Y", "Z", "-X"))
+    found = results_of(bench.data())
+    assert "g_sensitivity" not in nulls(found)
+    assert max(map(abs, errors_in_u(bench, found)["g_sensitivity"])) < 4.5
+
+
+def test_without_a_known_field_scale_factors_are_relative_by_convention() -> None:
+    data = replace(Bench(6).data(), field_nT=None, field_u_nT=0.0)
+    found = results_of(data)
+    assert "scale-by-convention" in codes(found)
+    scale = [one.value for one in found.estimates if one.name == "magnetometer_scale_factor"]
+    assert np.mean([value for value in scale if value is not None]) == pytest.approx(1.0, abs=1e-6)
+
+
+def test_a_stand_that_leans_beyond_its_prior_is_flagged_and_widens_u() -> None:
+    data = Bench(7).data()
+    leaning = replace(
+        data.rests[1], acceleration_g=data.rests[1].acceleration_g + np.array([0, 0.01, 0])
+    )
+    found = results_of(replace(data, rests=(data.rests[0], leaning, *data.rests[2:])))
+    assert "poses-disagree" in codes(found)
+    assert found.inertial is not None
+    assert found.inertial.wider > 1.5
+
+
+def test_a_field_that_changes_between_records_is_flagged() -> None:
+    data = Bench(8).data()
+    moved = replace(data.rests[2], field_nT=data.rests[2].field_nT + np.array([400.0, 0, 0]))
+    found = results_of(replace(data, rests=(*data.rests[:2], moved, *data.rests[3:])))
+    assert "field-wanders" in codes(found)
+
+
+@pytest.mark.parametrize("word", ["", "W", "X+X", "X-X", "x", "+", "XY", "X+Y+Z+X"])
+def test_what_is_no_direction_is_none(word: str) -> None:
+    assert direction(word) is None
+
+
+def test_directions_are_unit_vectors() -> None:
+    assert np.allclose(direction("-X"), [-1, 0, 0])
+    assert np.allclose(direction("X+Y"), [2**-0.5, 2**-0.5, 0])
+    assert np.allclose(direction("-X-Y-Z"), -(3**-0.5))
+
+
+CONDITIONS = """\
+dataset: 1
+procedure: nine-axis-calibration
+files: {static: static.csv, rate: rate.csv, poses: poses.csv}
+conditions:
+  latitude: 39.9 deg
+  earth_field: {magnitude: 54823 nT}
+  prior:
+    heading: 10 arcmin
+    relative_heading: 0.5 arcmin
+    tilt: 0.5 arcmin
+    accelerometer_bias: 0.001 g
+    earth_field_magnitude: 50 nT
+"""
+
+
+def written(data: OtherAxes, folder: Path) -> Path:
+    """Write stands and turns as a dataset: position 1 is the first stand, the others are poses."""
+    (folder / "dataset.yaml").write_text(CONDITIONS, encoding="utf-8")
+    first = data.rests[0]
+    static = ["position,t_s,gx_deg_per_h,gy_deg_per_h,gz_deg_per_h,ax_g,ay_g,az_g"]
+    noise = np.random.default_rng(1).normal(0.0, 0.7, (len(first.time_s), 3))
+    for t_s, rate, force in zip(first.time_s, noise, first.acceleration_g, strict=True):
+        values = (t_s, rate[0], 11.54 + rate[1], 9.65 + rate[2], *force)
+        static.append(f"1,{','.join(f'{one:.9g}' for one in values)}")
+    poses = ["pose,t_s,ax_g,ay_g,az_g,mx_nT,my_nT,mz_nT"]
+    for rest in data.rests[1:]:
+        assert rest.field_nT is not None
+        for row in np.column_stack((rest.time_s, rest.acceleration_g, rest.field_nT)):
+            word = rest.name.removeprefix("pose ")
+            poses.append(f"{word},{','.join(f'{one:.9g}' for one in row)}")
+    rate = [
+        "axis,commanded_deg_per_s,t_s,gx_deg_per_s,gy_deg_per_s,gz_deg_per_s,"
+        "ax_g,ay_g,az_g,mx_nT,my_nT,mz_nT,encoder_deg"
+    ]
+    for mounted in data.mountings:
+        for one in mounted.records:
+            assert one.acceleration_g is not None
+            assert one.field_nT is not None
+            turn = one.turn
+            columns = (turn.time_s, turn.rate_deg_per_s, one.acceleration_g, one.field_nT)
+            for row, angle in zip(np.column_stack(columns), turn.encoder_deg, strict=True):
+                numbers = ",".join(f"{value:.9g}" for value in (*row, angle))
+                word = mounted.name.removeprefix("mounting ")
+                rate.append(f"{word},{turn.commanded_deg_per_s:g},{numbers}")
+    for name, lines in (("static", static), ("poses", poses), ("rate", rate)):
+        (folder / f"{name}.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return folder
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return written(Bench(9, poses=FACES).data(), tmp_path_factory.mktemp("all-axes"))
+
+
+def test_an_imported_folder_gives_all_nine_axes(folder: Path) -> None:
+    findings = findings_of_dataset(read_dataset(folder))
+    document = conclude("nine-axis-calibration", findings, {}, "simple").to_data()
+    truth = truth_of(Bench(9, poses=FACES).sensor)
+    results = {(one["name"], one["axis"]): one for one in document["results"]}
+    assert results["misalignment", "XY"]["frame"] == "accelerometers"
+    for key in (("accelerometer_scale_factor", "X"), ("magnetometer_offset", "Z")):
+        error = results[key]["value"] - truth[key]
+        assert abs(error) < 4.5 * results[key]["standard_uncertainty"], key
+    methods = {one["method"] for one in document["as_published"]}
+    assert {"six-position", "min-max"} <= methods
+
+
+@pytest.mark.parametrize(
+    ("file", "change", "named"),
+    [
+        ("poses.csv", lambda text: text.replace("-X,1,", "-W,1,", 1), "'-W' is no direction"),
+        ("poses.csv", lambda text: text.replace("ay_g,", "", 1), "row"),
+        ("rate.csv", lambda text: text.replace("\nX,", "\nX+,", 1), "'X\\+' is no direction"),
+        ("dataset.yaml", lambda text: text.replace("54823 nT", "5 mm"), "earth_field"),
+        ("dataset.yaml", lambda text: text.replace("poses:", "pose:"), "is not known here"),
+    ],
+)
+def test_bad_columns_and_conditions_are_named(
+    folder: Path, tmp_path: Path, file: str, change: Callable[[str], str], named: str
+) -> None:
+    for one in folder.iterdir():
+        text = one.read_text(encoding="utf-8")
+        text = change(text) if one.name == file else text
+        (tmp_path / one.name).write_text(text, encoding="utf-8")
+    with pytest.raises(FaultList, match=named):
+        findings_of_dataset(read_dataset(tmp_path))
