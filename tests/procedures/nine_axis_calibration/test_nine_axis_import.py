@@ -170,7 +170,7 @@ def test_all_three_gyros_may_be_recorded_on_the_table(tmp_path: Path) -> None:
         ("static.csv", ROW, "\n9,2,0.0955,11.9633,9.9913,", "there is no position 9"),
         ("static.csv", ROW, "\n1,0.5,0.0955,11.9633,9.9913,", "times must rise"),
         ("rate.csv", "rate_deg_per_s", "rate_deg", "rate_deg_per_s"),
-        ("rate.csv", "\nX,1,2,", "\nW,1,2,", "there is no axis 'W'"),
+        ("rate.csv", "\nX,1,2,", "\nW,1,2,", "'W' is no direction"),
         ("rate.csv", "\nX,1,2,", "\nX,0,2,", "at rest"),
         ("rate.csv", "\nX,1,3,", "\nX,1,1.5,", "times must rise"),
     ],

@@ -28,7 +28,7 @@ PROCEDURES = (
     "fog-scale-factor-temperature",
     "nine-axis-calibration",
 )
-FLIPS = 6
+FLIPS = 5
 
 
 @pytest.fixture
