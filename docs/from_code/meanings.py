@@ -496,6 +496,9 @@ CONDITIONS = {
         "prior.earth_field_inclination": "of the field's inclination",
         "prior.accelerometer_second_order": "of an accelerometer's second order where the "
         "directions do not determine it",
+        "prior.gaussmeter_gain": "of the gaussmeter's gain, in the coil",
+        "prior.gaussmeter_zero": "of the gaussmeter's zero",
+        "prior.coil_alignment": "of the gaussmeter's axes to the sensor's",
         "local_gravity": "gravity at the bench, in what the accelerometers call g",
         "earth_field": "the earth's field where the sensor is",
         "earth_field.magnitude": "its magnitude",

@@ -17,6 +17,7 @@ from .all_axes.reading import (
     MAGNETOMETER,
     DatasetPrior,
     OtherConditions,
+    coil_of,
     columns_of,
     other_axes,
     pose,
@@ -55,7 +56,7 @@ def dataset_of_import(raw: RawDataset) -> tuple[NineAxisDataset, OtherAxes | Non
     The second is what accelerometers and magnetometer are calibrated by, None where nothing is.
     """
     conditions = raw.conditions(Conditions)
-    raw.require_files(("static", "rate"), ("poses",))
+    raw.require_files(("static", "rate"), ("poses", "coil"))
     static = raw.read_table("static", STATIC_COLUMNS, MAGNETOMETER)
     more = (RATE, *ALL_THREE, *ACCELEROMETERS, *MAGNETOMETER)
     rate = raw.read_table("rate", RATE_COLUMNS, more, text=("axis",))
@@ -73,7 +74,9 @@ def dataset_of_import(raw: RawDataset) -> tuple[NineAxisDataset, OtherAxes | Non
     )
     stands = () if poses is None else tuple(_poses(poses, conditions.prior))
     fields = list(_fields(static))
-    return dataset, other_axes(conditions, conditions.latitude_deg, at_rest, fields, turned, stands)
+    coil = coil_of(raw, conditions.prior)
+    latitude_deg = conditions.latitude_deg
+    return dataset, other_axes(conditions, latitude_deg, at_rest, fields, turned, stands, coil)
 
 
 def _fields(table: Table) -> Iterator[Array | None]:

@@ -37,7 +37,7 @@ IN_PLANS: dict[tuple[str, str], list[str]] = {}
 for _plan in PLANS:
     for _pair in roles_and_kinds(_plan):
         IN_PLANS.setdefault(_pair, []).append(_plan)
-ONE_IN = 13
+ONE_IN = 19
 """Of the faults of a wire, that every role can have, a role gets one in so many here."""
 
 

@@ -9,7 +9,7 @@ from places import ROOT
 
 from benchmarks.fuzz_inputs import attempt, datasets_in
 
-PIECES, EACH = 3, 40
+PIECES, EACH = 3, 28
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="there is no interval timer")

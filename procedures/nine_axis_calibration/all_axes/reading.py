@@ -16,7 +16,7 @@ from station.dataset_reading import Table, refuse
 from station.fields import StrictModel, Unit
 from station.files.faults import Fault
 
-from .stands import Array, Mounted, OtherAxes, Rest, Turned, direction
+from .stands import Array, CoilRecord, Mounted, OtherAxes, Rest, Turned, direction
 
 if TYPE_CHECKING:
     from station.dataset_reading import RawDataset
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 ACCELEROMETERS = ("ax_g", "ay_g", "az_g")
 MAGNETOMETER = ("mx_nT", "my_nT", "mz_nT")
 POSE_COLUMNS = ("pose", "t_s")
+GAUSSMETER = ("bx_nT", "by_nT", "bz_nT")
 Angle = Annotated[float, Unit("deg"), Field(gt=0, le=90)]
 
 
@@ -44,6 +45,9 @@ class DatasetPrior(Prior):
     accelerometer_second_order_ug_per_g2: Annotated[float, Unit("ug/g^2"), Field(ge=0, le=1e6)] = (
         0.0
     )
+    gaussmeter_gain: Annotated[float, Unit("1"), Field(ge=0, le=1)] = 0.0
+    gaussmeter_zero_nT: Annotated[float, Unit("nT"), Field(ge=0)] = 0.0
+    coil_alignment_deg: Annotated[float, Unit("deg"), Field(ge=0, le=90)] = 0.0
 
 
 class OtherConditions(StrictModel):
@@ -76,6 +80,20 @@ def poses_of(raw: RawDataset) -> Table | None:
     return table
 
 
+def coil_of(raw: RawDataset, prior: DatasetPrior) -> CoilRecord | None:
+    """Return the record in the coil, None without such a file."""
+    if "coil" not in raw.files:
+        return None
+    table = raw.read_table("coil", ("t_s", *GAUSSMETER, *MAGNETOMETER), rising="t_s")
+    applied, output = columns_of(table, GAUSSMETER), columns_of(table, MAGNETOMETER)
+    assert applied is not None
+    assert output is not None
+    alignment_rad = math.radians(prior.coil_alignment_deg)
+    return CoilRecord(
+        applied, output, prior.gaussmeter_gain, prior.gaussmeter_zero_nT, alignment_rad
+    )
+
+
 def unknown_directions(table: Table, column: str) -> list[Fault]:
     """Return a fault for each row whose direction is none."""
     text = "'{}' is no direction; write what points up: X, -X, X+Y, -X-Y-Z"
@@ -91,13 +109,18 @@ def other_axes(
     static_field: Sequence[Array | None],
     turned: Sequence[tuple[str, Turned]],
     poses: Sequence[Rest],
+    coil: CoilRecord | None,
 ) -> OtherAxes | None:
     """Return what the other axes are calibrated by; None where nothing of them was recorded."""
     mountings = tuple(_mounted(conditions.prior, turned))
-    if not poses and not any(
-        one.acceleration_g is not None or one.field_nT is not None
-        for mounting in mountings
-        for one in mounting.records
+    if (
+        not poses
+        and coil is None
+        and not any(
+            one.acceleration_g is not None or one.field_nT is not None
+            for mounting in mountings
+            for one in mounting.records
+        )
     ):
         return None
     tilt_rad = math.radians(conditions.prior.tilt_arcmin / 60.0)
@@ -126,6 +149,7 @@ def other_axes(
         None if inclination is None else math.radians(inclination),
         math.radians(prior.earth_field_inclination_deg),
         prior.accelerometer_second_order_ug_per_g2 * 1e-6,
+        coil,
     )
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from procedures.nine_axis_calibration.dataset import AXES
 from station.findings import Estimate, Flag, InputQuantity, Published, undetermined
 
+from .coil import InCoil, coil_inputs, estimates_in_coil, solve_coil
 from .inertial import CROSS, K2, PAIRS, TURN, B, Inertial, K, M, N, solve_inertial, stands_of
 from .magnetic import Magnetic, felt_of, solve_magnetic
 from .sensitivity import UNIT as PER_G
@@ -36,6 +37,7 @@ UNITS = {
     "magnetometer_misalignment": (NAMES, "arcsec"),
 }
 GRAVITY, FIELD = "prior_local_gravity", "prior_earth_field"
+SCALE = "magnetometer_scale_factor"
 IN_ACCELEROMETERS = [name for name in UNITS if not name.startswith("magnetometer")]
 IN_MAGNETOMETER = [name for name in UNITS if name.startswith("magnetometer")]
 
@@ -57,16 +59,17 @@ def results_of(data: OtherAxes) -> OtherResults:
     """Return results, flags and inputs of the other six axes. Raises nothing for poor data."""
     inertial = solve_inertial(data)
     magnetic = solve_magnetic(data, inertial)
+    coil = solve_coil(data.coil) if data.coil is not None else None
     estimates: list[Estimate] = []
     flags: list[Flag] = []
     if stands_of(data):
         estimates += _of_accelerometers(data, inertial)
-    if felt_of(data)[0]:
-        estimates += _of_magnetometer(data, inertial, magnetic)
+    if felt_of(data)[0] or data.coil is not None:
+        estimates += _of_magnetometer(inertial, magnetic, coil)
     lacking = [one for one in estimates if one.value is None]
     if lacking:
         flags.append(_not_identifiable(lacking))
-    flags += _doubts(inertial, magnetic)
+    flags += _doubts(inertial, magnetic, coil)
     return OtherResults(
         tuple(estimates),
         _misalignment(inertial) if inertial is not None and inertial.gyros else (),
@@ -124,9 +127,26 @@ def _misalignment(one: Inertial) -> tuple[Estimate, ...]:
 
 
 def _of_magnetometer(
-    data: OtherAxes, inertial: Inertial | None, one: Magnetic | None
+    inertial: Inertial | None, one: Magnetic | None, coil: InCoil | None
 ) -> Iterator[Estimate]:
-    """Yield offset, scale factor and directions of the magnetometer: diag(K)(I + M)."""
+    """Yield offset, scale factor and directions of the magnetometer: diag(K)(I + M).
+
+    Of turns and stands in the earth's field where they determine them; the coil gives the rest:
+    scale factors where no field is known, all where nothing was turned.
+    """
+    in_coil = list(estimates_in_coil(coil)) if coil is not None else []
+    if one is None and in_coil:
+        yield from in_coil
+        return
+    for estimate in _in_earths_field(inertial, one):
+        if in_coil and one is not None and one.relative and estimate.name == SCALE:
+            yield next(c for c in in_coil if (c.name, c.axis) == (SCALE, estimate.axis))
+        else:
+            yield estimate
+
+
+def _in_earths_field(inertial: Inertial | None, one: Magnetic | None) -> Iterator[Estimate]:
+    """Yield what turns and stands at rest in the earth's field determine."""
     frame = MOUNTING if inertial is None else ACCELEROMETERS
     if one is None:
         for name in IN_MAGNETOMETER:
@@ -181,7 +201,9 @@ def _not_identifiable(lacking: Sequence[Estimate]) -> Flag:
     return Flag("not-identifiable", message, None, {"coefficients": names})
 
 
-def _doubts(inertial: Inertial | None, magnetic: Magnetic | None) -> Iterator[Flag]:
+def _doubts(
+    inertial: Inertial | None, magnetic: Magnetic | None, coil: InCoil | None
+) -> Iterator[Flag]:
     """Yield what the data contradict of each other."""
     if inertial is not None and inertial.wider > 1.0:
         message = (
@@ -192,7 +214,7 @@ def _doubts(inertial: Inertial | None, magnetic: Magnetic | None) -> Iterator[Fl
         yield Flag("poses-disagree", message, None, {"ratio": inertial.wider})
     if magnetic is None:
         return
-    if magnetic.relative:
+    if magnetic.relative and coil is None:
         message = (
             "The earth's field is not stated: the magnetometer's scale factors have mean one by "
             "convention, and are relative to each other only. Give `earth_field`."
@@ -210,6 +232,8 @@ def _doubts(inertial: Inertial | None, magnetic: Magnetic | None) -> Iterator[Fl
 def _inputs(data: OtherAxes) -> Iterator[InputQuantity]:
     about = "local gravity"
     yield InputQuantity(GRAVITY, about, data.gravity_u_g, "g", "the dataset's conditions")
+    if data.coil is not None:
+        yield from coil_inputs(data.coil)
 
 
 def published(data: OtherAxes) -> Iterator[Published]:

@@ -69,6 +69,17 @@ class Mounted:
 
 
 @dataclass(frozen=True)
+class CoilRecord:
+    """Fields (n, 3) in nT as the gaussmeter reads them, and the magnetometer's output (n, 3)."""
+
+    applied_nT: Array
+    output_nT: Array
+    gain_u: float
+    zero_u_nT: float
+    alignment_u_rad: float
+
+
+@dataclass(frozen=True)
 class OtherAxes:
     """All stands and mountings, and what is known of gravity and of the earth's field there.
 
@@ -88,6 +99,7 @@ class OtherAxes:
     inclination_rad: float | None = None
     inclination_u_rad: float = 0.0
     second_order_u: float = 0.0
+    coil: CoilRecord | None = None
 
     @property
     def with_acceleration(self) -> tuple[Mounted, ...]:

@@ -12,7 +12,7 @@ import pytest
 from nine_axis_stands import FACES, Bench, truth_of
 
 from procedures.nine_axis_calibration.all_axes.results import OtherResults, results_of
-from procedures.nine_axis_calibration.all_axes.stands import OtherAxes, direction
+from procedures.nine_axis_calibration.all_axes.stands import CoilRecord, OtherAxes, direction
 from procedures.nine_axis_calibration.evaluate import findings_of_dataset
 from station.dataset_reading import read_dataset
 from station.files.faults import FaultList
@@ -106,6 +106,46 @@ def test_a_field_that_changes_between_records_is_flagged() -> None:
     moved = replace(data.rests[2], field_nT=data.rests[2].field_nT + np.array([400.0, 0, 0]))
     found = results_of(replace(data, rests=(*data.rests[:2], moved, *data.rests[3:])))
     assert "field-wanders" in codes(found)
+
+
+def in_a_coil(bench: Bench) -> CoilRecord:
+    """Return steps of the coil along each axis, and what the sensor reads of them."""
+    steps = np.vstack([60_000.0 * sense * np.eye(3) for sense in (1.0, -1.0)])
+    applied = np.repeat(steps, 20, axis=0)
+    output = bench.sensor.offset_nT + applied @ bench.sensor.gain.T
+    return CoilRecord(applied, output + bench.draw.normal(0.0, 30.0, output.shape), 0.005, 0.0, 0.0)
+
+
+def test_a_coil_gives_the_magnetometer_where_nothing_was_turned() -> None:
+    bench = Bench(10, poses=(), turned=())
+    found = results_of(replace(bench.data(), rests=(), coil=in_a_coil(bench)))
+    errors = errors_in_u(bench, found)
+    assert set(errors) == {
+        "magnetometer_offset",
+        "magnetometer_scale_factor",
+        "magnetometer_misalignment",
+    }
+    assert max(map(abs, np.concatenate(list(errors.values())))) < 4.0
+    (gain,) = [one for one in found.inputs if one.name == "prior_gaussmeter_gain"]
+    assert gain.standard_uncertainty == 0.005
+    frames = {one.extra.get("frame") for one in found.estimates if "misalignment" in one.name}
+    assert frames == {"coil"}
+
+
+def test_with_a_coil_no_scale_is_by_convention() -> None:
+    bench = Bench(11, poses=())
+    data = replace(bench.data(), field_nT=None, field_u_nT=0.0, coil=in_a_coil(bench))
+    found = results_of(data)
+    assert "scale-by-convention" not in codes(found)
+    assert max(map(abs, errors_in_u(bench, found)["magnetometer_scale_factor"])) < 4.0
+
+
+def test_a_coil_along_two_axes_determines_nothing() -> None:
+    bench = Bench(12, poses=(), turned=())
+    record = in_a_coil(bench)
+    flat = replace(record, applied_nT=record.applied_nT * [1, 1, 0])
+    found = results_of(replace(bench.data(), rests=(), coil=flat))
+    assert "magnetometer_offset" in nulls(found)
 
 
 @pytest.mark.parametrize("word", ["", "W", "X+X", "X-X", "x", "+", "XY", "X+Y+Z+X"])
