@@ -7,7 +7,8 @@ from pathlib import Path
 
 URL = "STATION_HISTORY"
 """The environment variable that names another database, such as `postgresql+psycopg://…`."""
-FILE = "history.sqlite3"
+FILE = ".history.sqlite3"
+"""Hidden, so that `runs/*` stays the run folders alone."""
 
 
 def url_of(parent: Path) -> str:

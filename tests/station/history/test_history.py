@@ -94,6 +94,13 @@ def test_a_url_without_its_package_is_named_without_its_password(
     assert "secret" not in str(raised.value)
 
 
+def test_all_that_is_seen_beside_the_history_are_run_folders(tmp_path: Path) -> None:
+    folder = made_run(tmp_path, 1, 1.1)
+    assert kept(tmp_path)
+    # A shell's `runs/*` leaves out what begins with a dot.
+    assert [one for one in tmp_path.iterdir() if not one.name.startswith(".")] == [folder]
+
+
 def test_nobody_keeps_a_history_unasked(tmp_path: Path) -> None:
     remember(made_run(tmp_path, 1, 1.1))
     assert not (tmp_path / FILE).exists()
