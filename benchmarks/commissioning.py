@@ -15,11 +15,14 @@ import argparse
 import json
 import random
 import statistics
+import sys
 import tempfile
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parent.parent / "tests" / "support"))
 
 from commissioning_parts import bench_plan_of, whole_plan_of
 from commissioning_plants import ALL_PLANTS

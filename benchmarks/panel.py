@@ -1,6 +1,6 @@
 """The cost of the panel: processor with three viewers, first picture, memory over a long run.
 
-    PYTHONPATH=.:tests/support python benchmarks/panel.py [--seconds 20] [--hours 24 --speed 400]
+    python benchmarks/panel.py [--seconds 20] [--hours 24 --speed 400]
 
 A run is served by `station sim` and watched through the panel's own process. One JSON line each:
 share of a core while three viewers listen at the panel's full rate, seconds from opening a page to
@@ -13,6 +13,7 @@ import argparse
 import json
 import os
 import subprocess
+import sys
 import tempfile
 import threading
 import time
@@ -20,6 +21,8 @@ import urllib.request
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parent.parent / "tests" / "support"))
 
 from command_line import station_command
 from kill_helpers import served_bench

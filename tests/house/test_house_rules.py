@@ -205,6 +205,14 @@ def test_every_benchmark_fits_the_engine() -> None:
     subprocess.run([sys.executable, "-c", code], check=True, env=environment, cwd=ROOT)
 
 
+def test_a_benchmark_finds_the_helpers_of_the_tests_by_itself() -> None:
+    helpers = {path.stem for path in (ROOT / "tests" / "support").glob("*.py")}
+    for path in (ROOT / "benchmarks").glob("*.py"):
+        text = path.read_text(encoding="utf-8")
+        if 'if __name__ == "__main__"' in text and helpers & set(imports(path)):
+            assert "sys.path.insert(0, " in text, f"{path.name} needs PYTHONPATH"
+
+
 @pytest.mark.parametrize("settings", sorted(ROOT.glob("procedures/*/settings.py")), ids=str)
 def test_a_plan_takes_its_thresholds_from_the_analysis(settings: Path) -> None:
     """A number that a plan may state and an analysis uses is declared once."""
