@@ -103,7 +103,7 @@ class SimulatedBench:
                 if maker is not None:
                     self._faults[name] = InstrumentFaults(self._schedule)
                     self._served[name] = maker(self._setting(name, instrument))
-            self.instruments = {name: one.describe() for name, one in self._served.items()}
+            self.instruments = {name: served.describe() for name, served in self._served.items()}
             for name, entry in whole.raw("instruments").items():
                 for shared in entry.get("shares", ())[:1]:  # it answers on that one's line
                     if shared in self.instruments:
@@ -190,9 +190,9 @@ class SimulatedBench:
                     axis: coil_report(coil, now_s) for axis, coil in self._world.currents.items()
                 },
                 "outputs": {
-                    name: one.energised()
-                    for name, one in self._served.items()
-                    if hasattr(one, "energised")
+                    name: served.energised()
+                    for name, served in self._served.items()
+                    if hasattr(served, "energised")
                 },
                 "dut_powered": self._world.dut_powered,
                 "gyro_powered": self._world.dut_powered,

@@ -287,7 +287,7 @@ class Acutrol3000(Driver):
         """
         axes = self._table.axes.values()
         opened = self._interlock_broke()
-        if opened and not any(one.homed or one.doing is not Doing.NOTHING for one in axes):
+        if opened and not any(axis.homed or axis.doing is not Doing.NOTHING for axis in axes):
             with suppress(InstrumentError):
                 self._line.command(":Interlock:Reset")
             opened = self._interlock_broke()

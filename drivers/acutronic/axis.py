@@ -196,7 +196,7 @@ class AclSettings(SerialSettings):
     def are_there(cls, given: Sequence[int] | None, info: ValidationInfo) -> Sequence[int] | None:
         """Refuse an axis that the table does not have."""
         axes = info.data.get("axes", MOST_AXES)
-        if beyond := [one for one in given or () if one > axes]:
+        if beyond := [axis for axis in given or () if axis > axes]:
             raise ValueError(f"there is no axis {beyond[0]}; the table's axes are 1 to {axes}")
         return given
 

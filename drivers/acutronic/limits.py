@@ -97,13 +97,13 @@ class Limits:
 
     def _write(self, header: str, which: Sequence[str], value: float) -> None:
         """Set a value and read it back; InstrumentError where another one comes."""
-        self._line.command(";".join(f":{header} {one},{value:.6f}" for one in which))
-        query = ";".join(f":{header}? {one}" for one in which)
+        self._line.command(";".join(f":{header} {prefix},{value:.6f}" for prefix in which))
+        query = ";".join(f":{header}? {prefix}" for prefix in which)
         answer = self._line.query(query).split(";")
         if len(answer) != len(which):
             raise self._line.odd(query, ";".join(answer))
-        for one, text in zip(which, answer, strict=True):
-            found, half_digit = self._line.printed(query, text)
+        for prefix, text in zip(which, answer, strict=True):
+            read_back, half_digit = self._line.printed(query, text)
             check_written(
-                self._place.name, f"{header} {one}", value, found, agrees_within(half_digit)
+                self._place.name, f"{header} {prefix}", value, read_back, agrees_within(half_digit)
             )

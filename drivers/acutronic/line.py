@@ -97,10 +97,10 @@ class AclLine:
 
     def printed(self, message: str, text: str) -> tuple[float, float]:
         """Return a number that came for a message, and half of its last printed digit."""
-        found = NUMBER.fullmatch(text.strip())
-        if found is None:
+        match = NUMBER.fullmatch(text.strip())
+        if match is None:
             raise self.odd(message, text)
-        return float(found[0]), 0.5 * 10.0 ** -len(found[1] or "")
+        return float(match[0]), 0.5 * 10.0 ** -len(match[1] or "")
 
     def mode(self, axis: int) -> str:
         """Return the mode of an axis by its whole name, also where it is abbreviated."""
@@ -118,14 +118,14 @@ class AclLine:
         """
         message = f":Demand:{what}? {axis};:Mode? {axis}"
         answer = self.query(message)
-        found, _, found_mode = answer.partition(";")
-        value, half_digit = self.printed(message, found)
+        value_text, _, found_mode = answer.partition(";")
+        value, half_digit = self.printed(message, value_text)
         agrees = abs(value - demand) <= agrees_within(half_digit)
         if not agrees or whole_mode(found_mode) != mode:
             raise InstrumentError(
                 self._place.name,
                 f"set axis {axis} to {what.lower()} {demand:g} in the mode {mode}",
-                f"{shortened(found)} and the mode {shortened(found_mode)} read back",
+                f"{shortened(value_text)} and the mode {shortened(found_mode)} read back",
                 "check that nobody else talks to the controller, then run again",
             )
         return value

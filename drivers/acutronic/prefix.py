@@ -42,7 +42,7 @@ def prefix_of(answer: bytes) -> Prefix | None:
     words = (
         Prefix._make((*struct.unpack(f"{order}II", head), name)) for order, name in ORDERS.items()
     )
-    return min((one for one in words if one.length <= LONGEST), default=None)
+    return min((word for word in words if word.length <= LONGEST), default=None)
 
 
 class PrefixedLine(SerialLine):

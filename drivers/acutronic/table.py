@@ -148,10 +148,10 @@ class Table:
                 return False
             return status.servoed and self._knows_zero(state)
         if state.doing is Doing.SEARCHING:
-            found = bool(status.dynamic & AT_POSITION) and rests and self._knows_zero(state)
-            if found:
+            homed = bool(status.dynamic & AT_POSITION) and rests and self._knows_zero(state)
+            if homed:
                 self._need_zero(state)
-            return found
+            return homed
         self.need_turns(state)
         if state.doing is Doing.STOPPING:
             stands = bool(status.dynamic & AT_RATE) and rests
@@ -322,5 +322,5 @@ class Table:
 
     def _largest(self, name: str) -> float:
         states = self.axes.values()
-        values = [one.rate if name == "rate" else one.count.angle_deg for one in states]
+        values = [state.rate if name == "rate" else state.count.angle_deg for state in states]
         return max(values, key=abs)

@@ -49,7 +49,7 @@ class Function:
     def range_for(self, largest: float) -> float | None:
         """Return the lowest range that holds a magnitude, None where none does."""
         pairs = zip(self.ranges, self.limits, strict=True)
-        return next((one for one, limit in pairs if abs(largest) <= limit), None)
+        return next((pair for pair, limit in pairs if abs(largest) <= limit), None)
 
 
 class BurstMeter(ScpiDriver):
@@ -100,7 +100,7 @@ class BurstMeter(ScpiDriver):
         if nplc not in self.integration_cycles:
             raise self.error(
                 f"integrate over {nplc:g} power-line cycles",
-                f"it can do {', '.join(f'{one:g}' for one in self.integration_cycles)}",
+                f"it can do {', '.join(f'{cycles:g}' for cycles in self.integration_cycles)}",
                 "write one of these; whole numbers of cycles reject the hum of the mains",
             )
         with self._turn:
@@ -164,7 +164,7 @@ class BurstMeter(ScpiDriver):
         """Return the error of an overloaded reading: the range, and the next higher one."""
         unit, present = self.function.unit, self._range or 0.0
         limit = dict(zip(self.function.ranges, self.function.limits, strict=True)).get(present)
-        higher = next((one for one in self.function.ranges if one > present), None)
+        higher = next((larger for larger in self.function.ranges if larger > present), None)
         advice = "it is the highest: lower what is at its input"
         if higher is not None:
             advice = f"measure again on the next higher range, {higher:g} {unit}"

@@ -116,8 +116,8 @@ class CanImu(NineAxisSource):
         return self._rows(self._line.outputs())
 
     def _newest(self) -> NDArray[np.void]:
-        found = self._line.newest()
-        return self._rows([] if found is None else [found])
+        newest = self._line.newest()
+        return self._rows([] if newest is None else [newest])
 
     def _send(self, command: str, number: int, values: Mapping[str, float]) -> None:
         signals = {"command": command, "request_id": number, "rate": values.get("rate", 0.0)}
@@ -128,7 +128,9 @@ class CanImu(NineAxisSource):
         rows = np.zeros(len(outputs), dtype=ROW)
         if not outputs:
             return rows
-        parts = [np.array(one) for one in zip(*(each.values for each in outputs), strict=True)]
+        parts = [
+            np.array(values) for values in zip(*(each.values for each in outputs), strict=True)
+        ]
 
         def signal(name: str) -> NDArray[np.float64]:
             part, place = self._places[name]

@@ -51,11 +51,11 @@ class CanNavigator(InertialNavigator):
         self._line.send("NAV_COMMAND", signals)
 
     def _outputs(self) -> list[Output]:
-        return [output(one) for one in self._line.outputs()]
+        return [output(parts) for parts in self._line.outputs()]
 
     def _newest(self) -> Output | None:
-        found = self._line.newest()
-        return None if found is None else output(found)
+        newest = self._line.newest()
+        return None if newest is None else output(newest)
 
 
 def output(parts: Parts) -> Output:

@@ -57,11 +57,11 @@ class CanPulseBoard(PulseBoard):
         self._line.take_single(self._counts)
 
     def _samples(self) -> Sequence[Sample]:
-        return [sample(one) for one in self._line.take_single(self._counts)]
+        return [sample(parts) for parts in self._line.take_single(self._counts)]
 
     def _newest(self) -> Sample | None:
-        found = self._line.newest_single(self._counts)
-        return None if found is None else sample(found)
+        newest = self._line.newest_single(self._counts)
+        return None if newest is None else sample(newest)
 
 
 def sample(parts: Parts) -> Sample:

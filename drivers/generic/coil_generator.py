@@ -60,7 +60,7 @@ class CoilGenerator(ScpiDriver):
         self._load_ohm = load_ohm(settings.load)
         self._limit_V = self.limit("voltage")
         self._share = 1.0 if math.isinf(self._load_ohm) else self._load_ohm / (self._load_ohm + 50)
-        self._messages = {one: self._messages_of(one) for one in CHANNELS}
+        self._messages = {channel: self._messages_of(channel) for channel in CHANNELS}
         self._prepared = False
         self._held_V = dict.fromkeys(CHANNELS, 0.0)
         self._steady: set[int] = set()
@@ -170,7 +170,7 @@ class CoilGenerator(ScpiDriver):
 
         Where that fails, a last attempt switches them off at once, and the error is raised.
         """
-        off = joined(*(one.switch(on=False) for one in self._messages.values()))
+        off = joined(*(messages.switch(on=False) for messages in self._messages.values()))
         self._forget()
         try:
             self._line.patient.query(f"*CLS;{ERROR_QUERY}")
@@ -255,11 +255,13 @@ class CoilGenerator(ScpiDriver):
 
     def _outputs(self) -> dict[int, bool]:
         """Return which outputs are on, and publish whether any is."""
-        question = joined(*(one.output for one in self._messages.values()))
+        question = joined(*(messages.output for messages in self._messages.values()))
         answers = self._line.patient.query(question).split(";")
         if len(answers) != len(CHANNELS) or not set(answers) <= set(STATES):
             raise self._odd(question, ";".join(answers))
-        outputs = {channel: STATES[one] for channel, one in zip(CHANNELS, answers, strict=True)}
+        outputs = {
+            channel: STATES[answer] for channel, answer in zip(CHANNELS, answers, strict=True)
+        }
         self.place.publish("output", "on" if any(outputs.values()) else "off")
         return outputs
 

@@ -100,7 +100,11 @@ class SharedInterlockChain(Driver):
     def __init__(self, place: Place) -> None:
         self.place = place
         self._open: tuple[str, ...] = ()
-        blind = [name for name, one in place.shared.items() if not isinstance(one, SeesContacts)]
+        blind = [
+            name
+            for name, instrument in place.shared.items()
+            if not isinstance(instrument, SeesContacts)
+        ]
         if blind or not place.shared:
             what = f"{', '.join(blind)} sees none" if blind else "it gives no shares"
             raise InstrumentError(
@@ -123,8 +127,8 @@ class SharedInterlockChain(Driver):
         """Ask every instrument and return the contacts that are open, each with its instrument."""
         self._open = tuple(
             f"{name} {contact}"
-            for name, one in self.place.shared.items()
-            for contact in one.open_contacts()
+            for name, instrument in self.place.shared.items()
+            for contact in instrument.open_contacts()
         )
         self.place.publish("chain", "open" if self._open else "closed")
         return self._open

@@ -74,8 +74,8 @@ class Output(NamedTuple):
     @property
     def warmest_degC(self) -> float:
         """The temperature of the warmest gyro; NaN where a sensor is missing."""
-        found = (self.temperature_x_degC, self.temperature_y_degC, self.temperature_z_degC)
-        return math.nan if min(found) <= NO_SENSOR_DEGC + 0.005 else max(found)
+        degC = (self.temperature_x_degC, self.temperature_y_degC, self.temperature_z_degC)
+        return math.nan if min(degC) <= NO_SENSOR_DEGC + 0.005 else max(degC)
 
 
 def fault_words(bits: int) -> tuple[str, ...]:
@@ -173,10 +173,10 @@ class InertialNavigator(StreamingDriver):
 
     def drain(self) -> Block:
         """Return the outputs that came since the last call; one that lacks a part is left out."""
-        found = self._outputs()
-        if found:
-            self._hear(found[-1].arrival_s, found[-1].warmest_degC)
-        rows = np.array(found, dtype=ROW)
+        outputs = self._outputs()
+        if outputs:
+            self._hear(outputs[-1].arrival_s, outputs[-1].warmest_degC)
+        rows = np.array(outputs, dtype=ROW)
         return Block({name: rows[name] for name in COLUMNS}, rows["arrival_s"])
 
     def _look(self) -> None:

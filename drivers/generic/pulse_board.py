@@ -105,18 +105,18 @@ class PulseBoard(StreamingDriver):
         if samples:
             self._heard(samples[-1])
         further = list(self.further)
-        more = np.array([one.more for one in samples], dtype=float)
+        more = np.array([sample.more for sample in samples], dtype=float)
         more = more.reshape(len(samples), len(further))
         return Block(
             {
-                "sequence": np.array([one.sequence for one in samples], dtype=np.uint16),
-                "counts": np.array([one.counts for one in samples], dtype=np.int32),
+                "sequence": np.array([sample.sequence for sample in samples], dtype=np.uint16),
+                "counts": np.array([sample.counts for sample in samples], dtype=np.int32),
                 "temperature_degC": np.array(
-                    [one.temperature_degC for one in samples], dtype=float
+                    [sample.temperature_degC for sample in samples], dtype=float
                 ),
                 **dict(zip(further, more.T, strict=True)),
             },
-            np.array([one.arrival_s for one in samples], dtype=float),
+            np.array([sample.arrival_s for sample in samples], dtype=float),
         )
 
     def stop(self) -> None:

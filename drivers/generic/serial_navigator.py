@@ -138,11 +138,11 @@ class SerialNavigator(InertialNavigator):
         self._line.send(frame(COMMAND, payload))
 
     def _outputs(self) -> list[Output]:
-        return [output(one) for one in self._line.take(OUTPUT)]
+        return [output(frame) for frame in self._line.take(OUTPUT)]
 
     def _newest(self) -> Output | None:
-        found = self._line.newest(OUTPUT)
-        return None if found is None else output(found)
+        newest = self._line.newest(OUTPUT)
+        return None if newest is None else output(newest)
 
 
 def output(received: StreamFrame) -> Output:

@@ -65,7 +65,7 @@ PAYLOADS = {
     STATUS: struct.Struct(">I4B"),
     IDENTITY: struct.Struct(">I4B"),
 }
-LENGTHS = {kind: 1 + one.size + CHECKSUM.size for kind, one in PAYLOADS.items()}
+LENGTHS = {kind: 1 + payload.size + CHECKSUM.size for kind, payload in PAYLOADS.items()}
 
 
 def frame(kind: int, payload: bytes) -> bytes:
@@ -160,21 +160,21 @@ class SerialPulseBoard(PulseBoard):
     def _samples(self) -> Sequence[Sample]:
         """Return the samples that came since the last call; one that came twice is left out."""
         frames = self._line.take(OUTPUT)
-        outputs = [output(one, self._read_channel) for one in frames]
+        outputs = [output(frame, self._read_channel) for frame in frames]
         numbers, new = self._numbering.numbers(
-            np.array([one.sequence for one in outputs], dtype=np.uint8),
-            np.array([one.arrival_s for one in outputs], dtype=np.float64),
+            np.array([output.sequence for output in outputs], dtype=np.uint8),
+            np.array([output.arrival_s for output in outputs], dtype=np.float64),
         )
         return [
-            one._replace(sequence=int(number) & 0xFFFF, counts=self._continued(one.counts))
-            for one, number, is_new in zip(outputs, numbers, new, strict=True)
+            output._replace(sequence=int(number) & 0xFFFF, counts=self._continued(output.counts))
+            for output, number, is_new in zip(outputs, numbers, new, strict=True)
             if is_new
         ]
 
     def _newest(self) -> Sample | None:
         """Return the last sample that nobody has taken yet, by its own numbers."""
-        found = self._line.newest(OUTPUT)
-        return None if found is None else output(found, self._read_channel)
+        newest = self._line.newest(OUTPUT)
+        return None if newest is None else output(newest, self._read_channel)
 
     def _continued(self, raw: int) -> int:
         """Return pulses of 24 bits continued to 32; between two samples come less than 2^23."""

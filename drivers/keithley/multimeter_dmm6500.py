@@ -126,7 +126,7 @@ class KeithleyDmm6500(Voltmeter):
 
     def _read_out(self, line: ScpiLine | PatientLine, readings: int) -> NDArray[np.float64]:
         firsts = range(1, readings + 1, PIECE)
-        pieces = [self._part(line, one, min(one + PIECE - 1, readings)) for one in firsts]
+        pieces = [self._part(line, first, min(first + PIECE - 1, readings)) for first in firsts]
         return np.concatenate(pieces)
 
     def _last(self) -> float | None:

@@ -72,10 +72,10 @@ class KepcoBop1kW(KepcoSupply):
         """Set a limit on both sides and read it back."""
         self._line.command(f"{header} {value:.4f}")
         sides = self._line.numbers(f"{header}?")
-        if not sides or any(abs(abs(one) - value) > TOLERANCE * value for one in sides):
+        if not sides or any(abs(abs(side) - value) > TOLERANCE * value for side in sides):
             raise self.error(
                 f"set {header} to {value:g}",
-                f"it reads back {', '.join(f'{one:g}' for one in sides)}",
+                f"it reads back {', '.join(f'{side:g}' for side in sides)}",
                 "compare the bench file's limits with what the instrument can limit to",
             )
 

@@ -140,7 +140,7 @@ class SteadyCurrent(ScpiDriver, ABC):
         while True:
             looks += 1
             seen = [*seen[1 - LOOKS :], self.current_A()]
-            near = [abs(one - current_A) <= tolerance_A for one in seen]
+            near = [abs(seen_A - current_A) <= tolerance_A for seen_A in seen]
             agree = all(near)
             if len(seen) == LOOKS and agree and not moves_one_way(seen):
                 return

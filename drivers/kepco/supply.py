@@ -85,14 +85,14 @@ class KepcoSupply(SteadyCurrent):
             if ECHO not in str(error):
                 raise
             answer = "*IDN?"
-        found = re.match(self.recognises, answer)
-        if found is None:
+        match = re.match(self.recognises, answer)
+        if match is None:
             echo = answer.strip() == "*IDN?"
             raise odd(self.place.name, "asked *IDN?", answer, TELNET if echo else DIFFERENT)
-        dated = found["before"] or found["after"]
+        dated = match["before"] or match["after"]
         self.met(f"identity {'with' if dated else 'without'} a calibration date")
         return Identity(
-            "KEPCO", " ".join(found["model"].split()), found["serial"], found["firmware"]
+            "KEPCO", " ".join(match["model"].split()), match["serial"], match["firmware"]
         )
 
     def programme_limits(self) -> None:

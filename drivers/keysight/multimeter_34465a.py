@@ -43,7 +43,7 @@ HIGHEST_R0_OHM = 1e4
 def integrates_over(nplc: float) -> float:
     """Return an integration time that the meter has; raise ValueError for another."""
     if nplc not in INTEGRATION_CYCLES:
-        known = ", ".join(f"{one:g}" for one in INTEGRATION_CYCLES)
+        known = ", ".join(f"{cycles:g}" for cycles in INTEGRATION_CYCLES)
         raise ValueError(f"it cannot integrate over nplc {nplc:g}; it can do {known}")
     return nplc
 
@@ -134,11 +134,11 @@ def temperature_degC(ohms: NDArray[np.float64], r0_ohm: float) -> NDArray[np.flo
     """
     ratio = np.asarray(ohms, dtype=np.float64) / r0_ohm
     root = np.sqrt(np.maximum(A**2 - 4.0 * B * (1.0 - ratio), 0.0))
-    found = 2.0 * (ratio - 1.0) / (A + root)  # this form loses no digits near 0 degC
+    result = 2.0 * (ratio - 1.0) / (A + root)  # this form loses no digits near 0 degC
     cold = ratio < 1.0
-    t = found[cold]
+    t = result[cold]
     for _ in range(NEWTON_STEPS):
         off = 1.0 + A * t + B * t**2 + C * (t - 100.0) * t**3 - ratio[cold]
         t = t - off / (A + 2.0 * B * t + C * (4.0 * t**3 - 300.0 * t**2))
-    found[cold] = t
-    return found
+    result[cold] = t
+    return result

@@ -249,7 +249,7 @@ class KeysightE36312A(ScpiDriver):
         answer = self._line.patient.query(question)
         try:
             volts, amperes, *states = answer.split(";")
-            on, current_trip, voltage_trip = (ON[one.strip().upper()] for one in states)
+            on, current_trip, voltage_trip = (ON[state.strip().upper()] for state in states)
             look = Look(
                 float(volts),
                 float(amperes),

@@ -120,7 +120,7 @@ class Kvh1775(NineAxisSource):
         """Return in words which rates it has where this is none of them, else nothing."""
         if rate_Hz in RATES_HZ:
             return ""
-        there_are = ", ".join(str(one) for one in RATES_HZ)
+        there_are = ", ".join(str(possible_Hz) for possible_Hz in RATES_HZ)
         return f"a KVH 1775 outputs {there_are} times a second, not {rate_Hz:g} times"
 
     def start(self, rate_Hz: float) -> None:
@@ -149,16 +149,16 @@ class Kvh1775(NineAxisSource):
             self._leave()
         self._stream.take(SELF_TEST)
         self._send("?BIT")
-        found = self._stream.wait_for(SELF_TEST, self._deadline_s())
+        frames = self._stream.wait_for(SELF_TEST, self._deadline_s())
         if quiet:
             self._configure()
             self._forget_outputs()
             self._came = before
-        if not found:
+        if not frames:
             raise self._silent("?BIT", "built-in test")
         failed = [
             f"built-in test, byte {place}, bit {bit}"
-            for place, byte in enumerate(found[-1].payload, 1)
+            for place, byte in enumerate(frames[-1].payload, 1)
             for bit in range(BITS_IN_USE)
             if not byte >> bit & 1
         ]
@@ -176,14 +176,14 @@ class Kvh1775(NineAxisSource):
         return self._rows([*came, *self._stream.take(OUTPUT)], self._sequence.numbers)
 
     def _newest(self) -> NDArray[np.void]:
-        found = self._stream.newest(OUTPUT) or (self._came[-1] if self._came else None)
-        return self._rows([] if found is None else [found], self._sequence.looked_at)
+        newest = self._stream.newest(OUTPUT) or (self._came[-1] if self._came else None)
+        return self._rows([] if newest is None else [newest], self._sequence.looked_at)
 
     def _rows(self, frames: Sequence[StreamFrame], count: Counting) -> NDArray[np.void]:
         """Return outputs of ROW; an output that comes twice or too late is left out."""
-        data = np.frombuffer(b"".join(one.payload for one in frames), dtype=PAYLOAD)
+        data = np.frombuffer(b"".join(frame.payload for frame in frames), dtype=PAYLOAD)
         rows = np.zeros(len(data), dtype=ROW)
-        arrival_s = np.array([one.arrival_s for one in frames], dtype=np.float64)
+        arrival_s = np.array([frame.arrival_s for frame in frames], dtype=np.float64)
         rows["arrival_s"] = arrival_s
         for k, (gyro, force) in enumerate(zip(GYROS, ACCELEROMETERS, strict=True)):
             rows[gyro], rows[force] = data["gyro"][:, k], data["force"][:, k]
@@ -209,11 +209,11 @@ class Kvh1775(NineAxisSource):
         self._configures = False
         interval_s = 1.0 / (rate_Hz or RATES_HZ[0])
         until_s = self._deadline_s() + interval_s
-        while not (found := self._stream.take(OUTPUT, OTHER_OUTPUT)):
+        while not (frames := self._stream.take(OUTPUT, OTHER_OUTPUT)):
             if self.place.clock.now() >= until_s:
                 raise self._silent("=CONFIG,0", "output", ANSWER_WITHIN_S + interval_s)
             self.place.clock.sleep(LOOK_S)
-        self._came += [one for one in found if one.kind == OUTPUT]
+        self._came += [frame for frame in frames if frame.kind == OUTPUT]
 
     def _forget_outputs(self) -> None:
         self._came = []
@@ -250,10 +250,10 @@ class Kvh1775(NineAxisSource):
         lines: list[str] = []
         deadline_s = self._deadline_s()
         while len(lines) < LINES_OF_FIRMWARE:
-            found = self._stream.wait_for(TEXT, deadline_s)
-            if not found:
+            frames = self._stream.wait_for(TEXT, deadline_s)
+            if not frames:
                 raise self._silent("?WS", "answer of five lines")
-            lines += [one.payload.decode("ascii").strip() for one in found]
+            lines += [frame.payload.decode("ascii").strip() for frame in frames]
         if lines[0].upper() != MODEL_LINE:
             raise self._unfit("sent ?WS", lines[0])
         return "; ".join(lines[1:])
@@ -263,8 +263,8 @@ class Kvh1775(NineAxisSource):
         self._stream.take(TEXT)
         self._send(text)
         deadline_s = self._deadline_s()
-        while found := self._stream.wait_for(TEXT, deadline_s):
-            for answer in (one.payload.decode("ascii") for one in found):
+        while frames := self._stream.wait_for(TEXT, deadline_s):
+            for answer in (frame.payload.decode("ascii") for frame in frames):
                 key, _, value = answer.partition(",")
                 if key == name:
                     return value.strip()
@@ -302,6 +302,6 @@ def canonical(name: str, value: str) -> str:
     if name != "AXES":
         return value.upper()
     try:
-        return ",".join(f"{float(one):+.6E}" for one in value.split(","))
+        return ",".join(f"{float(number):+.6E}" for number in value.split(","))
     except ValueError:
         return value

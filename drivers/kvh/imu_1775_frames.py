@@ -85,8 +85,8 @@ def _lines(data: bytes, frames: list[tuple[int, bytes]]) -> int:
     """Take the lines of text out of bytes between frames; return how many bytes are none."""
     if not data:
         return 0
-    found = [match.group(1) for match in LINE.finditer(data)]
-    frames += [(TEXT, line) for line in found]
+    lines = [match.group(1) for match in LINE.finditer(data)]
+    frames += [(TEXT, line) for line in lines]
     return len(data) - sum(len(match.group(0)) for match in LINE.finditer(data))
 
 

@@ -120,7 +120,7 @@ class Lakeshore425(Driver):
     def start(self, largest_field_mT: float) -> None:
         """Select tesla, direct field without filter, and the range; each is read back."""
         largest_T = largest_field_mT * 1e-3
-        fitting = [one for one in RANGES_T if largest_T <= one]
+        fitting = [range_T for range_T in RANGES_T if largest_T <= range_T]
         if not fitting:
             raise InputError(
                 f"{self.place.name}: it measures up to {RANGES_T[-1]:g} T, not {largest_T:g} T"
@@ -139,7 +139,7 @@ class Lakeshore425(Driver):
         self._shown_mT(field_T)
         row = {
             "instrument_time_s": time_s,
-            **{f"{one}_T": field_T if one == self._axis else math.nan for one in AXES},
+            **{f"{axis}_T": field_T if axis == self._axis else math.nan for axis in AXES},
             "state": float(abs(field_T) > self._range_T),
         }
         columns = {name: np.array([value], dtype=float) for name, value in row.items()}

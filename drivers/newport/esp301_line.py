@@ -68,7 +68,7 @@ class EspLine(SerialLine):
         `but_for` are errors of the axis that are no fault here. Returns such an error, or 0.
         """
         code, text = self._error(f"{message};{ERROR_QUERY}")
-        if code and code not in [100 * self._axis + one for one in but_for]:
+        if code and code not in [100 * self._axis + error for error in but_for]:
             self.forget_errors()
             raise self.named(f"sent {message!r}", code, text)
         return code

@@ -56,7 +56,7 @@ class System:
         if self.version >= (2, 0, 30) and largest >= 16:
             return min(largest, LARGEST_DECIMATION)
         known = POWERS if self.version >= (1, 4) else CLASSIC
-        return max((one for one in known if one <= largest), default=None)
+        return max((factor for factor in known if factor <= largest), default=None)
 
 
 class CannotRecord(Exception):
@@ -133,7 +133,7 @@ class BoardSettings(VisaSettings):
     def record(self, sample_rate_Hz: float, duration_s: float, full_scale_V: float) -> Record:
         """Return the record with the nearest rate at or above the wanted; raises CannotRecord."""
         wishes = (sample_rate_Hz, duration_s, full_scale_V)
-        if not all(math.isfinite(one) and one > 0 for one in wishes):
+        if not all(math.isfinite(wish) and wish > 0 for wish in wishes):
             raise CannotRecord("these must be positive", "correct the plan")
         if full_scale_V > self.full_scale_V:
             higher = "move the input's jumpers to HV and write settings.jumper: HV"

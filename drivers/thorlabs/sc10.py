@@ -249,7 +249,7 @@ class ThorlabsSc10(Driver):
     def _ask(self, message: str) -> str:
         """Send a message and return the value after its echo, empty for a command."""
         answer = self._line.query(message)
-        lines = [one.strip() for one in answer.splitlines() if one.strip()]
+        lines = [line.strip() for line in answer.splitlines() if line.strip()]
         if not lines or lines[0] != message:
             raise self._odd(message, answer)
         value = " ".join(lines[1:])

@@ -75,13 +75,13 @@ class Socketcand(can.BusABC):  # type: ignore[misc]  # python-can is not typed h
         if len(self._pending) > LONGEST_MESSAGE:
             self._passed_over(self._pending)
             self._pending = b""
-        return [one for text in texts if (one := self._message(text)) is not None]
+        return [message for text in texts if (message := self._message(text)) is not None]
 
     def send(self, msg: can.Message, timeout: float | None = None) -> None:
         """Put a frame on the bus; raises OSError."""
         identifier = msg.arbitration_id
         name = f"{identifier:08X}" if msg.is_extended_id else f"{identifier:03X}"
-        octets = " ".join(f"{one:x}" for one in msg.data)
+        octets = " ".join(f"{byte:x}" for byte in msg.data)
         self._port.write(f"< send {name} {msg.dlc:X} {octets} >".encode("ascii"))
 
     def shutdown(self) -> None:
@@ -260,7 +260,7 @@ class CanLine(KeptFrames[Frame]):
                 came_s = stamped.run_time(message.timestamp, arrival_s) if stamped else arrival_s
                 frames.append(Frame(identifier, data, came_s))
         self._keep(frames)
-        self._wire.picked_up(sum(not one.is_error_frame for one in messages))
+        self._wire.picked_up(sum(not message.is_error_frame for message in messages))
         return bool(messages)
 
     def _received(self, within_s: float) -> list[can.Message]:

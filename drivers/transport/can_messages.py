@@ -47,8 +47,13 @@ def decoder_of(message: Any) -> Decoder:
     multiplexed signals all are decoded.
     """
     signals = [
-        (one.start, (1 << one.length) - 1, one.is_signed * (1 << one.length - 1), one.scale)
-        for one in message.signals
+        (
+            signal.start,
+            (1 << signal.length) - 1,
+            signal.is_signed * (1 << signal.length - 1),
+            signal.scale,
+        )
+        for signal in message.signals
     ]
 
     def decode(data: bytes) -> tuple[float, ...]:
@@ -77,10 +82,10 @@ class CanMessages:
     ) -> None:
         self._place, self._dbc, self._answers = place, dbc, answers
         self._messages = message_file(dbc)
-        names = {one.frame_id: one.name for one in self._messages.messages}
+        names = {message.frame_id: message.name for message in self._messages.messages}
         self._line = CanLine(place, names)
         parts = [self._messages.get_message_by_name(name) for name in output]
-        self.signals = [[one.name for one in part.signals] for part in parts]
+        self.signals = [[signal.name for signal in part.signals] for part in parts]
         self._output = {int(part.frame_id): k for k, part in enumerate(parts)}
         self._lengths = [int(part.length) for part in parts]
         self._decoders = [decoder_of(part) for part in parts]
@@ -95,18 +100,18 @@ class CanMessages:
 
     def take(self, answer: str) -> Sequence[Mapping[str, Any]]:
         """Return the answers of a kind that have come."""
-        return [self._decode(one) for one in self._line.take(self._id(answer))]
+        return [self._decode(frame) for frame in self._line.take(self._id(answer))]
 
     def wait_for(self, answer: str, deadline_s: float) -> Sequence[Mapping[str, Any]]:
         """Return the answers of a kind as soon as there are any, or none at run time."""
-        return [self._decode(one) for one in self._line.wait_for(self._id(answer), deadline_s)]
+        return [self._decode(frame) for frame in self._line.wait_for(self._id(answer), deadline_s)]
 
     def outputs(self) -> list[Parts]:
         """Return the complete outputs that came since the last call."""
         with self._collecting:
             self._collect()
-            found, self._complete = self._complete, []
-        return found
+            complete, self._complete = self._complete, []
+        return complete
 
     def newest(self) -> Parts | None:
         """Return the last complete output that nobody has taken yet, and keep it."""
@@ -116,12 +121,12 @@ class CanMessages:
 
     def take_single(self, name: str) -> list[Parts]:
         """Return the outputs that came since the last call, each of one message of a name."""
-        return [self._single(name, one) for one in self._line.take(self._frame_id(name))]
+        return [self._single(name, frame) for frame in self._line.take(self._frame_id(name))]
 
     def newest_single(self, name: str) -> Parts | None:
         """Return the last output of one message of a name that nobody has taken yet; keep it."""
-        found = self._line.newest(self._frame_id(name))
-        return None if found is None else self._single(name, found)
+        newest = self._line.newest(self._frame_id(name))
+        return None if newest is None else self._single(name, newest)
 
     def close(self) -> None:
         """Close the connection."""

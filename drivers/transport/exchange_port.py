@@ -243,14 +243,14 @@ class ExchangePort(TracedLine, ABC):
 
     def _taken_off(self, port: Port) -> bytes:
         """Take what has come off the line; raises InstrumentError where there is no end to it."""
-        found = port.read(0.0)
-        while found and (more := port.read(0.0)):
-            found += more
-            if len(found) > self.largest_bytes:
+        taken = port.read(0.0)
+        while taken and (more := port.read(0.0)):
+            taken += more
+            if len(taken) > self.largest_bytes:
                 raise self._flooded("looked for what had come unasked")
-        if found:
+        if taken:
             self._wire.received()
-        return found
+        return taken
 
     def _forget_connection(self) -> None:
         self._last = None

@@ -66,10 +66,10 @@ class KeptFrames(TracedLine, ABC, Generic[F]):
         """
         with self._frames_lock:
             newest_first = reversed(self._frames)
-            found = next((one for one in newest_first if self._kind_of(one) == kind), None)
-        if found is None:
+            newest = next((frame for frame in newest_first if self._kind_of(frame) == kind), None)
+        if newest is None:
             self._must_live()
-        return found
+        return newest
 
     def wait_for(self, kind: int, deadline_s: float) -> list[F]:
         """Return the frames of a kind as soon as there are any, or none at run time.

@@ -107,13 +107,15 @@ def numbers_of(
     return values
 
 
-def check_written(instrument: str, what: str, value: float, found: float, agrees: float) -> None:
+def check_written(
+    instrument: str, what: str, value: float, read_back: float, agrees: float
+) -> None:
     """Raise InstrumentError where another value reads back than was written."""
-    if abs(found - value) > agrees:
+    if abs(read_back - value) > agrees:
         raise InstrumentError(
             instrument,
             f"set {what} to {value:g}",
-            f"{found:g} reads back",
+            f"{read_back:g} reads back",
             "check that nobody else talks to the controller, then run again",
         )
 

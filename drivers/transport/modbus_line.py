@@ -161,11 +161,12 @@ class ModbusLine(ExchangePort):
         """
         if self._tcp or not self._witness:
             return True
-        found = [self.read(address, count) for address, count in self._witness]
+        identity = [self.read(address, count) for address, count in self._witness]
         if self._known is None:
-            before, found = found, [self.read(address, count) for address, count in self._witness]
-            self._known = found if before == found else None
-        return found == self._known
+            before = identity
+            identity = [self.read(address, count) for address, count in self._witness]
+            self._known = identity if before == identity else None
+        return identity == self._known
 
     def _ask(self, request: ModbusPDU, message: str, attempted: str) -> ModbusPDU:
         reply = self._exchange(message, lambda port: self._once(port, request, attempted))

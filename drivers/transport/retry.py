@@ -33,24 +33,26 @@ class Repeatable:
 
     def __init__(self, *patterns: str, rooted: bool = True) -> None:
         self._rooted = rooted
-        self._pattern = re.compile("|".join(f"(?:{one})" for one in patterns), re.IGNORECASE)
+        self._pattern = re.compile(
+            "|".join(f"(?:{pattern})" for pattern in patterns), re.IGNORECASE
+        )
         self._known: dict[str, bool] = {}
 
     def __contains__(self, message: object) -> bool:
         text = str(message)
         if text not in self._known:
             # Queries come again and again; set-points, of which there is no end, are not kept.
-            found = self._all_match(text)
+            repeatable = self._all_match(text)
             if not text.endswith("?"):
-                return found
-            self._known[text] = found
+                return repeatable
+            self._known[text] = repeatable
         return self._known[text]
 
     def _all_match(self, message: str) -> bool:
         first, *others = message.split(";")
-        rooted = not self._rooted or all(one.lstrip().startswith((":", "*")) for one in others)
-        commands = [one.strip().removeprefix(":") for one in (first, *others)]
-        return rooted and all(self._pattern.fullmatch(one) for one in commands)
+        rooted = not self._rooted or all(other.lstrip().startswith((":", "*")) for other in others)
+        commands = [command.strip().removeprefix(":") for command in (first, *others)]
+        return rooted and all(self._pattern.fullmatch(command) for command in commands)
 
 
 NEVER = Repeatable(r"(?!)")
@@ -109,17 +111,17 @@ class Proof:
         """
         failed: InstrumentError | None = None
         for _ in range(TRIES):
-            found, doubts, failed = [], self._line.doubts, None
+            results, doubts, failed = [], self._line.doubts, None
             try:
                 # Twice, so that a line two answers behind meets an identity where a reading is due.
                 in_step = self._line.echoes_identity() and self._line.echoes_identity()
                 for read in readings if in_step else ():
-                    found.append(read())
+                    results.append(read())
                     in_step = in_step and self._line.echoes_identity()
             except InstrumentError as error:
                 in_step, failed = False, error
             if in_step and self._line.doubts == doubts:
-                return found
+                return results
             with suppress(InstrumentError):
                 self._line.resynchronise()
         if failed is not None:

@@ -80,13 +80,13 @@ class SerialStream(KeptFrames[StreamFrame]):
         if not data:
             return False
         self._traced("<", data)
-        found = self._split(self._pending + data)
+        split = self._split(self._pending + data)
         # The beginning of a frame is short; bytes without end must not be kept.
-        self._pending = found.rest[-LONGEST_FRAME:]
+        self._pending = split.rest[-LONGEST_FRAME:]
         arrival_s = self._clock.now()
-        self._keep(StreamFrame(kind, payload, arrival_s) for kind, payload in found.frames)
-        if found.skipped:
-            self._traced("!", f"{found.skipped} bytes that belong to no frame".encode())
+        self._keep(StreamFrame(kind, payload, arrival_s) for kind, payload in split.frames)
+        if split.skipped:
+            self._traced("!", f"{split.skipped} bytes that belong to no frame".encode())
         self._wire.picked_up(len(data))
         return True
 
@@ -107,15 +107,15 @@ class StreamAnswers:
 
     def take(self, answer: str) -> list[Mapping[str, Any]]:
         """Return the answers of a kind that have come."""
-        return [self._decoded(one) for one in self._stream.take(self._kinds[answer])]
+        return [self._decoded(frame) for frame in self._stream.take(self._kinds[answer])]
 
     def wait_for(self, answer: str, deadline_s: float) -> list[Mapping[str, Any]]:
         """Return the answers of a kind as soon as there are any, or none at run time."""
-        found = self._stream.wait_for(self._kinds[answer], deadline_s)
-        return [self._decoded(one) for one in found]
+        frames = self._stream.wait_for(self._kinds[answer], deadline_s)
+        return [self._decoded(frame) for frame in frames]
 
 
-REVERSED = bytes(int(f"{one:08b}"[::-1], 2) for one in range(256))
+REVERSED = bytes(int(f"{byte:08b}"[::-1], 2) for byte in range(256))
 ALL_ONES = 0xFFFFFFFF
 
 
@@ -211,9 +211,9 @@ class Numbering:
         kept = np.ones(len(sequence), dtype=np.bool_)
         if bool(((steps == 0) | (steps >= self._modulus - LATE_BY)).any()):
             newest = self._sequence
-            for k, one in enumerate(sequence.tolist()):
-                step = (one - newest) % self._modulus
+            for k, number in enumerate(sequence.tolist()):
+                step = (number - newest) % self._modulus
                 kept[k] = 0 < step < self._modulus - LATE_BY
                 steps[k] = step if kept[k] else 0
-                newest = one if kept[k] else newest
+                newest = number if kept[k] else newest
         return steps, kept

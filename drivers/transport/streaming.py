@@ -67,10 +67,10 @@ class Commands:
         """Send a command and return the newest answer of a kind that follows it."""
         self._line.take(answer)
         self.command(command)
-        found = self._line.wait_for(answer, self._deadline_s())
-        if not found:
+        answers = self._line.wait_for(answer, self._deadline_s())
+        if not answers:
             raise self._silent(answer, attempted)
-        return found[-1]
+        return answers[-1]
 
     def start_at(self, rate_Hz: float, step_Hz: float, /, **values: float) -> None:
         """Send a start; raises InstrumentError where the reported rate is another."""
@@ -92,8 +92,8 @@ class Commands:
     def _acknowledgement(self, attempted: str) -> Mapping[str, Any]:
         """Return the acknowledgement of the last command; a late one of another is passed over."""
         deadline_s = self._deadline_s()
-        while found := self._line.wait_for("acknowledgement", deadline_s):
-            for reply in found:
+        while replies := self._line.wait_for("acknowledgement", deadline_s):
+            for reply in replies:
                 if reply["request_id"] == self._number:
                     return reply
         raise self._silent("acknowledgement", attempted)

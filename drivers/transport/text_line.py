@@ -141,7 +141,7 @@ class TextLine(ExchangePort):
 
 def only_asks(message: str) -> bool:
     """Whether a message consists of questions alone."""
-    return all(one.partition(" ")[0].endswith("?") for one in message.split(";"))
+    return all(command.partition(" ")[0].endswith("?") for command in message.split(";"))
 
 
 class SerialLine(TextLine):

@@ -197,11 +197,11 @@ class WatlowF4(WatlowChamber):
 
     def _write_word(self, address: int, word: int) -> None:
         self._line.write(address, [word])
-        (found,) = self._line.read(address)
-        if found != word:
+        (read_back,) = self._line.read(address)
+        if read_back != word:
             raise self.error(
                 f"write {signed(word)} to register {address}",
-                f"{signed(found)} reads back",
+                f"{signed(read_back)} reads back",
                 "see that nobody works at the controller's panel, then run again",
             )
 

@@ -122,23 +122,23 @@ class F4TRegisters:
         """Write a number into two registers and read it back; InstrumentError for another."""
         high, low = struct.unpack(">HH", struct.pack(">f", value))
         self.line.write(address, (low, high) if self._low_first else (high, low))
-        found = self.number(address)
-        if not abs(found - value) <= 1e-6 * abs(value) + 1e-6:
-            raise self.another(f"write {value:g} to register {address}", f"{found:g}")
+        read_back = self.number(address)
+        if not abs(read_back - value) <= 1e-6 * abs(value) + 1e-6:
+            raise self.another(f"write {value:g} to register {address}", f"{read_back:g}")
 
     def write_word(self, address: int, value: int) -> None:
         """Write one register and read it back; InstrumentError for another value."""
         self.line.write(address, [value])
-        (found,) = self.line.read(address)
-        if found != value:
-            raise self.another(f"write {value} to register {address}", str(found))
+        (read_back,) = self.line.read(address)
+        if read_back != value:
+            raise self.another(f"write {value} to register {address}", str(read_back))
 
-    def another(self, attempted: str, found: str) -> InstrumentError:
+    def another(self, attempted: str, read_back: str) -> InstrumentError:
         """Return the error of a value that reads back as another one."""
         return InstrumentError(
             self._place.name,
             attempted,
-            f"{found} reads back",
+            f"{read_back} reads back",
             "see that nobody works at the controller's panel, then run again",
         )
 

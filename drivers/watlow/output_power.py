@@ -90,14 +90,14 @@ class WatlowOutputPower(Driver):
             self._registers.line.close()
 
     def _shared_registers(self) -> F4TRegisters | None:
-        for name, one in self.place.shared.items():
-            if not isinstance(one, WatlowF4T):
+        for name, instrument in self.place.shared.items():
+            if not isinstance(instrument, WatlowF4T):
                 raise self.error(
                     "read the bench file",
                     f"it shares {name}, which is no Watlow F4T",
                     "share the chamber whose controller has the output, or give an address",
                 )
-            return one.registers
+            return instrument.registers
         return None
 
     def _set(self, wanted: int) -> None:

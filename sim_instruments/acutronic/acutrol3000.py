@@ -183,7 +183,9 @@ class Acutrol3000(LineInstrument):
 
     def _register(self, given: list[str]) -> str:
         name = argument(given, 0).upper()
-        axis = self.axes.one([name[1:2]]) if name[:1] == "A" and name[1:2].isdigit() else None
+        axis = (
+            self.axes.named_axis([name[1:2]]) if name[:1] == "A" and name[1:2].isdigit() else None
+        )
         if axis is None or name[2:] not in REGISTERS:
             raise AclError(OUT_OF_RANGE)
         status = axis.status()

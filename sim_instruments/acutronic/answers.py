@@ -50,7 +50,7 @@ class Answers:
 
     def taken(self, arguments: list[str]) -> list[str]:
         """Return the arguments of a command as the controller takes them."""
-        return [rounded(one, self._decimals) for one in arguments]
+        return [rounded(number, self._decimals) for number in arguments]
 
     def written(self, answer: Answer) -> str:
         """Return the answer to a query."""
@@ -58,11 +58,11 @@ class Answers:
             return answer
         values = [answer] if isinstance(answer, float | int) else answer
         between = ";" if isinstance(answer, tuple) else ","
-        return between.join(decimal(one, self._decimals) for one in values)
+        return between.join(decimal(number, self._decimals) for number in values)
 
     def entries(self, codes: list[int]) -> str:
         """Return entries of the error queue; that `;` parts several is not confirmed."""
-        return ";".join(f"{one}{self._between}{TEXTS[one]}" for one in codes) or self._empty
+        return ";".join(f"{code}{self._between}{TEXTS[code]}" for code in codes) or self._empty
 
     def sent(self, code: int, answers: list[str]) -> bytes:
         """Return what goes out for a message: its first error, 0 for none, and its answers."""

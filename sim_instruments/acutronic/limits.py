@@ -87,7 +87,7 @@ class Limits:
 
     def _one(self, key: str, moded: bool, given: list[str]) -> Answer:
         modes, rest = self._modes(given, moded)
-        value: float = getattr(self._axes.one(rest).limits[modes[-1]], key)
+        value: float = getattr(self._axes.named_axis(rest).limits[modes[-1]], key)
         return ended(value)
 
     def _set(self, axis: Axis, modes: list[str], key: str, value: float) -> None:

@@ -38,7 +38,11 @@ def applicable_faults(protocol: str, driver: str) -> list[str]:
     `protocol` is the one that `station sim` prints for it. Instruments without a simulator have
     none. Each kind can be injected with its options left out.
     """
-    simulators = [one for one in entry_points(group="station.simulators") if one.name == driver]
+    simulators = [
+        entry_point
+        for entry_point in entry_points(group="station.simulators")
+        if entry_point.name == driver
+    ]
     return possible_faults(protocol, simulators[0].load()) if simulators else []
 
 

@@ -110,7 +110,9 @@ class InstrumentFaults:
             return
         with self._schedule.lock:
             now_s = self._clock.now()
-            for fault in [one for one in self._waiting if one.trigger.meets(now_s, message)]:
+            for fault in [
+                waiting for waiting in self._waiting if waiting.trigger.meets(now_s, message)
+            ]:
                 self._waiting.remove(fault)
                 fault.begin(now_s)
                 self._begins(fault, now_s, counted=True)
@@ -242,7 +244,7 @@ class FrameTap:
         met = self._met()
         going: Reply | None = frame
         drops = False
-        for fault in [*met, *(one for one in self._faults.live() if one not in met)]:
+        for fault in [*met, *(fault for fault in self._faults.live() if fault not in met)]:
             if going is None:
                 break
             if fault in met or fault.trigger.meets(now_s, name):

@@ -103,7 +103,7 @@ class CanImu(CanInstrument):
 
     def _output(self, counter: int, row: list[int], bits: int) -> tuple[str, ...]:
         number = struct.pack("<H", counter & 0xFFFF)
-        wide = [one.to_bytes(3, "little", signed=True) for one in row]
+        wide = [value.to_bytes(3, "little", signed=True) for value in row]
         turn = counter % 4
         return (
             (number + wide[0] + wide[1]).hex(),

@@ -72,8 +72,8 @@ class Output(NamedTuple):
 
     def temperature_steps(self) -> list[int]:
         """Return the temperatures in 0.01 degC, as both lines send them."""
-        steps = (round(one * TEMPERATURE_STEPS) for one in self.temperature_degC)
-        return [max(-LARGEST_TEMPERATURE, min(one, LARGEST_TEMPERATURE)) for one in steps]
+        steps = (round(sensor_degC * TEMPERATURE_STEPS) for sensor_degC in self.temperature_degC)
+        return [max(-LARGEST_TEMPERATURE, min(step, LARGEST_TEMPERATURE)) for step in steps]
 
 
 class NavigatorModel:

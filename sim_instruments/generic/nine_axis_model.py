@@ -167,7 +167,7 @@ class NineAxisModel:
             frames = self._encode(counters, self._with_faults(rows))
             times_s = np.asarray(self._begin_s + counters * self._interval_s, dtype=np.float64)
             silent = self._faults.during(Silent.kind, times_s)
-            return [one for one, kept in zip(frames, silent, strict=True) if not kept]
+            return [frame for frame, kept in zip(frames, silent, strict=True) if not kept]
         self._last = rows.rows(slice(-1, None))
         return frames
 

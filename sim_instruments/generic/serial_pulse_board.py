@@ -116,7 +116,7 @@ class SerialPulseBoard(FrameInstrument):
                     degC[k] = max(-LARGEST_TEMPERATURE, min(steps, LARGEST_TEMPERATURE))
                     pulses[k] = counts % COUNTS_MODULUS
                     missing &= ~(1 << k)
-            values = b"".join(one.to_bytes(3, "big") for one in pulses)
+            values = b"".join(count.to_bytes(3, "big") for count in pulses)
             latency = min(round((now_s - board.time_s(number)) * 1e6), LARGEST_LATENCY)
             rest = struct.pack(">B3hBBH", dark, *degC, missing, number & 0xFF, latency)
             frames.append(datagram(OUTPUT, values + rest))

@@ -34,7 +34,7 @@ from sim_instruments.wire.scpi import (
     boolean,
     choice,
     numeric,
-    one,
+    single_parameter,
     whole_number,
 )
 from sim_instruments.wire.scpi_device import ScpiDevice
@@ -209,7 +209,7 @@ class KeithleyDmm6500(ScpiDevice):
         wanted = numeric(text, ranges[0], ranges[-1], ranges[-1]) if text[:1] != "-" else -1.0
         if wanted < 0.0:
             raise ScpiError(-222)
-        self._set(name, "range", next(one for one in ranges if wanted <= one))
+        self._set(name, "range", next(full_scale for full_scale in ranges if wanted <= full_scale))
         self._set(name, "autorange", False)
 
     def _cycles(self, text: str) -> float:
@@ -227,7 +227,8 @@ class KeithleyDmm6500(ScpiDevice):
         self._chosen = name
 
     def _choose_language(self, text: str) -> None:
-        choice(text, {one: one for one in LANGUAGES})  # it takes effect at the next start
+        # It takes effect at the next start.
+        choice(text, {language: language for language in LANGUAGES})
 
     def _add_measuring(self) -> None:
         add, answer, do = self.tree.add, self._answer, self._do
@@ -289,7 +290,7 @@ def void(_: object) -> None:
 
 def buffered(parameters: list[str]) -> bool:
     """Check that the buffer that is named, if any, is the only one there is; -224 otherwise."""
-    if parameters and unquoted(one(parameters)).lower() != BUFFER:
+    if parameters and unquoted(single_parameter(parameters)).lower() != BUFFER:
         raise ScpiError(-224)
     return True
 

@@ -25,7 +25,7 @@ from sim_instruments.instrument import Setting
 from sim_instruments.kepco.output import Output, add_limit_commands, scientific
 from sim_instruments.kepco.output_list import ListMemory, add_list_commands
 from sim_instruments.truth import SimulationError
-from sim_instruments.wire.scpi import ScpiError, boolean, choice, number, one
+from sim_instruments.wire.scpi import ScpiError, boolean, choice, number, single_parameter
 from sim_instruments.wire.scpi import whole_number as whole
 from sim_instruments.wire.scpi_device import ScpiDevice, Value
 
@@ -185,7 +185,7 @@ class KepcoBop(ScpiDevice):
         boolean(text)
 
     def _set_output(self, parameters: list[str]) -> None:
-        on = boolean(one(parameters))
+        on = boolean(single_parameter(parameters))
         if not on:
             self._mode = {"CURR": "FIX", "VOLT": "FIX"}
             self._ends_s = np.inf
@@ -216,7 +216,7 @@ class KepcoBop(ScpiDevice):
         shown = {"MAX": high, "MAXIMUM": high, "MIN": low, "MINIMUM": low}
         if not parameters:
             return scientific(self._output.levels[kind])
-        word = one(parameters).upper()
+        word = single_parameter(parameters).upper()
         if word not in shown:
             raise ScpiError(-224)
         return scientific(shown[word])
@@ -228,14 +228,14 @@ class KepcoBop(ScpiDevice):
         words = " ".join(parameters).split()
         now = self._clock.now()
         if words[0].upper() in TRANSIENT:
-            seconds = number(one(words[1:]))
+            seconds = number(single_parameter(words[1:]))
             if not 0.035 <= seconds <= 1.0:
                 raise ScpiError(-222)
             if self._list_runs():
                 raise ScpiError(-221)
             self._transient_s, self._mode[kind] = seconds, "TRAN"
             return
-        mode = choice(one(words), MODES)
+        mode = choice(single_parameter(words), MODES)
         if mode == "FIX":
             if self._mode[kind] != "FIX":
                 self._mode[kind], self._ends_s = "FIX", np.inf

@@ -39,10 +39,10 @@ def fits(parameter: str) -> bool:
 
     Manual of the 1 kW family, p.B-2: beyond these, and above 6500.9999, it is refused with -120.
     """
-    found = NUMBER.fullmatch(parameter)
-    if found is None or not (found[1] or found[2]):
+    match = NUMBER.fullmatch(parameter)
+    if match is None or not (match[1] or match[2]):
         return True
-    short = len(found[1]) <= 4 and len(found[2]) <= 8
+    short = len(match[1]) <= 4 and len(match[2]) <= 8
     return short and abs(float(parameter)) <= LARGEST_NUMBER
 
 

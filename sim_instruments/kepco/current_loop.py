@@ -52,7 +52,7 @@ class CurrentLoop:
                 driven.append((*later, max(cycles - 1, 0)))
             if not cycles:
                 break
-        ends_s = time_s + sum(float(one[1].sum()) * (one[2] or math.inf) for one in driven)
+        ends_s = time_s + sum(float(part[1].sum()) * (part[2] or math.inf) for part in driven)
         last, _ = steps(np.array([then_A]), np.array([math.inf]), present_A, ceiling_A, tau_s)
         if len(last[0]) > 1 and math.isfinite(ends_s):
             driven.append((last[0][:1], last[1][:1], 1))

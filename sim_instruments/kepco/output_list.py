@@ -17,7 +17,7 @@ from sim_instruments.wire.scpi import (
     choice,
     none,
     number,
-    one,
+    single_parameter,
     whole_number,
 )
 from sim_instruments.wire.scpi_device import ScpiDevice, Value
@@ -91,24 +91,24 @@ class ListMemory:
 
     def set_count(self, parameters: list[str]) -> None:
         """Set how often the list is walked through, 0 for ever."""
-        self.count = whole_number(one(parameters), 0, 255)
+        self.count = whole_number(single_parameter(parameters), 0, 255)
 
     def set_skip(self, parameters: list[str]) -> None:
         """Set how many steps are left out from the second pass on."""
-        self.skip = whole_number(one(parameters), 0, 255)
+        self.skip = whole_number(single_parameter(parameters), 0, 255)
 
     def set_pointer(self, parameters: list[str]) -> None:
         """Set the first location that queries show."""
-        self.pointer = whole_number(one(parameters), 0, MOST_POINTS - 1)
+        self.pointer = whole_number(single_parameter(parameters), 0, MOST_POINTS - 1)
 
     def set_direction(self, parameters: list[str]) -> None:
         """Set whether the list is walked up or down."""
-        self.down = choice(one(parameters), {"UP": "UP", "DOWN": "DOWN"}) == "DOWN"
+        self.down = choice(single_parameter(parameters), {"UP": "UP", "DOWN": "DOWN"}) == "DOWN"
 
     def set_generation(self, parameters: list[str]) -> None:
         """Set whether the default or the user's sequence is walked."""
         names = {"DSEQ": "DSEQ", "DSEQUENCE": "DSEQ", "SEQ": "SEQ", "SEQUENCE": "SEQ"}
-        self.own_sequence = choice(one(parameters), names) == "SEQ"
+        self.own_sequence = choice(single_parameter(parameters), names) == "SEQ"
 
     def forget(self, parameters: list[str]) -> None:
         """Carry out `LIST:CLE`."""

@@ -309,7 +309,11 @@ class Keysight33522B(ScpiDevice):
         channel.on = on
 
     def _bus_trigger(self) -> None:
-        waiting = [one for one in self._channels.values() if one.waits and one.source == "BUS"]
+        waiting = [
+            channel
+            for channel in self._channels.values()
+            if channel.waits and channel.source == "BUS"
+        ]
         if not waiting:
             raise ScpiError(-211)
         for channel in waiting:

@@ -97,7 +97,7 @@ class Everyday:
     def _applied(self) -> str:
         channel = self._channel
         shown = (1.0 / channel.wave.period_s, channel.amplitude_V, channel.offset_V)
-        return f'"{channel.wave.function} {",".join(f"{one:+.13E}" for one in shown)}"'
+        return f'"{channel.wave.function} {",".join(f"{setting:+.13E}" for setting in shown)}"'
 
     def _number(self, name: str) -> float:
         return self._numbers[name]

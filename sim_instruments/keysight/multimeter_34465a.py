@@ -20,7 +20,7 @@ from sim_instruments.keysight.multimeter_34465a_converter import Converter
 from sim_instruments.keysight.multimeter_34465a_settings import Sense
 from sim_instruments.keysight.multimeter_34465a_trigger import TriggerSystem, add_trigger_commands
 from sim_instruments.wire.requests import released
-from sim_instruments.wire.scpi import ScpiError, boolean, choice, one, whole_number
+from sim_instruments.wire.scpi import ScpiError, boolean, choice, single_parameter, whole_number
 from sim_instruments.wire.scpi_device import ScpiDevice
 from sim_instruments.world.piecewise import Array
 
@@ -172,10 +172,10 @@ class Keysight34465A(ScpiDevice):
         choice(parameters[0] if parameters else "", {"ASC": "ASC", "ASCII": "ASC"})
 
     def _light(self, parameters: list[str]) -> None:
-        self._lit = boolean(one(parameters))
+        self._lit = boolean(single_parameter(parameters))
 
     def _show(self, parameters: list[str]) -> None:
-        self._display = one(parameters)
+        self._display = single_parameter(parameters)
 
     def _least_period_s(self) -> float:
         return self._trigger.least_period_s(self._converter.busy_s(self._sense.chosen))
@@ -220,13 +220,13 @@ class Keysight34465A(ScpiDevice):
         return kept[:most]
 
     def _remove(self, parameters: list[str]) -> str:
-        count = whole_number(one(parameters), 1, MEMORY)
+        count = whole_number(single_parameter(parameters), 1, MEMORY)
         if self._count() < count:
             raise ScpiError(-222)
         return readings_text(self._take(count))
 
     def _remove_block(self, parameters: list[str]) -> str:
-        most = whole_number(one(parameters), 1, MEMORY) if parameters else MEMORY
+        most = whole_number(single_parameter(parameters), 1, MEMORY) if parameters else MEMORY
         text = readings_text(self._take(most))
         length = str(len(text))
         return f"#{len(length)}{length}{text}"

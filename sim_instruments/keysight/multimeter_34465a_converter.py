@@ -98,7 +98,7 @@ def functions() -> dict[str, Function]:
         Function("CONT", "OHM", (1e3,), 512, can_zero=False, range=1e3),
         Function("DIOD", "VDC", (5.0,), 1, can_zero=False, range=5.0),
     )
-    return {one.name: one for one in made}
+    return {function.name: function for function in made}
 
 
 class Converter:
@@ -160,7 +160,7 @@ class Converter:
         """Return the readings whose integration begins at the given times, shape (readings,)."""
         ends_s = starts_s + self.aperture_s(function)
         true = self._input(function, starts_s, ends_s)
-        limits = np.array([function.limit(one) for one in function.ranges])
+        limits = np.array([function.limit(full_scale) for full_scale in function.ranges])
         chosen = np.full(len(true), function.ranges.index(function.range))
         if function.autorange:
             chosen = np.minimum(np.searchsorted(limits, np.abs(true)), len(limits) - 1)
@@ -184,7 +184,9 @@ class Converter:
         if start_s == now_s:
             return function.range
         true = float(self._input(function, np.array([start_s]), np.array([now_s]))[0])
-        holding = [one for one in function.ranges if abs(true) <= function.limit(one)]
+        holding = [
+            full_scale for full_scale in function.ranges if abs(true) <= function.limit(full_scale)
+        ]
         return holding[0] if holding else function.ranges[-1]
 
     def _input(self, function: Function, starts_s: Array, ends_s: Array) -> Array:
@@ -205,8 +207,8 @@ class Converter:
     def _picked_up_V(self, edges_s: Array) -> Array | float:
         if self._coils is None:
             return 0.0
-        coils = [one for name, one in self._coils.currents.items() if name in AXES]
-        currents_A = [one.mean_current(edges_s)[::2] for one in coils]
+        coils = [current for name, current in self._coils.currents.items() if name in AXES]
+        currents_A = [coil.mean_current(edges_s)[::2] for coil in coils]
         return np.asarray(self._pick_up_V * np.sum(currents_A, axis=0))
 
     def _open_input_V(self, starts_s: Array) -> Array:

@@ -18,7 +18,7 @@ from sim_instruments.keysight.multimeter_34465a_converter import (
     Function,
     functions,
 )
-from sim_instruments.wire.scpi import CommandTree, ScpiError, boolean, numeric, one
+from sim_instruments.wire.scpi import CommandTree, ScpiError, boolean, numeric, single_parameter
 
 HEADERS = {
     "VOLT": "VOLTage[:DC]",
@@ -97,7 +97,7 @@ class Sense:
 
         def setter(act: Callable[[Function, str], None]) -> Callable[[list[str]], None]:
             def handler(parameters: list[str]) -> None:
-                act(function, one(parameters))
+                act(function, single_parameter(parameters))
                 function.zeroed_at_s = self._now_s()
                 self._changed()
 
@@ -140,7 +140,7 @@ class Sense:
 
     def _add_gate(self, tree: CommandTree, header: str, name: str) -> None:
         def take(parameters: list[str]) -> None:
-            gate_s = numeric(one(parameters), 1e-3, 1.0, 0.1)
+            gate_s = numeric(single_parameter(parameters), 1e-3, 1.0, 0.1)
             if not any(math.isclose(gate_s, known) for known in (1e-3, 1e-2, 0.1, 1.0)):
                 raise ScpiError(-224)
             self._gates_s[name] = gate_s
@@ -150,7 +150,7 @@ class Sense:
         tree.add(f"{header}?", lambda _: f"{self._gates_s[name]:+.8E}")
 
     def _choose(self, parameters: list[str]) -> None:
-        name = unquoted(one(parameters)).upper().removesuffix(":DC")
+        name = unquoted(single_parameter(parameters)).upper().removesuffix(":DC")
         head, colon, rest = name.partition(":")
         name = NAMES.get(head, head) + colon + rest.removeprefix("DC:").removesuffix("IO")
         if name not in self.functions:
@@ -171,7 +171,9 @@ class Sense:
         lowest, highest = function.ranges[0], function.ranges[-1]
         least = text.upper() in ("MIN", "MINIMUM")
         wanted = lowest if least else abs(numeric(text, -highest, highest, lowest))
-        function.range = next(one for one in function.ranges if wanted <= one * (1 + 1e-9))
+        function.range = next(
+            full_scale for full_scale in function.ranges if wanted <= full_scale * (1 + 1e-9)
+        )
         function.autorange = False
 
     def _set_autorange(self, function: Function, text: str) -> None:

@@ -14,7 +14,14 @@ from typing import Any
 
 import numpy as np
 
-from sim_instruments.wire.scpi import CommandTree, ScpiError, boolean, choice, numeric, one
+from sim_instruments.wire.scpi import (
+    CommandTree,
+    ScpiError,
+    boolean,
+    choice,
+    numeric,
+    single_parameter,
+)
 from sim_instruments.wire.scpi import whole_number as whole
 from sim_instruments.world.piecewise import Array
 
@@ -127,7 +134,7 @@ def add_trigger_commands(
 
     def add(header: str, name: str, read: Callable[[str], Any], give: Callable[[], str]) -> None:
         def handler(parameters: list[str]) -> None:
-            setattr(trigger, name, read(one(parameters)))
+            setattr(trigger, name, read(single_parameter(parameters)))
             changed()
 
         tree.add(header, handler)

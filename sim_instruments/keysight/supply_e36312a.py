@@ -89,7 +89,7 @@ class KeysightE36312A(ScpiDevice):
     def energised(self) -> bool:
         """Whether an output is on."""
         self.before_each()
-        return any(one.on for one in self._outputs.values())
+        return any(output.on for output in self._outputs.values())
 
     def reset(self) -> None:
         """Go to the state after `*RST`: all outputs off, at 0 V."""
@@ -147,13 +147,15 @@ class KeysightE36312A(ScpiDevice):
     def _add_commands(self) -> None:
         level = "[:LEVel][:IMMediate][:AMPlitude]"
         for root in ROOTS:
-            self._number(f"{root}VOLTage{level}", "voltage_V", lambda one: one.rated_V)
-            self._number(f"{root}CURRent{level}", "current_A", lambda one: one.rated_A)
+            self._number(f"{root}VOLTage{level}", "voltage_V", lambda output: output.rated_V)
+            self._number(f"{root}CURRent{level}", "current_A", lambda output: output.rated_A)
             protect = f"{root}VOLTage:PROTection"
-            self._number(f"{protect}[:LEVel]", "protect_V", lambda one: HEADROOM * one.rated_V)
+            self._number(
+                f"{protect}[:LEVel]", "protect_V", lambda output: HEADROOM * output.rated_V
+            )
             self._get(f"{protect}:TRIPped?", lambda n: str(int(self._outputs[n].over_voltage)))
             protect = f"{root}CURRent:PROTection"
-            self._number(f"{protect}:DELay[:TIME]", "delay_s", lambda one: LONGEST_DELAY_S)
+            self._number(f"{protect}:DELay[:TIME]", "delay_s", lambda output: LONGEST_DELAY_S)
             self._set(f"{protect}:STATe", self._protect)
             self._get(f"{protect}:STATe?", lambda n: str(int(self._outputs[n].protects_current)))
             self._get(f"{protect}:TRIPped?", lambda n: str(int(self._outputs[n].over_current)))

@@ -201,12 +201,12 @@ class Kvh1775(FrameInstrument):
         """Take a value; return whether the setting may have it."""
         if name == "AXES":
             try:
-                numbers = [float(one) for one in value.split(",")]
+                numbers = [float(number) for number in value.split(",")]
             except ValueError:
                 return False
             if len(numbers) != 9 or not np.isfinite(numbers).all():
                 return False
-            value = ",".join(f"{one:+.6E}" for one in numbers)
+            value = ",".join(f"{number:+.6E}" for number in numbers)
         elif value not in (FILTERS if name.startswith("FILTTYPE") else SETTINGS[name][1]):
             return False
         self._settings[name] = value
@@ -223,7 +223,7 @@ class Kvh1775(FrameInstrument):
         kept = self._settings
         long = kept["OUTPUTFMT"] == "C"
         rows = np.zeros(len(counters), dtype=FRAME if long else FRAME_A)
-        axes = np.array([float(one) for one in kept["AXES"].split(",")]).reshape(3, 3).T
+        axes = np.array([float(number) for number in kept["AXES"].split(",")]).reshape(3, 3).T
         gyro, force = means.gyro_deg_per_s @ axes, means.accelerometer_g @ axes
         if kept["ROTUNITS"] == "RAD":
             gyro = np.radians(gyro)

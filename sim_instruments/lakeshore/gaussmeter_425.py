@@ -107,8 +107,10 @@ class Lakeshore425(LineInstrument):
         text = line.decode("ascii", "replace").strip().upper()
         if text == "?":
             text = self._last_query
-        answers = [self._carry_out(one.strip()) for one in text.split(";") if one.strip()]
-        reply = ";".join(one for one in answers if one is not None)
+        answers = [
+            self._carry_out(command.strip()) for command in text.split(";") if command.strip()
+        ]
+        reply = ";".join(answer for answer in answers if answer is not None)
         return reply.encode("ascii") + b"\r\n" if reply else b""
 
     def _carry_out(self, command: str) -> str | None:

@@ -20,7 +20,14 @@ import numpy.typing as npt
 
 from sim_instruments.faults.lasting import Frozen, Overload
 from sim_instruments.instrument import Setting
-from sim_instruments.wire.scpi import ScpiError, boolean, choice, number, one, whole_number
+from sim_instruments.wire.scpi import (
+    ScpiError,
+    boolean,
+    choice,
+    number,
+    single_parameter,
+    whole_number,
+)
 from sim_instruments.wire.scpi_device import ScpiDevice
 from sim_instruments.world.coils import AXES, small_rotation, wiring
 from sim_instruments.world.piecewise import Array
@@ -194,7 +201,7 @@ class LakeshoreF71(ScpiDevice):
 
     def _fetch(self, parameters: list[str], *, relative: bool = False) -> str:
         names = {"": 0, "MAGNITUDE": 0, "MAG": 0, "X": 1, "Y": 2, "Z": 3, "ALL": 4}
-        wanted = one(parameters).upper() if parameters else ""
+        wanted = single_parameter(parameters).upper() if parameters else ""
         if wanted not in names:
             raise ScpiError(-224)
         if self._mode != "DC":

@@ -185,9 +185,9 @@ class RigolDg800(ScpiDevice):
 
     def _manual(self, *channels: Channel) -> None:
         waiting = [
-            one
-            for one in channels or self._channels.values()
-            if one.waits and one.source == "BUS" and one.on
+            channel
+            for channel in channels or self._channels.values()
+            if channel.waits and channel.source == "BUS" and channel.on
         ]
         if not waiting:
             raise ScpiError(-211)

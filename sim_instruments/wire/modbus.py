@@ -87,7 +87,7 @@ class Registers:
         if first not in self._owners or first + count - 1 > max(self._owners):
             raise ModbusError(ILLEGAL_ADDRESS)
         words = dict.fromkeys(range(first, first + count), 0)
-        for owner in {self._owners[one] for one in words if one in self._owners}:
+        for owner in {self._owners[word] for word in words if word in self._owners}:
             for at, word in enumerate(self._parameters[owner].give(), owner):
                 if at in words:
                     words[at] = word

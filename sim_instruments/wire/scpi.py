@@ -215,7 +215,7 @@ def boolean(text: str) -> bool:
     return choice(text, {"ON": "1", "1": "1", "OFF": "0", "0": "0"}) == "1"
 
 
-def one(parameters: list[str]) -> str:
+def single_parameter(parameters: list[str]) -> str:
     """Return the only parameter; ScpiError -109 without one, -108 with more."""
     if not parameters:
         raise ScpiError(-109)

@@ -6,7 +6,14 @@ from collections.abc import Callable, Mapping
 from typing import ClassVar
 
 from sim_instruments.wire.requests import LineInstrument
-from sim_instruments.wire.scpi import CommandTree, ErrorQueue, Handler, ScpiError, none, one
+from sim_instruments.wire.scpi import (
+    CommandTree,
+    ErrorQueue,
+    Handler,
+    ScpiError,
+    none,
+    single_parameter,
+)
 from sim_instruments.wire.scpi import whole_number as whole
 
 REMEMBERED_MESSAGES, LONGEST_REMEMBERED = 4096, 1024
@@ -168,7 +175,7 @@ class ScpiDevice(LineInstrument):
 
     def _add_group(self, header: str, group: StatusGroup) -> None:
         def enable(parameters: list[str]) -> None:
-            group.enable = whole(one(parameters), 0, 65535)
+            group.enable = whole(single_parameter(parameters), 0, 65535)
 
         self.tree.add(f"{header}:CONDition?", self._answer(lambda: str(group.condition())))
         self.tree.add(f"{header}[:EVENt]?", self._answer(lambda: str(group.take_event())))
@@ -189,7 +196,7 @@ class ScpiDevice(LineInstrument):
     @staticmethod
     def only(parameters: list[str]) -> str:
         """Return the only parameter; ScpiError -109 without one, -108 with more."""
-        return one(parameters)
+        return single_parameter(parameters)
 
     @staticmethod
     def _do(act: Callable[[], None]) -> Handler:
@@ -216,10 +223,10 @@ class ScpiDevice(LineInstrument):
         return str(event)
 
     def _set_standard_enable(self, parameters: list[str]) -> None:
-        self._standard_enable = whole(one(parameters), 0, 255)
+        self._standard_enable = whole(single_parameter(parameters), 0, 255)
 
     def _set_service_enable(self, parameters: list[str]) -> None:
-        self._service_enable = whole(one(parameters), 0, 255)
+        self._service_enable = whole(single_parameter(parameters), 0, 255)
 
     def _status_byte(self) -> int:
         byte = 4 * bool(self.errors) + 8 * self.questionable.summary()

@@ -80,7 +80,7 @@ class SocketcandServer(TcpServer):
     def _send(self, text: str, count: int, sender: socket.socket | None = None) -> None:
         """Send frames to every client in raw mode but the one that sent them itself."""
         with self._sending:
-            clients = [one for one in self._raw if one is not sender]
+            clients = [listener for listener in self._raw if listener is not sender]
             if not clients or not count:
                 return
             self._wire.streamed(count * len(clients))

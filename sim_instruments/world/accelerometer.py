@@ -73,9 +73,9 @@ def input_axis(plane: Indices, angle_deg: Array) -> Array:
     return _turned(plane, angle_deg, IA_BY_SINE, IA_BY_COSINE, IA_CONSTANT)
 
 
-def _turned(plane: Indices, angle_deg: Array, sine: Array, cosine: Array, one: Array) -> Array:
+def _turned(plane: Indices, angle_deg: Array, sine: Array, cosine: Array, constant: Array) -> Array:
     angle = np.deg2rad(angle_deg)[:, None]
-    return np.asarray(np.sin(angle) * sine[plane] + np.cos(angle) * cosine[plane] + one[plane])
+    return np.asarray(np.sin(angle) * sine[plane] + np.cos(angle) * cosine[plane] + constant[plane])
 
 
 class Accelerometer:

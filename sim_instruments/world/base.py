@@ -39,7 +39,7 @@ class Room:
         `kind` is a class, or a protocol that can be checked at run time.
         """
         parts = (part for name, part in vars(self).items() if not name.startswith("_"))
-        return next((one for one in (self, *parts) if isinstance(one, kind)), None)
+        return next((part for part in (self, *parts) if isinstance(part, kind)), None)
 
     def _changed(self) -> None:
         self.version += 1
@@ -123,9 +123,11 @@ def coil_currents(truth: Truth, changed: Callable[[], None]) -> dict[str, Curren
         sections[STRONG_COIL] = truth.section("dc_coil")
     return {
         name: CurrentHistory(
-            one.quantity("resistance", "ohm"), one.quantity("inductance", "mH") * 1e-3, changed
+            section.quantity("resistance", "ohm"),
+            section.quantity("inductance", "mH") * 1e-3,
+            changed,
         )
-        for name, one in sections.items()
+        for name, section in sections.items()
     }
 
 

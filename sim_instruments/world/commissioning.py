@@ -69,8 +69,8 @@ class CommissioningBench(World):
 
     def find(self, kind: type[Capability]) -> Capability | None:
         """Return the first of the worlds, or the public part of one, that is a `kind`."""
-        found = (super().find(kind), *(world.find(kind) for world in self._worlds))
-        return next((one for one in found if one is not None), None)
+        parts = (super().find(kind), *(world.find(kind) for world in self._worlds))
+        return next((part for part in parts if part is not None), None)
 
     @property
     def dut_powered(self) -> bool:

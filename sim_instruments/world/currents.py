@@ -79,7 +79,7 @@ class Staircase:
         self._steady = gain / (1.0 - self._cycle_decay)
         self._first = current_A
         # The same numbers for one moment at a time, which arrays make slow.
-        self._steps = [one.tolist() for one in (self._edges, self._charges, self._from_rest)]
+        self._steps = [array.tolist() for array in (self._edges, self._charges, self._from_rest)]
 
     @staticmethod
     def _response_from_rest(levels_A: Array, decays: Array) -> Array:

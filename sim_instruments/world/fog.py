@@ -45,21 +45,21 @@ class FogGyros:
         own = [truth.section(axis) for axis in AXES]
         self.heat = ThermalLag(
             chamber,
-            np.array([one.quantity("lag", "s") for one in own]),
-            np.array([one.quantity("self_heating", "K") for one in own]),
+            np.array([gyro.quantity("lag", "s") for gyro in own]),
+            np.array([gyro.quantity("self_heating", "K") for gyro in own]),
         )
-        curves = np.array([_coefficients(one.section("scale_factor_error")) for one in own])
+        curves = np.array([_coefficients(gyro.section("scale_factor_error")) for gyro in own])
         # Of the highest power that any gyro has first.
         used = np.flatnonzero(curves.any(axis=0))
         self._curves = curves.T[: used.max(initial=0) + 1][::-1]
-        ripple = [one.section("ripple") for one in own]
-        self._ripple = np.array([one.quantity("amplitude", "1") for one in ripple])
-        self._per_K = 2 * np.pi / np.array([one.quantity("period", "K") for one in ripple])
-        loop = [one.section("hysteresis") for one in own]
-        self._loop = np.array([one.quantity("half_width", "1") for one in loop])
-        self._loop_K_per_s = np.array([one.quantity("rate", "degC/min") for one in loop]) / 60.0
-        self._bias = np.array([one.quantity("bias", "deg/h") for one in own])
-        self._bias_per_K = np.array([one.quantity("bias_per_degC", "deg/h/degC") for one in own])
+        ripple = [gyro.section("ripple") for gyro in own]
+        self._ripple = np.array([axis.quantity("amplitude", "1") for axis in ripple])
+        self._per_K = 2 * np.pi / np.array([axis.quantity("period", "K") for axis in ripple])
+        loop = [gyro.section("hysteresis") for gyro in own]
+        self._loop = np.array([axis.quantity("half_width", "1") for axis in loop])
+        self._loop_K_per_s = np.array([axis.quantity("rate", "degC/min") for axis in loop]) / 60.0
+        self._bias = np.array([gyro.quantity("bias", "deg/h") for gyro in own])
+        self._bias_per_K = np.array([gyro.quantity("bias_per_degC", "deg/h/degC") for gyro in own])
         self._shupe = truth.quantity("shupe_at_1_degC_per_min", "deg/h") * 60.0
         offset = truth.section("sensor_offset")
         self._sensor_K = np.array([offset.quantity(axis, "K") for axis in AXES])

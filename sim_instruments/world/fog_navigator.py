@@ -242,13 +242,15 @@ class Navigator:
         self._mounting = small_rotation(truth, "mounting_error").T
         alignment = truth.section("alignment")
         self._takes_s = alignment.quantity("duration", "s")
-        level, heading = (alignment.quantity(f"{one}_error", "rad") for one in ("level", "heading"))
+        level, heading = (
+            alignment.quantity(f"{angle}_error", "rad") for angle in ("level", "heading")
+        )
         self._misaligned_rad = np.array([level, level, heading])
         levels_in_s = truth.quantity("levelling", "s")
         if min(levels_in_s, self._takes_s) <= 0.0:
             raise SimulationError(f"{truth.where}: times must be positive")
         self._levelling = 1.0 / levels_in_s
-        level, heading = (truth.quantity(f"{one}_noise", "rad") for one in ("level", "heading"))
+        level, heading = (truth.quantity(f"{angle}_noise", "rad") for angle in ("level", "heading"))
         sigma = np.array([level, level, heading])
         self._noise = Readings(sigma, NOISE_CELL_S, generator(seed, "navigator-noise"))
         self.powered = False
@@ -275,17 +277,19 @@ class Navigator:
 
     def aligned(self, time_s: float) -> bool:
         """Return whether it knows its attitude at a time, by the commands of the table so far."""
-        return any(self._ready_s(one) <= time_s < one.end_s for one in self._alignments)
+        return any(
+            self._ready_s(alignment) <= time_s < alignment.end_s for alignment in self._alignments
+        )
 
     def attitude_deg(self, time_s: Array) -> Array:
         """Return heading (0 to 360), pitch and roll at each time, (times, 3); zeros unaligned."""
         result = np.zeros((time_s.size, 3))
-        for one in self._alignments:
-            here = (time_s >= one.begin_s) & (time_s < one.end_s)
+        for alignment in self._alignments:
+            here = (time_s >= alignment.begin_s) & (time_s < alignment.end_s)
             if here.any():
-                here &= time_s >= self._ready_s(one)
+                here &= time_s >= self._ready_s(alignment)
             if here.any():
-                result[here] = self._of(one, time_s[here])
+                result[here] = self._of(alignment, time_s[here])
         return result
 
     def forget_after(self, time_s: float) -> None:
@@ -302,28 +306,28 @@ class Navigator:
             last = self._alignments[-1]
             last.end_s = min(last.end_s, time_s)
 
-    def _ready_s(self, one: _Alignment) -> float:
-        if one.ready_s is None:
-            one.ready_s = self._table.still_from(one.begin_s, self._takes_s)
-        return one.ready_s
+    def _ready_s(self, alignment: _Alignment) -> float:
+        if alignment.ready_s is None:
+            alignment.ready_s = self._table.still_from(alignment.begin_s, self._takes_s)
+        return alignment.ready_s
 
-    def _trajectory(self, one: _Alignment) -> ErrorTrajectory:
-        if one.trajectory is None:
-            rates = self._earth, earth_rate_rad_per_s(one.latitude_deg)
-            one.trajectory = ErrorTrajectory(
-                self._ready_s(one),
-                one.error_rad,
+    def _trajectory(self, alignment: _Alignment) -> ErrorTrajectory:
+        if alignment.trajectory is None:
+            rates = self._earth, earth_rate_rad_per_s(alignment.latitude_deg)
+            alignment.trajectory = ErrorTrajectory(
+                self._ready_s(alignment),
+                alignment.error_rad,
                 self._table,
-                partial(self._errors, one.mounting),
+                partial(self._errors, alignment.mounting),
                 rates,
                 self._levelling,
             )
-        return one.trajectory
+        return alignment.trajectory
 
-    def _of(self, one: _Alignment, time_s: Array) -> Array:
+    def _of(self, alignment: _Alignment, time_s: Array) -> Array:
         noise = quaternions(self._noise.at(time_s))
-        error = product(noise, self._trajectory(one).at(time_s))
-        return angles_deg(matrices(error) @ self._table.attitude(time_s) @ one.mounting)
+        error = product(noise, self._trajectory(alignment).at(time_s))
+        return angles_deg(matrices(error) @ self._table.attitude(time_s) @ alignment.mounting)
 
     def _errors(
         self, mounting: Array, begin_s: Array, at_s: Array, end_s: Array

@@ -205,7 +205,9 @@ class LaserGyroBench(World):
         self._powered = self._gyro_dark = False
         coils = truth.section("coils")
         sections = [coils.section(axis) for axis in AXES]
-        self.pairs = [HelmholtzPair(axis, one) for axis, one in zip(AXES, sections, strict=True)]
+        self.pairs = [
+            HelmholtzPair(axis, section) for axis, section in zip(AXES, sections, strict=True)
+        ]
         # A strong coil, where the bench has one, stands elsewhere and is not felt here.
         self._felt = [self.currents[axis] for axis in AXES]
         self._probe_mm = np.array(truth.quantities("probe_position", AXES, "mm"))

@@ -45,7 +45,7 @@ class Means(NamedTuple):
 
     def rows(self, here: slice | npt.NDArray[np.int64]) -> Means:
         """Return what is measured in some of the intervals."""
-        return Means._make(one[here] for one in self)
+        return Means._make(means[here] for means in self)
 
 
 class NineAxisSensor:
@@ -71,12 +71,12 @@ class NineAxisSensor:
         if min(self.range_deg_per_s, self._step) <= 0.0:
             raise SimulationError(f"{gyros.where}: range and resolution must be positive")
         own = [gyros.section(axis) for axis in AXES]
-        self._bias = np.array([one.quantity("bias", "deg/h") for one in own])
-        self._scale = np.array([1.0 + one.quantity("scale_factor_error", "1") for one in own])
-        self._asymmetry = np.array([one.quantity("asymmetry", "1") for one in own])
-        ripple = [one.section("ripple") for one in own]
-        self._ripple = np.array([one.quantity("amplitude", "1") for one in ripple])
-        self._per_rate = 2 * np.pi / np.array([one.quantity("period", "deg/s") for one in ripple])
+        self._bias = np.array([axis.quantity("bias", "deg/h") for axis in own])
+        self._scale = np.array([1.0 + axis.quantity("scale_factor_error", "1") for axis in own])
+        self._asymmetry = np.array([axis.quantity("asymmetry", "1") for axis in own])
+        ripple = [axis.section("ripple") for axis in own]
+        self._ripple = np.array([axis.quantity("amplitude", "1") for axis in ripple])
+        self._per_rate = 2 * np.pi / np.array([axis.quantity("period", "deg/s") for axis in ripple])
         self._cross = np.eye(3)
         leans = gyros.section("misalignment")
         for gyro, other in PAIRS:
@@ -106,7 +106,7 @@ class NineAxisSensor:
 
     def bias_deg_per_h(self, time_s: Array) -> Array:
         """Return the gyros' biases at each time, shape (times, 3), white noise aside."""
-        wander = np.sum([one.at(time_s) for one in self._flicker], axis=0)
+        wander = np.sum([flicker.at(time_s) for flicker in self._flicker], axis=0)
         cold = 1.0 - self.heat.warmth(time_s)[:, None]
         return np.asarray(self._bias + self._warm_up * cold + wander)
 
@@ -156,7 +156,7 @@ def _white(in_one_second: float, seed: int, name: str) -> list[WhiteNoise]:
 
 
 def _means(noise: list[WhiteNoise], edges_s: Array) -> Array:
-    return np.column_stack([one.mean(edges_s) for one in noise])
+    return np.column_stack([noise_source.mean(edges_s) for noise_source in noise])
 
 
 Axes = tuple[Array, Array, Array]
@@ -216,10 +216,10 @@ class NineAxisBench(World):
         self._earth = earth_rate_rad_per_s(own.quantity("latitude", "deg"))
         heading = own.section("heading_error")
         self._plate, self._base = (
-            _about_down(heading.quantity(one, "rad")) for one in ("plate", "table")
+            _about_down(heading.quantity(angle, "rad")) for angle in ("plate", "table")
         )
         placing = own.section("placing_error")
-        tilt, turned = (placing.quantity(one, "rad") for one in ("tilt", "heading"))
+        tilt, turned = (placing.quantity(angle, "rad") for angle in ("tilt", "heading"))
         self._misplaced_rad = np.array([tilt, tilt, turned])
         field = ("north", "east", "down")
         self._field_nT = np.array(own.quantities("magnetic_field", field, "nT"))
@@ -278,7 +278,7 @@ class NineAxisBench(World):
             rests = self._rests(edges_s)
             panel_s, order = (np.inf, 1) if rests else (PANEL_S, ORDER)
             nodes = nodes_within(edges_s[:-1], edges_s[1:], panel_s, order)
-            rate, force, field = (nodes.mean(one) for one in self._felt(nodes))
+            rate, force, field = (nodes.mean(signal) for signal in self._felt(nodes))
             return self.sensor.measure(edges_s, np.degrees(rate), force, field)
 
     def table_changed(self, time_s: float) -> None:

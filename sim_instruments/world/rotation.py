@@ -156,8 +156,8 @@ class RotationHistory:
         self._commanded_s = now_s = max(time_s, self._commanded_s)
         angle, rate = self.now_at(now_s)
         keep = max(bisect_left(self._start_s, now_s), 1)
-        for one in (self._start_s, self._angle, self._rate, self._acceleration):
-            del one[keep:]
+        for column in (self._start_s, self._angle, self._rate, self._acceleration):
+            del column[keep:]
         self._rows.cut(keep)
         return now_s, angle, rate
 

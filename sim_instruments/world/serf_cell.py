@@ -50,8 +50,8 @@ SPINS = {
 
 def slowing_down(spin: str, polarisation_squared: Array) -> Array:
     """Return the slowing-down factor of a nuclear spin such as `3/2` at spin temperature."""
-    x, one = polarisation_squared, SPINS[spin]
-    return np.asarray(_polynomial(one.above, x) / _polynomial(one.below, x))
+    x, nucleus = polarisation_squared, SPINS[spin]
+    return np.asarray(_polynomial(nucleus.above, x) / _polynomial(nucleus.below, x))
 
 
 def _polynomial(coefficients: tuple[float, ...], x: Array) -> Array:
@@ -66,7 +66,7 @@ def axis_of(truth: Truth) -> Array:
         raise SimulationError(f"{truth.where}.axis: x, y or z was expected, got {axis!r}")
     lean = truth.section("lean")
     direction = np.array(
-        [1.0 if one == axis else np.tan(lean.quantity(f"towards_{one}", "rad")) for one in AXES]
+        [1.0 if name == axis else np.tan(lean.quantity(f"towards_{name}", "rad")) for name in AXES]
     )
     return np.asarray(direction / np.linalg.norm(direction))
 

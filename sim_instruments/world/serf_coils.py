@@ -85,10 +85,10 @@ class CellCoils:
         except ValueError as error:
             raise SimulationError(f"{angles.where}: {error}") from error
         coils = [truth.section(axis) for axis in AXES]
-        nominal = np.array([one.quantity("constant", "nT/V") for one in coils])
-        self.factors = 1.0 + np.array([one.quantity("error", "1") for one in coils])
+        nominal = np.array([coil.quantity("constant", "nT/V") for coil in coils])
+        self.factors = 1.0 + np.array([coil.quantity("error", "1") for coil in coils])
         self.nT_per_V = nominal * self.factors
-        self.tau_s = np.array([one.quantity("time_constant", "s") for one in coils])
+        self.tau_s = np.array([coil.quantity("time_constant", "s") for coil in coils])
         if np.any(self.tau_s <= 0.0):
             raise SimulationError(f"{truth.where}: time constants must be positive")
         gradient = truth.section(GRADIENT)
@@ -108,7 +108,7 @@ class CellCoils:
 
     def changes(self, last_s: float) -> Array:
         """Return when any voltage changes before a time, in order, each once."""
-        times = [one.breakpoints(LONG_AGO_S, last_s) for one in self._drives.values()]
+        times = [drive.breakpoints(LONG_AGO_S, last_s) for drive in self._drives.values()]
         return np.unique(np.concatenate(times)) if times else np.empty(0)
 
     def voltages_V(self, time_s: Array) -> Array:

@@ -151,8 +151,8 @@ class Integrator:
         last = slopes(end_u, end_w, end_phi)
         for axis in (along, across, turned):
             numbers += axis
-        for one in ((u, w, 0.0), a, (end_u, end_w, end_phi), last):
-            numbers += (one[0], one[1].real, one[1].imag, one[2])
+        for node in ((u, w, 0.0), a, (end_u, end_w, end_phi), last):
+            numbers += (node[0], node[1].real, node[1].imag, node[2])
         seen = end_w * complex_exp(1j * end_phi)
         self._state = [
             end_u * along[k] + seen.real * across[k] + seen.imag * turned[k] for k in range(3)
@@ -187,16 +187,16 @@ def _dot(a: list[float], b: list[float]) -> float:
 def _axes(field: list[float], state: list[float]) -> tuple[list[float], list[float], list[float]]:
     """Return the field's direction and two across it, in the sense in which the spins turn."""
     size = _dot(field, field) ** 0.5
-    along = [one / size for one in field] if size > 0.0 else [0.0, 0.0, 1.0]
+    along = [component / size for component in field] if size > 0.0 else [0.0, 0.0, 1.0]
     share = _dot(state, along)
-    across = [one - share * other for one, other in zip(state, along, strict=True)]
+    across = [component - share * other for component, other in zip(state, along, strict=True)]
     length = _dot(across, across) ** 0.5
     if length < 1e-9 * (1e-30 + abs(share)):
         # Nothing is across yet: any direction does.
         k = min(range(3), key=lambda i: abs(along[i]))
         across = [(1.0 if i == k else 0.0) - along[k] * along[i] for i in range(3)]
         length = _dot(across, across) ** 0.5
-    across = [one / length for one in across]
+    across = [component / length for component in across]
     turned = [
         along[1] * across[2] - along[2] * across[1],
         along[2] * across[0] - along[0] * across[2],

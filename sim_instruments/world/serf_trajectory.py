@@ -58,7 +58,7 @@ class Switches:
 
     def changes(self, last_s: float) -> Array:
         """Return when it was switched before a time."""
-        return np.array([one for one in self._times_s[1:] if one < last_s])
+        return np.array([time_s for time_s in self._times_s[1:] if time_s < last_s])
 
     def at(self, time_s: Array) -> Array:
         """Return 1 where it is on and 0 where it is off, shape (n,)."""
@@ -171,8 +171,8 @@ class Stretch:
             waiting = [self]
             while (before := waiting[-1]._unsettled_before()) is not None:
                 waiting.append(before)
-            for one in reversed(waiting):
-                one._integration = one._integration or one._begin()
+            for stretch in reversed(waiting):
+                stretch._integration = stretch._integration or stretch._begin()
         assert self._integration is not None
         return self._integration
 
@@ -213,27 +213,27 @@ class SpinTrajectory:
     @property
     def steps(self) -> int:
         """How many steps of integration the stretches kept have needed."""
-        return sum(one.steps for one in self._stretches)
+        return sum(stretch.steps for stretch in self._stretches)
 
     def polarisation(self, time_s: Array) -> Array:
         """Return the electrons' polarisation at each time, shape (n, 3)."""
         result = np.zeros((time_s.size, 3))
-        for one, here in self._at(time_s):
-            result[here] = one.polarisation(time_s[here])
+        for stretch, here in self._at(time_s):
+            result[here] = stretch.polarisation(time_s[here])
         return result
 
     def field_nT(self, time_s: Array) -> Array:
         """Return the field that the electrons feel at each time, shape (n, 3)."""
         result = np.zeros((time_s.size, 3))
-        for one, here in self._at(time_s):
-            result[here] = one.field_nT(time_s[here])
+        for stretch, here in self._at(time_s):
+            result[here] = stretch.field_nT(time_s[here])
         return result
 
     def nuclear_nT(self, time_s: Array) -> Array:
         """Return the nuclear field at each time, shape (n, 3)."""
         result = np.zeros((time_s.size, 3))
-        for one, here in self._at(time_s):
-            result[here] = one.nuclear_nT(time_s[here])
+        for stretch, here in self._at(time_s):
+            result[here] = stretch.nuclear_nT(time_s[here])
         return result
 
     def _at(self, time_s: Array) -> Sequence[tuple[Stretch, npt.NDArray[np.bool_]]]:
@@ -263,6 +263,6 @@ class SpinTrajectory:
         for row in rows[same:]:
             before = self._stretches[-1] if self._stretches else None
             self._stretches.append(Stretch(self._physics, row, before))
-        for one in self._stretches[:-KEPT]:
-            one.forget()
+        for stretch in self._stretches[:-KEPT]:
+            stretch.forget()
         self._rows = rows

@@ -54,7 +54,8 @@ class _Ring:
             raise SimulationError(f"{truth.where}.along: x, y or z was expected, got {along!r}")
         lean = truth.section("lean")
         towards = [
-            1.0 if one == along else np.tan(lean.quantity(f"towards_{one}", "rad")) for one in AXES
+            1.0 if axis == along else np.tan(lean.quantity(f"towards_{axis}", "rad"))
+            for axis in AXES
         ]
         sense = -1.0 if truth.switch("reversed") else 1.0
         self.direction = sense * np.array(towards) / np.linalg.norm(towards)
